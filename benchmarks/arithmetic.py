@@ -120,8 +120,8 @@ def lifted(made: Model) -> Callable[[int], tuple[float, ...]]:
 
     def run(ticks: int) -> tuple[float, ...]:
         found: tuple[float, ...] = walk(
-            made.params, supplied, law, impedance.start(), made.gains, made.per_ampere, made.table,
-            made.start, made.target, made.dt, ticks,
+            made.params, supplied, law, impedance.start(law), made.gains, made.per_ampere,
+            made.table, made.start, made.target, made.dt, ticks,
         )  # fmt: skip
         return found
 

@@ -13,10 +13,12 @@ import xarray
 from benchmarks.start import command
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.analysis.rows import POWERS, row_table
+from rig.analysis.rows import row_table
 from rig.analysis.windows import read_windows
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import check_campaign
 from rig.recording.runs import reader
+from rig.stations import station_names
 from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 WHOLE, SHORT = "default.yaml", "quick.yaml"
@@ -66,7 +68,8 @@ def apart(swept: Path, run: Path) -> float:
     table = row_table(run)
     with xarray.open_dataset(swept) as alone:
         differences = [
-            np.abs(alone[f"power_{name}"].values - table[f"power_{name}"].values) for name in POWERS
+            np.abs(alone[f"power_{name}"].values - table[f"power_{name}"].values)
+            for name in station_names(STATIONS)
         ]
     return float(np.max(differences))
 

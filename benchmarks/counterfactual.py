@@ -15,11 +15,13 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.analysis.rows import POWERS, reduce_window
+from rig.analysis.rows import reduce_window
 from rig.analysis.windows import Window
 from rig.execution.rehearsal.job import problems
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, build_plan, open_campaign
 from rig.planning.campaign.windows import repeat_period
+from rig.stations import station_names
 from rig.sweep.cases import single_row_campaign
 from rig.sweep.counterfactual import FORCES, MeasuredRun, counterfactual_rows
 from rig.sweep.simulation import CampaignSimulator
@@ -42,6 +44,8 @@ SEAS: tuple[dict[str, Any], ...] = (
     {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
     {"kind": "jonswap", "hs_m": 0.2, "tp_s": 2.5, "gamma": 3.3, "repeat_s": 30, "seed": 1},
 )
+
+_POWERS = station_names(STATIONS)
 
 
 class Case(NamedTuple):
@@ -104,7 +108,7 @@ def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
         subject = subject or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
         for window in subject.simulate(planned, stator=row.stator_position):
-            means = reduce_window(window, period / planned.dt if period else None)
+            means = reduce_window(window, period / planned.dt if period else None, STATIONS)
             settings = {**row.setting._asdict(), "stator": row.stator_position}
             columns = np.array([window.data[name] for name in window.data.dtype.names])
             yield (
@@ -142,9 +146,9 @@ def case(folder: Path, seed: int) -> Case:
     predicted = counterfactual_rows(measured, logged, other, FORCES, LEAD_IN)
     true = [row for row, _ in rows(truth._replace(points=other.points))]
     return Case(
-        np.array([[row.power[name] for name in POWERS] for row in predicted.rows]),
-        np.array([[row.half_width[name] for name in POWERS] for row in predicted.rows]),
-        np.array([[row[f"power_{name}"] for name in POWERS] for row in true]),
+        np.array([[row.power[name] for name in _POWERS] for row in predicted.rows]),
+        np.array([[row.half_width[name] for name in _POWERS] for row in predicted.rows]),
+        np.array([[row[f"power_{name}"] for name in _POWERS] for row in true]),
     )
 
 
@@ -168,7 +172,7 @@ def measure(short: bool) -> Result:
         ),
         *(
             figure(f"  {name}", "%", float(share))
-            for name, share in zip(POWERS, inside, strict=True)
+            for name, share in zip(_POWERS, inside, strict=True)
         ),
         *(
             figure(
@@ -177,11 +181,11 @@ def measure(short: bool) -> Result:
                 float(share),
                 at_least=LEAST_NEAR,
             )
-            for name, share in zip(POWERS, near, strict=True)
+            for name, share in zip(_POWERS, near, strict=True)
         ),
         *(
             figure(f"half interval, median: {name}", "W", half[:, :, i].ravel().tolist())
-            for i, name in enumerate(POWERS)
+            for i, name in enumerate(_POWERS)
         ),
     ]
     return Result(

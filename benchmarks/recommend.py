@@ -21,6 +21,7 @@ from rig.design.recommend import report
 from rig.design.recommend.recommendation import Recommendation, RecommendOptions, recommend
 from rig.design.recommend.trial import Gains
 from rig.execution.campaign import rehearsal_mode, run_campaign
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import build_plan, check_campaign, open_campaign
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.stability import largest_ki
@@ -77,7 +78,7 @@ class Truth:
             single_row_campaign(self.campaign.file, LEAD_IN), self.campaign.rig, (point,)
         )
         for window in self._subject.simulate(planned, stator=planned.rows[0].stator_position):
-            row = reduce_window(window, self._ticks)
+            row = reduce_window(window, self._ticks, STATIONS)
             if row["state"] == COMPLETE:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}
         return nothing

@@ -12,6 +12,7 @@ The functions recurse over the tuple of sections, because the length of a tuple 
 in compiled code.
 """
 
+from cmath import exp
 from typing import NamedTuple
 
 
@@ -65,3 +66,14 @@ def scale_states(states: tuple[SectionState, ...], factor: float) -> tuple[Secti
         return ()
     s1, s2 = states[0]
     return (SectionState(s1 * factor, s2 * factor), *scale_states(states[1:], factor))
+
+
+def response(sections: tuple[Biquad, ...], angle: float) -> complex:
+    """Return H(exp(j angle)), ``angle`` in rad per tick; zero for an empty cascade."""
+    if len(sections) == 0:
+        return 0j
+    delay, product = exp(-1j * angle), 1.0 + 0j
+    for b0, b1, b2, a1, a2 in sections:
+        numerator = b0 + delay * (b1 + delay * b2)
+        product = product * numerator / (1.0 + delay * (a1 + delay * a2))
+    return product

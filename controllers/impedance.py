@@ -35,7 +35,24 @@ from typing import NamedTuple
 from controllers import biquads
 from controllers.biquads import Biquad, SectionState
 from controllers.blocks import Ramp, ramp_start, ramp_step
+from controllers.law import Column, Parameter, Settings
 from controllers.signals import Demand, Estimate, Gains, Newton, Second
+
+COLUMNS = (
+    Column("kp_n_s_per_m", "kp", "N*s/m", "Kp", -20_000.0, 0.0,
+           "Velocity gain; Kp < 0 absorbs.",
+           "F = Kp v on the body: Kp > 0 would drive it, Kp < 0 absorbs"),
+    Column("ki_n_per_m", "ki", "N/m", "Ki", -30_000.0, 30_000.0,
+           "Position gain; Ki > 0 acts as a negative spring."),
+    Column("km_kg", "km", "kg", "Km", -500.0, 500.0,
+           "Acceleration gain; Km > 0 acts as a negative mass.", default=0.0),
+)  # fmt: skip
+
+PARAMETERS: tuple[Parameter, ...] = ()
+"""The law's only constant, Z_c(s), is a transfer function and not a number: ``law: {zc: ...}``."""
+
+SetPoint = Gains
+"""The set point of a row."""
 
 # A tenth of the shortest wave period (0.5 s), so that the memory follows a clipped peak; many times
 # the few ticks of a slew limit, which thus hardly affects the memory.
@@ -47,6 +64,7 @@ class Params(NamedTuple):
 
     ramp: Second  # duration of a change of gains
     sections: tuple[Biquad, ...] = ()  # Z_c, N*s/m, for one tick period; none: Z_c = 0
+    period: Second = 0.0  # of a tick, for which the sections hold
 
 
 class State(NamedTuple):
@@ -60,10 +78,15 @@ class State(NamedTuple):
     active_gains: Gains  # values of the first three ramps: one comparison in a usual tick
 
 
-def start(sections: tuple[Biquad, ...] = ()) -> State:
+def params(settings: Settings, ramp: float, dt: float) -> Params:
+    """Return the constants without Z_c, which `rig.design.impedance` designs."""
+    return Params(ramp, (), dt)
+
+
+def start(params: Params) -> State:
     """Return the state at switch-on: all gains zero, so the first force is at most a ramp step."""
     none = ramp_start(0.0)
-    return State(none, none, none, none, biquads.start(sections), Gains(0.0, 0.0, 0.0))
+    return State(none, none, none, none, biquads.start(params.sections), Gains(0.0, 0.0, 0.0))
 
 
 def step(
@@ -97,6 +120,12 @@ def step(
     force = force + share.value * zc_force
     after = State(ramp_kp, ramp_ki, ramp_km, share, memory, gains)
     return after, Demand(kp, ki, km, force)
+
+
+def linear(params: Params, setpoint: Gains, omega: float) -> complex:
+    """Return force per velocity (N*s/m) at ``omega`` > 0 (rad/s), with the gains fully ramped."""
+    response = complex(setpoint.kp, setpoint.km * omega - setpoint.ki / omega)
+    return response + biquads.response(params.sections, omega * params.period)
 
 
 def _ramp_gains(params: Params, state: State, gains: Gains, dt: float) -> State:

@@ -43,6 +43,8 @@ class Column(NamedTuple):
     low: float  # least value allowed
     high: float  # greatest value allowed
     help: str  # one sentence for people
+    reason: str = ""  # of the range, for messages about values out of it
+    default: float | None = None  # where a matrix lacks the column; None: every matrix has it
 
 
 class Parameter(NamedTuple):

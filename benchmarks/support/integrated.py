@@ -52,7 +52,8 @@ def slope(model: Model, t: float, y: Any, goal: float, force: float) -> list[flo
 def sampled(made: Model, seconds: float, tolerance: float) -> tuple[float, ...]:
     """Energies (J) of the model as it is, tick by tick; excitation is linear within a tick."""
     params, dt = made.params, made.dt
-    law, memory, driven = impedance.Params(made.ramp), impedance.start(), drive.initial()
+    law, driven = impedance.Params(made.ramp), drive.initial()
+    memory = impedance.start(law)
     y, table = np.zeros(_STATES), made.table
     for tick in range(round(seconds / dt)):
         began, now = tick * dt, float(table[tick % len(table)])

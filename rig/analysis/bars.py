@@ -14,13 +14,13 @@ from matplotlib.axes import Axes
 
 from rig.analysis import labels, phrases, picture
 from rig.analysis.picture import ACCENT, DARK, MUTED
-from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.points import Matrix, row_settings, stations_of, varied_columns
 from rig.analysis.rows import COMPLETE
 from rig.config.columns import DRIVE_COLUMNS, Column
+from rig.stations import Station, shown
 
 Sort = Literal["run", "power"]
 
-_STATIONS = ("dc", "ac")
 _ABSORBED_COLOUR, _CONSUMED_COLOUR, _SETTING_COLOUR = "#1d6fa5", "#d9a441", "#8fa3b0"
 _POWER_HEIGHT, _SETTING_HEIGHT = 1.75, 0.85  # in, heights of panels
 _MIN_WIDTH, _MAX_WIDTH = 8.0, 24.0  # in, width of the picture
@@ -43,19 +43,21 @@ def shown_columns(matrix: Matrix) -> list[Column]:
 
 
 def row_order(table: xarray.Dataset, sort: Sort) -> list[int]:
-    """Return the table indices of complete rows in order of the run or of DC power.
+    """Return the table indices of complete rows in order of the run or of power.
 
-    By DC power, the row that absorbs most is first.
+    By power at the last station, the row that absorbs most is first.
     """
     complete = np.flatnonzero(table["state"].values == COMPLETE).tolist()
     if sort == "run":
         return list(complete)
-    power = table["power_dc"].values
+    power = table[f"power_{stations_of(table)[-1].name}"].values
     return sorted(complete, key=lambda i: float(np.nan_to_num(power[i], nan=np.inf)))
 
 
 def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
-    """Write a picture with a bar for each complete row; the row with most DC power is marked.
+    """Write a picture with a bar for each complete row; the best row is marked.
+
+    The panels show the last two stations of the pictures; the last one defines the best row.
 
     Whiskers are standard errors. Raises ValueError if no row is complete.
     """
@@ -64,10 +66,13 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
         raise ValueError("no complete row: no bars to draw")
     settings = row_settings(table)
     columns = shown_columns(Matrix((), tuple(settings[i] for i in positions)))
-    heights = [_POWER_HEIGHT] * len(_STATIONS) + [_SETTING_HEIGHT] * len(columns)
+    stations = shown(stations_of(table))[:-3:-1]
+    heights = [_POWER_HEIGHT] * len(stations) + [_SETTING_HEIGHT] * len(columns)
     width = min(_MAX_WIDTH, max(_MIN_WIDTH, 1.6 + 0.17 * len(positions)))
     title = f"Power and settings by row: {picture.campaign_name(table.attrs)}"
-    subtitle = "rows in order of the run" if sort == "run" else "rows by DC power"
+    subtitle = (
+        "rows in order of the run" if sort == "run" else f"rows by {stations[0].heading} power"
+    )
     if modulation := table.attrs.get("modulation"):
         subtitle += f"; modulation {modulation}"
     note = "negative is absorbed; whiskers are ± standard error"
@@ -81,12 +86,12 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     )
     axes_stack: list[Axes] = panels[:, 0].tolist()
     x = np.arange(len(positions))
-    for axes, kind in zip(axes_stack, _STATIONS, strict=False):
-        _draw_power(axes, table, positions, kind)
-    for axes, column in zip(axes_stack[len(_STATIONS) :], columns, strict=True):
+    for axes, station in zip(axes_stack, stations, strict=False):
+        _draw_power(axes, table, positions, station)
+    for axes, column in zip(axes_stack[len(stations) :], columns, strict=True):
         values = [settings[i].get(column.name, float("nan")) for i in positions]
         _draw_setting(axes, column, np.array(values) * labels.display_factor(column))
-    _mark_best(axes_stack, table, positions)
+    _mark_best(axes_stack, table, positions, stations[0])
     rotation = 90 if len(positions) > _MAX_UPRIGHT_LABELS else 0
     axes_stack[-1].set_xticks(
         x, [str(table["row"].values[i]) for i in positions], rotation=rotation
@@ -103,16 +108,16 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     return picture.save(figure, path)
 
 
-def _draw_power(axes: Axes, table: xarray.Dataset, positions: list[int], kind: str) -> None:
-    power = table[f"power_{kind}"].values[positions]
-    errors = table[f"power_{kind}_se"].values[positions]
+def _draw_power(axes: Axes, table: xarray.Dataset, positions: list[int], station: Station) -> None:
+    power = table[f"power_{station.name}"].values[positions]
+    errors = table[f"power_{station.name}_se"].values[positions]
     colours = [_CONSUMED_COLOUR if value > 0.0 else _ABSORBED_COLOUR for value in power]
     axes.bar(np.arange(len(positions)), power, width=0.8, color=colours)
     known_errors = np.flatnonzero(np.isfinite(errors))
     style: dict[str, Any] = {"fmt": "none", "ecolor": DARK, "elinewidth": 0.9, "capsize": 2.0}
     axes.errorbar(known_errors, power[known_errors], yerr=errors[known_errors], **style)
     axes.axhline(0.0, color=DARK, lw=0.8)
-    axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
+    axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
 
 
 def _draw_setting(axes: Axes, column: Column, values: Any) -> None:
@@ -130,9 +135,11 @@ def _draw_setting(axes: Axes, column: Column, values: Any) -> None:
     axes.set_ylabel(",\n".join(parts), fontsize=7.5)
 
 
-def _mark_best(stack: list[Axes], table: xarray.Dataset, positions: list[int]) -> None:
-    """Draw a band through all panels at the row with most DC power, with its value above."""
-    power = table["power_dc"].values[positions]
+def _mark_best(
+    stack: list[Axes], table: xarray.Dataset, positions: list[int], station: Station
+) -> None:
+    """Draw a band through all panels at the row with most power, with its value above."""
+    power = table[f"power_{station.name}"].values[positions]
     if not np.isfinite(power).any():
         return
     best = int(np.nanargmin(power))
@@ -142,7 +149,9 @@ def _mark_best(stack: list[Axes], table: xarray.Dataset, positions: list[int]) -
         bar.set_linewidth(1.6)
         axes.axvspan(best - 0.5, best + 0.5, color=ACCENT, alpha=0.13, lw=0, zorder=0)
     row = positions[best]
-    value = phrases.format_power(float(power[best]), float(table["power_dc_se"].values[row]))
+    value = phrases.format_power(
+        float(power[best]), float(table[f"power_{station.name}_se"].values[row])
+    )
     centre = 0.5 * len(positions)
     text_side: dict[str, Any] = {"ha": "left" if best < centre else "right", "va": "bottom"}
     stack[0].annotate(

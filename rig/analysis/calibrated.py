@@ -23,10 +23,7 @@ from rig.recording.calibration.correction import is_valid
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records
 
-SCALED_WITH_POSITION = ("heave.estimate.velocity", "power.mechanical_1", "power.mechanical_2")
-"""Fields that scale with the position."""
-
-POSITION = "heave.estimate.position"
+POSITION, VELOCITY = "heave.estimate.position", "heave.estimate.velocity"
 GAINS = ("kp", "ki", "km")
 FORCES = ("force_mean", "force_rms", "force_peak", "reference_scale")
 RECORDED = "_recorded"  # suffix of the column with the value before correction
@@ -43,6 +40,7 @@ class RowCorrections(NamedTuple):
     at: RecordingTime
     names: tuple[str, ...]  # name and version of each calibration
     descriptions: tuple[str, ...]  # effect and file of each calibration
+    scaled_powers: tuple[str, ...] = ()  # log fields of powers from the velocity
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -90,7 +88,8 @@ def build_corrections(
         )
         if inside:
             corrections = _add_correction(corrections, calibration, run_facts)
-    return corrections._replace(at=at)
+    powers = tuple(f"power.{s.name}" for s in run_facts.stations if s.uses("velocity"))
+    return corrections._replace(at=at, scaled_powers=powers)
 
 
 def _add_correction(
@@ -122,7 +121,7 @@ def correct_ticks(corrections: RowCorrections, data: Records) -> Records:
     if isinstance(corrections.position, OffsetCorrection):
         corrected[POSITION] += corrections.position.offset
         return corrected
-    for name in (POSITION, *SCALED_WITH_POSITION):
+    for name in (POSITION, VELOCITY, *corrections.scaled_powers):
         corrected[name] *= corrections.position.factor
     return corrected
 

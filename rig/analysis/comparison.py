@@ -23,12 +23,10 @@ from rig.analysis.matching import (
     set_point_offsets,
 )
 from rig.analysis.points import Matrix, Point, Setting, gain_matrix
-from rig.analysis.rows import INCOMPLETE, POWERS, row_table
-from rig.config.columns import COLUMNS
+from rig.analysis.rows import INCOMPLETE, row_table
+from rig.analysis.run_columns import column_named, known_columns
 from rig.recording.runs.folder import RunInfo, run_info
-
-KINDS = POWERS
-"""The stations that are compared."""
+from rig.stations import Station
 
 
 class ComparedRun(NamedTuple):
@@ -60,6 +58,7 @@ class Comparison(NamedTuple):
     differences: tuple[Difference, ...]
     matched: MatchedPoints
     tolerances: Mapping[str, float]  # of the matched columns, SI
+    stations: tuple[Station, ...]  # those of A that B has, too
 
 
 def compare(
@@ -107,6 +106,7 @@ def compare_tables(
         tuple(settings),
         matched,
         tolerances_used,
+        tuple(s for s in matrices[0].stations if s.name in {x.name for x in matrices[1].stations}),
     )
 
 
@@ -161,13 +161,14 @@ def _warnings(
     return warnings
 
 
-def power_difference(pair: Pair, kind: str) -> PowerDifference:
-    """Return the power difference of one pair."""
+def power_difference(pair: Pair, station: str) -> PowerDifference:
+    """Return the power difference of one pair at a station, given by name."""
     a, b = pair
-    return PowerDifference(b.power[kind] - a.power[kind], math.hypot(a.error[kind], b.error[kind]))
+    error = math.hypot(a.error[station], b.error[station])
+    return PowerDifference(b.power[station] - a.power[station], error)
 
 
-def mean_difference(pairs: tuple[Pair, ...], kind: str) -> PowerDifference:
+def mean_difference(pairs: tuple[Pair, ...], station: str) -> PowerDifference:
     """Return the mean difference over all pairs; a point shared by pairs adds its error once."""
     if not pairs:
         return PowerDifference(math.nan, math.nan)
@@ -176,9 +177,9 @@ def mean_difference(pairs: tuple[Pair, ...], kind: str) -> PowerDifference:
     for pair in pairs:
         for name, point in zip("ab", pair, strict=True):
             counts[name, point.rows] = counts.get((name, point.rows), 0) + 1
-            errors[name, point.rows] = point.error[kind]
+            errors[name, point.rows] = point.error[station]
     variance = sum((counts[key] * errors[key]) ** 2 for key in counts) / len(pairs) ** 2
-    watts = sum(power_difference(pair, kind).watts for pair in pairs) / len(pairs)
+    watts = sum(power_difference(pair, station).watts for pair in pairs) / len(pairs)
     return PowerDifference(watts, math.sqrt(variance))
 
 
@@ -189,7 +190,8 @@ def joint_setting(matched: MatchedPoints, pair: Pair) -> Setting:
     for column in matched.one_sided:
         if pair.a.setting.get(column.name, 0.0) == 0.0 and column.name in pair.b.setting:
             merged[column.name] = pair.b.setting[column.name]
-    return {c.name: merged[c.name] for c in COLUMNS if c.name in names and c.name in merged}
+    order = {each.name: i for i, each in enumerate(known_columns())}
+    return {name: merged[name] for name in sorted(names, key=order.__getitem__) if name in merged}
 
 
 def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
@@ -199,16 +201,16 @@ def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
     if not offsets:
         return text
     steps = (
-        f"{labels.BY_NAME[name].label} by {labels.format_quantity(labels.BY_NAME[name], step)}"
+        f"{column_named(name).label} by {labels.format_quantity(column_named(name), step)}"
         for name, step in offsets.items()
     )
     return f"{text} (B differs in {', '.join(steps)})"
 
 
-def best_point(pairs: tuple[Pair, ...], kind: str, side: int) -> Point | None:
+def best_point(pairs: tuple[Pair, ...], station: str, side: int) -> Point | None:
     """Return the matched point of run A (0) or B (1) that absorbs most."""
-    points = [pair[side] for pair in pairs if math.isfinite(pair[side].power[kind])]
-    return min(points, key=lambda point: point.power[kind]) if points else None
+    points = [pair[side] for pair in pairs if math.isfinite(pair[side].power[station])]
+    return min(points, key=lambda point: point.power[station]) if points else None
 
 
 def format_constant_difference(difference: ConstantDifference) -> tuple[str, str, str]:

@@ -14,7 +14,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
-from rig.analysis import labels, panel, phrases, picture
+from rig.analysis import labels, panel, picture
 from rig.analysis.comparison import (
     Comparison,
     PowerDifference,
@@ -28,8 +28,9 @@ from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.picture import ACCENT, DARK
 from rig.analysis.points import Matrix, Point, Setting, agrees, varied_columns
 from rig.analysis.slices import Slice, slice_matrix
-from rig.analysis.surfaces import KINDS, View, default_view
+from rig.analysis.surfaces import View, default_view
 from rig.config.columns import Column
+from rig.stations import Station, shown
 
 _DIFFERENCE_COLOURS = colormaps["PuOr_r"]  # purple: B absorbs more
 _A, _B = "#0b6e99", "#d17a22"
@@ -47,6 +48,7 @@ class _MatchedRuns(NamedTuple):
     b: Matrix
     pairs: tuple[Pair, ...]
     settings: tuple[Setting, ...]
+    stations: tuple[Station, ...]  # drawn
 
 
 def _matched_runs(comparison: Comparison) -> _MatchedRuns:
@@ -55,9 +57,10 @@ def _matched_runs(comparison: Comparison) -> _MatchedRuns:
 
     def matrix_of(side: int) -> Matrix:
         points = tuple(p[side]._replace(setting=s) for p, s in zip(pairs, settings, strict=True))
-        return Matrix(points, settings)
+        return Matrix(points, settings, comparison.stations)
 
-    return _MatchedRuns(matrix_of(0), matrix_of(1), pairs, settings)
+    stations = shown(comparison.stations)
+    return _MatchedRuns(matrix_of(0), matrix_of(1), pairs, settings, stations)
 
 
 def write_comparison(comparison: Comparison, path: Path, fixed: Setting | None = None) -> Path:
@@ -70,10 +73,10 @@ def write_comparison(comparison: Comparison, path: Path, fixed: Setting | None =
     if not runs.pairs:
         raise ValueError("no set point in common: nothing to draw")
     view = default_view(runs.a)._replace(by_spring_rate=False)
-    slices = {kind: _slices(runs, kind, view, fixed or {}) for kind in KINDS}
+    slices = [_slices(runs, station.name, view, fixed or {}) for station in runs.stations]
     # A run without a column that the other varies has no surface over it.
     has_surfaces = not comparison.matched.one_sided and all(
-        spans_surface(pair[0].xy) for pair in slices.values() if pair[0].points
+        spans_surface(pair[0].xy) for pair in slices if pair[0].points
     )
     a, b = comparison.a, comparison.b
     mode = a.mode if a.mode == b.mode else f"A {a.mode}, B {b.mode}"
@@ -106,10 +109,10 @@ def _subtitle(comparison: Comparison) -> str:
     return "; ".join(parts)
 
 
-def _slices(runs: _MatchedRuns, kind: str, view: View, fixed: Setting) -> tuple[Slice, Slice]:
+def _slices(runs: _MatchedRuns, station: str, view: View, fixed: Setting) -> tuple[Slice, Slice]:
     """Return the same slice of both runs, through the best point of either."""
     free = {c.name for c in varied_columns(runs.a)} - {view.x.name, view.y.name}
-    slices = [slice_matrix(side, kind, view.x, view.y, fixed) for side in (runs.a, runs.b)]
+    slices = [slice_matrix(side, station, view.x, view.y, fixed) for side in (runs.a, runs.b)]
     optima = [each.best for each in slices if each.best is not None]
     if not optima:
         return slices[0], slices[1]
@@ -117,44 +120,43 @@ def _slices(runs: _MatchedRuns, kind: str, view: View, fixed: Setting) -> tuple[
     at_best = {name: best_setting[name] for name in free if name in best_setting}
     common = slices[0].fixed | at_best
     slice_a, slice_b = (
-        slice_matrix(side, kind, view.x, view.y, common) for side in (runs.a, runs.b)
+        slice_matrix(side, station, view.x, view.y, common) for side in (runs.a, runs.b)
     )
     return slice_a, slice_b
 
 
-def _draw_surfaces(
-    body: FigureBase, slices: dict[str, tuple[Slice, Slice]], runs: _MatchedRuns
-) -> None:
-    panels: Any = body.subplots(len(KINDS), 3, squeeze=False)
-    for i, kind in enumerate(KINDS):
-        slice_a, slice_b = slices[kind]
+def _draw_surfaces(body: FigureBase, slices: list[tuple[Slice, Slice]], runs: _MatchedRuns) -> None:
+    panels: Any = body.subplots(len(slices), 3, squeeze=False)
+    for i, both in enumerate(slices):
+        slice_a, slice_b = both
         row: list[Axes] = panels[i].tolist()
-        captions = [panel.format_caption(slice_, _CAPTION_WIDTH) for slice_ in slices[kind]]
+        captions = [panel.format_caption(slice_, _CAPTION_WIDTH) for slice_ in both]
         lines = panel.count_lines(captions)
         colour_scale = panel.power_scale([*slice_a.values, *slice_b.values])
-        name = phrases.STATION_ABBREVIATIONS[kind]
-        for axes, slice_, letter, caption in zip(row, slices[kind], "AB", captions, strict=False):
+        name = slice_a.station.short_label
+        for axes, slice_, letter, caption in zip(row, both, "AB", captions, strict=False):
             panel.draw_panel(axes, slice_, colour_scale, caption)
             heading = f"{letter}: {name}"
             if slice_.fixed:
                 heading += f"\nat {labels.format_settings(slice_.fixed)}"
             panel.add_heading(axes, heading, lines)
         panel.add_colour_bar(body, row[:2], colour_scale, f"{name}, W", fraction=0.05)
-        _draw_difference(body, row[2], slice_a, runs, kind, lines)
+        _draw_difference(body, row[2], slice_a, runs, lines)
 
 
 def _draw_difference(
-    body: FigureBase, axes: Axes, slice_: Slice, runs: _MatchedRuns, kind: str, lines: int
+    body: FigureBase, axes: Axes, slice_: Slice, runs: _MatchedRuns, lines: int
 ) -> None:
     """Draw B less A over the slice; points with a significant difference are filled."""
-    shown = [
+    station = slice_.station.name
+    drawn = [
         (setting, pair)
         for setting, pair in zip(runs.settings, runs.pairs, strict=True)
-        if agrees(setting, slice_.fixed) and np.isfinite(power_difference(pair, kind).watts)
+        if agrees(setting, slice_.fixed) and np.isfinite(power_difference(pair, station).watts)
     ]
     picture.style_axes(axes)
-    coordinates: list[XY] = [(s[slice_.x.name], s[slice_.y.name]) for s, _ in shown]
-    differences = [power_difference(pair, kind) for _, pair in shown]
+    coordinates: list[XY] = [(s[slice_.x.name], s[slice_.y.name]) for s, _ in drawn]
+    differences = [power_difference(pair, station) for _, pair in drawn]
     if not spans_surface(coordinates):
         axes.set_axis_off()
         return
@@ -167,8 +169,9 @@ def _draw_difference(
     if significant:
         x, y = zip(*significant, strict=True)
         axes.plot(x, y, "o", color=DARK, ms=3.4, clip_on=False)
-    axes.set_xlabel(labels.axis_label(slice_.x) if kind == KINDS[-1] else "", fontsize=8)
-    mean = format_difference(mean_difference(tuple(pair for _, pair in shown), kind))
+    is_last = slice_.station == runs.stations[-1]
+    axes.set_xlabel(labels.axis_label(slice_.x) if is_last else "", fontsize=8)
+    mean = format_difference(mean_difference(tuple(pair for _, pair in drawn), station))
     text = f"mean of these points {mean} W\nfilled: beyond {_SIGNIFICANCE:g} standard errors"
     axes.set_title(text, fontsize=7.5, color=ACCENT, pad=4)
     panel.add_heading(axes, "B − A (negative: B absorbs more)", max(lines, 2))
@@ -188,14 +191,13 @@ def _draw_lines(
     indices = [i for i, s in enumerate(runs.settings) if agrees(s, fixed)]
     if not indices:
         raise ValueError(f"no matched point at {labels.format_settings(fixed)}")
-    shown = Matrix((), tuple(runs.settings[i] for i in indices))
-    varied = varied_columns(shown)
+    varied = varied_columns(Matrix((), tuple(runs.settings[i] for i in indices)))
     column = varied[0] if len(varied) == 1 else None
     if column is not None:
         indices.sort(key=lambda i: runs.settings[i][column.name])
     x = np.array([_position(runs, i, n, column) for n, i in enumerate(indices)])
-    panels: Any = body.subplots(len(KINDS), 2, squeeze=False, sharex=True)
-    for i, kind in enumerate(KINDS):
+    panels: Any = body.subplots(len(runs.stations), 2, squeeze=False, sharex=True)
+    for i, station in enumerate(runs.stations):
         pair_axes, difference_axes = panels[i].tolist()
         style: dict[str, Any] = {"ms": 4.0, "lw": 1.0, "capsize": 2.5}
         line_style = "-" if column is not None else ""
@@ -203,19 +205,20 @@ def _draw_lines(
             names, (runs.a, runs.b), (_A, _B), "os", strict=True
         ):
             points: list[Point] = [matrix.points[n] for n in indices]
-            y = [p.power[kind] for p in points]
-            errors = np.nan_to_num([p.error[kind] for p in points])
+            y = [p.power[station.name] for p in points]
+            errors = np.nan_to_num([p.error[station.name] for p in points])
             pair_axes.errorbar(
                 x, y, yerr=errors, fmt=f"{marker}{line_style}", color=colour, label=name, **style
             )
-        differences = [power_difference(runs.pairs[n], kind) for n in indices]
+        differences = [power_difference(runs.pairs[n], station.name) for n in indices]
         errors = np.nan_to_num([each.error for each in differences])
         watts = [each.watts for each in differences]
         difference_axes.errorbar(x, watts, yerr=errors, fmt=f"D{line_style}", color=DARK, **style)
         difference_axes.axhline(0.0, color=ACCENT, lw=1.0)
-        pair_axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
+        pair_axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
         difference_axes.set_ylabel("B − A, W", fontsize=8)
-        mean = format_difference(mean_difference(tuple(runs.pairs[n] for n in indices), kind))
+        pairs = tuple(runs.pairs[n] for n in indices)
+        mean = format_difference(mean_difference(pairs, station.name))
         difference_axes.set_title(
             f"mean {mean} W (negative: B absorbs more)", fontsize=8, color=ACCENT
         )
@@ -225,7 +228,7 @@ def _draw_lines(
         for axes in (pair_axes, difference_axes):
             picture.style_axes(axes)
             axes.grid(alpha=0.3)
-            if i == len(KINDS) - 1:
+            if i == len(runs.stations) - 1:
                 axes.set_xlabel(_axis_text(column), fontsize=8)
     if column is None:
         rows = [f"{runs.pairs[n].a.rows[0]}|{runs.pairs[n].b.rows[0]}" for n in indices]

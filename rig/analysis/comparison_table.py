@@ -7,7 +7,6 @@ from typing import Any
 
 from rig.analysis import labels, phrases
 from rig.analysis.comparison import (
-    KINDS,
     Comparison,
     best_point,
     describe_pair,
@@ -20,6 +19,8 @@ from rig.analysis.comparison import (
 from rig.analysis.differences import shorten
 from rig.analysis.matching import MatchedPoints
 from rig.analysis.points import Point, error_source
+from rig.analysis.run_columns import column_named
+from rig.stations import station_names
 
 _MAX_DIFFERENCES = 12  # listed in the text, for each group
 _MAX_UNMATCHED = 20
@@ -78,9 +79,9 @@ def _settings_lines(comparison: Comparison) -> list[str]:
 
 def _matching_lines(comparison: Comparison) -> list[str]:
     matched = comparison.matched
-    by_name = labels.BY_NAME
     bounds = ", ".join(
-        f"{by_name[name].label} within {labels.format_quantity(by_name[name], value).lstrip('+')}"
+        f"{column_named(name).label} within "
+        f"{labels.format_quantity(column_named(name), value).lstrip('+')}"
         for name, value in comparison.tolerances.items()
     )
     criterion = f" by {bounds}" if bounds else ": no column varies that both runs have"
@@ -98,26 +99,27 @@ def _mean_lines(comparison: Comparison) -> list[str]:
         + (f"; ± standard error by {source})" if source else ")"),
         f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
     ]
-    for kind in KINDS:
-        tops = (best_point(pairs, kind, side) for side in (0, 1))
-        cells = "".join(f"{_format_point_power(top, kind):>18}" for top in tops)
-        mean = format_difference(mean_difference(pairs, kind))
-        lines.append(f"  {phrases.POWER_NAMES[kind]:<32}{mean:>16}{cells}")
+    for station in comparison.stations:
+        tops = (best_point(pairs, station.name, side) for side in (0, 1))
+        cells = "".join(f"{_format_point_power(top, station.name):>18}" for top in tops)
+        mean = format_difference(mean_difference(pairs, station.name))
+        lines.append(f"  {station.label:<32}{mean:>16}{cells}")
     return lines
 
 
-def _format_point_power(point: Point | None, kind: str) -> str:
+def _format_point_power(point: Point | None, station: str) -> str:
     if point is None:
         return "-"
-    return phrases.format_power(point.power[kind], point.error[kind]).removesuffix(" W")
+    return phrases.format_power(point.power[station], point.error[station]).removesuffix(" W")
 
 
 def _point_lines(comparison: Comparison) -> list[str]:
-    headings = "".join(f"{phrases.STATION_ABBREVIATIONS[kind]:>20}" for kind in KINDS)
+    headings = "".join(f"{station.short_label:>20}" for station in comparison.stations)
     title = "Differences by point, W (B - A; negative: B absorbs more)"
     lines = [title, f"  {'':<8}{headings}   set point"]
     for pair in comparison.matched.pairs:
-        cells = "".join(f"{format_difference(power_difference(pair, kind)):>20}" for kind in KINDS)
+        differences = (power_difference(pair, name) for name in station_names(comparison.stations))
+        cells = "".join(f"{format_difference(each):>20}" for each in differences)
         rows = f"{pair.a.rows[0]}|{pair.b.rows[0]}"
         lines.append(f"  {rows:<8}{cells}   {describe_pair(comparison.matched, pair)}")
     return lines
@@ -142,7 +144,8 @@ def _varying_settings(point: Point, matched: MatchedPoints) -> dict[str, float]:
 def as_json(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON data: powers in W, columns in SI, unknown values null."""
     matched = comparison.matched
-    means = {kind: mean_difference(matched.pairs, kind) for kind in KINDS}
+    names = [station.name for station in comparison.stations]
+    means = {name: mean_difference(matched.pairs, name) for name in names}
     return {
         "a": comparison.a._asdict(),
         "b": comparison.b._asdict(),
@@ -156,11 +159,11 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "matched_on": dict(comparison.tolerances),
         "varied_in_one_run": [column.name for column in matched.one_sided],
         "mean_difference_w": {
-            kind: {
+            name: {
                 "b_less_a": _finite_or_none(mean.watts),
                 "standard_error": _finite_or_none(mean.error),
             }
-            for kind, mean in means.items()
+            for name, mean in means.items()
         },
         "pairs": [
             {
@@ -168,13 +171,13 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
                 "rows_a": list(pair.a.rows),
                 "rows_b": list(pair.b.rows),
                 **{
-                    kind: {
-                        "a": _finite_or_none(pair.a.power[kind]),
-                        "b": _finite_or_none(pair.b.power[kind]),
-                        "b_less_a": _finite_or_none(power_difference(pair, kind).watts),
-                        "standard_error": _finite_or_none(power_difference(pair, kind).error),
+                    name: {
+                        "a": _finite_or_none(pair.a.power[name]),
+                        "b": _finite_or_none(pair.b.power[name]),
+                        "b_less_a": _finite_or_none(power_difference(pair, name).watts),
+                        "standard_error": _finite_or_none(power_difference(pair, name).error),
                     }
-                    for kind in KINDS
+                    for name in names
                 },
             }
             for pair in matched.pairs
@@ -196,9 +199,10 @@ def write_csv(comparison: Comparison, path: Path) -> Path:
     matched = comparison.matched
     columns = [*matched.columns, *matched.one_sided]
     headings = [f"{c.name} [{c.unit}]" for c in columns]
-    powers = [f"{kind} {quantity} [W]" for kind in KINDS for quantity in ("A", "A se", "B", "B se")]
+    names = [station.name for station in comparison.stations]
+    powers = [f"{name} {quantity} [W]" for name in names for quantity in ("A", "A se", "B", "B se")]
     difference_headings = [
-        f"{kind} {quantity} [W]" for kind in KINDS for quantity in ("B - A", "B - A se")
+        f"{name} {quantity} [W]" for name in names for quantity in ("B - A", "B - A se")
     ]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -206,8 +210,8 @@ def write_csv(comparison: Comparison, path: Path) -> Path:
         for pair in matched.pairs:
             setting = joint_setting(matched, pair)
             setting_cells = [setting.get(c.name, "") for c in columns]
-            power_cells = [x for k in KINDS for p in pair for x in (p.power[k], p.error[k])]
-            difference_cells = [x for kind in KINDS for x in power_difference(pair, kind)]
+            power_cells = [x for n in names for p in pair for x in (p.power[n], p.error[n])]
+            difference_cells = [x for name in names for x in power_difference(pair, name)]
             writer.writerow(
                 [
                     "both",
@@ -218,16 +222,16 @@ def write_csv(comparison: Comparison, path: Path) -> Path:
                     *difference_cells,
                 ]
             )
-        for name, points in (("A", matched.only_a), ("B", matched.only_b)):
+        for run, points in (("A", matched.only_a), ("B", matched.only_b)):
             for point in points:
                 setting_cells = [point.setting.get(c.name, "") for c in columns]
                 cells: list[Any] = []
-                for kind in KINDS:
-                    own, none = [point.power[kind], point.error[kind]], ["", ""]
-                    cells += [*own, *none] if name == "A" else [*none, *own]
-                rows = [_row_ids(point), ""] if name == "A" else ["", _row_ids(point)]
+                for name in names:
+                    own, none = [point.power[name], point.error[name]], ["", ""]
+                    cells += [*own, *none] if run == "A" else [*none, *own]
+                rows = [_row_ids(point), ""] if run == "A" else ["", _row_ids(point)]
                 writer.writerow(
-                    [name, *rows, *setting_cells, *cells, *[""] * len(difference_headings)]
+                    [run, *rows, *setting_cells, *cells, *[""] * len(difference_headings)]
                 )
     return path
 

@@ -26,9 +26,11 @@ import numpy.typing as npt
 import xarray
 from scipy import stats
 
-from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.points import Matrix, row_settings, stations_of, varied_columns
 from rig.analysis.rows import COMPLETE
+from rig.analysis.run_columns import table_columns
 from rig.config.columns import REQUIRED_COLUMNS, Column
+from rig.stations import Station, find
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,7 +67,7 @@ class Effect(NamedTuple):
 class Effects(NamedTuple):
     """Main effects on the power at one station."""
 
-    kind: str
+    station: Station
     effects: tuple[Effect, ...]  # the largest first
     rows: int
     source: str  # of the standard errors of the intervals
@@ -158,7 +160,7 @@ def row_variances(
 
 
 def main_effects(
-    kind: str,
+    station: Station,
     columns: list[Column],
     levels: Floats,
     response: Floats,
@@ -201,7 +203,7 @@ def main_effects(
     lead, lead_half, lead_misfit = _lead(fit, variances, residual_variances, order, confidence)
     scatter = float(np.sqrt(variances.variance.mean()))
     return Effects(
-        kind,
+        station,
         tuple(estimates[i] for i in order),
         len(response),
         variances.source,
@@ -235,24 +237,23 @@ def _lead(
 
 
 def compute_effects(
-    table: xarray.Dataset, kind: str, confidence: float = CONFIDENCE
+    table: xarray.Dataset, name: str, confidence: float = CONFIDENCE
 ) -> Effects | None:
-    """Return the main effects of every varied column on one power, from the complete rows.
+    """Return the main effects of every varied column on a station's power, over complete rows.
 
     None if nothing varies among them, or if there are too few rows for a linear fit.
     """
     if "state" not in table or table.sizes["row"] == 0:
         return None
-    power = table[f"power_{kind}"].values
+    power = table[f"power_{name}"].values
     complete = np.flatnonzero((table["state"].values == COMPLETE) & np.isfinite(power))
     settings = row_settings(table)
     settings_used = tuple(
-        {name: value for name, value in settings[i].items() if name not in _CATEGORICAL}
-        for i in complete
+        {n: value for n, value in settings[i].items() if n not in _CATEGORICAL} for i in complete
     )
     columns = [
         c
-        for c in varied_columns(Matrix((), settings_used))
+        for c in varied_columns(Matrix((), settings_used, columns=table_columns(table)))
         if all(c.name in each for each in settings_used)
     ]
     if not columns or len(complete) < len(columns) + 1:
@@ -260,12 +261,12 @@ def compute_effects(
     keys = [tuple(each.items()) for each in settings_used]
     point_ids = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     return main_effects(
-        kind,
+        find(stations_of(table), name),
         columns,
         np.array([[each[c.name] for c in columns] for each in settings_used]),
         power[complete],
         [point_ids[key] for key in keys],
-        table[f"power_{kind}_se"].values[complete],
+        table[f"power_{name}_se"].values[complete],
         table["periods"].values[complete].astype(np.float64),
         confidence,
     )

@@ -9,14 +9,18 @@ import xarray
 
 from rig.analysis import labels, phrases
 from rig.analysis.effects import CONFIDENCE, MISFIT, Effect, Effects, compute_effects
+from rig.analysis.points import stations_of
 from rig.config.columns import Column
-
-KINDS = ("dc", "ac", "mechanical_1")  # the first determines the ranks on the summary page
+from rig.stations import shown
 
 
 def all_effects(table: xarray.Dataset) -> tuple[Effects, ...]:
-    """Return the main effects on DC, AC and mechanical power; empty if nothing varies."""
-    by_station = (compute_effects(table, kind) for kind in KINDS)
+    """Return the main effects on the powers shown in pictures; empty if nothing varies.
+
+    The last station in the flow of power is first: it determines the ranks on the summary page.
+    """
+    stations = reversed(shown(stations_of(table)))
+    by_station = (compute_effects(table, station.name) for station in stations)
     return tuple(effects for effects in by_station if effects is not None)
 
 
@@ -37,7 +41,7 @@ def effect_notes(effects: Effects) -> list[str]:
     """Return notes on the intervals, on the misfit, and on the lead of the first effect."""
     percent = f"{100.0 * CONFIDENCE:g} %"
     dofs = [each.dof for each in effects.effects if np.isfinite(each.dof)]
-    name = phrases.STATION_ABBREVIATIONS[effects.kind]
+    name = effects.station.short_label
     if effects.source == MISFIT:
         source = f"the misfit of the linear fit ({effects.misfit_dof} dof)"
     else:
@@ -89,7 +93,7 @@ def as_text(by_station: tuple[Effects, ...]) -> list[str]:
     if not by_station:
         return []
     first = by_station[0]
-    headings = [f"{phrases.STATION_ABBREVIATIONS[effects.kind]}, W" for effects in by_station]
+    headings = [f"{effects.station.short_label}, W" for effects in by_station]
     lines = [
         "Main effects (change of power over the range of a column; negative absorbs more)",
         f"  {'':<20} {'range':<24}" + "".join(f"{heading:>20}" for heading in headings),
@@ -109,7 +113,7 @@ def as_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
     """Return the effects as JSON data: powers in W, columns in SI, unknown values null."""
     return [
         {
-            "power": effects.kind,
+            "power": effects.station.name,
             "rows": effects.rows,
             "confidence": CONFIDENCE,
             "error_by": effects.source,
@@ -150,7 +154,7 @@ def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
     """Write a CSV with a line for each station and column; W, columns in SI, 95 % intervals."""
     lines = [
         {
-            "power": effects.kind,
+            "power": effects.station.name,
             "rank": i + 1,
             "column": e.column.name,
             "unit": e.column.unit,

@@ -1,9 +1,8 @@
 """Labels of gain-matrix columns and their values, for axes, captions and tables."""
 
 from rig.analysis.phrases import format_signed
-from rig.config.columns import COLUMNS, Column
-
-BY_NAME = {column.name: column for column in COLUMNS}
+from rig.analysis.run_columns import column_named, known_columns
+from rig.config.columns import Column
 
 _DISPLAY_UNITS = {"switching_period": (1e6, "µs")}  # factor from SI, displayed unit
 _SIGNED_UNITS = {"N/m", "N*s/m", "kg"}  # units of gains and rates, always shown with their sign
@@ -11,10 +10,12 @@ _SIGNED_UNITS = {"N/m", "N*s/m", "kg"}  # units of gains and rates, always shown
 
 def column(name: str) -> Column:
     """Return a column by its name or its key in files; KeyError lists the valid names."""
-    for each in COLUMNS:
+    for each in known_columns():
         if name in (each.name, each.key):
             return each
-    raise KeyError(f"no column {name!r}; allowed {', '.join(BY_NAME)}")
+    raise KeyError(
+        f"no column {name!r}; allowed {', '.join(each.name for each in known_columns())}"
+    )
 
 
 def display_factor(column: Column) -> float:
@@ -60,4 +61,4 @@ def format_setting(column: Column, value: float) -> str:
 
 def format_settings(settings: dict[str, float]) -> str:
     """Return several columns and their values (SI, by column name) as text."""
-    return ", ".join(format_setting(BY_NAME[name], value) for name, value in settings.items())
+    return ", ".join(format_setting(column_named(name), value) for name, value in settings.items())

@@ -6,13 +6,15 @@ without settings (a commercial one) has no drive columns: every set of drive par
 is then compared with the same point of the other.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from rig.analysis.points import Matrix, Point, levels, varied_columns
-from rig.config.columns import COLUMNS, DRIVE_COLUMNS, Column
+from rig.analysis.run_columns import union
+from rig.config.columns import DRIVE_COLUMNS, Column
 
 TOLERANCES: Mapping[str, float] = {  # SI; far below the steps of any matrix, above rounding
     "spring_rate": 25.0,
@@ -73,9 +75,10 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
 
     Each point is used once, nearest pairs first, unless a column varies in one run alone.
     """
-    limits = {**TOLERANCES, **(tolerances or {})}
+    limits = defaultdict(float, {**TOLERANCES, **(tolerances or {})})  # 0 for other columns
     varied_names = {c.name for c in varied_columns(a)} | {c.name for c in varied_columns(b)}
-    varied = [c for c in COLUMNS if c.name in varied_names]
+    all_columns = union((a.columns, b.columns))
+    varied = [c for c in all_columns if c.name in varied_names]
     columns = tuple(c for c in varied if has_column(a, c) and has_column(b, c))
     one_sided = tuple(c for c in varied if c not in columns)
     # A column that varies in B alone: several points of B share one point of A.
@@ -96,7 +99,9 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
         tuple(p for j, p in enumerate(b.points) if j not in used_b),
         columns,
         one_sided,
-        tuple(_find_constant_differences(a, b, [c for c in COLUMNS if c not in varied], limits)),
+        tuple(
+            _find_constant_differences(a, b, [c for c in all_columns if c not in varied], limits)
+        ),
     )
 
 

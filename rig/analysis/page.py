@@ -1,6 +1,7 @@
 """The run summary as one A4 page."""
 
 import textwrap
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -117,18 +118,18 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
     if not summary.optima:
         figure.text(_LEFT, y, "No complete row.", fontsize=8.5, color=_DARK, va="top")
         return y - 0.02
-    last_kind = ""
+    last_name, main_name = "", summary.optima[-1].station.name
     for optimum in summary.optima:
-        if optimum.kind != last_kind:
+        if optimum.station.name != last_name:
             rule = y + 0.0028
             figure.add_artist(Line2D((_LEFT, _RIGHT), (rule, rule), color="#cfd6dc", lw=0.7))
         cells = (
-            phrases.POWER_NAMES[optimum.kind] if optimum.kind != last_kind else "",
+            optimum.station.label if optimum.station.name != last_name else "",
             phrases.format_power(optimum.power, optimum.error),
             phrases.format_signed(optimum.point.spring_rate),
             phrases.format_signed(optimum.point.stator),
-            phrases.format_signed(optimum.point.kp),
-            phrases.format_signed(optimum.point.ki),
+            _gain_text(optimum.point.kp),
+            _gain_text(optimum.point.ki),
             optimum.caveat,
         )
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
@@ -138,9 +139,10 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
                 x, y, cell, fontsize=8.5, color=colour, ha=side, va="top", fontweight=weight
             )
         y -= 0.0152
-        last_kind = optimum.kind
+        last_name = optimum.station.name
         further_text = summary.further_text(optimum)
-        if further_text and (len(summary.optima) <= _MAX_TWO_LINE_OPTIMA or optimum.kind == "dc"):
+        few = len(summary.optima) <= _MAX_TWO_LINE_OPTIMA
+        if further_text and (few or optimum.station.name == main_name):
             figure.text(
                 positions[5], y, further_text, fontsize=7.5, color=_MUTED, ha="right", va="top"
             )
@@ -164,7 +166,7 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
         figure.text(_LEFT, top, "Main effects: see summary.txt", fontsize=8.5, va="top")
         return top - 0.02
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
-    stations = [f"{phrases.STATION_ABBREVIATIONS[each.kind]}, W" for each in by_station]
+    stations = [f"{each.station.short_label}, W" for each in by_station]
     headings = ["rank, column", "from .. to", *stations]
     positions = [_LEFT, 0.30, 0.60, 0.77, 0.94][: len(headings)]
     alignments = ["left", "left", *["right"] * len(stations)]
@@ -242,3 +244,8 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     picture.save(figure, png, 130.0)
     picture.save(figure, pdf, 100.0, metadata={"Title": title})
     return [pdf, png]
+
+
+def _gain_text(value: float) -> str:
+    """Return a gain as text; empty for a law without it."""
+    return phrases.format_signed(value) if isfinite(value) else ""

@@ -121,8 +121,8 @@ def _draw_line(axes: Axes, slice_: Slice, best: Optimum) -> None:
     factor = labels.display_factor(column)
     order = np.argsort([coordinates[axis] for coordinates in slice_.xy])
     x = [slice_.xy[i][axis] * factor for i in order]
-    y = [slice_.points[i].power[slice_.kind] for i in order]
-    errors = np.nan_to_num([slice_.points[i].error[slice_.kind] for i in order])
+    y = [slice_.points[i].power[slice_.station.name] for i in order]
+    errors = np.nan_to_num([slice_.points[i].error[slice_.station.name] for i in order])
     axes.errorbar(x, y, yerr=errors, fmt="o-", color=DARK, ms=3.5, lw=1.0, capsize=2)
     mark_best(axes, best.point.setting[column.name] * factor, best.power)
     missing = [coordinates[axis] * factor for coordinates in slice_.missing]
@@ -247,7 +247,7 @@ def draw_overlay(
     if not points or content == "nothing":
         return
     xy = [(p.setting[slice_.x.name], p.setting[slice_.y.name]) for p in points]
-    power = [p.power[slice_.kind] for p in points]
+    power = [p.power[slice_.station.name] for p in points]
     style: dict[str, Any] = {"clip_on": False, "zorder": 6}  # above the star of the best point
     if content == "surface":
         x, y = zip(*display_xy(slice_, xy), strict=True)
@@ -256,7 +256,7 @@ def draw_overlay(
         return
     axis = line_axis(slice_)
     positions = [display_xy(slice_, [coordinates])[0][axis] for coordinates in xy]
-    errors = np.nan_to_num([p.error[slice_.kind] for p in points])
+    errors = np.nan_to_num([p.error[slice_.station.name] for p in points])
     axes.errorbar(
         positions, power, yerr=errors, fmt="s", ms=8, mfc="none", color=ACCENT, capsize=2, **style
     )

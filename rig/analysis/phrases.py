@@ -5,20 +5,6 @@ from datetime import UTC, datetime
 
 from rig.realtime.safety import Reason
 
-POWER_NAMES = {
-    "mechanical_1": "mechanical (column load cell)",
-    "mechanical_2": "mechanical (shaft torque sensor)",
-    "ac": "electrical AC",
-    "dc": "electrical DC",
-}
-
-STATION_ABBREVIATIONS = {
-    "mechanical_1": "mechanical",
-    "mechanical_2": "mechanical (shaft)",
-    "ac": "electrical AC",
-    "dc": "electrical DC",
-}
-
 _MODE_STAMPS = {
     "batch": "BATCH: simulated plant, no clock",
     "rehearsal": "REHEARSAL: simulated plant",

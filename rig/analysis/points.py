@@ -1,13 +1,16 @@
 """Points of the gain matrix: planned and measured set points, and the columns that vary."""
 
+import json
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 
-from rig.analysis.rows import COMPLETE, POWERS, standard_error
+from rig.analysis.rows import COMPLETE, STATIONS_ATTRIBUTE, standard_error
+from rig.analysis.run_columns import table_columns
 from rig.config.columns import COLUMNS, Column
+from rig.stations import Station, from_records, station_names
 
 Setting = dict[str, float]
 """A set point by the column names of `rig.config.columns`; unknown columns are absent."""
@@ -43,6 +46,13 @@ class Matrix(NamedTuple):
 
     points: tuple[Point, ...]  # measured points, in the order of the campaign
     planned: tuple[Setting, ...]  # every set point of the campaign, measured or not
+    stations: tuple[Station, ...] = ()  # of the points' powers, in the order of the flow of power
+    columns: tuple[Column, ...] = COLUMNS  # of the run
+
+
+def stations_of(table: xarray.Dataset) -> tuple[Station, ...]:
+    """Return the power stations of a row table or of a sweep, in the order of the flow of power."""
+    return from_records(json.loads(table.attrs[STATIONS_ATTRIBUTE]))
 
 
 def agrees(setting: Setting, fixed: Setting) -> bool:
@@ -53,7 +63,7 @@ def agrees(setting: Setting, fixed: Setting) -> bool:
 def varied_columns(matrix: Matrix) -> list[Column]:
     """Return the columns that take more than one value in the campaign."""
     columns = []
-    for column in COLUMNS:
+    for column in matrix.columns:
         values = {setting[column.name] for setting in matrix.planned if column.name in setting}
         if len(values) > 1:
             columns.append(column)
@@ -71,7 +81,8 @@ def row_settings(table: xarray.Dataset) -> list[Setting]:
     The set point of a run without a plan is a mean over its log. It is rounded to nine digits, so
     that rounding errors do not split one point into two.
     """
-    columns = {c.name: table[c.name].values.tolist() for c in COLUMNS if c.name in table}
+    names = (column.name for column in table_columns(table))
+    columns = {name: table[name].values.tolist() for name in names if name in table}
     return [
         {
             name: float(f"{values[index]:.9g}") + 0.0  # there is no -0
@@ -87,8 +98,9 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
 
     The standard error of a repeated point comes from the scatter of its rows.
     """
+    stations = stations_of(table)
     if "state" not in table or table.sizes["row"] == 0:
-        return Matrix((), ())
+        return Matrix((), (), stations, table_columns(table))
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
     settings = row_settings(table)
     planned: dict[tuple[tuple[str, float], ...], Setting] = {}
@@ -99,22 +111,25 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
         if columns["state"][i] == COMPLETE:
             members.setdefault(key, []).append(i)
 
-    def error(kind: str, rows: list[int]) -> float:
+    def error(name: str, rows: list[int]) -> float:
         if len(rows) > 1:
-            return standard_error(columns[f"power_{kind}"][rows])
-        return float(columns[f"power_{kind}_se"][rows[0]])
+            return standard_error(columns[f"power_{name}"][rows])
+        return float(columns[f"power_{name}_se"][rows[0]])
 
     points = tuple(
         Point(
             settings[rows[0]],
             float(columns["stator"][rows[0]]),
-            {kind: float(columns[f"power_{kind}"][rows].mean()) for kind in POWERS},
-            {kind: error(kind, rows) for kind in POWERS},
+            {
+                name: float(columns[f"power_{name}"][rows].mean())
+                for name in station_names(stations)
+            },
+            {name: error(name, rows) for name in station_names(stations)},
             tuple(columns["row"][rows].tolist()),
         )
         for rows in members.values()
     )
-    return Matrix(points, tuple(planned.values()))
+    return Matrix(points, tuple(planned.values()), stations, table_columns(table))
 
 
 def error_source(points: Iterable[Point]) -> str:

@@ -15,12 +15,14 @@ from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
 from rig.analysis.rows_file import write_rows
+from rig.analysis.run_columns import plan_columns
 from rig.analysis.spring_map import result
 from rig.analysis.spring_map.files import write_map
 from rig.analysis.spring_map.pictures import write_pictures
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
+from rig.config.columns import OTHER_COLUMNS, SPRING_COLUMN
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, mcap_file, reader
 from rig.recording.runs.folder import run_info
@@ -29,7 +31,6 @@ from rig.recording.runs.state import RecordState
 OPEN_LOOP = "Excited by an open-loop reference"
 IDENTIFY_HINT = "its impedance: rig identify"
 SPRING_MAP = "Magnetic spring, moved by a hoist"
-GAINS = ("kp", "ki", "km")
 
 
 def _unfinished_text(contents: list[mcap_file.FileContents]) -> str:
@@ -67,7 +68,9 @@ def has_excitation(plan: dict[str, Any]) -> bool:
     Its powers are those of the excitation, so it has no best points.
     """
     rows = plan.get("rows") or []
-    gains = {tuple(row.get(name) for name in GAINS) for row in rows}
+    others = {column.name for column in (SPRING_COLUMN, *OTHER_COLUMNS)}
+    names = [column.name for column in plan_columns(plan) if column.name not in others]
+    gains = {tuple(row.get(name) for name in names) for row in rows}
     return isinstance(plan.get("reference"), dict) and len(gains) == 1
 
 

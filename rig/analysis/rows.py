@@ -9,13 +9,14 @@ the point was repeated. The table also holds the checks of `rig.analysis.quality
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.analysis import calibrated, quality
+from rig.analysis import calibrated, quality, run_columns
 from rig.analysis.calibrated import RECORDED
+from rig.analysis.run_columns import plan_columns
 from rig.analysis.windows import (
     ALL_TICKS_MISSING,
     Window,
@@ -23,13 +24,14 @@ from rig.analysis.windows import (
     planned_ticks,
     read_windows,
 )
-from rig.config.columns import COLUMNS
+from rig.config.columns import COLUMNS, Column
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
+from rig.stations import Station, as_records, station_names
 
 if TYPE_CHECKING:
     import xarray
@@ -38,15 +40,14 @@ MEAN_POSITION_ALARM = 0.005  # m; an encoder bias adds a constant force of Ki ti
 
 COMPLETE, INTERRUPTED, NOT_RUN = "complete", "cut short", "not run"
 INCOMPLETE = "record incomplete"  # fully measured, but the record lacks ticks
+STATIONS_ATTRIBUTE = "stations"  # of the dataset: the run's power stations, as JSON
 
-POWERS = ("mechanical_1", "mechanical_2", "ac", "dc")
 MOTION_FIELDS = {
     "position": "heave.estimate.position",
     "velocity": "heave.estimate.velocity",
     "current": "heave.sense.current",
     "force": "heave.command.force",
 }
-LOAD_CELL_FIELDS = {"mechanical_1": "load.lcb", "mechanical_2": "load.trs"}
 LOGGED_SETTINGS = {  # log fields that give the set point of a run without a plan
     "spring_rate": "spring_command.rate",
     "stator": "spring_command.target",
@@ -63,29 +64,36 @@ LOGGED_SETTINGS = {  # log fields that give the set point of a run without a pla
     "discharge_level": "drive_command.settings.discharge_level",
 }
 SETTINGS = {"spring_rate": "N/m", "stator": "%"} | {c.name: c.unit for c in COLUMNS}
-FIELDS = [
-    *(f"power.{name}" for name in POWERS),
-    *MOTION_FIELDS.values(),
-    *LOAD_CELL_FIELDS.values(),
-    "heave.command.limited",
-    "heave.warned",
-    "tare.samples",
-]
 
-UNITS = {
-    **{f"power_{name}": "W" for name in POWERS},
-    **{f"power_{name}_se": "W" for name in POWERS},
-    **{f"power_{name}_demeaned": "W" for name in LOAD_CELL_FIELDS},
-    **{
-        f"{name}_{kind}": unit
-        for name, unit in zip(MOTION_FIELDS, ("m", "m/s", "A", "N"), strict=True)
-        for kind in ("mean", "rms", "peak")
-    },
-    **SETTINGS,
-    "stroke": "m",
-    "start": "s",
-    **quality.UNITS,
-}
+
+def required_fields(stations: Iterable[Station]) -> list[str]:
+    """Return the log fields that the table needs, besides ``time`` and those of the windows."""
+    return [
+        *(f"power.{station.name}" for station in stations),
+        *MOTION_FIELDS.values(),
+        *(station.force for station in stations if station.force),
+        "heave.command.limited",
+        "heave.warned",
+        "tare.samples",
+    ]
+
+
+def column_units(stations: Iterable[Station]) -> dict[str, str]:
+    """Return the units of the table's numbers by column, those of powers by station."""
+    return {
+        **{f"power_{station.name}": "W" for station in stations},
+        **{f"power_{station.name}_se": "W" for station in stations},
+        **{f"power_{station.name}_demeaned": "W" for station in stations if station.force},
+        **{
+            f"{name}_{kind}": unit
+            for name, unit in zip(MOTION_FIELDS, ("m", "m/s", "A", "N"), strict=True)
+            for kind in ("mean", "rms", "peak")
+        },
+        **SETTINGS,
+        "stroke": "m",
+        "start": "s",
+        **quality.UNITS,
+    }
 
 
 def wave_period(plan: dict[str, Any]) -> float | None:
@@ -119,7 +127,9 @@ def flag_names(kind: type[LimitFlag] | type[WarningFlag], values: Any) -> str:
     return " ".join(str(flag.name) for flag in kind if raised & flag)
 
 
-def reduce_window(window: Window, period_ticks: float | None) -> dict[str, Any]:
+def reduce_window(
+    window: Window, period_ticks: float | None, stations: Iterable[Station]
+) -> dict[str, Any]:
     """Return the row-table entry of one window by column name, in SI units.
 
     ``period_ticks`` is the repeat period of the sea in ticks; None if the sea does not repeat.
@@ -140,7 +150,7 @@ def reduce_window(window: Window, period_ticks: float | None) -> dict[str, Any]:
         "warned": flag_names(WarningFlag, data["heave.warned"]),
         "periods": 0,
     }
-    for name in POWERS:
+    for name in station_names(stations):
         values = data[f"power.{name}"]
         entry[f"power_{name}"] = float(values.mean())
         entry[f"power_{name}_se"] = float("nan")
@@ -149,10 +159,11 @@ def reduce_window(window: Window, period_ticks: float | None) -> dict[str, Any]:
             entry["periods"] = len(means)
             entry[f"power_{name}_se"] = standard_error(means)
     velocity = data[MOTION_FIELDS["velocity"]]
-    for name, field in LOAD_CELL_FIELDS.items():
-        force = data[field]
-        mean = (force * velocity).mean() - force.mean() * velocity.mean()
-        entry[f"power_{name}_demeaned"] = float(mean)
+    for station in stations:
+        if station.force:
+            force = data[station.force]
+            mean = (force * velocity).mean() - force.mean() * velocity.mean()
+            entry[f"power_{station.name}_demeaned"] = float(mean)
     for name, field in MOTION_FIELDS.items():
         values = data[field]
         entry[f"{name}_mean"] = float(values.mean())
@@ -166,9 +177,9 @@ def reduce_window(window: Window, period_ticks: float | None) -> dict[str, Any]:
     return {**entry, **quality.quality_columns(data)}
 
 
-def _add_repetition_errors(table: list[dict[str, Any]]) -> None:
+def _add_repetition_errors(table: list[dict[str, Any]], stations: Iterable[Station]) -> None:
     """Fill unknown standard errors of rows with the standard deviation over repetitions."""
-    for name in POWERS:
+    for name in station_names(stations):
         by_point: dict[int, list[dict[str, Any]]] = {}
         for row in table:
             if row["state"] == COMPLETE and np.isnan(row[f"power_{name}_se"]):
@@ -209,10 +220,12 @@ def row_table(
     planned = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
     measured: dict[int, dict[str, Any]] = {}
     available = [leaf.name for leaf in source.leaves]
+    stations = tuple(each for each in run_facts.stations if f"power.{each.name}" in available)
+    units = column_units(stations)
     logged = set(available) & set(LOGGED_SETTINGS.values()) | set(
         quality.required_fields(available)
     )
-    fields = ["time", *FIELDS, *sorted(logged)]
+    fields = ["time", *required_fields(stations), *sorted(logged)]
     reading = RecordCheck(source.contents, source.damage)
     for raw_window in read_windows(
         source, fields, run_facts.plan, incomplete_rows=True, reading=reading
@@ -225,14 +238,19 @@ def row_table(
         window = raw_window._replace(
             incomplete_reason=reason, data=calibrated.correct_ticks(corrections, raw_window.data)
         )
-        entry = reduce_window(window, period_ticks)
+        entry = reduce_window(window, period_ticks, stations)
         # A later attempt replaces an earlier one.
-        measured[window.row] = entry if incomplete_rows else _withhold_means(entry, window)
+        measured[window.row] = entry if incomplete_rows else _withhold_means(entry, window, units)
+    columns = plan_columns(run_facts.plan)
+    setting_names = ("stator", *(column.name for column in columns))
     state = reading.state(run)
     lost_rows = missing_rows(run_facts.plan, measured, state)
     table = [
         calibrated.correct_row(
-            corrections, _merge_plan(measured.get(row), planned.get(row, {}), row, row in lost_rows)
+            corrections,
+            _merge_plan(
+                measured.get(row), planned.get(row, {}), row, units, row in lost_rows, setting_names
+            ),
         )
         for row in sorted({*planned, *measured})
     ]
@@ -240,39 +258,57 @@ def row_table(
         for axis in ("", "surge_"):
             off_zero = abs(row_entry[f"{axis}position_mean"]) > mean_position_alarm
             row_entry[f"{axis}position_alarm"] = int(off_zero and row_entry["state"] == COMPLETE)
-    _add_repetition_errors(table)
-    dataset = _build_dataset(table, run_facts, period)
-    attributes = {"record": state.description, "record_state": json.dumps(state.as_dict())}
+    _add_repetition_errors(table, stations)
+    dataset = _build_dataset(table, run_facts, units, period, columns)
+    attributes = {
+        "record": state.description,
+        "record_state": json.dumps(state.as_dict()),
+        STATIONS_ATTRIBUTE: json.dumps(as_records(stations)),
+    }
     return dataset.assign_attrs(
         attributes | corrections.attributes, mean_position_alarm_m=mean_position_alarm
     )
 
 
-def _withhold_means(entry: dict[str, Any], window: Window) -> dict[str, Any]:
+def _withhold_means(entry: dict[str, Any], window: Window, units: dict[str, str]) -> dict[str, Any]:
     """Return the entry without its means if the record lacks ticks of the window."""
     if not window.missing or entry["state"] != COMPLETE:
         return entry
     state = {"state": INCOMPLETE, "incomplete_reason": window.missing_text}
     kept = {"start", *SETTINGS}
-    return {**entry, **state, **{name: float("nan") for name in UNITS if name not in kept}}
+    return {**entry, **state, **{name: float("nan") for name in units if name not in kept}}
 
 
 def _merge_plan(
-    measured: dict[str, Any] | None, planned: dict[str, Any], row: int, lost: bool
+    measured: dict[str, Any] | None,
+    planned: dict[str, Any],
+    row: int,
+    units: dict[str, str],
+    lost: bool,
+    setting_names: Sequence[str],
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
         texts = {"state": INCOMPLETE, "incomplete_reason": ALL_TICKS_MISSING} if lost else texts
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
-        measured = {"row": row, **counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
-    entry = {**measured, "point": int(planned.get("point", row))}
+        measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}
+    entry = own_settings(measured, setting_names) | {"point": int(planned.get("point", row))}
     entry["repetition"] = int(planned.get("repetition", 0))
-    for name in SETTINGS:
+    for name in setting_names:
         value = planned.get(name, planned.get(f"{name}_position"))
         if value is not None:
             entry[name] = float(value)
     return entry
+
+
+def own_settings(entry: dict[str, Any], setting_names: Sequence[str]) -> dict[str, Any]:
+    """Return a row without the settings that its run does not have, and with those it has.
+
+    A log has gains of every law; they are set points of the impedance law only.
+    """
+    kept = {name: value for name, value in entry.items() if name not in SETTINGS}
+    return kept | {name: entry.get(name, float("nan")) for name in setting_names}
 
 
 def _modulation(config: dict[str, Any]) -> dict[str, str]:
@@ -288,25 +324,33 @@ def _modulation(config: dict[str, Any]) -> dict[str, str]:
 
 _COUNTS = ("attempt", "samples", "lost_ticks", "ticks_expected", "ticks_missing", "tare_samples",
            "periods")  # fmt: skip
-_ORDER = ["row", "point", "repetition", "state", *SETTINGS]
+_ORDER = ["row", "point", "repetition", "state", "spring_rate", "stator"]
 
 
 def _build_dataset(
-    table: list[dict[str, Any]], run_facts: RunInfo, period: float | None
+    table: list[dict[str, Any]],
+    run_facts: RunInfo,
+    units: dict[str, str],
+    period: float | None,
+    columns: tuple[Column, ...],
 ) -> "xarray.Dataset":
     import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
 
     names = list(table[0]) if table else ["row"]
-    names = [n for n in _ORDER if n in names] + [n for n in names if n not in _ORDER]
-    columns = {
+    units = units | {column.name: column.unit for column in columns}
+    order = [*_ORDER, *(column.name for column in columns)]
+    order = list(dict.fromkeys(order))
+    names = [n for n in order if n in names] + [n for n in names if n not in order]
+    variables = {
         name: xarray.Variable(
             "row",
             np.array([row[name] for row in table]),
-            {"units": unit} if (unit := UNITS.get(name.removesuffix(RECORDED))) else {},
+            {"units": unit} if (unit := units.get(name.removesuffix(RECORDED))) else {},
         )
         for name in names
     }
     attributes = run_facts.attributes() | _modulation(run_facts.config)
+    attributes |= run_columns.attributes(columns)
     if period:
         attributes["wave_period_s"] = period
-    return xarray.Dataset(columns, attrs=attributes)
+    return xarray.Dataset(variables, attrs=attributes)

@@ -12,13 +12,14 @@ import numpy as np
 import xarray
 from scipy.stats import chi2
 
-from rig.analysis.labels import BY_NAME, format_quantity
+from rig.analysis.labels import format_quantity
 from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
-from rig.analysis.rows import POWERS
-from rig.config.columns import Column
+from rig.analysis.run_columns import column_named
+from rig.config.columns import OTHER_COLUMNS, Column
+from rig.stations import Station, find
 
-KP, KI, SPRING_RATE = BY_NAME["kp"], BY_NAME["ki"], BY_NAME["spring_rate"]
+KP, KI, SPRING_RATE = (column_named(name) for name in ("kp", "ki", "spring_rate"))
 _VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal
 _STEP_TOLERANCE = 0.01  # relative to the step; steps closer than this are equal
 NEGLIGIBLE_SHARE = 0.01  # of the power; smaller differences are irrelevant
@@ -32,7 +33,7 @@ _NO_SPREAD = "differences within errors"
 class Optimum(NamedTuple):
     """The measured point that absorbs most at one station."""
 
-    kind: str
+    station: Station
     point: Point
     at_edge: bool  # end of a range of at least three values: the optimum may lie outside
     at_gap: bool  # a neighbouring point was not measured: the optimum may lie there
@@ -52,18 +53,18 @@ class Optimum(NamedTuple):
     @property
     def power(self) -> float:
         """W, negative is absorbed."""
-        return self.point.power[self.kind]
+        return self.point.power[self.station.name]
 
     @property
     def error(self) -> float:
         """Standard error, W; NaN where unknown."""
-        return self.point.error[self.kind]
+        return self.point.error[self.station.name]
 
 
 class Slice(NamedTuple):
     """The points of a matrix over two columns for the power at one station."""
 
-    kind: str
+    station: Station
     x: Column
     y: Column
     fixed: Setting  # columns at a requested value
@@ -80,28 +81,29 @@ class Slice(NamedTuple):
     @property
     def values(self) -> list[float]:
         """Power of each point, W."""
-        return [p.power[self.kind] for p in self.points]
+        return [p.power[self.station.name] for p in self.points]
 
 
 def slice_matrix(
-    matrix: Matrix, kind: str, x: Column, y: Column, fixed: Setting | None = None
+    matrix: Matrix, name: str, x: Column, y: Column, fixed: Setting | None = None
 ) -> Slice:
-    """Return the slice through the best of the points that have the ``fixed`` values.
+    """Return the slice of a station's power through the best of the points with these values.
 
     Raises ValueError for a value that is not in the campaign; the message lists those that are.
     """
+    station = find(matrix.stations, name)
     fixed = {n: _campaign_value(matrix, n, v) for n, v in (fixed or {}).items() if np.isfinite(v)}
     points = [
         p
         for p in matrix.points
         if agrees(p.setting, fixed)
-        and np.isfinite(p.power[kind])
+        and np.isfinite(p.power[name])
         and x.name in p.setting
         and y.name in p.setting
     ]
     if not points:
-        return Slice(kind, x, y, fixed, {}, (), (), None)
-    best_point = min(points, key=lambda point: point.power[kind])
+        return Slice(station, x, y, fixed, {}, (), (), None)
+    best_point = min(points, key=lambda point: point.power[name])
     left_out = {c.name for c in varied_columns(matrix)} - {x.name, y.name, *fixed}
     sliced = {n: v for n, v in best_point.setting.items() if n in left_out}
     in_slice = tuple(p for p in points if agrees(p.setting, sliced))
@@ -113,17 +115,15 @@ def slice_matrix(
     measured = {(p.setting[x.name], p.setting[y.name]) for p in in_slice}
     best_xy = (best_point.setting[x.name], best_point.setting[y.name])
     best = Optimum(
-        kind,
+        station,
         best_point,
         _at_edge(best_xy, planned),
         not _neighbours(best_xy, planned) <= measured,
         len(points),
-        _flatness(kind, in_slice, 3),
-        tuple(
-            name for name in sliced if _flatness(kind, _points_along(name, best_point, points), 2)
-        ),
+        _flatness(name, in_slice, 3),
+        tuple(n for n in sliced if _flatness(name, _points_along(n, best_point, points), 2)),
     )
-    return Slice(kind, x, y, fixed, sliced, in_slice, tuple(sorted(planned - measured)), best)
+    return Slice(station, x, y, fixed, sliced, in_slice, tuple(sorted(planned - measured)), best)
 
 
 def _points_along(name: str, origin: Point, points: list[Point]) -> tuple[Point, ...]:
@@ -132,17 +132,17 @@ def _points_along(name: str, origin: Point, points: list[Point]) -> tuple[Point,
     return tuple(p for p in points if agrees(p.setting, others))
 
 
-def project_matrix(matrix: Matrix, kind: str, x: Column, y: Column) -> Slice:
+def project_matrix(matrix: Matrix, name: str, x: Column, y: Column) -> Slice:
     """Return all measured points over two columns, whatever their other columns.
 
     The best point is that of the whole matrix.
     """
-    best_slice = slice_matrix(matrix, kind, x, y)
+    best_slice = slice_matrix(matrix, name, x, y)
     names = (x.name, y.name)
     points = tuple(
         p
         for p in matrix.points
-        if np.isfinite(p.power[kind]) and all(name in p.setting for name in names)
+        if np.isfinite(p.power[name]) and all(n in p.setting for n in names)
     )
     return best_slice._replace(sliced={}, points=points, missing=())
 
@@ -151,6 +151,14 @@ def stator_by_spring_rate(matrix: Matrix) -> dict[float, float]:
     """Return the stator position (%) of each measured spring rate (N/m), stiffest first."""
     stators = {p.spring_rate: p.stator for p in reversed(matrix.points)}
     return dict(sorted(stators.items(), reverse=True))
+
+
+def law_axes(matrix: Matrix) -> tuple[Column, Column]:
+    """Return the axes of a matrix at one spring rate: Ki and Kp, or its law's first two columns."""
+    if {KI, KP} <= set(matrix.columns):
+        return KI, KP
+    first, *rest = matrix.columns[1:]
+    return first, next((each for each in rest if each not in OTHER_COLUMNS), SPRING_RATE)
 
 
 def find_optima(table: xarray.Dataset) -> list[Optimum]:
@@ -162,8 +170,8 @@ def find_optima(table: xarray.Dataset) -> list[Optimum]:
     """
     matrix = gain_matrix(table)
     slices = (
-        slice_matrix(matrix, kind, KI, KP, {"spring_rate": rate})
-        for kind in POWERS
+        slice_matrix(matrix, station.name, *law_axes(matrix), {"spring_rate": rate})
+        for station in matrix.stations
         for rate in stator_by_spring_rate(matrix)
     )
     return [each.best for each in slices if each.best is not None]
@@ -184,7 +192,7 @@ def slice_remarks(slice_: Slice) -> list[str]:
     if len(slice_.points) > 2:
         uneven = [c.label for c, values in ((slice_.x, xs), (slice_.y, ys)) if not _is_even(values)]
         remarks += [f"{' and '.join(uneven)} unevenly spaced"] if uneven else []
-    if flatness := _flatness(slice_.kind, slice_.points, 3):
+    if flatness := _flatness(slice_.station.name, slice_.points, 3):
         remarks.append(f"all {flatness}" if flatness != WITHIN_ERRORS else _NO_SPREAD)
     if slice_.missing:
         count = len(slice_.missing)
@@ -205,14 +213,14 @@ def _campaign_value(matrix: Matrix, name: str, value: float) -> float:
         if isclose(each, value, rel_tol=_VALUE_TOLERANCE, abs_tol=1e-12)
     ]
     if campaign_levels and not matching:
-        column, digits = BY_NAME[name], 9
+        column, digits = column_named(name), 9
         available = ", ".join(format_quantity(column, each, digits) for each in campaign_levels)
         shown = format_quantity(column, value, digits)
         raise ValueError(f"{column.label} {shown} is not in the campaign; allowed {available}")
     return matching[0] if matching else value
 
 
-def _flatness(kind: str, points: tuple[Point, ...], min_points: int) -> str:
+def _flatness(name: str, points: tuple[Point, ...], min_points: int) -> str:
     """Return the range within which the powers of the points lie as text; empty if they differ.
 
     Powers do not differ if their variance is within their errors (chi square, 99 %), or if their
@@ -220,8 +228,8 @@ def _flatness(kind: str, points: tuple[Point, ...], min_points: int) -> str:
     """
     if len(points) < min_points:
         return ""
-    values = np.array([p.power[kind] for p in points])
-    squares = np.array([p.error[kind] for p in points]) ** 2
+    values = np.array([p.power[name] for p in points])
+    squares = np.array([p.error[name] for p in points]) ** 2
     if np.isfinite(squares).all() and squares.all():
         dof = len(points) - 1
         if float(np.var(values, ddof=1) / squares.mean()) < float(chi2.ppf(0.99, dof)) / dof:

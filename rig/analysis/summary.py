@@ -12,6 +12,7 @@ from rig.analysis.alarms import alarms
 from rig.analysis.effects import Effects, is_designed
 from rig.analysis.points import Setting, error_source, gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE
+from rig.analysis.run_columns import column_named
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
 from rig.config.columns import REQUIRED_COLUMNS
@@ -74,7 +75,7 @@ class Summary(NamedTuple):
         }
         parts = [f"at {labels.format_settings(effective)}"] if effective else []
         ineffective = [
-            labels.BY_NAME[name].label for name in settings if name in optimum.without_effect
+            column_named(name).label for name in settings if name in optimum.without_effect
         ]
         return "; ".join(
             [*parts, f"no effect of {', '.join(ineffective)}"] if ineffective else parts
@@ -178,12 +179,12 @@ def as_json(summary: Summary) -> dict[str, Any]:
     """Return the summary as JSON data in W, N/m, %, N*s/m; an unknown error is null."""
     best = [
         {
-            "power": optimum.kind,
+            "power": optimum.station.name,
             "rows": list(optimum.point.rows),
             "spring_rate_n_per_m": optimum.point.spring_rate,
             "stator_percent": optimum.point.stator,
-            "kp_n_s_per_m": optimum.point.kp,
-            "ki_n_per_m": optimum.point.ki,
+            "kp_n_s_per_m": _known(optimum.point.kp),
+            "ki_n_per_m": _known(optimum.point.ki),
             "further": summary.further_settings(optimum),
             "further_without_effect": list(optimum.without_effect),
             "flat": optimum.flat or None,
@@ -237,6 +238,10 @@ def _rows_lines(summary: Summary) -> list[str]:
     return [f"{summary.rows_text}."]
 
 
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
 def _result_lines(summary: Summary) -> list[str]:
     """Return the best points of the matrix, or the findings of a run without best points."""
     if summary.findings:
@@ -244,10 +249,14 @@ def _result_lines(summary: Summary) -> list[str]:
     lines = [f"Best points (negative is absorbed, positive consumed{summary.error_text})"]
     for optimum in summary.optima:
         point, power = optimum.point, phrases.format_power(optimum.power, optimum.error)
-        kp, ki = phrases.format_signed(point.kp), phrases.format_signed(point.ki)
+        gains = "".join(
+            f"{label} {phrases.format_signed(value):>6}  "
+            for label, value in (("Kp", point.kp), ("Ki", point.ki))
+            if np.isfinite(value)
+        )
         lines.append(
-            f"  {phrases.POWER_NAMES[optimum.kind]:<32} {power:>16}"
-            f"   Kp {kp:>6}  Ki {ki:>6}   {phrases.spring_text(point.spring_rate, point.stator)}"
+            f"  {optimum.station.label:<32} {power:>16}"
+            f"   {gains} {phrases.spring_text(point.spring_rate, point.stator)}"
             + (f"   {optimum.caveat}" if optimum.caveat else "")
         )
         if further := summary.further_text(optimum):

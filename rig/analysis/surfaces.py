@@ -15,8 +15,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
+from rig import stations
 from rig.analysis import labels, panel, phrases, picture
-from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import DARK
 from rig.analysis.points import (
     Matrix,
@@ -28,10 +28,17 @@ from rig.analysis.points import (
     levels,
     varied_columns,
 )
-from rig.analysis.slices import KI, KP, Slice, project_matrix, slice_matrix, stator_by_spring_rate
+from rig.analysis.slices import (
+    KI,
+    KP,
+    Slice,
+    law_axes,
+    project_matrix,
+    slice_matrix,
+    stator_by_spring_rate,
+)
 from rig.config.columns import Column
 
-KINDS = ("mechanical_1", "ac", "dc")  # stations shown by default
 NO_POINTS = Matrix((), ())
 _HEADING_LETTERS = 40  # per line of a panel's heading
 _MIN_WIDTH = 6.6  # in, so that title and stamp fit
@@ -52,10 +59,15 @@ def default_view(matrix: Matrix) -> View:
     """
     names = [column.name for column in varied_columns(matrix)]
     gains = {"kp", "ki"} & set(names)
-    if len(gains) == 2 or (gains and set(names) <= {*gains, "spring_rate"}) or not names:
+    has_gains = {KI, KP} <= set(matrix.columns)
+    all_by_gains = (gains and set(names) <= {*gains, "spring_rate"}) or not names
+    if has_gains and (len(gains) == 2 or all_by_gains):
         return View(KI, KP, True)
+    by_name = {column.name: column for column in matrix.columns}
     ranked = sorted(names, key=lambda name: -len(levels(matrix, name)))
-    return View(BY_NAME[ranked[0]], BY_NAME[ranked[1]] if len(ranked) > 1 else KP, False)
+    others = [KP.name] if has_gains else [each.name for each in law_axes(matrix)]
+    x, y, *_ = (*ranked, *(name for name in (*others, *by_name) if name not in ranked))
+    return View(by_name[x], by_name[y], not ranked)
 
 
 def panel_columns(table: xarray.Dataset) -> int:
@@ -75,7 +87,11 @@ def is_scattered(matrix: Matrix) -> bool:
         [{"spring_rate": r} for r in stator_by_spring_rate(matrix)] if view.by_spring_rate else [{}]
     )
     largest = max(
-        (len(slice_matrix(matrix, "dc", view.x, view.y, fixed).points) for fixed in fixed_settings),
+        (
+            len(slice_matrix(matrix, station.name, view.x, view.y, fixed).points)
+            for fixed in fixed_settings
+            for station in matrix.stations[-1:]
+        ),
         default=0,
     )
     return largest < 3 <= len(matrix.points) and len(varied_columns(matrix)) > 3
@@ -106,20 +122,18 @@ def draw_surfaces(
         [{"spring_rate": rate} for rate in rates] if view.by_spring_rate else [{}]
     )
     headings = [phrases.spring_text(rate, stator) for rate, stator in rates.items()]
-    slices = {
-        kind: [slice_matrix(matrix, kind, view.x, view.y, fixed) for fixed in fixed_settings]
-        for kind in KINDS
-    }
-    panels: Any = figure.subplots(len(KINDS), len(fixed_settings), squeeze=False)
+    slices = [
+        [slice_matrix(matrix, station.name, view.x, view.y, fixed) for fixed in fixed_settings]
+        for station in stations.shown(matrix.stations)
+    ]
+    panels: Any = figure.subplots(len(slices), len(fixed_settings), squeeze=False)
     panel_width = (width - 1.0) / len(fixed_settings) - 0.4
-    for i, kind in enumerate(KINDS):
+    for i, of_station in enumerate(slices):
         captions = [
-            panel.format_caption(fixed, panel_width, compact=compact, sliced=True)
-            for fixed in slices[kind]
+            panel.format_caption(each, panel_width, compact=compact, sliced=True)
+            for each in of_station
         ]
-        _draw_station(
-            figure, panels[i].tolist(), slices[kind], captions, overlay, few_ticks=compact
-        )
+        _draw_station(figure, panels[i].tolist(), of_station, captions, overlay, few_ticks=compact)
         if i == 0 and view.by_spring_rate:
             for axes, text in zip(panels[i], headings, strict=True):
                 panel.add_heading(axes, text, panel.count_lines(captions), compact=compact)
@@ -128,15 +142,14 @@ def draw_surfaces(
 
 def _draw_scattered(figure: FigureBase, matrix: Matrix, view: View) -> None:
     """Draw all points of a scattered matrix, one panel for each station."""
-    panels: Any = figure.subplots(len(KINDS), 1, squeeze=False)
-    for axes, kind in zip(panels[:, 0], KINDS, strict=True):
-        slice_ = project_matrix(matrix, kind, view.x, view.y)
+    drawn = stations.shown(matrix.stations)
+    panels: Any = figure.subplots(len(drawn), 1, squeeze=False)
+    for axes, station in zip(panels[:, 0], drawn, strict=True):
+        slice_ = project_matrix(matrix, station.name, view.x, view.y)
         if slice_.points:
             colour_scale = panel.power_scale(slice_.values)
             panel.draw_scatter(axes, slice_, colour_scale)
-            panel.add_colour_bar(
-                figure, [axes], colour_scale, f"{phrases.STATION_ABBREVIATIONS[kind]}, W"
-            )
+            panel.add_colour_bar(figure, [axes], colour_scale, f"{station.short_label}, W")
     panels[-1, 0].set_xlabel(labels.axis_label(view.x), fontsize=8)
 
 
@@ -148,7 +161,7 @@ def points_in_slice(matrix: Matrix, slice_: Slice) -> list[Point]:
         for p in matrix.points
         if agrees(p.setting, fixed)
         and {slice_.x.name, slice_.y.name} <= p.setting.keys()
-        and np.isfinite(p.power[slice_.kind])
+        and np.isfinite(p.power[slice_.station.name])
     ]
 
 
@@ -163,9 +176,11 @@ def _draw_station(
 ) -> None:
     """Draw the panels of one station with a common scale and a caption each."""
     values = [value for slice_ in slices for value in slice_.values]
-    values += [p.power[slice_.kind] for slice_ in slices for p in points_in_slice(overlay, slice_)]
+    values += [
+        p.power[slice_.station.name] for slice_ in slices for p in points_in_slice(overlay, slice_)
+    ]
     colour_scale = panel.power_scale(values) if values else None
-    label = f"{phrases.STATION_ABBREVIATIONS[slices[0].kind]}, W"
+    label = f"{slices[0].station.short_label}, W"
     axes_by_content: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
     for axes, slice_, caption in zip(row, slices, captions, strict=True):
         content = panel.draw_panel(axes, slice_, colour_scale, caption, few_ticks=few_ticks)
@@ -219,29 +234,32 @@ def write_sliced(
     x: Column = KI,
     y: Column = KP,
     fixed: Setting | None = None,
-    kinds: tuple[str, ...] = KINDS,
+    names: tuple[str, ...] = (),
 ) -> Path:
     """Write one panel for each station over two columns, sliced where that station absorbs most.
 
-    ``fixed`` fixes other columns at values of the campaign instead. Raises ValueError for a value
+    ``fixed`` fixes other columns at values of the campaign instead. ``names`` are stations by name
+    or alias; default are those shown in every picture. Raises ValueError for a value
     that is not in the campaign, and if both axes are the same column.
     """
     if x == y:
         raise ValueError(f"{x.label} cannot be both axes of a surface")
     matrix = gain_matrix(table)
-    slices = [slice_matrix(matrix, kind, x, y, fixed) for kind in kinds]
+    drawn = dict.fromkeys(stations.find(matrix.stations, name) for name in names)
+    drawn = drawn or dict.fromkeys(stations.shown(matrix.stations))
+    slices = [slice_matrix(matrix, station.name, x, y, fixed) for station in drawn]
     title = f"Power over {x.label} and {y.label}: {picture.campaign_name(table.attrs)}"
-    width = max(4.1 * len(kinds) + 0.5, _MIN_WIDTH)
+    width = max(4.1 * len(slices) + 0.5, _MIN_WIDTH)
     slice_note = "other columns at the optimum of each station"
     caption = picture.sign_note(error_source(matrix.points))
     figure, body = picture.framed_figure(
         width, 3.9, title, table.attrs, caption, "" if fixed else slice_note
     )
-    panels: Any = body.subplots(1, len(kinds), squeeze=False)
-    panel_width = width / len(kinds) - 1.0
+    panels: Any = body.subplots(1, len(slices), squeeze=False)
+    panel_width = width / len(slices) - 1.0
     for axes, slice_ in zip(panels[0], slices, strict=True):
         colour_scale = panel.power_scale(slice_.values) if slice_.values else None
-        name = phrases.STATION_ABBREVIATIONS[slice_.kind]
+        name = slice_.station.short_label
         caption = panel.format_caption(slice_, panel_width)
         content = panel.draw_panel(axes, slice_, colour_scale, caption)
         if content == "surface" and colour_scale is not None:
@@ -257,7 +275,7 @@ def write_sliced(
 
 def slice_heading(slice_: Slice) -> str:
     """Return the heading of a sliced panel: the station and the values of the other columns."""
-    lines = [phrases.STATION_ABBREVIATIONS[slice_.kind]]
+    lines = [slice_.station.short_label]
     if slice_.sliced:
         lines += textwrap.wrap(
             f"sliced at {labels.format_settings(slice_.sliced)}", _HEADING_LETTERS

@@ -14,8 +14,9 @@ from rig.analysis import phrases, picture
 from rig.realtime.sequence import Phase
 from rig.recording.runs import reader
 from rig.recording.runs.folder import run_info
+from rig.stations import shown
 
-DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1", "power.ac")
+_MOTION_FIELDS = ("heave.estimate", "heave.command.force")  # drawn by default, with two powers
 _WIDTH, _PAGE_HEIGHT = (
     11.0,
     8.0,
@@ -102,17 +103,21 @@ def _format_constants(data: dict[str, Any], constant: list[str], units: dict[str
 def write_traces(
     run: Path,
     path: Path,
-    fields: Iterable[str] = DEFAULT_FIELDS,
+    fields: Iterable[str] = (),
     rows: int | Iterable[int] | None = None,
 ) -> Path:
     """Write a picture of the named fields over time (s from run start).
 
-    ``fields`` are names, prefixes or shell patterns as in `rig.recording.runs.open_run`; ``rows``
-    selects rows, None the whole run. Constant fields are listed as text, unless all are constant.
-    Raises KeyError for an unknown field or row, and RunError for a run that cannot be read.
+    ``fields`` are names, prefixes or shell patterns as in `rig.recording.runs.open_run`; default
+    are motion, force and two powers. ``rows`` selects rows, None the whole run. Constant fields are
+    listed as text, unless all are constant. Raises KeyError for an unknown field or row, and
+    RunError for a run that cannot be read.
     """
     source = reader.open_files(run)
-    names = [name for name in reader.select_fields(source.leaves, fields) if name != "time"]
+    run_facts = run_info(run, source.contents)
+    powers = [f"power.{station.name}" for station in shown(run_facts.stations)[:2]]
+    selected = reader.select_fields(source.leaves, list(fields) or [*_MOTION_FIELDS, *powers])
+    names = [name for name in selected if name != "time"]
     if isinstance(rows, int):
         rows = [rows]
     plan_fields = [leaf.name for leaf in source.leaves if leaf.name == "plan.phase"]
@@ -171,7 +176,6 @@ def write_traces(
             axes.spines[side].set_visible(False)
     axes_of[-1].set_xlabel("time from run start, s")
     figure.align_ylabels(list(axes_of))
-    run_facts = run_info(run, source.contents)
     stamp = phrases.mode_stamp(run_facts.mode)
     figure.suptitle(
         f"{run_facts.campaign or 'campaign unknown'}, run {run_facts.run}   [{stamp}]",

@@ -267,6 +267,19 @@ def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
 
 
 @app.command()
+def laws(
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Files of laws (.py); default: registered laws.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the control laws: columns of the matrix, parameters, ranges."""
+    from rig.cli.laws import main
+
+    sys.exit(main(files or [], as_json=json))
+
+
+@app.command()
 def show(
     run: Run,
     calibration: ReadBy = None,

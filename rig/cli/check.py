@@ -8,10 +8,12 @@ from rig.cli import BAD_INPUT, OK
 from rig.cli.check_view import CheckView
 from rig.cli.command_error import fail
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
+from rig.config import Problem
 from rig.config.shipped_files import UnknownNameError
-from rig.design.predictions import predict
+from rig.design.predictions import predict, unpredicted_reason
 from rig.execution.rehearsal.job import problems
-from rig.planning.campaign import CheckReport, check_campaign
+from rig.laws import OWN_MODULES
+from rig.planning.campaign import Campaign, CheckReport, Plan, check_campaign
 from rig.planning.session.files import is_session
 
 
@@ -21,7 +23,26 @@ def examine(path: Path, rig: Path | None = None) -> CheckReport:
     ``rig`` replaces the rig that the campaign names. Calibrations must be valid today (UTC).
     """
     today = datetime.now(UTC).date()
-    return check_campaign(path, extra_check=problems, predictor=predict, rig=rig, day=today)
+    report = check_campaign(path, extra_check=problems, predictor=predict, rig=rig, day=today)
+    if report.campaign is None or report.plan is None:
+        return report
+    return report._replace(
+        not_predicted=unpredicted_reason(report.campaign, report.plan),
+        law_warnings=_compilation_warnings(report.campaign, report.plan),
+    )
+
+
+def _compilation_warnings(campaign: Campaign, planned: Plan) -> tuple[Problem, ...]:
+    """Return a warning about a law that cannot be compiled; those of wec-rig can."""
+    if not campaign.law.is_file and campaign.law.name in OWN_MODULES:
+        return ()
+    from rig.sweep.law_compilation import compilation_problem  # numba
+
+    reason = compilation_problem(campaign, planned)
+    if not reason:
+        return ()
+    message = f"the law cannot be compiled, so it runs interpreted and no sweep has it: {reason}"
+    return (campaign.locate.problem(("law",), campaign.law.name, message),)
 
 
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:

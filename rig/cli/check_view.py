@@ -9,23 +9,31 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from controllers.law import Column as LawColumn
 from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
-from rig.design.predictions import Prediction, RowPrediction, Travel, tightest
+from rig.design.predictions import (
+    PREDICTED_STATIONS,
+    Prediction,
+    RowPrediction,
+    Travel,
+    tightest,
+)
 from rig.planning.campaign import CheckReport
 from rig.planning.campaign.check import format_duration
+from rig.stations import shown
 
 ROWS_SHOWN = 8  # without --rows
 MAX_SPRING_RATES = 12
 MAX_WARNINGS = 10
-_STATIONS = (("mech 1", "power_mechanical_1"), ("AC", "power_ac"), ("DC", "power_dc"))
 _HIGH_SHARE = 0.75  # of a limit; the view colours values from here on
-_LEADING_COLUMNS = (("row", ""), ("spring", "N/m"), ("Kp", "N s/m"), ("Ki", "N/m"))
+_LEADING_COLUMNS = (("row", ""), ("spring", "N/m"))  # then those of the law
 _RESULT_COLUMNS = (
-    ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"), ("mech 1", "W"), ("mech 2", "W"),
-    ("AC", "W"), ("DC", "W"),
+    ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"),
+    *((station.heading, "W") for station in PREDICTED_STATIONS),
 )  # fmt: skip
-_OPTIONAL_COLUMNS = ("surge", "rms", "mech 2", "mech 1")  # dropped in this order until all fits
+_OPTIONAL_COLUMNS = ("surge", "rms", *(s.heading for s in reversed(PREDICTED_STATIONS) if s.force))
+"""Dropped in this order until all fits; the electrical stations stay."""
 _UNLIMITED_WIDTH = 10_000  # columns
 _VARYING_COLUMNS = {  # shown only where their values change from row to row
     "km": ("Km", "kg"),
@@ -77,14 +85,17 @@ class CheckView:
     def _print_spring_rates(self, forecast: Prediction) -> set[int]:
         """Print a line for each spring rate, and return the points that are refused."""
         refused = {row.row.point for row in forecast.rows if any(row.blocking())}
+        columns = _law_columns(forecast)
         table = _table(
-            "Predicted, by spring rate", "mean W at Kp/Ki or row; negative power is absorbed"
+            "Predicted, by spring rate",
+            f"mean W at {'/'.join(c.label for c in columns)} or row; negative power is absorbed",
         )
         for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
             table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        stations = _STATIONS if self._console.width >= WIDTH else _STATIONS[1:]
-        for name, _ in stations:
-            table.add_column(f"best {name}\n", justify="right", no_wrap=True)
+        stations = shown(PREDICTED_STATIONS)
+        stations = stations if self._console.width >= WIDTH else stations[1:]
+        for station in stations:
+            table.add_column(f"best {station.heading}\n", justify="right", no_wrap=True)
         groups = _by_spring_rate(forecast.rows)
         for rate, rows in groups[:MAX_SPRING_RATES]:
             allowed = [row for row in rows if row.row.point not in refused]
@@ -93,7 +104,7 @@ class CheckView:
                 str(len(rows)),
                 _range_text([row.predicted.position_peak for row in rows], ".3f"),
                 _range_text([row.predicted.current_peak for row in rows], ".1f"),
-                *(_best_text(allowed, field) for _, field in stations),
+                *(_best_text(allowed, f"power_{station.name}", columns) for station in stations),
             )
         self._console.print()
         self._console.print(table)
@@ -111,7 +122,13 @@ class CheckView:
             rows = sorted(rows, key=lambda row: -tightest(row.margins).used)[:ROWS_SHOWN]
             title = f"The {ROWS_SHOWN} of {len(forecast.rows)} rows nearest to a limit"
         caption = "--rows shows all" if len(rows) < len(forecast.rows) else ""
-        columns = [*_LEADING_COLUMNS, *_varying_columns(forecast.rows), *_RESULT_COLUMNS]
+        law = _law_columns(forecast)
+        columns = [
+            *_LEADING_COLUMNS,
+            *((each.label, each.unit.replace("*", " ")) for each in law),
+            *_varying_columns(forecast.rows),
+            *_RESULT_COLUMNS,
+        ]
         shown_rows = [*(lead_in if self._every_row else []), *rows]
 
         def build_table(left_out: Sequence[str]) -> Table:
@@ -121,7 +138,7 @@ class CheckView:
                 table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
             table.add_column("most used\n", no_wrap=True)
             for row in shown_rows:
-                cells = _cells(row)
+                cells = _cells(row, law)
                 style = "red" if row.row.point in refused else ""
                 table.add_row(*(cells[name] for name, _ in kept), _most_used_text(row), style=style)
             return table
@@ -171,33 +188,37 @@ def _table(title: str, caption: str) -> Table:
     )
 
 
+def _law_columns(forecast: Prediction) -> list[LawColumn]:
+    """Return the columns of the law that every matrix has."""
+    return [column for column in forecast.campaign.law.columns if column.default is None]
+
+
 def _varying_columns(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
     """Return the columns besides spring, Kp and Ki whose values differ between rows."""
     settings = [row.row.setting for row in rows]
     return [
         column
         for name, column in _VARYING_COLUMNS.items()
-        if len({getattr(setting, name) for setting in settings}) > 1
+        if len({getattr(setting, name, 0.0) for setting in settings}) > 1
     ]
 
 
-def _cells(prediction: RowPrediction) -> dict[str, str]:
+def _cells(prediction: RowPrediction, law: list[LawColumn]) -> dict[str, str]:
     """Return the cells of a row by column name."""
     predicted, setting = prediction.predicted, prediction.row.setting
     return {
         "row": str(prediction.row.row) if prediction.row.row >= 0 else "lead-in",
         "spring": f"{setting.spring_rate:g}",
-        "Kp": f"{setting.kp:g}",
-        "Ki": f"{setting.ki:g}",
-        **{label: f"{getattr(setting, name):g}" for name, (label, _) in _VARYING_COLUMNS.items()},
+        **{each.label: f"{getattr(setting, each.name):g}" for each in law},
+        **{
+            label: f"{getattr(setting, name, 0.0):g}"
+            for name, (label, _) in _VARYING_COLUMNS.items()
+        },
         "x": f"{predicted.position_peak:.3f}",
         "i": f"{predicted.current_peak:.1f}",
         "rms": f"{predicted.current_rms:.1f}",
         "surge": f"{predicted.surge_position_peak:.3f}",
-        "mech 1": f"{predicted.power_mechanical_1:.1f}",
-        "mech 2": f"{predicted.power_mechanical_2:.1f}",
-        "AC": f"{predicted.power_ac:.1f}",
-        "DC": f"{predicted.power_dc:.1f}",
+        **{s.heading: f"{getattr(predicted, f'power_{s.name}'):.1f}" for s in PREDICTED_STATIONS},
     }
 
 
@@ -220,13 +241,13 @@ def _range_text(values: list[float], digits: str) -> str:
     return low if low == high else f"{low}-{high}"
 
 
-def _best_text(rows: list[RowPrediction], field: str) -> str:
+def _best_text(rows: list[RowPrediction], field: str, law: list[LawColumn]) -> str:
     if not rows:
         return "-"
     best = min(rows, key=lambda row: float(getattr(row.predicted, field)))
     power, setting = getattr(best.predicted, field), best.row.setting
-    gains = {(row.row.setting.kp, row.row.setting.ki) for row in rows}
-    label = [f"{setting.kp:g}/{setting.ki:g}"]
+    gains = {tuple(getattr(row.row.setting, each.name) for each in law) for row in rows}
+    label = ["/".join(f"{getattr(setting, each.name):g}" for each in law)]
     if len({row.row.point for row in rows}) > len(gains):  # other settings vary, too
         label = [*(label if len(gains) > 1 else []), f"row {best.row.row}"]
     return f"{power:.1f} at {', '.join(label)}"

@@ -12,14 +12,6 @@ from rig.cli.find_run import find_calibrations, find_run
 if TYPE_CHECKING:
     import xarray
 
-STATIONS = {
-    "mechanical": "mechanical_1",
-    "shaft": "mechanical_2",
-    "ac": "ac",
-    "dc": "dc",
-}
-"""Names of the power stations on the command line, and in the log."""
-
 
 class PlotOptions(NamedTuple):
     """Options of `rig plot`; without any, the command draws all products."""
@@ -51,7 +43,7 @@ def main(run_name: Path, runs: Path, options: PlotOptions, *, as_json: bool) -> 
 def _draw(run: Path, options: PlotOptions) -> list[Path]:
     from rig.analysis.report import products_folder, write_products
     from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-    from rig.analysis.traces import DEFAULT_FIELDS, write_traces
+    from rig.analysis.traces import write_traces
 
     traces = bool(options.fields or options.rows)
     surface = bool(options.surface or options.left_out or options.stations)
@@ -75,7 +67,7 @@ def _draw(run: Path, options: PlotOptions) -> list[Path]:
         if calibrations:
             raise ValueError("fields over time show recorded values; leave out --calibration")
         picture = options.output or folder / "traces.png"
-        return [write_traces(run, picture, options.fields or DEFAULT_FIELDS, options.rows or None)]
+        return [write_traces(run, picture, options.fields, options.rows or None)]
     incomplete = options.incomplete_rows
     return write_products(run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=incomplete)
 
@@ -91,7 +83,7 @@ def _draw_bars(table: "xarray.Dataset", folder: Path, options: PlotOptions) -> P
 def _draw_surface(table: "xarray.Dataset", folder: Path, options: PlotOptions) -> Path:
     from rig.analysis.labels import column
     from rig.analysis.points import gain_matrix, varied_columns
-    from rig.analysis.surfaces import KINDS, write_sliced
+    from rig.analysis.surfaces import write_sliced
     from rig.config.columns import REQUIRED_COLUMNS
 
     names = options.surface or ("ki", "kp")
@@ -111,9 +103,8 @@ def _draw_surface(table: "xarray.Dataset", folder: Path, options: PlotOptions) -
             raise ValueError(f"{name} cannot be left out; besides the axes these vary: {available}")
         if value:
             fixed_values[left_out_column.name] = _parse_value(argument, value)
-    kinds = tuple(dict.fromkeys(_station_kind(name) for name in options.stations)) or KINDS
     picture = options.output or folder / f"surface_{x.name}_{y.name}.png"
-    return write_sliced(table, picture, x, y, fixed_values, kinds)
+    return write_sliced(table, picture, x, y, fixed_values, tuple(options.stations))
 
 
 def _parse_value(argument: str, value: str) -> float:
@@ -124,9 +115,3 @@ def _parse_value(argument: str, value: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{argument}: {value!r} is not a number; write column=value in SI units")
     return number
-
-
-def _station_kind(name: str) -> str:
-    if name not in STATIONS:
-        raise ValueError(f"unknown station {name!r}; allowed {', '.join(STATIONS)}")
-    return STATIONS[name]

@@ -1,6 +1,7 @@
 """Progress display of a running campaign."""
 
 from rig.cli.run_panel import RunPanel, clock_text, plan_end_text
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Plan
 from rig.processes.run_types import Snapshot
 from rig.realtime.sequence import NO_ROW, Phase
@@ -12,11 +13,12 @@ def _probe_text(snapshot: Snapshot) -> str:
 
 
 def _mean_power_text(snapshot: Snapshot) -> str:
-    row = snapshot.row
-    return (
-        f"{row['power.mean_mechanical_1']:+8.2f} W mechanical   "
-        f"{row['power.mean_ac']:+8.2f} W AC   {row['power.mean_dc']:+8.2f} W DC"
+    means = (
+        f"{snapshot.row[f'power.mean_{station.name}']:+8.2f} W {station.name_in_text}"
+        for station in STATIONS
+        if station.running_mean
     )
+    return "   ".join(means)
 
 
 class Progress(RunPanel):
@@ -80,9 +82,13 @@ class Progress(RunPanel):
         if row == NO_ROW:
             return f"- of {count}   {phase}"
         setting = self._plan.rows[row].setting
+        gains = "   ".join(
+            f"{each.label} {getattr(setting, each.name):g} {each.unit.replace('*', ' ')}"
+            for each in self._plan.law.columns
+            if each.default is None
+        )
         return (
-            f"{row} ({row + 1} of {count})   {phase}   Kp {setting.kp:g} N s/m   "
-            f"Ki {setting.ki:g} N/m   spring {setting.spring_rate:g} N/m"
+            f"{row} ({row + 1} of {count})   {phase}   {gains}   spring {setting.spring_rate:g} N/m"
         )
 
     def _power_text(self, snapshot: Snapshot) -> str:

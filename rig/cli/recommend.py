@@ -2,7 +2,6 @@
 
 import json
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,8 @@ import typer
 
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.twin import PLANT_HELP, PROBE_HELP
+from rig.kinds.wavebot.stations import STATIONS
+from rig.stations import find, option_names, shown
 
 _RUNS = (
     "A run in calm water with an open-loop reference, then later runs in waves and wave "
@@ -17,12 +18,7 @@ _RUNS = (
 )
 
 
-class Station(StrEnum):
-    """Station whose power to maximise."""
-
-    DC = "dc"
-    AC = "ac"
-    MECHANICAL = "mechanical"
+_NAMES = ", ".join(option_names(shown(STATIONS)))
 
 
 def command(
@@ -32,8 +28,8 @@ def command(
         typer.Option(help="Campaign with sea and rig (default: of the last run in waves)."),
     ] = None,
     best: Annotated[
-        Station, typer.Option("--for", help="Station whose power to maximise.")
-    ] = Station.DC,
+        str, typer.Option("--for", help=f"Station whose power to maximise, e.g. {_NAMES}.")
+    ] = STATIONS[-1].name,
     rows: Annotated[int, typer.Option(min=1, max=200, help="Largest number of rows.")] = 12,
     spring: Annotated[
         tuple[float, float] | None,
@@ -55,10 +51,14 @@ def command(
     Run this campaign and add its run to RUNS: the next recommendation then
     uses its rows.
     """
+    from rig.design.recommend import search
     from rig.design.recommend.recommendation import RecommendOptions
 
-    station = "mechanical_1" if best is Station.MECHANICAL else best.value
-    options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)  # type: ignore[arg-type]
+    try:
+        station = find(search.STATIONS, best)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--for") from None
+    options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)
     sys.exit(main(run_names, runs, options, output, pictures=pictures, as_json=json))
 
 

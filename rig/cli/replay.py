@@ -95,6 +95,7 @@ def main(run_name: Path, runs: Path, *, as_json: bool) -> int:
             "absent": list(comparison.absent),
             "finished": comparison.finished,
             "same": comparison.identical,
+            "notice": comparison.notice,
         }
         print(json.dumps(report))
     else:
@@ -110,6 +111,8 @@ def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _print_report(comparison: "ReplayReport") -> None:
+    if comparison.notice:
+        print(comparison.notice)
     for request in comparison.requests:
         print(f"tick {request.tick}: the log shows a request, {request.name}; applied again")
     if not comparison.finished:

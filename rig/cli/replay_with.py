@@ -15,11 +15,13 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.execution.rehearsal.job import problems
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError
+from rig.stations import shown
 from rig.sweep.counterfactual import AmplitudeRange, CounterfactualResult, counterfactual_for_run
 
-_STATIONS = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
+_STATIONS = {station.name: station.heading for station in shown(STATIONS)}
 _HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
 _MM_PER_M = 1000.0  # mm in a metre
 _LARGE_ERROR = 0.1  # share of gross power; such a model describes another device

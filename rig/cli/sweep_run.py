@@ -10,15 +10,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig import cli
-from rig.analysis.phrases import POWER_NAMES, format_power
+from rig.analysis.phrases import format_power
+from rig.analysis.run_columns import table_columns
 from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
+from rig.config.columns import OTHER_COLUMNS
+from rig.kinds.wavebot.stations import STATIONS
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
+from rig.stations import find, station_names
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
 from rig.sweep.journal import JOURNAL_FILE as CASES
@@ -26,6 +30,8 @@ from rig.sweep.result import FAILED
 
 if TYPE_CHECKING:
     import xarray
+
+    from rig.config.columns import Column
 
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
 _COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
@@ -142,7 +148,7 @@ def _compile(opened: sweep.Sweep) -> None:
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if compiled.is_compiled(KEPT_FIELDS):
+    if compiled.is_compiled(KEPT_FIELDS, opened.campaign.law):
         timer.start()
     else:
         print_notice()
@@ -184,13 +190,15 @@ def _result_as_dict(
         "pictures": [str(picture) for picture in pictures],
         "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
         "failed": reasons,
-        "best": {kind: best for kind in POWER_NAMES if (best := _best_row(table, kind))},
+        "best": {
+            name: best for name in station_names(STATIONS) if (best := _best_row(table, name))
+        },
     }
 
 
-def _best_row(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
+def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
     """Return the row with the least power (negative is absorbed), with all its inputs."""
-    name = f"power_{kind}"
+    name = f"power_{station}"
     if name not in table or not np.isfinite(table[name].values).any():
         return {}
     power = table[name].where(table["state"] == "complete")
@@ -198,9 +206,17 @@ def _best_row(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
         return {}
     place: Any = power.argmin(...)
     row: Any = table.isel(place)
-    inputs = [*map(str, table.sizes), *(key for key in ("spring_rate", "kp", "ki") if key in row)]
+    inputs = [
+        *map(str, table.sizes),
+        *(each.name for each in table_columns(table) if _is_gain(each, row)),
+    ]
     values = {key: row[key].values.item() for key in inputs}
     return {"power_w": row[name].values.item(), **values}
+
+
+def _is_gain(column: "Column", row: Any) -> bool:
+    """Return whether a row has a column that describes its set point; Km, mostly 0, does not."""
+    return column.name in row and column not in OTHER_COLUMNS and column.name != "km"
 
 
 def _print_result(result: dict[str, Any]) -> None:
@@ -211,12 +227,11 @@ def _print_result(result: dict[str, Any]) -> None:
         run_text = f"the cases took {result['running_s']:.1f} s of it, {rate:.0f} times real time"
     print(f"{rows} in {result['seconds']:.1f} s; {run_text}")
     print("Best rows (negative power is absorbed)")
-    for kind, best in result["best"].items():
+    for name, best in result["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
                   for key, value in best.items() if key != "power_w")  # fmt: skip
-        print(
-            f"  {POWER_NAMES[kind]:<32} {format_power(best['power_w']):>10}   {', '.join(inputs)}"
-        )
+        label, power = find(STATIONS, name).label, format_power(best["power_w"])
+        print(f"  {label:<32} {power:>10}   {', '.join(inputs)}")
     for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)
     if len(result["failed"]) > _MAX_REASONS:

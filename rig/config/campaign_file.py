@@ -1,6 +1,7 @@
 """The campaign file: rig, sea, rows, and their order and timing."""
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
@@ -8,6 +9,7 @@ from pydantic import (
     BeforeValidator,
     Field,
     ValidationInfo,
+    create_model,
     field_serializer,
     field_validator,
 )
@@ -27,11 +29,13 @@ from rig.config.columns import (
     VelocityThreshold,
 )
 from rig.config.hoist import Hoist
-from rig.config.matrix import Matrix
-from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.law_settings import IMPEDANCE, ExpandName, ImpedanceSettings, law_model
+from rig.config.matrix import ImpedanceMatrix, Matrix, matrix_model
+from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 from rig.config.reference import Reference
 from rig.config.sea import CalmSea, Sea
+from rig.laws import Law
 
 
 class Timing(FileModel):
@@ -77,19 +81,6 @@ class Start(FileModel):
                 f"allowed up to lead_in_s = {format_number(self.lead_in_s)} s",
                 self.set_point_s,
             )
-
-
-class TransferFunction(FileModel):
-    """A transfer function by its coefficients, in descending powers of s."""
-
-    numerator: TupleOf[float] = Field(min_length=1, max_length=20)
-    denominator: TupleOf[float] = Field(min_length=1, max_length=20)
-
-
-class HeaveLawSettings(FileModel):
-    """Settings of the heave law in addition to the gains of the matrix."""
-
-    zc: TransferFunction | None = None  # Z_c(s), N*s/m; adds the force Z_c v on the body
 
 
 class SurgeControl(FileModel):
@@ -166,6 +157,7 @@ class CampaignFile(FileModel):
     """A campaign: the rows of a gain matrix, or a wave calibration without the device."""
 
     inline: ClassVar[tuple[str, ...]] = ("sea",)
+    heave_law: ClassVar[Law] = IMPEDANCE  # `campaign_model` returns the model for another law
 
     name: FolderName
     rig: str = Field(min_length=1)  # file, relative to this one
@@ -174,10 +166,10 @@ class CampaignFile(FileModel):
     sea: Sea  # or the name of a file that holds it
     device: Literal["present", "absent"] = "present"  # absent: only waves and wave probes
     hoist: Hoist | None = None  # moves the body to measure the spring map; replaces the matrix
-    matrix: Matrix | None = None  # None without the device, and with a hoist
+    matrix: ImpedanceMatrix | None = None  # None without the device, and with a hoist
     timing: Annotated[Timing, BeforeValidator(_expand_timing)] = Timing()
     start: Start = Start()
-    law: HeaveLawSettings = HeaveLawSettings()
+    law: Annotated[ImpedanceSettings, ExpandName] = ImpedanceSettings()  # or the law's name
     reference: Reference | None = None  # open-loop force, in addition to the feedback
     surge: SurgeControl = SurgeControl()
     drive: DriveSetup = DriveSetup()
@@ -199,6 +191,9 @@ class CampaignFile(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check reference, hoist and device; without the device, only waves are measured."""
+        if self.start.set_point is not None and self.zc_law is None:
+            message = "only the impedance law has these gains; leave the key out"
+            yield RuleViolation(("start", "set_point"), message)
         excited_axis = self.reference is not None and self.reference.axis
         if excited_axis == "surge" and self.surge.use == "off":
             message = "surge cannot be excited while surge.use is off; allowed heave"
@@ -264,9 +259,31 @@ class CampaignFile(FileModel):
     def uses_gains_only(self) -> bool:
         """Whether the force of heave depends on Kp, Ki and Km only: no Z_c and no reference."""
         has_excitation = self.reference is not None and self.reference.axis == "heave"
-        return self.law.zc is None and not has_excitation
+        impedance = self.zc_law
+        return impedance is not None and impedance.zc is None and not has_excitation
+
+    @property
+    def zc_law(self) -> ImpedanceSettings | None:
+        """The settings of the impedance law; None for another law."""
+        return self.law if self.heave_law.module is IMPEDANCE.module else None
 
     @property
     def tare_duration(self) -> float:
         """Duration of the tare, s; 0 if the file has `tare: none`."""
         return self.tare.duration_s if self.tare is not None and self.device == "present" else 0.0
+
+
+@cache
+def campaign_model(law: Law) -> type[CampaignFile]:
+    """Return the model of a campaign with a heave law: its columns and its parameters."""
+    if law.module is IMPEDANCE.module:
+        return CampaignFile
+    settings = law_model(law)
+    required = any(field.is_required() for field in settings.model_fields.values())
+    fields: dict[str, Any] = {
+        "matrix": (matrix_model(law.columns) | None, None),
+        "law": (Annotated[settings, ExpandName], ... if required else settings()),
+    }
+    model = create_model("CampaignFile", __base__=CampaignFile, **fields)
+    model.heave_law = law
+    return model

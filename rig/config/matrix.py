@@ -1,32 +1,22 @@
 """The gain matrix of a campaign file: a grid, a list, or the name of a CSV file."""
 
 import math
-from collections.abc import Iterator
-from typing import Annotated, Any
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import (
     BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
+    create_model,
     model_serializer,
     model_validator,
 )
 
-from rig.config.columns import (
-    BusVoltage,
-    DischargeLevel,
-    HysteresisTolerance,
-    Ki,
-    Km,
-    Kp,
-    Realisation,
-    ReferenceScale,
-    SpringRate,
-    SurgeKi,
-    SurgeKp,
-    SwitchingPeriod,
-    VelocityThreshold,
-)
+from controllers import impedance
+from controllers.law import Column as LawColumn
+from rig.config.columns import OTHER_TYPES, SPRING_COLUMN, SpringRate, law_column_type
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number, format_value
 
@@ -90,7 +80,7 @@ def _expand_range(value: dict[str, Any]) -> tuple[float, ...]:
 ExpandValues = BeforeValidator(expand_values)
 
 
-class _Columns(FileModel):
+class MatrixColumns(FileModel):
     """Values that may change from row to row; a missing column takes the campaign's value."""
 
     @model_serializer(mode="wrap")
@@ -98,40 +88,35 @@ class _Columns(FileModel):
         return {key: value for key, value in dump(self).items() if value is not None}
 
 
-class Grid(_Columns):
-    """All combinations of the given values; spring rate outermost, then Kp, Ki and the others."""
+@cache
+def grid_model(law_columns: tuple[LawColumn, ...]) -> type[MatrixColumns]:
+    """Return the model of all combinations of given values, for a law's columns."""
 
-    spring_n_per_m: Annotated[TupleOf[SpringRate], ExpandValues]
-    kp_n_s_per_m: Annotated[TupleOf[Kp], ExpandValues]
-    ki_n_per_m: Annotated[TupleOf[Ki], ExpandValues]
-    km_kg: Annotated[TupleOf[Km] | None, ExpandValues] = None
-    reference_scale: Annotated[TupleOf[ReferenceScale] | None, ExpandValues] = None
-    realisation: Annotated[TupleOf[Realisation] | None, ExpandValues] = None
-    surge_kp_n_s_per_m: Annotated[TupleOf[SurgeKp] | None, ExpandValues] = None
-    surge_ki_n_per_m: Annotated[TupleOf[SurgeKi] | None, ExpandValues] = None
-    bus_voltage_v: Annotated[TupleOf[BusVoltage] | None, ExpandValues] = None
-    switching_period_s: Annotated[TupleOf[SwitchingPeriod] | None, ExpandValues] = None
-    hysteresis_a: Annotated[TupleOf[HysteresisTolerance] | None, ExpandValues] = None
-    velocity_threshold_m_per_s: Annotated[TupleOf[VelocityThreshold] | None, ExpandValues] = None
-    discharge_level: Annotated[TupleOf[DischargeLevel] | None, ExpandValues] = None
+    def values(kind: Any, required: bool) -> Any:
+        listed = _tuple_of(kind) if required else _tuple_of(kind) | None
+        return (Annotated[listed, ExpandValues], ... if required else None)
+
+    return create_model("Grid", __base__=MatrixColumns, **_fields(law_columns, values))
 
 
-class Combination(_Columns):
-    """One combination of the gain matrix."""
+@cache
+def combination_model(law_columns: tuple[LawColumn, ...]) -> type[MatrixColumns]:
+    """Return the model of one combination of the gain matrix, for a law's columns."""
 
-    spring_n_per_m: SpringRate
-    kp_n_s_per_m: Kp
-    ki_n_per_m: Ki
-    km_kg: Km | None = None
-    reference_scale: ReferenceScale | None = None
-    realisation: Realisation | None = None
-    surge_kp_n_s_per_m: SurgeKp | None = None
-    surge_ki_n_per_m: SurgeKi | None = None
-    bus_voltage_v: BusVoltage | None = None
-    switching_period_s: SwitchingPeriod | None = None
-    hysteresis_a: HysteresisTolerance | None = None
-    velocity_threshold_m_per_s: VelocityThreshold | None = None
-    discharge_level: DischargeLevel | None = None
+    def value(kind: Any, required: bool) -> Any:
+        return (kind, ...) if required else (kind | None, None)
+
+    return create_model("Combination", __base__=MatrixColumns, **_fields(law_columns, value))
+
+
+def _fields(
+    law_columns: tuple[LawColumn, ...], field: Callable[[Any, bool], Any]
+) -> dict[str, Any]:
+    """Return the fields of a model by key; in a grid the last given column changes fastest."""
+    fields = {SPRING_COLUMN.key: field(SpringRate, True)}
+    for column in law_columns:
+        fields[column.key] = field(law_column_type(column), column.default is None)
+    return fields | {key: field(kind, False) for key, kind in OTHER_TYPES.items()}
 
 
 MATRIX_FORMS = ("grid", "list", "csv")
@@ -139,10 +124,10 @@ _ALLOWED_FORMS = "allowed exactly one of " + ", ".join(MATRIX_FORMS)
 
 
 class Matrix(FileModel):
-    """The gain matrix, given in exactly one of three forms."""
+    """The gain matrix, given in exactly one of three forms; `matrix_model` adds the columns."""
 
-    grid: TupleOf[Grid] | None = Field(default=None, min_length=1, strict=False)
-    combinations: TupleOf[Combination] | None = Field(
+    grid: TupleOf[MatrixColumns] | None = Field(default=None, min_length=1, strict=False)
+    combinations: TupleOf[MatrixColumns] | None = Field(
         default=None, min_length=1, alias="list", strict=False
     )
     csv: str | None = Field(default=None, min_length=1)  # file, relative to this one
@@ -168,3 +153,29 @@ class Matrix(FileModel):
     def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         # Write only the form that is given, so that the written file can be read again.
         return {key: value for key, value in dump(self).items() if value is not None}
+
+
+def _tuple_of(kind: Any) -> Any:
+    """Return `TupleOf` of a type that is made at run time."""
+    return Annotated[tuple[kind, ...], Field(strict=False)]
+
+
+@cache
+def matrix_model(law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
+    """Return the model of the gain matrix with a law's columns."""
+    grid = _tuple_of(grid_model(law_columns))
+    combination = _tuple_of(combination_model(law_columns))
+    fields: dict[str, Any] = {
+        "grid": (grid | None, Field(default=None, min_length=1, strict=False)),
+        "combinations": (
+            combination | None,
+            Field(default=None, min_length=1, alias="list", strict=False),
+        ),
+    }
+    return create_model("Matrix", __base__=Matrix, **fields)
+
+
+if TYPE_CHECKING:
+    ImpedanceMatrix = Matrix
+else:
+    ImpedanceMatrix = matrix_model(impedance.COLUMNS)

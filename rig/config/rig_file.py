@@ -237,6 +237,7 @@ class RigFile(FileModel):
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: Stop
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
+    law: str | dict[str, Any] | None = None  # of campaigns without one; checked with them
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
 
     @field_validator("spring_map")

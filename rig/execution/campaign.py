@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+from rig import laws, stations
+from rig.config.columns import columns_with_law
 from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation, job
 from rig.execution.task import ExecutionMode, RunResult, Task, View, run_task
-from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot import kind_with_law
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.processes.wire_locks import wires_in
@@ -55,7 +58,7 @@ def campaign_task(campaign: Campaign, plan: Plan) -> Task:
     return Task(
         file.name,
         rig.kind,
-        KIND,
+        kind_with_law(campaign.law.module),
         wavebot_params(file, rig, campaign.limits, plan.segments, plan.setpoints, campaign.record),
         plan.dt,
         len(plan.rows),
@@ -63,12 +66,19 @@ def campaign_task(campaign: Campaign, plan: Plan) -> Task:
         rig.supervisor_timeout_s,
         resolved_config(campaign),
         _plan_record(campaign, plan),
+        laws.to_request(campaign.law),
+        _law_source(campaign),
     )
+
+
+def _law_source(campaign: Campaign) -> str:
+    """Return the source of a law that is given by its file; empty for a registered law."""
+    return laws.source_text(campaign.law) if campaign.law.is_file else ""
 
 
 def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     sea = campaign.file.sea
-    record = {
+    record: dict[str, Any] = {
         "dt": plan.dt,
         "rows": [
             {
@@ -82,11 +92,13 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
             }
             for r in plan.rows
         ],
+        "columns": [column._asdict() for column in columns_with_law(campaign.law.columns)],
         "device": campaign.file.device,
         "repeat_s": repeat_period(sea),
         "sea": sea.model_dump(mode="json") | {"words": sea.description()},
         "reference": _reference_record(campaign),
         "hoist": _hoist_record(campaign),
+        "stations": stations.as_records(STATIONS),
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.kinds import oswec_bench
-from rig.kinds.wavebot import KIND, Sense
+from rig.kinds.wavebot import KIND, Sense, kind_with_law
 from rig.kinds.wavebot.build import wavebot_params
 from rig.planning.campaign import Plan, build_plan
-from rig.planning.campaign.recorded import RecordedCampaign, campaign_from_record
+from rig.planning.campaign.recorded import RecordedCampaign, campaign_from_record, law_notice
 from rig.planning.session.assemble import bench_params
 from rig.planning.session.plan import plan_session
 from rig.planning.session.recorded import session_as_logged
@@ -58,6 +58,7 @@ class _ReplayTarget(NamedTuple):
     row_prefixes: dict[str, str]  # by field of the sense
     params: cycle.Params
     dt: float  # s
+    notice: str = ""  # how the law of today differs from that of the run; empty: it does not
 
     def sense_fields(self) -> list[str]:
         """Return the row fields that make up a sense, in its order."""
@@ -102,6 +103,7 @@ class ReplayReport(NamedTuple):
     requests: tuple[Request, ...]
     absent: tuple[str, ...]  # fields of today's rows that the run does not have
     finished: bool  # False: the logger did not end the record; lost last rows are not compared
+    notice: str = ""  # how the law of today differs from that of the run; empty: it does not
 
     @property
     def identical(self) -> bool:
@@ -142,7 +144,16 @@ def replay(
     absent = tuple(leaf.name for leaf in today if leaf.name not in names)
     finished = all(contents.finished for contents in source.contents)
     differences, requests = comparison.differences(), tuple(cycle_replay.requests)
-    return ReplayReport(run_facts.run, done, len(compared), differences, requests, absent, finished)
+    return ReplayReport(
+        run_facts.run,
+        done,
+        len(compared),
+        differences,
+        requests,
+        absent,
+        finished,
+        target.notice,
+    )
 
 
 class _CycleReplay:
@@ -258,7 +269,7 @@ class _Comparison:
 def logged_campaign(run_facts: RunInfo) -> RecordedCampaign:
     """Return the logged campaign of a run; RunError if its record has none that is valid today."""
     try:
-        return campaign_from_record(run_facts.config)
+        return campaign_from_record(run_facts.config, run_facts.law_source)
     except KeyError as error:
         raise RunError(f"{run_facts.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
@@ -281,7 +292,9 @@ def _wavebot_target(run_facts: RunInfo) -> _ReplayTarget:
     planned: Plan = build_plan(campaign, rig, points)
     params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints, record)
     prefixes = {name: _ROW_PREFIXES.get(name, name) for name in Sense._fields}
-    return _ReplayTarget(KIND, Sense, prefixes, params, planned.dt)
+    kind = KIND if campaign.zc_law is not None else kind_with_law(campaign.heave_law.module)
+    notice = law_notice(run_facts.config)
+    return _ReplayTarget(kind, Sense, prefixes, params, planned.dt, notice)
 
 
 def _bench_target(run_facts: RunInfo) -> _ReplayTarget:

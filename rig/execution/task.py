@@ -19,7 +19,7 @@ from rig.realtime import cycle, safety
 from rig.recording import process_identity, provenance
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import JoinResult, RunError, create, join, reader
-from rig.recording.runs.folder import MCAP, STATUS, mcap_parts
+from rig.recording.runs.folder import LAW_SOURCE, MCAP, STATUS, mcap_parts
 
 ATTACHED_FILES = ("config.json", "plan.json", "code.json", "host.json")
 
@@ -37,6 +37,8 @@ class Task(NamedTuple):
     supervisor_timeout: float  # s, of the rig file
     config: str  # JSON: the complete resolved configuration
     plan: dict[str, Any]  # JSON values for `plan.json` in the run's folder
+    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
+    law_source: str = ""  # of a law that is given by its file, for `law.py`
 
 
 class View(Protocol):
@@ -92,12 +94,13 @@ def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResu
                 mode.real_clock,
                 task.realtime_required and mode.real_clock,
                 folder,
-                ATTACHED_FILES,
+                (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else [])),
                 mode.name,
                 task.supervisor_timeout,
                 folder_lock.fd,
                 taken_locks.fds,
                 mode.io_processes,
+                task.law,
             )
         )
         outcome = run.supervise(_draw_until_error(view), get_request)
@@ -225,6 +228,8 @@ def _start_status(
 def _write_start_files(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
     (folder / "config.json").write_text(task.config + "\n")
     create.write_json(folder, "plan.json", task.plan)
+    if task.law_source:
+        (folder / LAW_SOURCE).write_text(task.law_source)
     create.write_json(folder, "code.json", provenance.describe_code())
     create.write_json(folder, "host.json", provenance.describe_host())
     create.write_json(folder, STATUS, _start_status(folder, task, started, mode))

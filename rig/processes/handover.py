@@ -27,6 +27,11 @@ def loads(kind: Any, text: str, **any_fields: type) -> Any:
     return _build(kind, json.loads(text), kind.__name__, any_fields)
 
 
+def read_field(kind: Any, text: str, name: str) -> Any:
+    """Return one plain field of the text of a ``kind``, whose other types may depend on it."""
+    return json.loads(text)[kind._fields.index(name)]
+
+
 def _build(hint: Any, data: Any, path: str, any_fields: dict[str, type]) -> Any:
     if get_origin(hint) is Annotated:
         hint = get_args(hint)[0]

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn
 
+from rig import laws
 from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals, report_event
 from rig.processes.last_logger import LastLogger
@@ -37,6 +38,7 @@ class LoopJob(NamedTuple):
     params: cycle.Params
     devices: str  # JSON for the function that connects the devices
     supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
+    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
     last_logger: str = ""  # JSON for `rig.processes.last_logger`; empty: unsaved rows are lost
 
 
@@ -49,10 +51,13 @@ _ORPHANED_MESSAGE = (
 EXIT_NO_PRIVILEGES = 77  # exit code: the host did not grant what the rig file requires
 
 
-def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
-    """Run the job on standard input with the devices that ``connect(config, dt)`` returns."""
+def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float], Devices]) -> None:
+    """Run the job on standard input with the devices that ``connect(config, dt)`` returns.
+
+    ``find_kind`` returns the kind of rig for the job's law; its `LawError` refuses the run.
+    """
     ignore_terminal_signals()
-    job: LoopJob = handover.loads(LoopJob, sys.stdin.read(), rig=kind.params_type)
+    kind, job = _read_job(find_kind, sys.stdin.read())
     mailbox = Mailbox(job.mailbox, Request)
     last_logger = LastLogger(job.last_logger, job.supervisor)
     terminated = False
@@ -124,7 +129,16 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         last_logger.save_remaining_rows(ring, end)
 
 
-def _refuse(error: OSError) -> NoReturn:
+def _read_job(find_kind: Callable[[str], cycle.Kind], text: str) -> tuple[cycle.Kind, LoopJob]:
+    """Return the kind of rig for the job's law, and the job with the types of this kind."""
+    try:
+        kind = find_kind(handover.read_field(LoopJob, text, "law"))
+    except laws.LawError as error:
+        _refuse(error)
+    return kind, handover.loads(LoopJob, text, rig=kind.params_type, **dict(kind.any_types))
+
+
+def _refuse(error: Exception) -> NoReturn:
     """Report the error and exit before the first tick."""
     report_event(event="refused", why=str(error))
     sys.exit(EXIT_NOT_READY)

@@ -25,6 +25,7 @@ class Setup(NamedTuple):
     folder_lock: int = -1  # file descriptor, held as long as a process of the run lives; -1: none
     wire_locks: tuple[int, ...] = ()  # file descriptors, held by all that use wires or real time
     io_processes: tuple[IoProcess, ...] = ()
+    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
 
 
 class Snapshot(NamedTuple):

@@ -250,6 +250,7 @@ class SupervisedRun:
             params=setup.params,
             devices=json.dumps(self._device_config()),
             supervisor_timeout=setup.supervisor_timeout,
+            law=setup.law,
             last_logger=json.dumps(log | {"folder": setup.folder_lock}),
         )
         locks = (*_open_descriptors(setup.folder_lock), *setup.wire_locks)

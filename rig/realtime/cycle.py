@@ -57,6 +57,9 @@ class Kind(NamedTuple):
     ``control(params, state, sense, motion, plan, safety, setpoint, dt) -> state, command, signals``
     where ``setpoint`` is an index into the kind's table of set points
     ``row(tick, time, timing, plan, safety, sense, command, signals) -> row``
+
+    ``any_types`` are the types of the fields within ``params_type`` that are annotated `Any`, for
+    the way to the loop process.
     """
 
     row_type: type
@@ -67,6 +70,7 @@ class Kind(NamedTuple):
     check: Callable[..., int]
     control: Callable[..., Any]
     row: Callable[..., Any]
+    any_types: tuple[tuple[str, Any], ...] = ()  # of the fields of Params
 
 
 Step = Callable[..., tuple[State, Any, Any]]

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
-FIELD_NAME = re.compile(r"[a-z](_?[a-z0-9])*")  # ROS field names: no "__", no trailing "_"
+from rig.stations import FIELD_NAME
+
 CDR_HEADER = b"\x00\x01\x00\x00"  # little-endian CDR, no options
 PACKAGE = "wec_rig"
 # Numbers of 8 bytes need no padding, so on a little-endian machine the native form is the same

@@ -13,8 +13,9 @@ from functools import lru_cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.analysis.rows import NOT_RUN, reduce_window
+from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
 from rig.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep import InterruptedSweepError
@@ -151,14 +152,13 @@ def row_results(
     """
     results = {}
     for window in simulation:
-        results[window.row] = reduce_window(window, period_ticks)  # the last attempt counts
+        results[window.row] = reduce_window(
+            window, period_ticks, STATIONS
+        )  # the last attempt counts
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
     return [
-        {
-            **results.get(row.row, not_run),
-            "stator": row.stator_position,
-            **row.setting._asdict(),
-        }
+        own_settings(results.get(row.row, not_run), ())
+        | {"stator": row.stator_position, **row.setting._asdict()}
         for row in planned.rows
     ]
 

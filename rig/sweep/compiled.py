@@ -6,7 +6,7 @@ operations in a tick and the selection of the logged fields.
 """
 
 import sys
-from functools import cache
+from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -15,16 +15,18 @@ from controllers import (
     blocks,
     drive_gating,
     estimator,
-    impedance,
+    law,
     magnetic_spring,
     open_loop,
     position_hold,
     signals,
     station_keeping,
 )
+from rig import stations as station_table
 from rig.execution.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
+from rig.kinds.wavebot import kind_with_law, tare
 from rig.kinds.wavebot import signals as wavebot_signals
-from rig.kinds.wavebot import tare
+from rig.laws import Law, helper_modules
 from rig.realtime import average, axis, cycle, limits, power, safety, sequence
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE
@@ -33,21 +35,25 @@ from rig.sweep.pages import PAGE_TICKS
 from sim_plant import signals as plant_signals
 from sim_plant import wave_maker
 
+_WAVEBOT = ("check", "kind", "law_columns", "power_checks", "state", "stations")
 _CONTROL: tuple[ModuleType, ...] = (
-    biquads, blocks, drive_gating, estimator, impedance, magnetic_spring, open_loop, position_hold,
-    station_keeping, average, axis, limits, power, safety, sequence, tare,
-    *(sys.modules[f"rig.kinds.wavebot.{name}"] for name in ("check", "kind", "state", "stations")),
+    biquads, blocks, drive_gating, estimator, magnetic_spring, open_loop, position_hold,
+    station_keeping, average, axis, limits, safety, sequence, tare,
+    *(sys.modules[f"rig.kinds.wavebot.{name}"] for name in _WAVEBOT),
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
-TYPE_MODULES = (signals, wavebot_signals, plant_signals, column, noise)
-"""Modules that are not lifted, but whose types compiled code contains."""
+TYPE_MODULES = (
+    signals, law, wavebot_signals, plant_signals, column, noise, power, station_table
+)  # fmt: skip
+"""Modules that are not lifted, but whose types or generated functions compiled code contains."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
 
 from numba import njit
 from numba.extending import register_jitable
 
-from rig.kinds.wavebot import KIND
+import {law} as heave_law
+from rig.kinds.wavebot import kind_with_law
 from rig.realtime import cycle
 from rig.sweep import column
 from rig.sweep.pages import flush_page, prefetch_ahead
@@ -55,7 +61,7 @@ from rig.sweep.plant_coupling import CoupledState, actuation, sense, without_hoi
 from sim_plant import wave_maker
 from sim_plant.wavebot import Excitation, sample, step as plant_step
 
-loop_step = register_jitable(forceinline=True)(cycle.make(KIND))
+loop_step = register_jitable(forceinline=True)(cycle.make(kind_with_law(heave_law)))
 NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
@@ -102,9 +108,10 @@ def advance(params, plant, tables, normals, dt, age, coupled, until, page, colum
 '''
 
 
-@cache
-def load(fields: tuple[str, ...]) -> Any:
-    """Return the compiled ``advance``, which stores ``fields`` of each measured tick in order.
+def load(fields: tuple[str, ...], law: Law) -> Any:
+    """Return the compiled ``advance`` for a heave law.
+
+    It stores ``fields`` of each measured tick in order.
 
     ``advance(params, plant, tables, normals, dt, age, coupled, until, page, columns, filled)``
     simulates up to tick ``until``, or until a few ticks after power was removed, the end of a
@@ -113,19 +120,34 @@ def load(fields: tuple[str, ...]) -> Any:
     through a ``page`` (rig/sweep/pages.py). It returns the new `CoupledState` and the number of
     stored ticks.
     """
-    return lifting.load("batch", _source(fields), LIFTED, TYPE_MODULES).advance
+    return _load(fields, law)
 
 
-def is_compiled(fields: tuple[str, ...]) -> bool:
-    """Return whether this host has already compiled ``advance`` for these fields."""
-    return lifting.is_compiled(lifting.cache_folder(_source(fields), (*LIFTED, *TYPE_MODULES)))
+@lru_cache(8)
+def _load(fields: tuple[str, ...], law: Law) -> Any:
+    lifting.lift_closures(kind_with_law(law.module).control)
+    name = f"batch_{law.module.__name__.rpartition('.')[2]}"
+    return lifting.load(name, _source(fields, law), lifted_modules(law), TYPE_MODULES).advance
 
 
-def _source(fields: tuple[str, ...]) -> str:
+def lifted_modules(law: Law) -> tuple[ModuleType, ...]:
+    """Return all lifted modules of the loop with a heave law, and the plant."""
+    from_law = (module for module in helper_modules(law) if module not in TYPE_MODULES)
+    return tuple(dict.fromkeys((*LIFTED, *from_law)))
+
+
+def is_compiled(fields: tuple[str, ...], law: Law) -> bool:
+    """Return whether this host has already compiled ``advance`` for these fields and this law."""
+    modules = (*lifted_modules(law), *TYPE_MODULES)
+    return lifting.is_compiled(lifting.cache_folder(_source(fields, law), modules))
+
+
+def _source(fields: tuple[str, ...], law: Law) -> str:
     lines = (f"page[{i * PAGE_TICKS} + slot] = row.{name}" for i, name in enumerate(fields))
     keep = "\n            ".join(lines)
     return _SOURCE.format(
         keep=keep,
+        law=law.module.__name__,
         fields=len(fields),
         ticks=PAGE_TICKS,
         linger=LINGER_TICKS,

@@ -16,9 +16,10 @@ import importlib.util
 import inspect
 import os
 import platform
+import re
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -60,6 +61,24 @@ def lift(modules: Iterable[ModuleType]) -> None:
         for function in vars(module).values():
             if inspect.isfunction(function) and function.__module__ == module.__name__:
                 register_jitable(forceinline=True)(function)
+
+
+def lift_closures(function: Any) -> None:
+    """Make a function and the functions that it holds in its closure callable from compiled code.
+
+    Their modules belong to the ``modules`` of `load`, because closures have no source of their own.
+    """
+    if function in _lifted_closures:
+        return
+    _lifted_closures.add(function)
+    for cell in function.__closure__ or ():
+        if inspect.isfunction(cell.cell_contents) and cell.cell_contents.__name__ != "<lambda>":
+            lift_closures(cell.cell_contents)
+    if function.__closure__ or function.__module__ not in sys.modules:
+        register_jitable(forceinline=True)(function)
+
+
+_lifted_closures: set[Any] = set()
 
 
 def load(
@@ -191,3 +210,26 @@ def _is_plain(value: Any) -> bool:
 def is_compiled(folder: Path) -> bool:
     """Return whether the folder holds compiled code."""
     return any(folder.glob("**/*.nbi"))
+
+
+def compilation_problem(function: Callable[..., Any], *arguments: Any) -> str:
+    """Return in one line why a function cannot be compiled for arguments; empty if it can."""
+    try:
+        numba.njit(error_model="numpy")(function)(*arguments)
+    except numba.core.errors.NumbaError as error:
+        return _first_reason(str(error))
+    except Exception as error:  # noqa: BLE001  numba raises errors of its own insides, too
+        return f"{type(error).__name__}: {error}".splitlines()[0]
+    return ""
+
+
+def _first_reason(text: str) -> str:
+    """Return numba's reason without its stack of candidates, and the place in the source."""
+    lines = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines()]
+    places = [line for line in lines if line.startswith("File ") and ", line " in line]
+    heading = ("Failed in", "During:", "There are", "- Of which", "Overload", "File ", "No impl")
+    reasons = [line for line in lines if line and not line.startswith(heading)]
+    known = [line for line in lines if "Error" in line or "Unknown attribute" in line]
+    reason = next(iter([*known, *reasons]), "unknown reason")
+    place = places[-1].rstrip(":") if places else ""
+    return f"{reason} ({place})" if place else reason

@@ -17,11 +17,14 @@ from matplotlib.ticker import MaxNLocator
 from rig.analysis import panel, phrases, picture
 from rig.analysis.mesh import XY
 from rig.analysis.picture import ACCENT, DARK, MUTED
-from rig.analysis.points import Matrix, gain_matrix
-from rig.analysis.rows import COMPLETE, POWERS, row_table
-from rig.analysis.surfaces import KINDS, NO_POINTS, write_surfaces
+from rig.analysis.points import Matrix, gain_matrix, stations_of
+from rig.analysis.rows import COMPLETE, row_table
+from rig.analysis.run_columns import known_columns
+from rig.analysis.surfaces import NO_POINTS, write_surfaces
 from rig.config import ranges
+from rig.config.columns import OTHER_COLUMNS
 from rig.config.problems import format_number
+from rig.stations import shown, station_names
 
 _MAX_LINES = 40  # of one panel; more cannot be distinguished
 
@@ -63,9 +66,9 @@ def write_pictures(table: xarray.Dataset, folder: Path, run: Path | None = None)
 def best_indices(table: xarray.Dataset) -> dict[str, int] | None:
     """Return the indices of the parameters' values with the most absorbed power; None without rows.
 
-    The power is that of the last station, electrical DC.
+    The power is that of the last station.
     """
-    power = _complete(table, "dc")
+    power = _complete(table, stations_of(table)[-1].name)
     if power is None:
         return None
     place: Any = power.argmin(...)
@@ -95,20 +98,20 @@ def _is_seed(name: str) -> bool:
     return name.rpartition(".")[2] == "seed"
 
 
-def _complete(table: xarray.Dataset, kind: str) -> xarray.DataArray | None:
+def _complete(table: xarray.Dataset, station: str) -> xarray.DataArray | None:
     """Return the power of the complete rows, W; None without a complete row."""
-    if f"power_{kind}" not in table:
+    if f"power_{station}" not in table:
         return None
-    power = table[f"power_{kind}"].where(table["state"] == COMPLETE)
+    power = table[f"power_{station}"].where(table["state"] == COMPLETE)
     return power if bool(np.isfinite(power).any()) else None
 
 
 def _rows_at(table: xarray.Dataset, indices: dict[str, int]) -> xarray.Dataset:
     """Return the rows at one value of every parameter, in the format of a run's row table."""
     rows = table.isel(indices)
-    for kind in POWERS:
-        if f"power_{kind}" in rows:
-            rows[f"power_{kind}_se"] = rows.get(f"power_{kind}_se", rows[f"power_{kind}"] * np.nan)
+    for name in station_names(stations_of(table)):
+        if f"power_{name}" in rows:
+            rows[f"power_{name}_se"] = rows.get(f"power_{name}_se", rows[f"power_{name}"] * np.nan)
     return rows
 
 
@@ -139,14 +142,12 @@ def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
     if not pairs:
         raise ValueError(f"{run}: no complete row has the gains of a row of this sweep")
     differences = []
-    for kind in KINDS:
-        errors = [one.power[kind] - other.power[kind] for one, other in pairs]
+    for station in shown(points.stations):
+        errors = [one.power[station.name] - other.power[station.name] for one, other in pairs]
         if np.isfinite(errors).all():
-            mean, spread = float(np.mean(errors)), float(np.std(errors))
-            text = f"{phrases.format_signed(mean, 1)} ± {spread:.1f} W"
-            differences.append(
-                f"{phrases.STATION_ABBREVIATIONS[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}")
-            )
+            mean = phrases.format_signed(float(np.mean(errors)), 1)
+            text = f"{station.short_label} {mean} ± {float(np.std(errors)):.1f} W"
+            differences.append(text.replace(" ", "\N{NO-BREAK SPACE}"))
     mode = run_rows.attrs.get("mode", "")
     name = run_rows.attrs.get("run", run.name)
     caption = f"squares: {mode} {name} minus simulated: {', '.join(differences)}"
@@ -154,8 +155,10 @@ def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
 
 
 def _gains_key(setting: dict[str, float]) -> tuple[float, ...]:
-    """Return the gains of a row, which every matrix has."""
-    return tuple(setting.get(name, 0.0) for name in ("spring_rate", "kp", "ki", "km"))
+    """Return spring rate and the law's columns of a row."""
+    others = {column.name for column in OTHER_COLUMNS}
+    names = (column.name for column in known_columns() if column.name not in others)
+    return tuple(setting.get(name, 0.0) for name in names)
 
 
 def _base_value(table: xarray.Dataset, name: str) -> float | None:
@@ -182,9 +185,12 @@ def _write_lines(
     )
     beneath = "; ".join(filter(None, ("one line per row, rows numbered from 0", measured.caption)))
     figure, body = picture.framed_figure(width, 8.2, title, table.attrs, subtitle=beneath)
-    panels: Any = body.subplots(len(KINDS), len(swept), squeeze=False, sharey="row", sharex="col")
-    for i, kind in enumerate(KINDS):
-        power = _complete(table, kind)
+    stations = shown(stations_of(table))
+    panels: Any = body.subplots(
+        len(stations), len(swept), squeeze=False, sharey="row", sharex="col"
+    )
+    for i, station in enumerate(stations):
+        power = _complete(table, station.name)
         for j, name in enumerate(swept):
             axes: Axes = panels[i][j]
             picture.style_axes(axes)
@@ -192,9 +198,9 @@ def _write_lines(
             others = {key: index for key, index in indices.items() if key != name}
             if power is not None:
                 _plot_rows(axes, table, power.isel(others).transpose(name, "row"), name)
-                _plot_measured(axes, _base_value(table, name), kind, measured)
+                _plot_measured(axes, _base_value(table, name), station.name, measured)
             if j == 0:
-                axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
+                axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
             if i == 0:
                 fixed_values = ", ".join(
                     _format_value(table, key, index) for key, index in others.items()
@@ -202,7 +208,7 @@ def _write_lines(
                 axes.set_title(
                     f"at {fixed_values}" if fixed_values else "", fontsize=7.5, color=ACCENT, pad=4
                 )
-            if i == len(KINDS) - 1:
+            if i == len(stations) - 1:
                 axes.set_xlabel(_axis_label(table, name), fontsize=8)
             if _is_seed(name):
                 axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -235,11 +241,11 @@ def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name:
     axes.margins(0.08, 0.16)
 
 
-def _plot_measured(axes: Axes, base: float | None, kind: str, measured: MeasuredRun) -> None:
+def _plot_measured(axes: Axes, base: float | None, station: str, measured: MeasuredRun) -> None:
     """Plot the measured power at the value of the campaign's files."""
     if base is None:
         return
-    power = [p.power[kind] for p in measured.points.points if np.isfinite(p.power[kind])]
+    power = [x for p in measured.points.points if np.isfinite(x := p.power[station])]
     axes.plot([base] * len(power), power, "s", ms=4.5, mfc="none", mec=ACCENT, zorder=4)
 
 
@@ -250,9 +256,10 @@ def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, p
     beneath = "; ".join(filter(None, ("at the best row of each point", fixed_values)))
     title = f"Best power over {x} and {y}: {_campaign_name(table)}"
     figure, body = picture.framed_figure(12.8, 3.9, title, table.attrs, subtitle=beneath)
-    panels: Any = body.subplots(1, len(KINDS), squeeze=False)
-    for axes, kind in zip(panels[0], KINDS, strict=True):
-        power = _complete(table, kind)
+    stations = shown(stations_of(table))
+    panels: Any = body.subplots(1, len(stations), squeeze=False)
+    for axes, station in zip(panels[0], stations, strict=True):
+        power = _complete(table, station.name)
         picture.style_axes(axes)
         axes.set_xlabel(_axis_label(table, x), fontsize=8)
         axes.set_ylabel(_axis_label(table, y), fontsize=8)
@@ -272,9 +279,7 @@ def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, p
         lowest = int(np.argmin(values))
         panel.mark_best(axes, *places[lowest])
         axes.set_title(phrases.format_power(values[lowest]), fontsize=7.5, color=ACCENT, pad=4)
-        panel.add_colour_bar(
-            body, [axes], scale, f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fraction=0.05
-        )
+        panel.add_colour_bar(body, [axes], scale, f"{station.short_label}, W", fraction=0.05)
         panel.set_ticks(axes)
     return picture.save(figure, path)
 

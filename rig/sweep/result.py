@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.rows import NOT_RUN, SETTINGS, UNITS
+from rig.analysis import run_columns
+from rig.analysis.rows import NOT_RUN, STATIONS_ATTRIBUTE, column_units
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
+from rig.config.columns import columns_with_law
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
+from rig.stations import as_records
 from rig.sweep.cases import Cases, Outcome, single_row_campaign
 from rig.sweep.parameters import CAMPAIGN_KEYS, parameter_unit
 
@@ -43,9 +47,9 @@ def build_dataset(
     dims = (*(parameter.key for parameter in cases.request.parameters), "row")
     coords: dict[str, xarray.Variable] = {"row": xarray.Variable("row", rows)}
     for parameter in cases.request.parameters:
-        units = parameter_unit(parameter, campaign)
+        unit = parameter_unit(parameter, campaign)
         coords[parameter.key] = xarray.Variable(
-            parameter.key, _values(parameter.values), _units(units)
+            parameter.key, _values(parameter.values), _units(unit)
         )
     request = cases.request
     file = (
@@ -58,13 +62,15 @@ def build_dataset(
             )
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
-    data = {}
+    data, units = {}, column_units(STATIONS)
+    matrix_columns = columns_with_law(campaign.law.columns)
+    settings = {"stator": "%"} | {each.name: each.unit for each in matrix_columns}
     for key, flat in columns.items():
         values = flat.reshape(shape)
-        if key in SETTINGS and (planned := _planned_setting(values, key, cases.rows)) is not None:
-            coords[key] = xarray.Variable("row", planned, _units(SETTINGS[key]))
+        if key in settings and (planned := _planned_setting(values, key, cases.rows)) is not None:
+            coords[key] = xarray.Variable("row", planned, _units(settings[key]))
         else:
-            data[key] = xarray.Variable(dims, values, _units(UNITS.get(key, "")))
+            data[key] = xarray.Variable(dims, values, _units((units | settings).get(key, "")))
     return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
 
 
@@ -150,7 +156,9 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
         "campaign": campaign.file.name,
         "sea": campaign.file.sea.description(),
         "sequential": int(cases.request.sequential),
+        STATIONS_ATTRIBUTE: json.dumps(as_records(STATIONS)),
         "config": resolved_config(campaign),
+        **run_columns.attributes(columns_with_law(campaign.law.columns)),
         "code_version": code["version"],
         "code_git": code["git"],
         "sweep_parameters": json.dumps(

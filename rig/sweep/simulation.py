@@ -9,12 +9,13 @@ import numpy.typing as npt
 
 from controllers.signals import DriveSettings
 from rig.analysis import quality
-from rig.analysis.rows import FIELDS, LOGGED_SETTINGS
+from rig.analysis.rows import LOGGED_SETTINGS, required_fields
 from rig.analysis.windows import REQUIRED_FIELDS, Window
 from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import build_world
-from rig.kinds.wavebot import KIND, Setpoints, WaveBotRow
+from rig.kinds.wavebot import Setpoints, WaveBotRow, kind_with_law
 from rig.kinds.wavebot.build import index_realisations, list_realisations, wavebot_params
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
@@ -39,7 +40,7 @@ KEPT_FIELDS = tuple(
         [
             *REQUIRED_FIELDS,
             "time",
-            *FIELDS,
+            *required_fields(STATIONS),
             *LOGGED_SETTINGS.values(),
             *quality.required_fields(_LOG_FIELDS),
             *_WAVES,
@@ -103,7 +104,8 @@ class CampaignSimulator:
         self.tables = wave_maker.WaveMakerTables(waves[0], waves[1], waves[2], onset, onset_ticks)
         self._sensors, self.normals = interleaved(begin.params.sensors, begin.normals)
         self.constants = begin.params._replace(sensors=self._sensors)  # of the plant
-        self.advance = compiled.load(KEPT_FIELDS)
+        self.kind = kind_with_law(campaign.law.module)
+        self.advance = compiled.load(KEPT_FIELDS, campaign.law)
 
     def simulate(
         self,
@@ -128,11 +130,15 @@ class CampaignSimulator:
         rig = self.params.rig
         segments: Any = [Column(column) for column in plan.segments]
         placed_setpoints = index_realisations(plan.setpoints, self._realisations)
-        setpoints: Any = [Column(column) for column in placed_setpoints]
+        law = placed_setpoints.law
+        columns = placed_setpoints._replace(law=())
+        setpoints: Any = [Column(column) for column in columns]
         return self.params._replace(
             segments=Segments(*segments),
             rig=rig._replace(
-                setpoints=Setpoints(*setpoints),
+                setpoints=Setpoints(*setpoints)._replace(
+                    law=type(law)(*(Column(column) for column in law))
+                ),
                 reference=rig.reference._replace(table=Column(rig.reference.table)),
             ),
         )
@@ -145,7 +151,7 @@ class CampaignSimulator:
             state = initial._replace(probes=state.probes)
             reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
             line = (reading,) * len(line)
-        loop = cycle.start(KIND, self.params, 0)
+        loop = cycle.start(self.kind, self.params, 0)
         return CoupledState(0, loop, state, wave_maker.STILL_WATER, line, OFF, 0, _NO_SETTINGS, 0)
 
     def set_drive(self, settings: DriveSettings) -> wavebot.WaveBotParams:

@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, format_value
-from rig.planning.campaign import Campaign, build_plan
+from rig.laws import OWN_MODULES
+from rig.planning.campaign import Campaign, Plan, build_plan
+from rig.planning.campaign.law_trial import trial_problems
 from rig.recording.runs.create import BusyError, RunLock, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
@@ -68,6 +70,7 @@ def open_sweep(
             message = f"{format_value(longest)} is longer than the lead-in; allowed up to --lead-in"
             raise ConfigError([Problem(OPTION, parameter.number, parameter.key, longest, message)])
     planned = build_plan(base.file, base.rig, base.points)
+    _check_law(base, planned)
     request = SweepRequest(str(path), parsed.parameters, sequential, lead_in)
     digest = _digest(request, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
@@ -80,6 +83,19 @@ def open_sweep(
         if isinstance(value, str)
     )
     return Sweep(folder, base, cases, _digest(request, (base, *named_campaigns)), swept)
+
+
+def _check_law(campaign: Campaign, planned: Plan) -> None:
+    """Raise `ConfigError` for a law that fails its trial or cannot be compiled."""
+    problems = list(trial_problems(campaign, planned))
+    if not problems and (campaign.law.is_file or campaign.law.name not in OWN_MODULES):
+        from rig.sweep.law_compilation import compilation_problem  # noqa: PLC0415 - numba
+
+        if reason := compilation_problem(campaign, planned):
+            message = f"a sweep runs compiled code, but the law cannot be compiled: {reason}"
+            problems.append(campaign.locate.problem(("law",), campaign.law.name, message))
+    if problems:
+        raise ConfigError(problems)
 
 
 def reopen_cases(request: SweepRequest, digest: str) -> Cases:
@@ -174,7 +190,7 @@ def _digest(request: SweepRequest, campaigns: Iterable[Campaign]) -> str:
     )
     for campaign in campaigns:  # separately: two files may have been swapped
         files = [(file.role, file.sha256) for file in campaign_inputs(campaign)]
-        digest.update(json.dumps(files).encode())
+        digest.update(json.dumps([files, campaign.law.name, campaign.law.sha256]).encode())
     digest.update(_code_digest())
     return digest.hexdigest()[:12]
 

@@ -9,16 +9,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.rows import LOGGED_SETTINGS
+from rig.analysis.rows import LOGGED_SETTINGS, STATIONS_ATTRIBUTE
 from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.stations import STATIONS
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.runs.mcap_file import row_dtype
+from rig.stations import as_records, station_names
 
 START = 1_760_000_000_000_000_000  # ns, UTC
 DTYPE = row_dtype(row_layout.leaves(WaveBotRow))
+POWERS = station_names(STATIONS)
+STATIONS_ATTRIBUTES = {STATIONS_ATTRIBUTE: json.dumps(as_records(STATIONS))}  # of a row table
 STATOR = {490.9: -13.0, -5715.0: 27.0}
 
 
@@ -136,8 +140,9 @@ def measured(row: int, planned: Row, shape: Shape, random: np.random.Generator) 
         wander = shape.wander * random.normal(size=shape.periods)
         power = 2.0 * mean * np.sin(angle) ** 2 + wander[per_period]
         block[f"power.{kind}"] = power + shape.noise * random.normal(size=n)
-    for kind, cell in (("mechanical_1", "lcb"), ("mechanical_2", "trs")):
-        block[f"load.{cell}"] = 2.0 * planned.power[kind] / speed * np.sin(angle) + 12.0
+    for station in STATIONS:
+        if station.force:
+            block[station.force] = 2.0 * planned.power[station.name] / speed * np.sin(angle) + 12.0
     block["heave.command.force"] = 300.0 * np.sin(angle)
     block["heave.sense.current"] = 4.0 * np.sin(angle)
     return block

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import synthetic_runs as synthetic
 from matplotlib.image import imread
-from synthetic_runs import Row, Shape
+from synthetic_runs import POWERS, Row, Shape
 from typer.testing import CliRunner
 
 from rig.analysis.comparison import (
@@ -25,7 +25,6 @@ from rig.analysis.comparison_table import as_json, as_text, write_csv
 from rig.analysis.differences import differences
 from rig.analysis.matching import TOLERANCES, Pair, match
 from rig.analysis.points import Matrix, Point
-from rig.analysis.rows import POWERS
 from rig.cli import app
 from rig.config.columns import COLUMNS
 from rig.recording.runs.folder import RunInfo
@@ -331,9 +330,9 @@ def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
             [*surface, "--left-out", "bus_voltage=7"],
             "bus voltage 7 V is not in the campaign; allowed 60 V",
         ),
-        (["--station", "shore"], "no station 'shore'; there are mechanical, shaft, ac, dc"),
+        (["--station", "shore"], "unknown station 'shore'; allowed mechanical, shaft, ac, dc"),
         (["--sort", "size"], "allowed run, power"),
-        (["--sort", "run", "-f", "power.*"], "one picture at a time"),
+        (["--sort", "run", "-f", "power.*"], "give options of one of them"),
     ):
         done = call(app, [*arguments, *more])
         assert done.exit_code == 2

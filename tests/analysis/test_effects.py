@@ -25,6 +25,7 @@ from rig.analysis.effects_table import all_effects, as_json, as_text, effect_not
 from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.rows import row_table
 from rig.config.columns import COLUMNS
+from rig.kinds.wavebot.stations import STATIONS
 
 # Longley's data, NIST Statistical Reference Datasets (linear regression, higher difficulty), and
 # the certified estimates of B1 .. B6 with their standard deviations and residual deviation.
@@ -64,7 +65,7 @@ def estimate_effects(
 ) -> Effects:
     count = len(response)
     return main_effects(
-        "dc",
+        STATIONS[-1],
         list(COLUMNS[: levels.shape[1]]),
         levels,
         response,
@@ -293,7 +294,7 @@ def test_no_effects_without_variation_or_with_too_few_rows(designed: xarray.Data
     assert compute_effects(designed.isel(row=[0, 36]), "dc") is None
     assert compute_effects(designed.isel(row=[0, 11]), "dc") is None  # four columns, two rows
     assert compute_effects(designed.isel(row=[]), "dc") is None
-    assert all_effects(xarray.Dataset()) == ()
+    assert all_effects(designed.isel(row=[])) == ()
     assert np.isnan(half_width(1.0, 0.0))
 
 
@@ -308,7 +309,8 @@ def test_realisation_is_categorical() -> None:
             "power_dc": ("row", 0.01 * kp + np.tile([-1.0, 0.0, 4.0], 2)),
             "power_dc_se": ("row", [np.nan] * 6),
             "periods": ("row", [1] * 6),
-        }
+        },
+        attrs=synthetic.STATIONS_ATTRIBUTES,
     )
     effects = compute_effects(table, "dc")
     assert effects is not None

@@ -10,10 +10,10 @@ import pytest
 import synthetic_runs as synthetic
 import xarray
 from scipy import stats
-from synthetic_runs import Row, Shape
+from synthetic_runs import POWERS, Row, Shape
 
 from rig.analysis.points import measured_points
-from rig.analysis.rows import INCOMPLETE, POWERS, period_means, row_table, standard_error
+from rig.analysis.rows import INCOMPLETE, period_means, row_table, standard_error
 from rig.analysis.rows_file import write_rows
 from rig.analysis.slices import find_optima
 from rig.kinds.wavebot import WaveBotRow
@@ -314,7 +314,7 @@ def test_files_of_the_table(tmp_path: Path) -> None:
 
 def test_the_best_point_and_whether_it_lies_at_the_edge(tmp_path: Path) -> None:
     table = run(tmp_path, synthetic.default_rows(), Shape())
-    best = {(o.kind, o.point.spring_rate): o for o in find_optima(table)}
+    best = {(o.station.name, o.point.spring_rate): o for o in find_optima(table)}
     assert len(best) == 8
     ac = best["ac", 490.9]
     assert (ac.point.kp, ac.point.ki, ac.at_edge, ac.points) == (-2500.0, 4000.0, False, 36)
@@ -364,6 +364,8 @@ def test_missing_rows_move_no_edge(
 def test_nan_power_is_a_gap_of_that_station_only(tmp_path: Path) -> None:
     table = run(tmp_path, synthetic.default_rows(), Shape(periods=1))
     table["power_ac"][(table["kp"] == -3000.0) & (table["ki"] == 4000.0)] = np.nan
-    gaps = {(o.kind, o.point.spring_rate): (o.at_edge, o.at_gap) for o in find_optima(table)}
+    gaps = {
+        (o.station.name, o.point.spring_rate): (o.at_edge, o.at_gap) for o in find_optima(table)
+    }
     assert gaps["ac", 490.9] == (False, True)  # its best is at Kp -2500, Ki 4000
     assert gaps["mechanical_1", -5715.0] == (False, False)

@@ -10,12 +10,12 @@ import xarray
 from between_points import interpolator
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis import labels, panel
-from rig.analysis.labels import BY_NAME, column
 from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
-from rig.analysis.rows import POWERS
+from rig.analysis.run_columns import column, column_named
 from rig.analysis.slices import (
     KI,
     KP,
@@ -53,7 +53,7 @@ def rows(settings: list[dict[str, float]], power: Any, error: float = 0.5) -> xa
     for kind in POWERS:
         columns[f"power_{kind}"] = [each[kind] for each in powers]
         columns[f"power_{kind}_se"] = [error] * len(settings)
-    attributes = {"campaign": "three", "run": "r1", "mode": "hil"}
+    attributes = {"campaign": "three", "run": "r1", "mode": "hil", **STATIONS_ATTRIBUTES}
     return xarray.Dataset(
         {name: ("row", np.array(list(values))) for name, values in columns.items()},
         None,
@@ -138,7 +138,7 @@ def test_more_columns_are_sliced_together() -> None:
     assert slice_.sliced == {"spring_rate": -2763.0, "bus_voltage": 60.0, "switching_period": 2e-4}
     assert len(slice_.points) == 9
     drive = slice_matrix(
-        matrix, "ac", BY_NAME["switching_period"], BY_NAME["bus_voltage"], {"kp": -1000.0}
+        matrix, "ac", column_named("switching_period"), column_named("bus_voltage"), {"kp": -1000.0}
     )
     assert (drive.fixed, len(drive.points)) == ({"kp": -1000.0}, 4)
     # By spring rate, the best point's neighbours are those that differ in Kp and Ki alone.
@@ -164,14 +164,16 @@ def drive_power(at: dict[str, float]) -> dict[str, float]:
 
 
 def test_columns_that_make_no_difference_have_no_best_value() -> None:
-    optima = {best.kind: best for best in find_optima(rows(drive_settings(), drive_power, 0.005))}
+    optima = {
+        best.station.name: best for best in find_optima(rows(drive_settings(), drive_power, 0.005))
+    }
     assert {kind: best.without_effect for kind, best in optima.items()} == {
         "mechanical_1": ("bus_voltage", "switching_period"),
         "mechanical_2": ("bus_voltage", "switching_period"),
         "ac": ("bus_voltage", "switching_period", "velocity_threshold"),
         "dc": (),
     }
-    axes = BY_NAME["bus_voltage"], BY_NAME["switching_period"]
+    axes = column_named("bus_voltage"), column_named("switching_period")
     matrix = gain_matrix(rows(drive_settings(), drive_power, 0.005))
     slices = {kind: slice_matrix(matrix, kind, *axes) for kind in ("mechanical_1", "ac", "dc")}
     remarks_of = {
@@ -322,11 +324,11 @@ def test_default_view() -> None:
 @pytest.mark.parametrize("kinds", [("dc",), ("mechanical_2", "ac", "dc")])
 def test_slices_are_drawn(tmp_path: Path, kinds: tuple[str, ...]) -> None:
     table = missing(0, 5)
-    picture = imread(write_sliced(table, tmp_path / "a.png", SPRING_RATE, KP, kinds=kinds))
+    picture = imread(write_sliced(table, tmp_path / "a.png", SPRING_RATE, KP, names=kinds))
     assert picture.std() > 0.05
     lines = table.isel(row=[i for i, each in enumerate(three_springs()) if each["ki"] == 0.0])
-    assert imread(write_sliced(lines, tmp_path / "b.png", kinds=kinds)).std() > 0.02
-    assert imread(write_sliced(table.isel(row=[]), tmp_path / "c.png", kinds=kinds)).std() > 0.01
+    assert imread(write_sliced(lines, tmp_path / "b.png", names=kinds)).std() > 0.02
+    assert imread(write_sliced(table.isel(row=[]), tmp_path / "c.png", names=kinds)).std() > 0.01
     with pytest.raises(ValueError, match="cannot be both axes"):
         write_sliced(table, tmp_path / "d.png", KP, KP)
 
@@ -366,12 +368,12 @@ def test_scattered_matrix_shows_every_point(tmp_path: Path) -> None:
 
 def test_column_labels() -> None:
     period = column("switching_period_s")
-    assert period is BY_NAME["switching_period"]
+    assert period is column_named("switching_period")
     assert labels.axis_label(period) == "switching period, µs"
     assert labels.format_setting(period, 50e-6) == "switching period 50 µs"
-    assert labels.format_quantity(BY_NAME["discharge_level"], 15.0) == "15"
+    assert labels.format_quantity(column_named("discharge_level"), 15.0) == "15"
     assert labels.format_quantity(KP, -2500.0) == "−2500 N·s/m"
-    assert labels.format_number(BY_NAME["velocity_threshold"], 0.05) == "0.05"
+    assert labels.format_number(column_named("velocity_threshold"), 0.05) == "0.05"
     assert labels.format_number(SPRING_RATE, 490.9) == "+491"
     with pytest.raises(KeyError, match="no column 'speed'; allowed spring_rate, kp"):
         column("speed")

@@ -13,10 +13,10 @@ import xarray
 from hoisted_runs import STATIONS, UnknownSpring, draw_spring, run_spring_mapping
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
-from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
+from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.report import summarise_run, write_products
-from rig.analysis.rows import POWERS, row_table
+from rig.analysis.rows import row_table
 from rig.analysis.spring_map import passes
 from rig.analysis.spring_map.files import write_calibration
 from rig.analysis.spring_map.passes import FIT_HALF_ANGLE, Samples
@@ -313,7 +313,7 @@ def test_invalid_hoist_campaigns_are_refused(tmp_path: Path) -> None:
     assert "allowed -93 .. 67 %" in problems(hoist=wide)
     quick = {"stations_percent": [7, 7], "low_m": -0.1, "high_m": 0.1, "speed_m_per_s": 0.1}
     text = problems(hoist=quick)
-    assert "stands twice" in text
+    assert "occurs twice" in text
     assert "allowed up to 0.05 m/s" in text
 
 

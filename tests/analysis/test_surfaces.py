@@ -10,11 +10,11 @@ from between_points import interpolator
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis.mesh import spans_surface, triangulate
 from rig.analysis.picture import framed_figure
 from rig.analysis.points import Point
-from rig.analysis.rows import POWERS
 from rig.analysis.surfaces import draw_surfaces, write_surfaces
 
 
@@ -55,7 +55,7 @@ def table(measured: list[Point]) -> xarray.Dataset:
     for kind in POWERS:
         columns[f"power_{kind}"] = [p.power[kind] for p in measured]
         columns[f"power_{kind}_se"] = [p.error[kind] for p in measured]
-    attributes = {"campaign": "default", "run": "r1", "mode": "rehearsal"}
+    attributes = {"campaign": "default", "run": "r1", "mode": "rehearsal", **STATIONS_ATTRIBUTES}
     return xarray.Dataset(
         {k: ("row", np.array(list(v))) for k, v in columns.items()}, None, attributes
     )

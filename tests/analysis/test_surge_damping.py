@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, rehearse, write_yaml
 from rig_command import rig_here
-from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
+from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
-from rig.analysis.rows import POWERS
 from rig.analysis.surge_damping import DampingRow as Damped
 from rig.analysis.surge_damping import (
     allowed_stroke,

@@ -117,7 +117,7 @@ def test_command_merges_and_reports_alarms(
     [
         (["a.twe"], "a.twe:1: cannot read"),
         (["x=POWER", "x=WAVES"], "a second record named 'x'"),
-        (["WAVES", "--unit", "waves=feet"], "'feet' is no unit; allowed inch, m, mm, cm"),
+        (["WAVES", "--unit", "waves=feet"], "'feet' is not a unit; allowed inch, m, mm, cm"),
         (["WAVES", "--unit", "tank=m"], "NAME one of waves"),
         (["WAVES", "--offset", "waves=soon"], "'soon' is not a number of seconds"),
         (["WAVES", "--run-sine", "wave.sine"], "no field 'wave.sine' in this run"),

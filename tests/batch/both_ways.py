@@ -18,7 +18,7 @@ import numpy as np
 
 from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import connect
-from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot import kind_with_law
 from rig.kinds.wavebot.build import wavebot_params
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
@@ -75,7 +75,8 @@ def interpreted(path: Path) -> LoopResult:
     devices = connect(
         json.loads(json.dumps(job.plant_settings(campaign))) | {"compiled": False}, plan.dt
     )
-    step, state = cycle.make(KIND), cycle.start(KIND, params, 0)
+    kind = kind_with_law(campaign.law.module)
+    step, state = cycle.make(kind), cycle.start(kind, params, 0)
     fields = attrgetter(*KEPT_FIELDS)
     lines, tick, linger = [], 0, 0
     while linger < LINGER_TICKS:

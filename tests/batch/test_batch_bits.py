@@ -6,6 +6,7 @@ import inspect
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -19,16 +20,19 @@ from law_lifting import same_bits
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
 import rig
+from rig.config.law_settings import IMPEDANCE
 from rig.execution.rehearsal.devices import PlantDevices
 from rig.kinds.wavebot import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode, Reason
 from rig.sweep import lifting, plant_coupling
 from rig.sweep.column import Column
-from rig.sweep.compiled import LIFTED, TYPE_MODULES
+from rig.sweep.compiled import TYPE_MODULES, lifted_modules
 from rig.sweep.pages import PAGE_TICKS
 from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
+LIFTED = lifted_modules(IMPEDANCE)
+LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
     "tare": {"duration_s": 1},
@@ -53,6 +57,7 @@ CUSTOM = {
     },
 }
 ZC = {"zc": {"numerator": [-400, 0], "denominator": [1, 2.0, 9.0]}}
+SPRING = {"spring_n_per_m": 490.9}
 KINDS: dict[str, dict[str, Any]] = {
     "regular": {},
     "irregular": {
@@ -82,12 +87,68 @@ KINDS: dict[str, dict[str, Any]] = {
         "matrix": {"list": [POINT, POINT | {"kp_n_s_per_m": -100, "ki_n_per_m": 3000}]},
         "timing": {"settle_s": 0, "interval_s": 5.5},
     },
+    "velocity table": {
+        "law": {
+            "use": "velocity table",
+            "velocity_m_per_s": [-0.6, -0.2, 0.0, 0.3, 0.7],
+            "force_n": [900, 500, 0, -600, -800],
+        },
+        "matrix": {
+            "list": [
+                SPRING | {"table_scale": 1, "retract_factor": 1},
+                SPRING | {"table_scale": 0.7, "retract_factor": 0.4},
+            ]
+        },
+    },
+    "nonlinear damping": {
+        "law": "nonlinear damping",
+        "matrix": {
+            "list": [
+                SPRING | {"quadratic_n_s2_per_m2": 4000, "coulomb_n": 0},
+                SPRING | {"quadratic_n_s2_per_m2": 1000, "coulomb_n": 200},
+            ]
+        },
+    },
+    "latching": {
+        "law": {
+            "use": "latching",
+            "hold_stiffness_n_per_m": 30_000,
+            "hold_damping_n_s_per_m": 3000,
+        },
+        "matrix": {
+            "list": [
+                SPRING | {"kp_n_s_per_m": -1500, "latch_s": 0.1},
+                SPRING | {"kp_n_s_per_m": -1000, "latch_s": 0},
+            ]
+        },
+    },
+    "declutching": {
+        "law": "declutching",
+        "matrix": {
+            "list": [
+                SPRING | {"kp_n_s_per_m": -2500, "declutch_s": 0.2},
+                SPRING | {"kp_n_s_per_m": -2000, "declutch_s": 0.1},
+            ]
+        },
+    },
+    "law of a file, excited": {
+        "law": "./growing.py",
+        "reference": {"kind": "multisine", "amplitude_a": 8},
+        "matrix": {
+            "list": [
+                SPRING | {"c0_n_s_per_m": 1500, "c1_n_s_per_m2": 4000},
+                SPRING | {"c0_n_s_per_m": 2000, "c1_n_s_per_m2": 0},
+            ]
+        },
+    },
 }
 
 
 def make_campaign(folder: Path, case: str) -> Path:
     push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
     (folder / "push.csv").write_text("\n".join(["time,push", *push]))
+    (law,) = re.findall(r"```python\n(.*?)```", LAWS_PAGE.read_text(), re.DOTALL)
+    (folder / "growing.py").write_text(law)
     return write_campaign(folder, **QUICK | KINDS[case])
 
 
@@ -272,7 +333,9 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
 
 PRINT_CACHE_FOLDER = """
 from rig.sweep import lifting
-from rig.sweep.compiled import LIFTED, TYPE_MODULES
+from rig.config.law_settings import IMPEDANCE
+from rig.sweep.compiled import TYPE_MODULES, lifted_modules
+LIFTED = lifted_modules(IMPEDANCE)
 print(lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)))
 """
 

@@ -13,7 +13,9 @@ from rehearsing import rehearse, write_campaign
 from test_sweep_rows import POINTS, run_test_sweep
 
 from rig.analysis.points import gain_matrix
-from rig.analysis.surfaces import KINDS, draw_surfaces
+from rig.analysis.surfaces import draw_surfaces
+from rig.kinds.wavebot.stations import STATIONS
+from rig.stations import shown, station_names
 from rig.sweep import pictures
 from rig.sweep.cases import LEAD_IN
 from rig.sweep.parameters import CampaignFiles
@@ -82,7 +84,7 @@ def test_measured_points_lie_within_their_panel(table: xarray.Dataset) -> None:
     draw_surfaces(figure.subfigures(), rows, 8.0, overlay=points._replace(points=tuple(shifted)))
     panels = [axes for axes in figure.axes if axes.lines]
     assert len(panels) == 3
-    for axes, kind in zip(panels, KINDS, strict=True):
+    for axes, kind in zip(panels, station_names(shown(STATIONS)), strict=True):
         low, high = axes.get_ylim()
         assert low < min(p.power[kind] for p in points.points)
         assert high > max(p.power[kind] for p in shifted)

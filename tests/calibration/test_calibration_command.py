@@ -132,7 +132,7 @@ def test_diff_lists_changes_and_outdated_products(log: Path) -> None:
     for report in (
         "mask4_spring_rate v1 -> mask4_spring_rate v2",
         "correction.factor: 1.0 -> 0.769",
-        "2 changed, 1 read as before",
+        "2 values changed, 1 unchanged",
         "MASK4_024 E2: -12000 -> -9228 N/m (recorded -12000)",
         "MASK4_036 row 3: spring rates stand in GainMatrix002, not in the log",
         "MASK4_036: row table, power surfaces",
@@ -163,8 +163,8 @@ def test_diff_examines_runs(tmp_path: Path) -> None:
     assert "20230920T100000Z_a row 3: -2857.5 -> -4394.835 N/m (recorded -5715)" in out
     assert "20230920T100000Z_a: rows.csv" in out
     code, out, _ = rig("diff", f"{NAME}@1", NAME, "--runs", runs)
-    assert "0 changed, 0 read as before" in out
-    assert "cannot be told" in out
+    assert "0 values changed, 0 unchanged" in out
+    assert "undecided" in out
     code, _, errors = rig("diff", old, f"{NAME}@1")
     assert (code, "do not correct the same thing" in errors) == (2, True)
 

@@ -311,7 +311,7 @@ def test_the_resolved_configuration_is_complete_and_can_be_read_again(write: Any
     campaign = open_campaign(write("tare: none\ntiming: mask4\n"))
     text = resolved_config(campaign)
     config = json.loads(text)
-    assert set(config) == {"campaign", "points", "rig", "limits", "plant", "files"}
+    assert set(config) == {"campaign", "points", "rig", "limits", "plant", "law", "files"}
     assert config["campaign"]["start"]["lead_in_s"] == 120.0
     assert config["campaign"]["tare"] == "none"
     assert config["limits"]["heave"]["position_stop_m"] == 0.35

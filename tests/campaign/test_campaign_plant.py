@@ -96,7 +96,7 @@ def test_scales_of_rig_and_plant_must_agree(
 def test_an_estimator_that_cannot_be_designed_is_reported(
     rig: Path, write: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rig.design.estimator._MOST_STEPS", 2)
+    monkeypatch.setattr("rig.design.estimator._MAX_STEPS", 2)
     build._cached_estimator_design.cache_clear()  # removes gains designed by an earlier test
     ((file, line, key, message),) = reported_problems(write())
     at = line_of(rig, "jerk_density_m2_per_s5:")

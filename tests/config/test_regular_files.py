@@ -13,6 +13,7 @@ import pytest
 
 from rig.config import ConfigError, LimitsFile, SourceLocation, load, load_mapping
 from rig.config.any_rig_file import load_rig
+from rig.config.law_settings import IMPEDANCE
 from rig.identification import bem, comparison
 from rig.interop.basin.recording import read_recording
 from rig.interop.exchange.mask4_signals import read_signals
@@ -64,7 +65,11 @@ READERS: dict[str, tuple[str, Read, int | None]] = {  # suffix, reader, maximum 
     "limits": (".yaml", lambda path: load(path, LimitsFile), MAX_CONFIG_BYTES),
     "session": (".yaml", open_session, MAX_CONFIG_BYTES),
     "calibration": (".yaml", open_calibration, MAX_CONFIG_BYTES),
-    "matrix": (".csv", lambda path: matrix_csv.read_matrix_csv(path, NAMED_AT), MAX_CONFIG_BYTES),
+    "matrix": (
+        ".csv",
+        lambda path: matrix_csv.read_matrix_csv(path, NAMED_AT, IMPEDANCE),
+        MAX_CONFIG_BYTES,
+    ),
     "elevation": (".csv", read_recording, MAX_RECORD_BYTES),
     "basin record": (".twe", read_recording, MAX_RECORD_BYTES),
     "old matrix": (".csv", read_table, MAX_TABLE_BYTES),

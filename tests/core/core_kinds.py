@@ -93,7 +93,7 @@ class DrivenAxis(NamedTuple):
 
 
 def _start_axis(params: Any) -> DrivenAxis:
-    return DrivenAxis(axis.start(), impedance.start())
+    return DrivenAxis(axis.start(), impedance.start(LAW))
 
 
 def _step_axis(
@@ -106,7 +106,7 @@ def _step_axis(
     mode: int,
     dt: float,
 ) -> tuple[DrivenAxis, axis.Record]:
-    law, demand = impedance.start(), axis.NO_DEMAND
+    law, demand = impedance.start(LAW), axis.NO_DEMAND
     if mode == RUN:
         gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
         law, demand = impedance.step(LAW, state.law, gains, motion, 0.0, 0.0, dt)

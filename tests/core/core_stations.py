@@ -27,7 +27,7 @@ def _draw(rng: random.Random, *choices: float) -> float:
     return rng.choice(choices)
 
 
-def check_wavebot_stations(module: Any) -> None:
+def check_wavebot_power_checks(module: Any) -> None:
     """Check averages, the power that counts, every bound from both sides, and resets."""
     rest = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
     assert module.start() == rest
@@ -35,7 +35,7 @@ def check_wavebot_stations(module: Any) -> None:
     bounds = {
         "fed_stop": 2.0, "motor_stop": 2.0, "motor_ratio": 0.5, "balance_stop": 4.0,
         "friction": 2.0, "loss": 0.5, "newtons_per_ampere": 4.0,
-        "newest": 0.25, "newest_slow": 0.125,
+        "fast_weight": 0.25, "slow_weight": 0.125,
     }  # fmt: skip
     counts_by_reason = dict.fromkeys(("NONE", "FORCE_DISAGREES", "POWER_SIGN", "POWER_BALANCE"), 0)
     for _ in range(CASES):
@@ -102,7 +102,11 @@ def check_bench_stations(module: Any) -> None:
     rest = (0.0, 0.0, 0.0, 0)
     assert module.start() == rest
     params = module.Params(
-        newest=0.25, fed_stop=2.0, motor_stop=2.0, motor_ratio=0.5, torque_constant=4.0
+        average_weight=0.25,
+        fed_power_stop=2.0,
+        difference_stop=2.0,
+        difference_ratio=0.5,
+        torque_constant=4.0,
     )
     for current, torque, velocity, damps, mode, moved in itertools.product(
         (-1.0, 0.0, 0.5, 1.0), (-4.0, -1.0, 0.0, 1.0, 2.0, 4.0), (-2.0, -1.0, 0.0, 1.0, 2.0),

@@ -9,6 +9,7 @@ from typing import Any
 
 from core_runs import plan
 
+from controllers import impedance
 from controllers.signals import (
     AxisCommand,
     AxisSense,
@@ -21,6 +22,7 @@ from rig.config import CampaignFile, LimitsFile, RigFile, load, load_mapping
 from rig.execution.rehearsal.devices import PlantDevices, connect
 from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.law_columns import columns_type
 from rig.realtime import cycle, sequence
 from rig.realtime.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 
@@ -47,7 +49,8 @@ def table(
     """Set points of heave gains (N*s/m, N/m) and spring rates (N/m); surge is damped."""
     count = len(kp)
     columns: dict[str, Any] = dict.fromkeys(Setpoints._fields, (0.0,) * count)
-    columns |= {"kp": kp, "ki": ki, "spring_rate": spring_rate}
+    gains = columns_type(impedance.SetPoint)(kp, ki, (0.0,) * count)
+    columns |= {"law": gains, "spring_rate": spring_rate}
     columns |= {"stroke": (0.35,) * count, "surge_kp": (-2500.0,) * count}
     return Setpoints(**columns | {"discharge_level": (0,) * count, "realisation": (1,) * count})
 

@@ -277,7 +277,7 @@ def test_the_first_tick_of_a_wavebot_sets_its_zero() -> None:
     for counts in (-500_000, 0, AT):
         quiet = Quiet().read(0.0)
         sense = quiet._replace(heave=quiet.heave._replace(counts=counts))
-        motion = wavebot.observe(params().rig, wavebot.start(params().rig), sense, 1, DT)
+        motion = wavebot.observe(params().rig, wavebot.KIND.start(params().rig), sense, 1, DT)
         assert motion == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -297,16 +297,16 @@ def test_each_set_point_applies_its_gains_and_spring_rate() -> None:
     own = params(setpoints=table).rig
     own = own._replace(heave_law=own.heave_law._replace(ramp=DT))
     own = own._replace(station_keeping=own.station_keeping._replace(ramp=DT))
-    state, sense = wavebot.start(own), Quiet().read(0.0)
+    state, sense = wavebot.KIND.start(own), Quiet().read(0.0)
     plan_record, safety_state = cycle.PlanRecord(0, Phase.SETTLE, 0, -1.0), safety.State(RUN, 0, 0)
     for setpoint in (0, 0, 1, 1, 2, 0, 2, 1, 0, 0):
         motion = wavebot.observe(own, state, sense, 1, DT)
-        state, command, outputs = wavebot.control(
+        state, command, outputs = wavebot.KIND.control(
             own, state, sense, motion, plan_record, safety_state, setpoint, DT
         )
         heave, surge, *_ = outputs
         kp, ki, _, _ = heave.demand
-        assert (kp, ki) == pytest.approx((table.kp[setpoint], table.ki[setpoint]))
+        assert (kp, ki) == pytest.approx((table.law.kp[setpoint], table.law.ki[setpoint]))
         kp, ki, _, _ = surge.demand
         assert (kp, ki) == pytest.approx((table.surge_kp[setpoint], table.surge_ki[setpoint]))
         assert command.spring.rate == table.spring_rate[setpoint]
@@ -318,9 +318,9 @@ def test_each_set_point_applies_its_gains_and_spring_rate() -> None:
 
 def test_no_set_point_is_active_before_the_first_tick() -> None:
     """Not even the set point of index 0 is active before the first tick."""
-    state = wavebot.start(params().rig)
+    state = wavebot.KIND.start(params().rig)
     assert state.active_setpoint.setpoint == -1
-    assert set(state.active_setpoint.gains) == {0.0}
+    assert set(state.active_setpoint.law) == {0.0}
 
 
 def test_the_wave_maker_runs_while_the_wave_clock_does() -> None:

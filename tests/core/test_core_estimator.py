@@ -115,7 +115,7 @@ def test_cached_gains_equal_those_of_filterpy_bit_by_bit(
 def test_a_gain_is_the_same_on_every_processor() -> None:
     """OpenBLAS uses fused operations on some processors, which changes filterpy's last bits."""
     inputs = (COUNT, NOISE, JERK, DT)
-    code = f"from rig.design.estimator import designed; print(*designed(*{inputs}))"
+    code = f"from rig.design.estimator import design_with_filterpy as f; print(*f(*{inputs}))"
     for kernels in ("Prescott", "Haswell"):
         env = os.environ | {"OPENBLAS_CORETYPE": kernels}
         done = subprocess.run(

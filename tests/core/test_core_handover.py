@@ -23,10 +23,13 @@ from rig.realtime import cycle
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, -2.2e-308, 1e308, 0.1])
 
 
-def values(hint: Any, rig: Any) -> st.SearchStrategy[Any]:
-    """Return a strategy for any value of a parameter type."""
+WAVEBOT_TYPES = {"rig": wavebot.Params, **dict(wavebot.KIND.any_types)}
+
+
+def values(hint: Any, types: dict[str, Any], name: str = "") -> st.SearchStrategy[Any]:
+    """Return a strategy for any value of a parameter type; ``types`` are those of `Any` fields."""
     if hint is Any:
-        hint = rig
+        hint = types[name]
     if get_origin(hint) is Annotated:
         hint = get_args(hint)[0]
     if hint is float:
@@ -36,9 +39,10 @@ def values(hint: Any, rig: Any) -> st.SearchStrategy[Any]:
     if hint is str:
         return st.text()
     if get_origin(hint) is tuple:
-        return st.lists(values(get_args(hint)[0], rig), max_size=4).map(tuple)
+        return st.lists(values(get_args(hint)[0], types), max_size=4).map(tuple)
     hints = get_type_hints(hint, include_extras=True)
-    return st.tuples(*(values(hints[name], rig) for name in hint._fields)).map(lambda v: hint(*v))
+    fields = (values(hints[name], types, name) for name in hint._fields)
+    return st.tuples(*fields).map(lambda v: hint(*v))
 
 
 def bits(value: Any) -> Any:
@@ -54,16 +58,17 @@ def bits(value: Any) -> Any:
 @settings(max_examples=20, deadline=None)
 @given(data=st.data())
 def test_any_parameters_are_restored_bit_by_bit(rig: Any, data: Any) -> None:
-    value = data.draw(values(cycle.Params, rig))
-    assert bits(handover.loads(cycle.Params, handover.dumps(value), rig=rig)) == bits(value)
+    types = WAVEBOT_TYPES | {"rig": rig}
+    value = data.draw(values(cycle.Params, types))
+    assert bits(handover.loads(cycle.Params, handover.dumps(value), **types)) == bits(value)
 
 
 def test_the_shipped_parameters_and_a_job_are_restored() -> None:
     restored = params()
-    second = handover.loads(cycle.Params, handover.dumps(restored), rig=wavebot.Params)
+    second = handover.loads(cycle.Params, handover.dumps(restored), **WAVEBOT_TYPES)
     assert bits(second) == bits(restored)
     job = LoopJob(1, 0, 0.001, 3, 4, 5, restored, json.dumps({"seed": 1}), 1.0)
-    assert bits(handover.loads(LoopJob, handover.dumps(job), rig=wavebot.Params)) == bits(job)
+    assert bits(handover.loads(LoopJob, handover.dumps(job), **WAVEBOT_TYPES)) == bits(job)
 
 
 def integers_for_floats(value: Any) -> Any:

@@ -48,7 +48,7 @@ job = loop_process.LoopJob(0, 0, DT, rows, mail, os.getppid(), bench_params(), "
 sys.stdin = io.StringIO(handover.dumps(job))
 code = 0
 try:
-    loop_process.main(BENCH, connect)
+    loop_process.main(lambda law: BENCH, connect)
 except SystemExit as end:
     code = end.code
 print(json.dumps({"event": "order", "order": order, "code": code}))
@@ -73,7 +73,7 @@ devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monoton
 params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stall
 job = loop_process.LoopJob(1, 0, DT, rows, mail, os.getppid(), params, "{}", TIMEOUT)
 sys.stdin = io.StringIO(handover.dumps(job))
-loop_process.main(BENCH, lambda config, dt: devices)
+loop_process.main(lambda law: BENCH, lambda config, dt: devices)
 reader, modes = ring.RingReader(rows), []
 while block := reader.take():
     row = row_layout.layout(BENCH.row_type)

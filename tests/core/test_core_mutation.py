@@ -12,19 +12,19 @@ from typing import Any, NamedTuple
 
 import pytest
 from core_checks import check_limits, check_safety
-from core_stations import check_bench_stations, check_wavebot_stations
+from core_stations import check_bench_stations, check_wavebot_power_checks
 
 RIG = Path(__file__).parents[2] / "rig"
 CHECKS: dict[str, Callable[[Any], None]] = {
     "realtime/limits": check_limits,
     "realtime/safety": check_safety,
-    "kinds/wavebot/stations": check_wavebot_stations,
+    "kinds/wavebot/power_checks": check_wavebot_power_checks,
     "kinds/oswec_bench/stations": check_bench_stations,
 }
 MINIMUM = {  # mutants, branches
     "realtime/limits": (150, 10),
     "realtime/safety": (150, 10),
-    "kinds/wavebot/stations": (60, 4),
+    "kinds/wavebot/power_checks": (60, 4),
     "kinds/oswec_bench/stations": (30, 3),
 }
 

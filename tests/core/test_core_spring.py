@@ -13,7 +13,6 @@ from controllers.blocks import interpolate
 from controllers.magnetic_spring import Params, arrived, start, stator_position, step
 from controllers.signals import SpringSense
 from rig.kinds.wavebot import tare
-from rig.realtime import power
 from rig.realtime.sequence import Phase
 
 # MASK4 report, Table 4-1: stator position (%) -> spring rate (N/m), small displacements.
@@ -137,40 +136,7 @@ def test_without_a_tare_the_first_tick_sets_the_zero() -> None:
     assert state.zeros == (*CALM, 0)
 
 
-# --- power
-
-
-def test_power_is_force_on_the_body_times_velocity_and_absorbed_is_negative() -> None:
-    now = power.step(power.start(), -800.0, -750.0, 0.2, -40.0, -10.0, Phase.SETTLE)
-    assert now[:4] == (-160.0, -150.0, -40.0, -10.0)
-    assert now[4:] == (0.0, 0.0, 0.0, 0)
-
-
-@given(st.lists(st.tuples(*[st.floats(-1e3, 1e3)] * 4), min_size=1, max_size=50))
-def test_means_are_those_of_the_measured_ticks(
-    samples: list[tuple[float, float, float, float]],
-) -> None:
-    state = power.start()
-    for _ in range(3):
-        state = power.step(state, 9e9, 9e9, 1.0, 9e9, 9e9, Phase.SETTLE)
-    for force, velocity, ac, dc in samples:
-        state = power.step(state, force, 0.0, velocity, ac, dc, Phase.MEASURE)
-    n = len(samples)
-    assert state.samples == n
-    for mean, column in (
-        (state.mean_mechanical_1, [f * v for f, v, _, _ in samples]),
-        (state.mean_ac, [ac for _, _, ac, _ in samples]),
-        (state.mean_dc, [dc for _, _, _, dc in samples]),
-    ):
-        size = max(abs(x) for x in column) + 1.0
-        assert mean == pytest.approx(math.fsum(column) / n, abs=1e-9 * size)
-    tail = power.step(state, 9e9, 9e9, 1.0, 9e9, 9e9, Phase.TAIL)
-    assert tail[4:] == state[4:]
-    assert power.step(tail, 1.0, 1.0, 1.0, 1.0, 1.0, Phase.SETTLE)[4:] == (0.0, 0.0, 0.0, 0)
-
-
-def test_both_start_empty() -> None:
-    assert power.start() == (0.0,) * 7 + (0,)
+def test_it_starts_empty() -> None:
     assert tare.start() == (((0.0,) * CHANNELS + (0,)), 0, 0, (0.0,) * CHANNELS, 0.0, 0.0)
     seeded = tare.step(tare.start(), CALM, Phase.TARE)
     assert seeded.seeded == tare.step(seeded, CALM, Phase.MOVING).seeded == 1

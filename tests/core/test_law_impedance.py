@@ -29,7 +29,7 @@ WEIRD = [math.nan, math.inf, -math.inf]
 
 
 def settled(gains: Gains, params: impedance.Params = LAW) -> impedance.State:
-    state = impedance.start(params.sections)
+    state = impedance.start(params)
     for _ in range(30):
         state, _ = impedance.step(params, state, gains, REST, 0.0, 0.0, DT)
     return state
@@ -93,7 +93,7 @@ def test_km_adds_mass_to_a_body_and_takes_it_off() -> None:
 def test_the_first_force_is_within_one_step_of_zero(params: impedance.Params, v: float) -> None:
     gains = Gains(-2000.0, 5000.0, 300.0)
     _, demand = impedance.step(
-        params, impedance.start(params.sections), gains, Estimate(0.2, v, 1.0), 0.0, 0.0, DT
+        params, impedance.start(params), gains, Estimate(0.2, v, 1.0), 0.0, 0.0, DT
     )
     share = DT / LAW.ramp
     assert demand[:3] == pytest.approx([gain * share for gain in gains])
@@ -113,7 +113,7 @@ def test_no_sequence_of_gain_switches_bumps_the_force(
     switches: list[tuple[float, float, float, int]], v: float, x: float, a: float
 ) -> None:
     """At constant motion the force changes by at most rate * dt a tick at any switch."""
-    state, last = impedance.start(), 0.0
+    state, last = impedance.start(impedance.Params(0.0)), 0.0
     steps = LAW.ramp / DT
     reach = [0.0, 0.0, 0.0]  # largest change that any ramp so far may need
     motion = Estimate(x, v, a)
@@ -138,7 +138,7 @@ def test_sections_agree_with_scipy() -> None:
     """Same difference equation, other code: 1e-9 for another order of summation."""
     v = np.random.default_rng(5).normal(size=4000)
     sections = design([-4e4, -3e3, -9e4, -1.0], [1.0, 3.0, 30.0, 20.0, 5.0], DT)
-    state, forces = impedance.start(sections), []
+    state, forces = impedance.start(impedance.Params(0.0, sections)), []
     law = impedance.Params(0.0, sections)  # no ramp: full share from the first tick
     for velocity in v.tolist():
         estimate = Estimate(0.0, velocity, 0.0)
@@ -169,7 +169,7 @@ def test_the_share_of_zc_is_ramped_in() -> None:
     """At constant velocity the force changes by at most a ramp's step plus that of Z_c."""
     v, ramp = 0.5, 0.1
     law = impedance.Params(ramp, LAGGED)
-    state, alone, forces, replies = impedance.start(LAGGED), biquads.start(LAGGED), [0.0], [0.0]
+    state, alone, forces, replies = impedance.start(law), biquads.start(LAGGED), [0.0], [0.0]
     for _ in range(2000):
         state, demand = impedance.step(law, state, NONE, Estimate(0.0, v, 0.0), 0.0, 0.0, DT)
         alone, reply = biquads.step(LAGGED, alone, v)
@@ -187,7 +187,7 @@ def test_a_restarted_law_has_no_memory() -> None:
     motions = [Estimate(*row) for row in rng.normal(size=(400, 3)).tolist()]
 
     def forces() -> list[float]:
-        state, out = impedance.start(LAGGED), []
+        state, out = impedance.start(WITH_ZC), []
         for motion in motions:
             gains = Gains(-900.0, 500.0, 20.0)
             state, demand = impedance.step(WITH_ZC, state, gains, motion, 0.0, -3.0, DT)
@@ -195,8 +195,10 @@ def test_a_restarted_law_has_no_memory() -> None:
         return out
 
     assert forces() == forces()
-    assert impedance.start() == impedance.State(*[(0.0, 0.0, 0.0)] * 4, (), (0.0, 0.0, 0.0))
-    assert impedance.start(LAGGED).sections == ((0.0, 0.0),)
+    assert impedance.start(impedance.Params(0.0)) == impedance.State(
+        *[(0.0, 0.0, 0.0)] * 4, (), (0.0, 0.0, 0.0)
+    )
+    assert impedance.start(WITH_ZC).sections == ((0.0, 0.0),)
 
 
 # --- input that is not finite

@@ -117,12 +117,20 @@ MAP = (-0.0044, -0.0014, -0.0005, 0.0005, 0.0014, 0.0044)  # rad
 AT_REST = magnetic_spring.State(SpringCommand(0.0, 0.0, 0), 0)
 
 LAWS = {
-    "impedance": Law(impedance, impedance.Params(0.1), impedance.start(), of_impedance),
+    "impedance": Law(
+        impedance, impedance.Params(0.1), impedance.start(impedance.Params(0.1)), of_impedance
+    ),
     "impedance, one section": Law(
-        impedance, impedance.Params(0.1, ONE), impedance.start(ONE), of_impedance
+        impedance,
+        impedance.Params(0.1, ONE),
+        impedance.start(impedance.Params(0.1, ONE)),
+        of_impedance,
     ),
     "impedance, three sections": Law(
-        impedance, impedance.Params(0.1, THREE), impedance.start(THREE), of_impedance
+        impedance,
+        impedance.Params(0.1, THREE),
+        impedance.start(impedance.Params(0.1, THREE)),
+        of_impedance,
     ),
     "reference": Law(open_loop, open_loop.Params(TABLE, 0.05, 1), open_loop.start(), of_reference),
     "reference, three": Law(

@@ -41,7 +41,7 @@ class Loop:
         self, sections: tuple[Biquad, ...], limit: float, protected: bool, gains: Gains = NONE
     ) -> None:
         self.law = impedance.Params(0.0, sections)
-        self.state, self.short = impedance.start(sections), 0.0
+        self.state, self.short = impedance.start(self.law), 0.0
         self.limit, self.protected, self.gains = limit, protected, gains
 
     def granted(self, motion: Estimate) -> tuple[float, float]:
@@ -140,7 +140,8 @@ def test_no_limit_enlarges_the_force_of_zc(
     sections: tuple[Biquad, ...], shorts: list[tuple[float, int]], seed: int
 ) -> None:
     """|Z_c v| <= sum |h| max |v| for any limits, as for the filter without limits."""
-    law, state = impedance.Params(0.0, sections), impedance.start(sections)
+    law = impedance.Params(0.0, sections)
+    state = impedance.start(law)
     memory, impulse = biquads.start(sections), 0.0
     for tick in range(3200):
         memory, h = biquads.step(sections, memory, 1.0 if tick == 0 else 0.0)
@@ -163,7 +164,8 @@ def test_a_passive_zc_stays_passive_under_any_limits(
 
     The bilinear transform preserves positive realness; the memory only shrinks.
     """
-    law, state = impedance.Params(0.0, sections), impedance.start(sections)
+    law = impedance.Params(0.0, sections)
+    state = impedance.start(law)
     rng = np.random.default_rng(seed)
     given_, turnover, tick = 0.0, 0.0, 0
     for deficit, ticks in shorts:
@@ -178,7 +180,7 @@ def test_a_passive_zc_stays_passive_under_any_limits(
 
 
 def charged(sections: tuple[Biquad, ...]) -> impedance.State:
-    state = impedance.start(sections)
+    state = impedance.start(impedance.Params(0.0, sections))
     for _ in range(500):
         state, _ = impedance.step(
             impedance.Params(0.0, sections), state, NONE, Estimate(0.0, 0.3, 0.0), 0.0, 0.0, DT

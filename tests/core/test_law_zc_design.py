@@ -59,7 +59,8 @@ def test_the_sections_are_the_bilinear_transform(zc: Polynomials) -> None:
 def test_a_sine_through_the_law_shows_zc(zc: Polynomials, f_hz: float) -> None:
     """Amplitude and phase of the force per velocity, tick by tick, within the stated tolerance."""
     sections = design(*zc, DT)
-    law, state = impedance.Params(0.0, sections), impedance.start(sections)
+    law = impedance.Params(0.0, sections)
+    state = impedance.start(law)
     settle, period = 25.0, round(1.0 / f_hz / DT)  # s, of the slowest pole, 0.3 rad/s; ticks
     first = math.ceil(settle / DT / period) * period
     total = 0j

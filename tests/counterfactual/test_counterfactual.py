@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, rehearse, write_campaign
 from rig_command import rig_here
+from synthetic_runs import POWERS
 
 from benchmarks.counterfactual import case
-from rig.analysis.rows import POWERS
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.recording.runs import RunError

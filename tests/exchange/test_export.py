@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import xarray
 from command_here import rig
-from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
+from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
-from rig.analysis.rows import POWERS, row_table
+from rig.analysis.rows import row_table
 from rig.interop.exchange.mask4_export import export_structure, write_mat
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, open_run

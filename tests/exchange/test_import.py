@@ -223,7 +223,7 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     assert (process.returncode, "cannot be read: No such file" in process.stderr) == (2, True)
     (tmp_path / "x.mat").write_text("hello")
     process = rig("import", tmp_path / "x.mat", *REGULAR, "--runs", tmp_path / "runs")
-    assert "no date in the name; say it: --started" in process.stderr
+    assert "no date in the file's name; give --started" in process.stderr
     options = ("--started", "2023-09-26", "--runs", str(tmp_path / "runs"))
     process = rig("import", tmp_path / "x.mat", *REGULAR, *options)
     assert (process.returncode, "not readable as a MATLAB file" in process.stderr) == (2, True)

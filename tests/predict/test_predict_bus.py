@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
+from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.design.predictions import plant
 from rig.design.predictions.bus import SUPPLY_RISE_TIME, Bus, BusInterval, block_means, simulate
 from rig.design.predictions.grid import build_grid
-from rig.planning.campaign.set_points import ZERO_SETTING
+from rig.planning.campaign.set_points import zero_setting
 from sim_plant import bus
 
 DT = 0.001
@@ -25,7 +26,7 @@ def plant_model(name: str) -> plant.PlantModel:
 def buses(name: str, voltage: float, level: int) -> tuple[Bus, bus.BusParams]:
     """Return the predicted and the simulated bus at the same settings."""
     loaded = plant_model(name)
-    setting = ZERO_SETTING._replace(
+    setting = zero_setting(IMPEDANCE)._replace(
         bus_voltage=voltage, switching_period=1e-4, hysteresis_tolerance=0.5,
         discharge_level=float(level),
     )  # fmt: skip

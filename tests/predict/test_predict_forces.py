@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
+from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.design.predictions import electrics, passive, plant
-from rig.planning.campaign.set_points import ZERO_SETTING
+from rig.planning.campaign.set_points import zero_setting
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
 
 RNG = np.random.default_rng(1)
@@ -58,7 +59,7 @@ def test_force_in_the_guide() -> None:
 @pytest.mark.parametrize("voltage", [41.0, 75.0, 152.0])
 def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> None:
     plant_model = load_plant("wavebot_custom")
-    setting = ZERO_SETTING._replace(
+    setting = zero_setting(IMPEDANCE)._replace(
         bus_voltage=75.0, switching_period=5e-5, hysteresis_tolerance=0.7,
         velocity_threshold=0.2, discharge_level=3.0,
     )  # fmt: skip
@@ -90,7 +91,7 @@ def test_losses_of_the_commercial_drive() -> None:
     from sim_plant import cots_drive
 
     plant_model = load_plant("wavebot")
-    drive = plant.drive(plant_model, [ZERO_SETTING], 0, 0.0, np.zeros(1))
+    drive = plant.drive(plant_model, [zero_setting(IMPEDANCE)], 0, 0.0, np.zeros(1))
     motor = plant.motor(plant_model)
     force_record = F[None, :]
     power = electrics.station_powers(

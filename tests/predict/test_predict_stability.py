@@ -55,7 +55,7 @@ def free_motion(law: Law, ticks: int) -> tuple[Any, Any]:
     newtons = plant.motor(PLANT_MODEL).newtons_per_ampere
     gains = Gains(float(law.kp[0]), float(law.ki[0]), float(law.km[0]))
     params = impedance.Params(0.0, law.sections)
-    state, estimate = impedance.start(law.sections), Estimate(0.01, 0.0, 0.0)
+    state, estimate = impedance.start(params), Estimate(0.01, 0.0, 0.0)
     timing = Timing(DT, 1, plant.current_loop(PLANT_MODEL, "heave").lag, FILTER)
     body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
     ad, plant_input = sampled.discretise(body._replace(stiffness=body.stiffness + 490.9), timing)
@@ -121,7 +121,7 @@ def test_the_matrix_reproduces_the_loop(delay: int) -> None:
     states[:8] = rng.standard_normal(8)
     plant_states, delay_line = states[:8].copy(), [0.0] * delay
     params = impedance.Params(0.0, law.sections)
-    state, estimate = impedance.start(law.sections), Estimate(0.0, 0.0, 0.0)
+    state, estimate = impedance.start(params), Estimate(0.0, 0.0, 0.0)
     for _ in range(50):
         delay_line.insert(0, float(plant_states[0]))
         estimate = estimator.step(FILTER, estimate, delay_line.pop(), 1, DT)

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from rig.analysis.rows import COMPLETE, POWERS, row_table
+from rig.analysis.rows import COMPLETE, row_table
 from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
+from rig.stations import station_names
 from rig.sweep import sweep
 from rig.sweep.executors import thread_executor
 
@@ -96,7 +98,7 @@ def assert_same_rows(rehearsed: Any, swept: Any) -> None:
     The tolerance is 1e-12: the sums have the same bits but another order.
     """
     assert set(rehearsed.state.values.tolist()) == set(swept.state.values.tolist()) == {COMPLETE}
-    for name in ("samples", "start", *(f"power_{kind}" for kind in POWERS)):
+    for name in ("samples", "start", *(f"power_{kind}" for kind in station_names(STATIONS))):
         np.testing.assert_allclose(rehearsed[name], swept[name], rtol=1e-12, err_msg=name)
 
 

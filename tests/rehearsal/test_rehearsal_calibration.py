@@ -63,7 +63,7 @@ def test_the_measured_sea_is_the_requested_one(result: RunResult) -> None:
         assert table.attrs["hm0_asked_m"] == pytest.approx(0.05, rel=1e-9)
         assert int(truth["periods"]) == 3
         assert table["cycles"].values.tolist() == list(range(2, 11))
-    assert "asked 50.0 mm" in products["summary.txt"].read_text()
+    assert "target of 50.0 mm" in products["summary.txt"].read_text()
 
 
 def test_another_realisation_is_another_wave_of_the_same_spectrum(

@@ -54,7 +54,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture(scope="module")
 def best(table: Any) -> dict[tuple[str, float], Any]:
-    return {(o.kind, o.point.spring_rate): o for o in find_optima(table)}
+    return {(o.station.name, o.point.spring_rate): o for o in find_optima(table)}
 
 
 def test_all_rows_are_complete(table: Any) -> None:

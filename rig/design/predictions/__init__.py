@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from rig.design.predictions.margins import Margin, tightest
 from rig.design.predictions.prediction import Prediction, RowPrediction
-from rig.design.predictions.row_prediction import RowPredictions
-from rig.design.predictions.rows import predict
+from rig.design.predictions.row_prediction import PREDICTED_STATIONS, RowPredictions
+from rig.design.predictions.rows import predict, unpredicted_reason
 from rig.design.predictions.travel import Travel
 
 __all__ = [
+    "PREDICTED_STATIONS",
     "Margin",
     "Prediction",
     "RowPrediction",
@@ -21,4 +22,5 @@ __all__ = [
     "Travel",
     "predict",
     "tightest",
+    "unpredicted_reason",
 ]

@@ -22,6 +22,7 @@ from rig.design.predictions.grid import (
     build_grid,
     spectrum_from_amplitudes,
 )
+from rig.design.predictions.linear_form import row_gains
 from rig.design.predictions.loop import Law, Timing
 from rig.execution.rehearsal.devices import build_sea
 from rig.execution.rehearsal.job import plant_settings
@@ -30,8 +31,8 @@ from rig.kinds.wavebot.build import (
     list_realisations,
     newtons_per_ampere,
     reference_table,
-    zc_sections,
 )
+from rig.kinds.wavebot.law_params import zc_sections
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
 from sim_plant import waves
@@ -132,8 +133,11 @@ def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetti
 
 def heave_law(model: CampaignModel, settings: Sequence[RowSetting]) -> Law:
     """Return the heave law of each setting."""
-    kp, ki, km = (np.array([getattr(one, name) for one in settings]) for name in Gains._fields)
-    return Law(kp, ki, km, zc_sections(model.campaign.file.law, model.heave.timing.dt))
+    file, dt = model.campaign.file, model.heave.timing.dt
+    ramp = model.campaign.rig.heave.gain_ramp_s
+    gains = [row_gains(file, one, ramp, dt) for one in settings]
+    kp, ki, km = (np.array([getattr(one, name) for one in gains]) for name in Gains._fields)
+    return Law(kp, ki, km, zc_sections(file.law, dt))
 
 
 def drive_switching(model: CampaignModel) -> tuple[int, float]:

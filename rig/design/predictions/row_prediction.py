@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from rig.kinds.wavebot.stations import STATIONS
+
 
 class RowPredictions(NamedTuple):
     """Predicted values of a row; peaks are magnitudes over the sea's repeat period."""
@@ -39,3 +41,7 @@ class RowPredictions(NamedTuple):
     surge_spectral_radius: float | None  # None: the surge drive is off
     surge_gain_margin: float | None
     converged: bool  # the last iteration changed the motion by less than 1 % of its rms
+
+
+PREDICTED_STATIONS = tuple(s for s in STATIONS if f"power_{s.name}" in RowPredictions._fields)
+"""The stations whose power is predicted."""

@@ -10,6 +10,7 @@ import numpy as np
 from rig.design.predictions import bus, electrics, plant
 from rig.design.predictions.grid import Floats
 from rig.design.predictions.heave import HeaveResponse, heave_poles, predict_heave
+from rig.design.predictions.linear_form import missing_reason, row_gains
 from rig.design.predictions.margins import Margin, compute_margins
 from rig.design.predictions.model import CampaignModel, build_model, drive_switching
 from rig.design.predictions.prediction import Prediction, RowPrediction
@@ -190,6 +191,8 @@ def _predict_columns(
     if surge.poles is not None:
         columns["surge_spectral_radius"] = surge.poles.radius
         columns["surge_gain_margin"] = surge.poles.gain_margin
+    dt, ramp = model.heave.timing.dt, rig.heave.gain_ramp_s
+    gains = [row_gains(campaign.file, setting, ramp, dt) for setting in settings]
     predictions = []
     for i, setting in enumerate(settings):
         values: dict[str, Any] = {name: float(column[i]) for name, column in columns.items()}
@@ -199,7 +202,7 @@ def _predict_columns(
         values |= {
             "voltage_available": values["voltage_available"] if limited else None,
             "dump_power": None,
-            "stiffness": total_stiffness(rig.stability, setting.spring_rate, setting.ki),
+            "stiffness": total_stiffness(rig.stability, setting.spring_rate, gains[i].ki),
             "converged": heave.converged[i],
         }
         predictions.append(values)
@@ -247,9 +250,12 @@ def _simulate_bus(
 def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     """Return the prediction of a checked campaign.
 
-    None without the device in the water, and for a campaign in which a hoist moves it.
+    None without the device in the water, for a campaign in which a hoist moves it, and for a law
+    without a linear form.
     """
     if not planned.rows or campaign.file.hoist is not None:
+        return None
+    if unpredicted_reason(campaign, planned):
         return None
     model = build_model(campaign)
     rows = [*_lead_in(planned), *planned.rows]
@@ -273,12 +279,22 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     )
 
 
+def unpredicted_reason(campaign: Campaign, planned: Plan) -> str:
+    """Return why the law of a campaign with rows cannot be predicted; empty if it can."""
+    if not planned.rows or campaign.file.hoist is not None:
+        return ""
+    ramp = campaign.rig.heave.gain_ramp_s
+    return missing_reason(campaign.file, planned.rows[0].setting, ramp, planned.dt)
+
+
 def _lead_in(planned: Plan) -> list[CampaignRow]:
     """Return the lead-in's set point as a row, or no row if it equals the first row's."""
     segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
     for phase, index in zip(segments.phase, segments.setpoint, strict=True):
         if phase == Phase.LEAD_IN:
-            columns = (getattr(table, name)[index] for name in RowSetting._fields)
-            setting = RowSetting(*(float(value) for value in columns))
+            columns = table._asdict() | table.law._asdict()
+            setting = type(first.setting)(
+                *(float(columns[name][index]) for name in first.setting._fields)
+            )
             return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
     return []

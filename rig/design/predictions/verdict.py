@@ -103,15 +103,18 @@ def _problem(campaign: Campaign, group: list[RowPrediction], messages: list[str]
     name = f"row {row.row}" if row.row != NO_ROW else "the lead-in"
     if len(group) > 1:
         name += f" and {len(group) - 1} more of point {row.point}"
-    gains = (
-        f"spring {format_number(setting.spring_rate)} N/m, Kp {format_number(setting.kp)} N*s/m, "
-        f"Ki {format_number(setting.ki)} N/m"
-    )
-    message = f"{name} ({gains}): {'; '.join(messages)}"
+    columns = [column for column in campaign.law.columns if column.default is None]
+    gains = [f"spring {format_number(setting.spring_rate)} N/m"]
+    gains += [
+        f"{each.label} {format_number(getattr(setting, each.name))} {each.unit}" for each in columns
+    ]
+    message = f"{name} ({', '.join(gains)}): {'; '.join(messages)}"
     key = ("start", "set_point", "kp_n_s_per_m")
     if row.row == NO_ROW and key in campaign.locate.locations:
         return campaign.locate.problem(key, setting.kp, message)
-    return campaign.points[row.point].locations["kp"].problem(setting.kp, message)
+    first = columns[0].name if columns else "spring_rate"
+    location = campaign.points[row.point].locations[first]
+    return location.problem(getattr(setting, first), message)
 
 
 def _margin_messages(

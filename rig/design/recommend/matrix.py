@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.config.yaml_source import load_mapping
-from rig.design.recommend.search import Optimum, SearchSpace, Station
+from rig.design.recommend.search import Optimum, SearchSpace
 from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.planning.campaign.stability import largest_ki
+from rig.stations import Station
 
 MIN_RISE = 0.5  # W, smallest rise of power from the best setting to the points around it
 MAX_RISE = 4.0  # W, largest rise
@@ -82,7 +83,7 @@ def _candidates(
     station: Station,
     rise: float,
 ) -> Iterator[tuple[Gains, str]]:
-    name = station_label(station)
+    name = f"{station.name_in_text} power"
     yield best.gains, f"best {name}"
     distances = [
         _distance(quick_predictor, space, best.gains, station, axis, rise) for axis in range(3)
@@ -98,7 +99,7 @@ def _candidates(
             )
     for optimum in optima:
         if optimum.law == "PI and spring" and optimum.station != station:
-            yield optimum.best.gains, f"best {station_label(optimum.station)}"
+            yield optimum.best.gains, f"best {optimum.station.name_in_text} power"
     for optimum in optima:
         if optimum.law != "PI and spring" and optimum.station == station:
             yield optimum.best.gains, f"best {name} with {optimum.law} alone"
@@ -107,11 +108,6 @@ def _candidates(
 
 
 _AXES = ("damping", "Ki", "spring rate")
-
-
-def station_label(station: str) -> str:
-    """Return the label of a power station."""
-    return {"mechanical_1": "mechanical power", "ac": "AC power", "dc": "DC power"}[station]
 
 
 def _distance(

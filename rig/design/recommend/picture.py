@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from scipy.interpolate import RectBivariateSpline
 
 from rig.analysis import picture
-from rig.design.recommend.matrix import station_label
 from rig.design.recommend.recommendation import Recommendation
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
@@ -20,7 +19,7 @@ _NEAR = 100.0  # N/m: rows with a spring rate closer than this to the surface's 
 
 
 def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
-    """Draw mechanical, AC and DC power at the recommended spring rate, as PNG."""
+    """Draw the power at each station, at the recommended spring rate, as PNG."""
     best = recommendation.best.gains
     kp_axis, ki_axis, predictions = _predict_surface(recommendation, best.spring_rate)
     caption = (
@@ -31,10 +30,10 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
     attributes = {**_attributes(recommendation), "campaign": recommendation.campaign.file.name}
     title = (
         "Predicted on the identified twin, optimised for "
-        f"{station_label(recommendation.options.station)}"
+        f"{recommendation.options.station.name_in_text} power"
     )
     figure, body = picture.framed_figure(12.0, 4.1, title, attributes, subtitle=caption)
-    panels: Any = body.subplots(1, 3, sharey=True)
+    panels: Any = body.subplots(1, len(STATIONS), sharey=True, squeeze=False)[0]
     for axes, station in zip(panels, STATIONS, strict=True):
         power = np.array([prediction.power(station) for prediction in predictions]).reshape(
             len(ki_axis), len(kp_axis)
@@ -59,10 +58,8 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
                 axes.plot(
                     prediction.gains.kp, prediction.gains.ki, "x", ms=7, mew=1.5, color="white"
                 )
-        label = station_label(station)
-        axes.set_title(
-            f"{label}, {marked.power(station):.1f} W at the star", fontsize=9, loc="left"
-        )
+        label = f"{station.name_in_text} power, {marked.power(station):.1f} W at the star"
+        axes.set_title(label, fontsize=9, loc="left")
         axes.set_xlabel("Kp, N s/m", fontsize=8)
         picture.style_axes(axes)
     panels[0].set_ylabel("Ki, N/m", fontsize=8)

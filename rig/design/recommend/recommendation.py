@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.design.recommend import matrix
-from rig.design.recommend.search import Optimum, Station, find_optima, search_space
+from rig.design.recommend.search import STATIONS, Optimum, find_optima, search_space
 from rig.design.recommend.trial import SetPointPrediction, SetPointPredictor, open_on_twin
 from rig.design.recommend.uncertainty import RowComparison, compare_rows, half_widths
 from rig.identification.twin import plant_file
@@ -13,13 +13,14 @@ from rig.identification.twin.estimate import Twin, identify_twin
 from rig.planning.campaign import Campaign
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info
+from rig.stations import Station
 
 
 class RecommendOptions(NamedTuple):
     """Options of a recommendation."""
 
     campaign: Path | None = None  # base campaign; None: that of the last run in waves
-    station: Station = "dc"
+    station: Station = STATIONS[-1]
     rows: int = 12
     spring: tuple[float, float] | None = None  # N/m, range; None: the whole spring map
     plant: Path | None = None  # replaces the plant file that the first run names
@@ -83,7 +84,7 @@ def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> 
         quick_predictor,
         optima,
         matrix_options,
-        optima_intervals[chosen][options.station],
+        optima_intervals[chosen][options.station.name],
     )
     if not rows:
         raise RunError("no setting near the best is allowed by the limits of the rig")

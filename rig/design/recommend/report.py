@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from rig.config.problems import display_path
-from rig.design.recommend.matrix import campaign_text, station_label
+from rig.design.recommend.matrix import campaign_text
 from rig.design.recommend.recommendation import Recommendation
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import SetPointPrediction
 from rig.design.recommend.uncertainty import STROKE
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
-SHORT_LABELS = {"mechanical_1": "mech", "ac": "AC", "dc": "DC"}
+_HEADINGS = [station.heading for station in STATIONS]
 
 
 def write(recommendation: Recommendation, folder: Path, output: Path | None = None) -> list[Path]:
@@ -40,7 +40,7 @@ def _header(recommendation: Recommendation) -> list[str]:
     return [
         f"Written by rig recommend from {', '.join(recommendation.twin.runs)}{known_rows}.",
         f"Sea: {recommendation.campaign.file.sea.description()}. "
-        f"Optimised for: {station_label(recommendation.options.station)}.",
+        f"Optimised for: {recommendation.options.station.name_in_text} power.",
         "Comment of each row: the reason for it and the prediction, with 95 % intervals;",
         "mean power in W (absorbed is negative), stroke peak to peak.",
     ]
@@ -48,7 +48,7 @@ def _header(recommendation: Recommendation) -> list[str]:
 
 def _power_text(prediction: SetPointPrediction, half_width: dict[str, float]) -> str:
     powers = [
-        f"{SHORT_LABELS[station]} {prediction.power(station):.1f} ± {half_width[station]:.1f} W"
+        f"{station.heading} {prediction.power(station):.1f} ± {half_width[station.name]:.1f} W"
         for station in STATIONS
     ]
     return ", ".join(
@@ -62,11 +62,11 @@ def as_dict(recommendation: Recommendation) -> dict[str, Any]:
         "runs": list(recommendation.twin.runs),
         "campaign": display_path(recommendation.base),
         "sea": recommendation.campaign.file.sea.description(),
-        "station": recommendation.options.station,
+        "station": recommendation.options.station.name,
         "best": _prediction_as_dict(recommendation.best),
         "optima": [
             {
-                "station": optimum.station,
+                "station": optimum.station.name,
                 "law": optimum.law,
                 "at_limit": optimum.at_limit,
                 **_prediction_as_dict(optimum.best, half_width),
@@ -96,7 +96,7 @@ def _prediction_as_dict(
     prediction: SetPointPrediction, half_width: dict[str, float] | None = None
 ) -> dict[str, Any]:
     entry: dict[str, Any] = prediction.gains._asdict()
-    entry |= {f"power_{station}_w": prediction.power(station) for station in STATIONS}
+    entry |= {f"power_{station.name}_w": prediction.power(station) for station in STATIONS}
     entry |= {"stroke_m": prediction.values.stroke, "current_rms_a": prediction.values.current_rms}
     if half_width is not None:
         entry["half_width_95"] = dict(half_width)
@@ -112,15 +112,12 @@ def as_text(recommendation: Recommendation) -> str:
         *_optima_lines(recommendation),
     ]
     station = recommendation.options.station
-    rows: list[tuple[str, ...]] = [
-        ("spring", "Kp", "Ki", *SHORT_LABELS.values(), "±", "stroke m", "reason")
-    ]
+    rows: list[tuple[str, ...]] = [("spring", "Kp", "Ki", *_HEADINGS, "±", "stroke m", "reason")]
     for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True):
         gains, powers = _gain_cells(row.prediction), _power_cells(row.prediction)
         stroke = f"{row.prediction.values.stroke:.3f}"
-        rows.append((*gains, *powers, f"{half_width[station]:.1f}", stroke, row.reason))
-    name = SHORT_LABELS[station]
-    lines += ["", f"Rows of the next campaign (± of {name}, 95 %)", *_align(rows)]
+        rows.append((*gains, *powers, f"{half_width[station.name]:.1f}", stroke, row.reason))
+    lines += ["", f"Rows of the next campaign (± of {station.heading}, 95 %)", *_align(rows)]
     if recommendation.measured:
         lines += [
             "",
@@ -132,7 +129,7 @@ def as_text(recommendation: Recommendation) -> str:
 
 
 def _optima_lines(recommendation: Recommendation) -> list[str]:
-    powers = (f"{label} W" for label in SHORT_LABELS.values())
+    powers = (f"{heading} W" for heading in _HEADINGS)
     gains = ("spring N/m", "Kp N·s/m", "Ki N/m")
     rows: list[tuple[str, ...]] = [("for", "law", *gains, *powers, "±", "x stroke m", "")]
     for optimum, half_width in zip(
@@ -141,9 +138,9 @@ def _optima_lines(recommendation: Recommendation) -> list[str]:
         best = optimum.best
         rows.append(
             (
-                *(station_label(optimum.station), optimum.law),
+                *(f"{optimum.station.name_in_text} power", optimum.law),
                 *(*_gain_cells(best), *_power_cells(best)),
-                *(f"{half_width[optimum.station]:.1f}", f"{best.values.stroke:.3f}"),
+                *(f"{half_width[optimum.station.name]:.1f}", f"{best.values.stroke:.3f}"),
                 "at a limit" if optimum.at_limit else "",
             )
         )
@@ -154,12 +151,12 @@ def _comparison_lines(recommendation: Recommendation) -> list[str]:
     lines: list[tuple[str, ...]] = []
     for station in STATIONS:
         errors = [
-            comparison.measured[station] - comparison.predicted[station]
+            comparison.measured[station.name] - comparison.predicted[station.name]
             for comparison in recommendation.measured
         ]
         mean = sum(errors) / len(errors)
         worst = max(errors, key=abs)
-        lines.append((SHORT_LABELS[station], f"mean {mean:+.2f}", f"worst {worst:+.2f}"))
+        lines.append((station.heading, f"mean {mean:+.2f}", f"worst {worst:+.2f}"))
     return _align(lines)
 
 

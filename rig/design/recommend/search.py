@@ -13,13 +13,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rig.config.rig_file import RigFile
+from rig.design.predictions import PREDICTED_STATIONS
 from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.identification.periods import Floats
 from rig.planning.campaign.stability import largest_ki
+from rig.stations import Station, shown
 
-Station = Literal["mechanical_1", "ac", "dc"]
 Law = Literal["P", "PI", "PI and spring"]
-STATIONS: tuple[Station, ...] = ("mechanical_1", "ac", "dc")
+STATIONS = shown(PREDICTED_STATIONS)
 LAWS: tuple[Law, ...] = ("P", "PI", "PI and spring")
 
 KP_RANGE = (-6000.0, -100.0)  # N s/m

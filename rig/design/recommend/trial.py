@@ -17,6 +17,7 @@ from rig.identification.twin.estimate import Twin
 from rig.planning.campaign import Campaign, open_campaign
 from rig.planning.campaign.set_points import RowSetting, row_setting
 from rig.planning.campaign.windows import row_windows
+from rig.stations import Station
 
 
 class Gains(NamedTuple):
@@ -39,9 +40,9 @@ class SetPointPrediction(NamedTuple):
         """True if no limit refuses the set point."""
         return not any(blocking_margins(self.margins))
 
-    def power(self, station: str) -> float:
+    def power(self, station: Station) -> float:
         """Return the mean power of a station, W; absorbed power is negative."""
-        return float(getattr(self.values, f"power_{station}"))
+        return float(getattr(self.values, f"power_{station.name}"))
 
 
 QUICK_RATE = 8.0  # Hz, sampling rate of a quick prediction: four times the highest wave frequency
@@ -112,6 +113,11 @@ def open_on_twin(path: Path, plant: Path) -> Campaign:
         return load_mapping(plant if key == "plant" else file, place, key, inline)
 
     campaign = open_campaign(path, problems, load=load)
+    if campaign.file.zc_law is None:
+        message = (
+            f"gains are recommended for the impedance law only; {campaign.law.name} is another law"
+        )
+        raise ConfigError([campaign.locate.problem(("law",), campaign.law.name, message)])
     for key, wrong in (
         (("sea", "kind"), campaign.file.sea.kind == "calm"),
         (("reference",), campaign.file.reference is not None),

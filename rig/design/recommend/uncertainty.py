@@ -14,10 +14,11 @@ from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.identification.periods import Floats
 from rig.identification.twin.estimate import Twin
+from rig.stations import find, station_names
 
 COVERAGE_FACTOR = 1.96  # standard deviations of a 95 % interval
 STROKE = "stroke"
-COLUMNS = (*STATIONS, STROKE)
+COLUMNS = (*station_names(STATIONS), STROKE)
 MIN_DEVIATION = 0.15  # W, error of rig.design.predictions with a bus (docs/predictions.md)
 
 
@@ -32,7 +33,7 @@ class RowComparison(NamedTuple):
 
 def predicted_value(prediction: SetPointPrediction, name: str) -> float:
     """Return a predicted power (W) or stroke (m)."""
-    return prediction.values.stroke if name == STROKE else prediction.power(name)
+    return prediction.values.stroke if name == STROKE else prediction.power(find(STATIONS, name))
 
 
 def half_widths(
@@ -59,7 +60,7 @@ def half_widths(
                     for one, other in pairs
                 ]
                 total[name] += np.square(change)
-    for name in STATIONS:
+    for name in station_names(STATIONS):
         total[name] += MIN_DEVIATION * MIN_DEVIATION + _mean_square_error(rows, name)
     return [
         {name: COVERAGE_FACTOR * float(np.sqrt(total[name][i])) for name in COLUMNS}
@@ -90,7 +91,7 @@ def compare_rows(twin: Twin, predictor: SetPointPredictor) -> list[RowComparison
             row.row_label,
             one.gains,
             {"mechanical_1": row.column, "ac": row.ac, "dc": row.dc},
-            {name: one.power(name) for name in STATIONS},
+            {station.name: one.power(station) for station in STATIONS},
         )
         for row, one in zip(rows, predictor.predict(gains), strict=True)
     ]

@@ -5,4 +5,4 @@ from rig.kinds.oswec_bench import KIND
 from rig.processes import loop_process
 
 if __name__ == "__main__":
-    loop_process.main(KIND, connect)
+    loop_process.main(lambda law: KIND, connect)

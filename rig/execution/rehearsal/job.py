@@ -12,15 +12,18 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from rig.config.campaign_file import CampaignFile, HeaveLawSettings
+from rig.config.campaign_file import CampaignFile
 from rig.config.hoist import TURNAROUND_S
+from rig.config.law_settings import find_law, law_model
 from rig.config.problems import Problem, display_path, format_number
 from rig.config.pydantic_errors import problems_from
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
 from rig.execution.rehearsal.devices import build_sea
-from rig.kinds.wavebot.build import estimator_params, zc_sections
+from rig.kinds.wavebot.build import estimator_params
+from rig.kinds.wavebot.law_params import law_params
+from rig.laws import LawError
 from rig.planning.campaign.designed_sea import DesignedSea, design_sea
 from rig.planning.campaign.elevation import Elevation
 from rig.planning.campaign.files import Campaign
@@ -48,6 +51,7 @@ MATCHING_KEYS: dict[str, tuple[str, ...]] = {
 """Keys of the rig's heave axis and the plant's keys that must have the same value."""
 
 _DEFAULT_RATE_HZ = 1000  # where the rig's own rate is invalid
+_DEFAULT_RAMP_S = 0.1  # where the rig's heave axis is invalid
 _DEFAULT_SEED = 0  # no check depends on phases or noise
 
 
@@ -139,12 +143,17 @@ def _estimator_problems(pieces: CampaignParts) -> Iterator[Problem]:
 def _law_problems(pieces: CampaignParts) -> Iterator[Problem]:
     """Yield problems of the campaign's law and reference beyond those of single keys."""
     campaign, rate = pieces.campaign, pieces.rate_hz or _DEFAULT_RATE_HZ
-    with suppress(ValidationError):
-        law = HeaveLawSettings.model_validate(campaign.mapping.get("law", {}), strict=True)
+    with suppress(ValidationError, LawError):
+        law = find_law(campaign.mapping, campaign.locate)
+        given = campaign.mapping.get("law", {})
+        mapping = {"use": given} if isinstance(given, str) else given
+        settings = law_model(law).model_validate(mapping)
+        ramp = pieces.heave.gain_ramp_s if pieces.heave is not None else _DEFAULT_RAMP_S
         try:
-            zc_sections(law, 1.0 / rate)
+            law_params(law, settings, ramp, 1.0 / rate)
         except ValueError as error:
-            yield campaign.locate.problem(("law", "zc"), None, str(error))
+            key = ("law", "zc") if "zc" in mapping else ("law",)
+            yield campaign.locate.problem(key, None, str(error))
     with suppress(ValidationError):
         reference = _REFERENCE.validate_python(campaign.mapping.get("reference"), strict=True)
         try:

@@ -17,6 +17,7 @@ from rig.config.columns import COLUMNS
 from rig.interop.exchange.mask4_signals import Floats, Mask4Signals
 from rig.interop.exchange.mask4_windows import RowTiming, RowWindows, find_by_time, from_labels
 from rig.kinds.wavebot.signals import WaveBotRow
+from rig.kinds.wavebot.stations import STATIONS
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import Phase
 from rig.recording import provenance, row_layout
@@ -38,7 +39,6 @@ _SETTING_FIELDS = {
     "switching_period": "drive_command.settings.switching_period",
     "velocity_threshold": "drive_command.settings.velocity_threshold",
 }
-_CELL_STATIONS = {"lcb": "mechanical_1", "trs": "mechanical_2"}
 
 
 class FileDescription(NamedTuple):
@@ -149,7 +149,10 @@ def _log_rows(signals: Mask4Signals, windows: RowWindows, time: Floats, dt: floa
 def _set_zeros(data: Records, reference: ZeroReference) -> None:
     """Set the zeros of the load cells, and the power of the forces relative to them."""
     measured = data["plan.phase"] == Phase.MEASURE
-    for cell, station in _CELL_STATIONS.items():
+    for station in STATIONS:
+        if not station.force:
+            continue
+        cell = station.force.removeprefix("load.")
         force, zero = data[f"load.{cell}"], np.zeros(len(data))
         if reference != "none" and measured.any():
             zero[:] = force[measured].mean()
@@ -158,7 +161,7 @@ def _set_zeros(data: Records, reference: ZeroReference) -> None:
                 inside = measured & (data["plan.row"] == row)
                 zero[inside] = force[inside].mean()
         data[f"tare.{cell}"] = zero
-        data[f"power.{station}"] = (force - zero) * data["heave.estimate.velocity"]
+        data[f"power.{station.name}"] = (force - zero) * data["heave.estimate.velocity"]
     data["tare.slew"] = 0.0
     data["tare.samples"] = 0 if reference == "none" else int(measured.sum())
 

@@ -5,8 +5,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from controllers import impedance
 from rig.config.columns import END_MARK
-from rig.config.matrix import Combination
+from rig.config.matrix import combination_model
 from rig.config.problems import ConfigError, Problem, display_path, format_number
 from rig.config.ranges import allowed_values
 from rig.interop.legacy.columns import KI, KP, MASK4, REQUIRED, SPRING, names_from_header
@@ -64,7 +65,7 @@ def _value_problem(name: str, value: float) -> str:
         return "-999 ends a matrix and is never a gain"
     if name == "discharge_level" and value not in range(16):
         return f"{format_number(value)} is out of range; allowed a 4-bit mask, whole 0 .. 15"
-    limits = allowed_values(Combination, (name,))
+    limits = allowed_values(combination_model(impedance.COLUMNS), (name,))
     if limits is not None and not limits.contains(value):
         reason = f" ({limits.reason()})" if limits.reason() else ""
         return f"{format_number(value)} is out of range; allowed {limits.description(name)}{reason}"

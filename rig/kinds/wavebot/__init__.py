@@ -1,7 +1,8 @@
 """The WaveBot as a kind of rig: its signals, its checks, and its part of the cycle."""
 
 from rig.kinds.wavebot.check import check
-from rig.kinds.wavebot.kind import KIND, control, observe
+from rig.kinds.wavebot.kind import KIND, kind_with_law, observe
+from rig.kinds.wavebot.requested import find_kind
 from rig.kinds.wavebot.signals import (
     Command,
     LoadSense,
@@ -11,7 +12,7 @@ from rig.kinds.wavebot.signals import (
     WaveBotRow,
     WaveSense,
 )
-from rig.kinds.wavebot.state import Limits, Params, State, start
+from rig.kinds.wavebot.state import Limits, Params, State
 
 __all__ = [
     "KIND",
@@ -26,7 +27,7 @@ __all__ = [
     "WaveBotRow",
     "WaveSense",
     "check",
-    "control",
+    "find_kind",
+    "kind_with_law",
     "observe",
-    "start",
 ]

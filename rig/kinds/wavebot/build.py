@@ -7,22 +7,20 @@ from functools import lru_cache
 from controllers import (
     drive_gating,
     estimator,
-    impedance,
     magnetic_spring,
     open_loop,
     position_hold,
     station_keeping,
 )
-from controllers.biquads import Biquad
 from controllers.signals import Modulation
-from rig.config.campaign_file import CampaignFile, HeaveLawSettings
+from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.config.reference import MultisineReference
 from rig.config.rig_file import Axis, RigFile, Stop
 from rig.design.estimator import design
-from rig.design.impedance import design as design_zc
 from rig.kinds import wavebot
-from rig.kinds.wavebot import stations
+from rig.kinds.wavebot import power_checks
+from rig.kinds.wavebot.law_params import law_params
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
 from rig.planning.campaign.reference import ReferenceRecord, force_table
 from rig.planning.campaign.set_points import drive_settings
@@ -65,12 +63,6 @@ def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     return _cached_estimator_design(
         scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt
     )
-
-
-def zc_sections(law: HeaveLawSettings, dt: float) -> tuple[Biquad, ...]:
-    """Return Z_c(s) of the heave law as biquads for a period ``dt`` (s); ValueError if invalid."""
-    zc = law.zc
-    return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
 def reference_table(
@@ -128,7 +120,7 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
-            heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
+            heave_law=law_params(campaign.heave_law, campaign.law, rig.heave.gain_ramp_s, dt),
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
             reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
@@ -165,7 +157,7 @@ def wavebot_params(
                 panel_age_stop=bounds.loop.panel_age_stop_s,
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
-            stations=_stations(campaign, rig, bounds.power, dt),
+            power_checks=_power_checks(campaign, rig, bounds.power, dt),
             setpoints=index_realisations(setpoints, realisations),
         ),
     )
@@ -195,10 +187,10 @@ def _axis(motor: Axis, bounds: AxisLimits, stop: Stop, dt: float) -> axis.Params
     )
 
 
-def _stations(
+def _power_checks(
     campaign: CampaignFile, rig: RigFile, bounds: PowerLimits, dt: float
-) -> stations.Params:
-    return stations.Params(
+) -> power_checks.Params:
+    return power_checks.Params(
         absorbs=1 if campaign.uses_gains_only else 0,
         fast_weight=average.weight_of_tick(bounds.time_s, dt),
         fed_stop=bounds.fed_stop_w,

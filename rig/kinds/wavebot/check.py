@@ -76,9 +76,9 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     max_gap = max_gap + params.heave.limits.velocity_stop * load_age
     if not (-max_gap <= gap <= max_gap or stale):
         return Reason.POSITION_DISAGREES.value
-    stations_reason = state.stations.reason
-    if stations_reason != NO_REASON and CATEGORY[stations_reason] == 0:
-        return stations_reason
+    power_reason = state.power_checks.reason
+    if power_reason != NO_REASON and CATEGORY[power_reason] == 0:
+        return power_reason
     if heave_fault != NO_REASON:  # after the string pot's check: damping relies on the encoder
         return heave_fault
     if surge_fault != NO_REASON:
@@ -100,4 +100,4 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return Reason.SPRING_STROKE.value
     if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > max_span:
         return Reason.NOT_CALM.value
-    return stations_reason
+    return power_reason

@@ -1,6 +1,6 @@
 """The signals of a WaveBot: senses and commands of a tick, its log row, its set points."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controllers.signals import (
     AxisCommand,
@@ -22,8 +22,8 @@ from controllers.signals import (
     Volt,
     Watt,
 )
-from rig.kinds.wavebot import tare
-from rig.realtime import axis, cycle, power, safety
+from rig.kinds.wavebot import stations, tare
+from rig.realtime import axis, cycle, safety
 
 
 class LoadSense(NamedTuple):
@@ -98,7 +98,7 @@ class WaveBotRow(NamedTuple):
     drive_sense: DriveSense
     drive_command: DriveCommand
     power_sense: PowerSense
-    power: power.Power
+    power: stations.Power
     tare: tare.Zeros
     probes: ProbeSense
     wave: WaveSense
@@ -109,9 +109,7 @@ class WaveBotRow(NamedTuple):
 class Setpoints(NamedTuple):
     """Table of set points by columns, all of one length; a plan segment holds its row's index."""
 
-    kp: tuple[float, ...]  # N*s/m
-    ki: tuple[float, ...]  # N/m
-    km: tuple[float, ...]  # kg
+    law: Any  # of the heave law: NamedTuple of its columns (`rig.kinds.wavebot.law_columns`)
     reference_scale: tuple[float, ...]
     realisation: tuple[int, ...]  # index of the reference in its table
     spring_rate: tuple[float, ...]  # N/m
@@ -126,4 +124,4 @@ class Setpoints(NamedTuple):
 
 
 # The WaveBot's own part of a row, computed in the tick: heave, surge, reference, power, zeros.
-TickSignals = tuple[axis.Record, axis.Record, Reference, power.Power, tare.Zeros]
+TickSignals = tuple[axis.Record, axis.Record, Reference, stations.Power, tare.Zeros]

@@ -1,21 +1,21 @@
 """The parameters of a WaveBot's cycle for a run, and its state from tick to tick."""
 
 import math
+from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controllers import (
     drive_gating,
-    impedance,
     magnetic_spring,
     open_loop,
     position_hold,
     station_keeping,
 )
 from controllers.signals import AxisSense, DriveCommand, DriveSettings, Gains
-from rig.kinds.wavebot import stations, tare
+from rig.kinds.wavebot import power_checks, stations, tare
 from rig.kinds.wavebot.signals import Setpoints
-from rig.realtime import axis, power
+from rig.realtime import axis
 
 
 class SurgeUse(IntEnum):
@@ -58,7 +58,7 @@ class Params(NamedTuple):
     """Constants of a WaveBot run."""
 
     heave: axis.Params
-    heave_law: impedance.Params
+    heave_law: Any  # the heave law's own Params
     reference: open_loop.Params
     reference_axis: int  # `ReferenceAxis`: the axis that the reference excites
     gate: drive_gating.Params  # of the heave drive
@@ -69,7 +69,7 @@ class Params(NamedTuple):
     surge_hold: position_hold.Params
     spring: magnetic_spring.Params
     limits: Limits
-    stations: stations.Params
+    power_checks: power_checks.Params
     setpoints: Setpoints
 
 
@@ -77,7 +77,7 @@ class ActiveSetpoint(NamedTuple):
     """The set point in use, as the signals that the tick needs."""
 
     setpoint: int  # its index, -1: none yet
-    gains: Gains
+    law: Any  # the heave law's own SetPoint
     surge: Gains
     reference_scale: float
     realisation: int
@@ -88,7 +88,7 @@ class ActiveSetpoint(NamedTuple):
 
 # State of the laws; it is reset whenever they do not act.
 Laws = tuple[
-    impedance.State,
+    Any,  # the heave law's own State
     open_loop.State,
     drive_gating.State,
     station_keeping.State,
@@ -104,36 +104,9 @@ class State(NamedTuple):
     surge: axis.State
     spring: magnetic_spring.State
     tare: tare.State
-    power: power.Power
-    stations: stations.State
+    power: stations.Power
+    power_checks: power_checks.State
     active_setpoint: ActiveSetpoint
-
-
-def laws_at_rest(params: Params) -> Laws:
-    """Return the laws' state before they act."""
-    return (
-        impedance.start(params.heave_law.sections),
-        open_loop.start(),
-        drive_gating.start(),
-        station_keeping.start(),
-        position_hold.start(),
-    )
-
-
-def start(params: Params) -> State:
-    """Return the state before the first tick."""
-    none = Gains(0.0, 0.0, 0.0)
-    resting = DriveCommand(1, DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0))
-    return State(
-        axis.start(),
-        laws_at_rest(params),
-        axis.start(),
-        magnetic_spring.start(),
-        tare.start(),
-        power.start(),
-        stations.start(),
-        ActiveSetpoint(-1, none, none, 0.0, 0, 0.0, math.inf, resting),
-    )
 
 
 def zeros_in_use(
@@ -153,24 +126,65 @@ def zeros_in_use(
     )
 
 
-def load_setpoint(params: Params, setpoint: int) -> ActiveSetpoint:
-    """Return the set point of an index; it is built once and used until the index changes."""
-    table = params.setpoints
-    settings = DriveSettings(
-        params.modulation,
-        table.bus_voltage[setpoint],
-        table.switching_period[setpoint],
-        table.hysteresis_tolerance[setpoint],
-        table.velocity_threshold[setpoint],
-        table.discharge_level[setpoint],
-    )
-    return ActiveSetpoint(
-        setpoint,
-        Gains(table.kp[setpoint], table.ki[setpoint], table.km[setpoint]),
-        Gains(table.surge_kp[setpoint], table.surge_ki[setpoint], 0.0),
-        table.reference_scale[setpoint],
-        table.realisation[setpoint],
-        table.spring_rate[setpoint],
-        table.stroke[setpoint],
-        DriveCommand(1, settings),
-    )
+class LawFunctions(NamedTuple):
+    """The functions of a WaveBot's cycle that depend on its heave law."""
+
+    start: Callable[[Params], State]  # state before the first tick
+    laws_at_rest: Callable[[Params], Laws]  # state of all laws before they act
+    load_setpoint: Callable[[Params, int], ActiveSetpoint]  # the set point of an index
+
+
+def law_functions(law: Any, read_setpoint: Callable[[Any, int], Any]) -> LawFunctions:
+    """Return the functions for a law's module; ``read_setpoint(columns, i)`` reads its set point.
+
+    They are closures, so that the tick and compiled code call the law directly. A set point is
+    built once and used until the index changes.
+    """
+    start_law = law.start
+    initial_setpoint = law.SetPoint(*(0.0 for _ in law.COLUMNS))
+
+    def laws_at_rest(params: Params) -> Laws:
+        return (
+            start_law(params.heave_law),
+            open_loop.start(),
+            drive_gating.start(),
+            station_keeping.start(),
+            position_hold.start(),
+        )
+
+    def start(params: Params) -> State:
+        none = Gains(0.0, 0.0, 0.0)
+        resting = DriveCommand(1, DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0))
+        return State(
+            axis.start(),
+            laws_at_rest(params),
+            axis.start(),
+            magnetic_spring.start(),
+            tare.start(),
+            stations.start(),
+            power_checks.start(),
+            ActiveSetpoint(-1, initial_setpoint, none, 0.0, 0, 0.0, math.inf, resting),
+        )
+
+    def load_setpoint(params: Params, setpoint: int) -> ActiveSetpoint:
+        table = params.setpoints
+        settings = DriveSettings(
+            params.modulation,
+            table.bus_voltage[setpoint],
+            table.switching_period[setpoint],
+            table.hysteresis_tolerance[setpoint],
+            table.velocity_threshold[setpoint],
+            table.discharge_level[setpoint],
+        )
+        return ActiveSetpoint(
+            setpoint,
+            read_setpoint(table.law, setpoint),
+            Gains(table.surge_kp[setpoint], table.surge_ki[setpoint], 0.0),
+            table.reference_scale[setpoint],
+            table.realisation[setpoint],
+            table.spring_rate[setpoint],
+            table.stroke[setpoint],
+            DriveCommand(1, settings),
+        )
+
+    return LawFunctions(start, laws_at_rest, load_setpoint)

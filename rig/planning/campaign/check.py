@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.config.campaign_file import CampaignFile
+from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path
 from rig.planning.campaign.files import Campaign, ExtraCheck, no_extra_check, open_campaign
+from rig.planning.campaign.law_trial import trial_problems
 from rig.planning.campaign.plan import Plan, build_plan
 from rig.planning.campaign.points import unused_row_warnings
 from rig.planning.campaign.validity import validity_warnings
@@ -61,12 +63,14 @@ class CheckReport(NamedTuple):
     prediction: CampaignPrediction | None = None
     validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
+    law_warnings: tuple[Problem, ...] = ()  # about the heave law
+    not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
-        return (*self.unused_rows, *self.validity_warnings, *predicted)
+        return (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *predicted)
 
     @property
     def ok(self) -> bool:
@@ -111,7 +115,10 @@ class CheckReport(NamedTuple):
             count = len(self.problems)
             lines = [problem.text() for problem in self.problems]
             return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
-        lines = [f"{label:9} {text}" for label, text in self.summary_lines() + self.input_files()]
+        entries = self.summary_lines() + self.input_files()
+        if self.not_predicted:
+            entries.append(("predicted", f"nothing: {self.not_predicted}"))
+        lines = [f"{label:9} {text}" for label, text in entries]
         return "\n".join([*lines, *(f"warning: {warning.text()}" for warning in self.warnings)])
 
     def summary_lines(self) -> list[tuple[str, str]]:
@@ -141,6 +148,7 @@ class CheckReport(NamedTuple):
             ("sea", f"{file.sea.description()}{seed}"),
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *([] if file.hoist is None else [("hoist", file.hoist.description())]),
+            *_law_line(campaign),
             ("rows", rows),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in total"),
             (
@@ -173,6 +181,7 @@ class CheckReport(NamedTuple):
             "problems": [problem.as_dict() for problem in self.problems],
             **self.summary(),
             **(self.prediction.as_dict() if self.prediction is not None else {}),
+            **({"not_predicted": self.not_predicted} if self.not_predicted else {}),
             "warnings": [warning.as_dict() for warning in self.warnings],
         }
         return json.dumps(report, ensure_ascii=False, allow_nan=False)
@@ -199,13 +208,25 @@ def check_campaign(
         return CheckReport(path, error.problems, None, None)
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     out_of_date = validity_warnings(campaign, day) if day is not None else ()
-    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate)
+    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, campaign.law)
+    failed_trials = tuple(trial_problems(campaign, planned))
+    if failed_trials:
+        return CheckReport(path, failed_trials, None, None)
     prediction = predictor(campaign, planned)
     if prediction is not None and prediction.refused:
         return CheckReport(
             path, prediction.refused, None, None, prediction, out_of_date, unused_rows
         )
     return CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
+
+
+def _law_line(campaign: Campaign) -> list[tuple[str, str]]:
+    """Return the line about the law; none for the default, which most campaigns have."""
+    law = campaign.law
+    if law.name == DEFAULT_LAW and not law.is_file:
+        return []
+    origin = display_path(Path(law.path)) if law.is_file else law.origin
+    return [("law", f"{law.name} ({origin}, sha256 {law.sha256[:12]})")]
 
 
 def _window(file: CampaignFile) -> tuple[int, float]:
@@ -241,6 +262,8 @@ def format_duration(seconds: float) -> str:
 
 def _power_sign_text(campaign: Campaign) -> str:
     """Return in how many points energy fed into the body stops the rig (`POWER_SIGN`)."""
+    if campaign.file.zc_law is None:
+        return f"not monitored: the sign of the power is known of the law {DEFAULT_LAW} only"
     if not campaign.file.uses_gains_only:
         return "not monitored: Z_c or the reference may feed energy into the body"
     points = campaign.points

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from rig.config.campaign_file import CampaignFile
+from rig.config.campaign_file import CampaignFile, campaign_model
+from rig.config.columns import columns_with_law
+from rig.config.law_settings import find_law, inherit_law, named_law
 from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import validate
@@ -12,6 +14,7 @@ from rig.config.reference import AnyReference, RecordedReference
 from rig.config.rig_file import RigFile
 from rig.config.sea import AnySea, RecordedSea
 from rig.config.yaml_source import SourceMap, load_mapping
+from rig.laws import Law, LawError
 from rig.planning.campaign.designed_sea import largest_elevation_problems
 from rig.planning.campaign.elevation import Elevation, read_elevation
 from rig.planning.campaign.input_files import (
@@ -62,6 +65,11 @@ class Campaign(NamedTuple):
     record: ReferenceRecord | None  # of a recorded reference
     files: tuple[InputFile, ...]  # with the files that they extend
 
+    @property
+    def law(self) -> Law:
+        """The heave law."""
+        return self.file.heave_law
+
 
 ExtraCheck = Callable[[CampaignParts], Iterable[Problem]]
 """An additional check of a campaign's valid parts; it runs even if other parts have problems."""
@@ -72,7 +80,7 @@ def no_extra_check(parts: CampaignParts) -> tuple[Problem, ...]:
     return ()
 
 
-def open_campaign(
+def open_campaign(  # noqa: PLR0915 - one problem list over all files
     path: Path,
     extra_check: ExtraCheck = no_extra_check,
     rig_path: Path | None = None,
@@ -110,7 +118,9 @@ def open_campaign(
     if owner is not None:
         plant_source = attempt(lambda: load_named_source(owner, ("plant",), load))
 
-    campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
+    if rig_source is not None:
+        inherit_law(top.mapping, top.locate, rig_source.mapping, rig_source.locate)
+    campaign = attempt(lambda: _validate_campaign(top))
     rig = limits = points = record = None
     if rig_source is not None:
         rig = attempt(lambda: validate(rig_source.mapping, rig_source.locate, RigFile))
@@ -128,19 +138,22 @@ def open_campaign(
         rows = _count_rows(campaign, points)
         problems += _campaign_problems(campaign, rows, top.locate)
         if campaign.matrix is not None and campaign.matrix.csv is not None and points:
-            files.append(hash_input_file("matrix", points[0].locations["kp"].location.path))
+            matrix_file = points[0].locations["spring_rate"].location.path
+            files.append(hash_input_file("matrix", matrix_file))
         record = attempt(lambda: _read_record(campaign.reference, top.locate, files))
+        if campaign.heave_law.is_file:
+            files.append(InputFile("law", Path(campaign.heave_law.path), campaign.heave_law.sha256))
     sea = valid_sea(top)
     elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
     if rig is not None and points is not None:
         outside_map = spring_map_problems(points, rig.spring)
         problems += (
             *outside_map,
-            *stability_problems(points, rig.stability),
+            *(stability_problems(points, rig.stability) if _has_impedance_law(campaign) else ()),
             *drive_setting_problems(campaign, points, rig, top.locate),
             *(realisation_problems(campaign.reference, points, rig.rate_hz) if campaign else ()),
         )
-        if campaign is not None and points and not outside_map and rows <= MAX_ROWS:
+        if campaign and points and not outside_map and rows <= MAX_ROWS:
             first = _first_point(campaign, points, rig)
             problems += set_point_stability_problems(campaign, first, rig.stability, top.locate)
     problems += extra_check(valid_parts(top, rig_source, plant_source, sea, elevation))
@@ -181,14 +194,30 @@ def _read_points(
 ) -> tuple[Point, ...] | None:
     """Return the points; None if there are too many, as building millions of them takes long."""
     if campaign.hoist is not None:
-        return hoist_points(campaign.hoist, rig.spring, locate) if rig is not None else None
+        if rig is None:
+            return None
+        return hoist_points(campaign.hoist, rig.spring, locate, campaign.heave_law)
     if campaign.matrix is None:
         return ()
-    return (
-        matrix_points(campaign.matrix, locate)
-        if count_points(campaign.matrix) <= MAX_ROWS
-        else None
-    )
+    if count_points(campaign.matrix) > MAX_ROWS:
+        return None
+    law = campaign.heave_law
+    return matrix_points(campaign.matrix, locate, columns_with_law(law.columns), law)
+
+
+def _validate_campaign(source: ConfigSource) -> CampaignFile:
+    """Return a campaign with its law; a law that cannot be used is a problem at its key."""
+    try:
+        law = find_law(source.mapping, source.locate)
+    except LawError as error:
+        text, key = named_law(source.mapping)
+        raise ConfigError([source.locate.problem(key, text, str(error))]) from None
+    return validate(source.mapping, source.locate, campaign_model(law))
+
+
+def _has_impedance_law(campaign: CampaignFile | None) -> bool:
+    """Return whether the stability of a row is known from its Ki; True without a campaign."""
+    return campaign is None or campaign.zc_law is not None
 
 
 def _count_rows(campaign: CampaignFile, points: tuple[Point, ...] | None) -> int:

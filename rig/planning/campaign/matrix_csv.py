@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rig.config.columns import COLUMNS, END_MARK, REQUIRED_COLUMNS, Column
-from rig.config.matrix import Combination
+from rig.config.columns import END_MARK, Column, columns_with_law, required_columns
+from rig.config.matrix import MatrixColumns, combination_model
 from rig.config.problems import (
     ConfigError,
     Problem,
@@ -15,19 +15,18 @@ from rig.config.problems import (
 )
 from rig.config.ranges import allowed_values
 from rig.config.yaml_source import SourceLocation
+from rig.laws import Law
 from rig.planning.campaign.point import MAX_ROWS, Point, ValueLocation, make_point
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
-_COLUMNS_BY_KEY = {column.key: column for column in COLUMNS}
-_REQUIRED = ",".join(column.key for column in REQUIRED_COLUMNS)
-_HEADER = f"{_REQUIRED} and any of {','.join(c.key for c in COLUMNS[len(REQUIRED_COLUMNS) :])}"
+_KP = "kp_n_s_per_m"  # the column with the end mark
 
 
-def read_matrix_csv(path: Path, named_at: SourceLocation) -> tuple[Point, ...]:
+def read_matrix_csv(path: Path, named_at: SourceLocation, law: Law) -> tuple[Point, ...]:
     """Return all points of the file, up to a row whose Kp is the end mark.
 
-    ``named_at`` is the location that names the file. Raises `ConfigError` with line and column of
-    every invalid cell.
+    ``named_at`` is the location that names the file, ``law`` defines the columns. Raises
+    `ConfigError` with line and column of every invalid cell.
     """
     header: tuple[Column, ...] = ()
     problems, points = list[Problem](), list[Point]()
@@ -35,9 +34,9 @@ def read_matrix_csv(path: Path, named_at: SourceLocation) -> tuple[Point, ...]:
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if not header:
-            header = _parse_header(path, number, line)
+            header = _parse_header(path, number, line, law)
             continue
-        row = _parse_row(path, number, line, header)
+        row = _parse_row(path, number, line, header, combination_model(law.columns))
         if row is None:
             break
         if isinstance(row, list):
@@ -50,12 +49,13 @@ def read_matrix_csv(path: Path, named_at: SourceLocation) -> tuple[Point, ...]:
     if problems:
         raise ConfigError(problems)
     if not points:
-        message = f"no row; allowed a header {_REQUIRED} and at least one row"
+        required = ",".join(column.key for column in required_columns(law.columns))
+        message = f"no row; allowed a header {required} and at least one row"
         raise ConfigError([Problem(display_path(path), 1, "", None, message)])
     return tuple(points)
 
 
-def unused_row_warnings(path: Path, named_at: SourceLocation) -> tuple[Problem, ...]:
+def unused_row_warnings(path: Path, named_at: SourceLocation, law: Law) -> tuple[Problem, ...]:
     """Return a warning about the lines after the end mark; empty if there are none."""
     header: tuple[Column, ...] = ()
     ended, unused = False, list[int]()
@@ -63,7 +63,7 @@ def unused_row_warnings(path: Path, named_at: SourceLocation) -> tuple[Problem, 
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if not header:
-            header = _parse_header(path, number, line)
+            header = _parse_header(path, number, line, law)
         elif ended:
             unused.append(number)
         else:
@@ -80,10 +80,11 @@ def unused_row_warnings(path: Path, named_at: SourceLocation) -> tuple[Problem, 
 def _is_end_mark(line: str, header: Sequence[Column]) -> bool:
     """Return whether a line is the end mark."""
     cells = line.split(",")
-    if len(cells) != len(header):
+    keys = [column.key for column in header]
+    if len(cells) != len(header) or _KP not in keys:
         return False
     try:
-        return float(cells[[column.key for column in header].index("kp_n_s_per_m")]) == END_MARK
+        return float(cells[keys.index(_KP)]) == END_MARK
     except ValueError:
         return False
 
@@ -103,17 +104,20 @@ def _lines(path: Path, named_at: SourceLocation) -> list[str]:
         ) from None
 
 
-def _parse_header(path: Path, number: int, line: str) -> tuple[Column, ...]:
+def _parse_header(path: Path, number: int, line: str, law: Law) -> tuple[Column, ...]:
     names = [cell.strip() for cell in line.split(",")]
-    missing = [column.key for column in REQUIRED_COLUMNS if column.key not in names]
-    if missing or len(set(names)) < len(names) or not set(names) <= set(_COLUMNS_BY_KEY):
-        message = f"{line!r} is not the header; allowed {_HEADER}"
+    by_key = {column.key: column for column in columns_with_law(law.columns)}
+    required = [column.key for column in required_columns(law.columns)]
+    missing = [key for key in required if key not in names]
+    if missing or len(set(names)) < len(names) or not set(names) <= set(by_key):
+        others = ",".join(key for key in by_key if key not in required)
+        message = f"{line!r} is not the header; allowed {','.join(required)} and any of {others}"
         raise ConfigError([Problem(display_path(path), number, "", line, message)])
-    return tuple(_COLUMNS_BY_KEY[name] for name in names)
+    return tuple(by_key[name] for name in names)
 
 
 def _parse_row(
-    path: Path, number: int, line: str, header: Sequence[Column]
+    path: Path, number: int, line: str, header: Sequence[Column], model: type[MatrixColumns]
 ) -> Point | list[Problem] | None:
     """Return one row of the file; None for the end mark, a list of problems for invalid cells."""
     cells = line.split(",")
@@ -127,7 +131,7 @@ def _parse_row(
     for name, cell in zip(names, cells, strict=True):
         cell_column = column + len(cell) - len(cell.lstrip())
         column += len(cell) + 1
-        message = _cell_error(name, cell.strip())
+        message = _cell_error(name, cell.strip(), model)
         if message:
             problems.append(
                 Problem(display_path(path), number, name, cell.strip(), message, cell_column)
@@ -142,9 +146,9 @@ def _parse_row(
     )
 
 
-def _cell_error(name: str, cell: str) -> str:
+def _cell_error(name: str, cell: str, model: type[MatrixColumns]) -> str:
     """Return the error message for a cell of a column; empty if the cell is valid."""
-    allowed = allowed_values(Combination, (name,))
+    allowed = allowed_values(model, (name,))
     range_text = allowed.description(name) if allowed is not None else ""
     try:
         value = float(cell)

@@ -11,16 +11,20 @@ periods; the drive stays off.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from rig.config.campaign_file import CampaignFile
+from rig.config.law_settings import IMPEDANCE
 from rig.config.rig_file import RigFile
 from rig.kinds.wavebot import Setpoints
+from rig.kinds.wavebot.law_columns import columns_type
+from rig.laws import Law
 from rig.planning.campaign.order import order_points
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.points import stator_positions
 from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
-from rig.planning.campaign.set_points import ZERO_SETTING, RowSetting, row_setting
+from rig.planning.campaign.set_points import RowSetting, row_setting, setting_type, zero_setting
 from rig.planning.campaign.stability import max_stable_ki
 from rig.planning.campaign.windows import RowWindows, calibration_window, row_windows
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments
@@ -65,6 +69,7 @@ class Plan(NamedTuple):
     wave_seconds: float  # s of the wave clock, planned
     spring_moves: int  # changes of the spring rate between rows
     phases: PhaseSeconds
+    law: Law = IMPEDANCE  # of heave
 
 
 def build_plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Plan:
@@ -74,7 +79,7 @@ def build_plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) 
     window of a row does not fit.
     """
     if campaign.device == "absent":
-        return _assemble((), _calibration_segments(campaign), rig)
+        return _assemble((), _calibration_segments(campaign), campaign, rig)
     windows = row_windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
     positions = stator_positions(points, rig.spring)
     rows = tuple(
@@ -93,9 +98,9 @@ def build_plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) 
     )
     plan_segments = [
         *_opening_segments(campaign, rig, rows[0]),
-        *_row_segments(rows, windows, rig),
+        *_row_segments(rows, windows, campaign, rig),
     ]
-    plan = _assemble(rows, plan_segments, rig)
+    plan = _assemble(rows, plan_segments, campaign, rig)
     if campaign.hoist is None:
         return plan
     # A hoist campaign measures the position at which the stator's force reverses, so the plan has
@@ -107,10 +112,11 @@ def build_plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) 
 def _calibration_segments(campaign: CampaignFile) -> list[PlanSegment[RowSetting]]:
     """Return lead-in and one window: the wave maker runs, the probes are read, power is off."""
     windows = calibration_window(campaign.sea, campaign.timing)
+    zero = zero_setting(campaign.heave_law)
     return [
-        PlanSegment(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, ZERO_SETTING, drive=0),
-        PlanSegment(NO_ROW, Phase.MEASURE, windows.measure, ZERO_SETTING, drive=0),
-        PlanSegment(NO_ROW, Phase.DONE, 0.0, ZERO_SETTING, waves=0, drive=0),
+        PlanSegment(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, zero, drive=0),
+        PlanSegment(NO_ROW, Phase.MEASURE, windows.measure, zero, drive=0),
+        PlanSegment(NO_ROW, Phase.DONE, 0.0, zero, waves=0, drive=0),
     ]
 
 
@@ -118,19 +124,14 @@ def _opening_segments(
     campaign: CampaignFile, rig: RigFile, first: CampaignRow
 ) -> list[PlanSegment[RowSetting]]:
     """Return the segments before the first row: tare, preparation and lead-in."""
-    start = campaign.start
-    configured, gains = start.set_point, first.setting
-    kp, ki = gains.kp, 0.0
-    if configured is not None:
-        kp, ki = configured.kp_n_s_per_m, configured.ki_n_per_m
-    set_point = gains._replace(kp=kp, ki=ki)
+    start, gains = campaign.start, first.setting
+    set_point = _lead_in_setting(campaign, gains)
     # The stator's position before its first move is unknown: Ki must be stable at all positions.
-    safe_ki = max_stable_ki(rig.stability, rig.spring.by_rate()[0], ki)
     ready = PlanSegment(
         NO_ROW,
         Phase.MOVING,
         max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
-        set_point._replace(ki=safe_ki),
+        _with_stable_ki(campaign, rig, set_point, rig.spring.by_rate()[0]),
         wait=WAIT_STATOR | WAIT_DRIVE,
         timeout=max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
         waves=0,
@@ -143,8 +144,33 @@ def _opening_segments(
     ]
 
 
+def _lead_in_setting(campaign: CampaignFile, first: RowSetting) -> RowSetting:
+    """Return the set point of the lead-in: the file's, else the first row's with Ki 0.
+
+    A law other than the impedance law has the first row's set point.
+    """
+    if campaign.zc_law is None:
+        return first
+    configured = campaign.start.set_point
+    if configured is None:
+        return first._replace(ki=0.0)
+    return first._replace(kp=configured.kp_n_s_per_m, ki=configured.ki_n_per_m)
+
+
+def _with_stable_ki(
+    campaign: CampaignFile, rig: RigFile, setting: RowSetting, spring_rates: Iterable[float]
+) -> RowSetting:
+    """Return a set point whose Ki is stable at all given spring rates (N/m).
+
+    Only the impedance law has a Ki of which this is known.
+    """
+    if campaign.zc_law is None:
+        return setting
+    return setting._replace(ki=max_stable_ki(rig.stability, spring_rates, setting.ki))
+
+
 def _row_segments(
-    rows: tuple[CampaignRow, ...], windows: RowWindows, rig: RigFile
+    rows: tuple[CampaignRow, ...], windows: RowWindows, campaign: CampaignFile, rig: RigFile
 ) -> list[PlanSegment[RowSetting]]:
     plan_segments = []
     rate = rows[0].spring_rate
@@ -153,14 +179,14 @@ def _row_segments(
         if row.spring_rate != rate:
             # The gains change at once, but the stator moves for seconds: until then, Ki must be
             # stable with the old spring rate, too.
-            ki = max_stable_ki(rig.stability, (rate, row.spring_rate), gains.ki)
+            moving = _with_stable_ki(campaign, rig, gains, (rate, row.spring_rate))
             rate = row.spring_rate
             plan_segments.append(
                 PlanSegment(
                     row.row,
                     Phase.MOVING,
                     max(windows.move, 1.0 / rig.rate_hz),
-                    gains._replace(ki=ki),
+                    moving,
                     wait=WAIT_STATOR,
                     timeout=rig.spring.move_timeout_s,
                 )
@@ -170,12 +196,17 @@ def _row_segments(
             PlanSegment(row.row, Phase.MEASURE, windows.measure, gains),
             PlanSegment(row.row, Phase.TAIL, windows.tail, gains),
         ]
-    last = rows[-1].setting._replace(ki=0.0)
+    last = rows[-1].setting
+    if campaign.zc_law is not None:
+        last = last._replace(ki=0.0)
     return [*plan_segments, PlanSegment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
 
 
 def _assemble(
-    rows: tuple[CampaignRow, ...], plan_segments: list[PlanSegment[RowSetting]], rig: RigFile
+    rows: tuple[CampaignRow, ...],
+    plan_segments: list[PlanSegment[RowSetting]],
+    campaign: CampaignFile,
+    rig: RigFile,
 ) -> Plan:
     """Return the plan with its segments in ticks."""
     rate = float(rig.rate_hz)
@@ -198,23 +229,27 @@ def _assemble(
     return Plan(
         rows,
         segments,
-        _setpoints(settings, rig),
+        _setpoints(settings, campaign, rig),
         1.0 / rate,
         sum(ticks) / rate,
         waves,
         moves,
         phases,
+        campaign.heave_law,
     )
 
 
-def _setpoints(settings: tuple[RowSetting, ...], rig: RigFile) -> Setpoints:
+def _setpoints(settings: tuple[RowSetting, ...], campaign: CampaignFile, rig: RigFile) -> Setpoints:
     """Return the set points by columns, as the loop uses them."""
-    columns = {
-        name: tuple(getattr(setting, name) for setting in settings) for name in RowSetting._fields
+    columns: dict[str, Any] = {
+        name: tuple(getattr(setting, name) for setting in settings)
+        for name in setting_type(campaign.heave_law)._fields
     }
+    law_type = columns_type(campaign.heave_law.module.SetPoint)
+    law = law_type(*(columns.pop(name) for name in law_type._fields))
     integer_columns = {
         "discharge_level": tuple(int(setting.discharge_level) for setting in settings),
         "realisation": tuple(int(setting.realisation) for setting in settings),
     }
     stroke = tuple(rig.spring.stroke(setting.spring_rate) for setting in settings)
-    return Setpoints(**{**columns, **integer_columns}, stroke=stroke)
+    return Setpoints(law=law, **{**columns, **integer_columns}, stroke=stroke)

@@ -4,12 +4,13 @@ import itertools
 import math
 
 from controllers import magnetic_spring
-from rig.config.columns import COLUMNS
+from rig.config.columns import Column
 from rig.config.hoist import Hoist
 from rig.config.matrix import Matrix
 from rig.config.problems import ConfigError, Problem, format_key, format_number
 from rig.config.rig_file import MagneticSpring
 from rig.config.yaml_source import KeyPath, SourceMap
+from rig.laws import Law
 from rig.planning.campaign import matrix_csv
 from rig.planning.campaign.point import Point, ValueLocation, make_point
 
@@ -17,42 +18,43 @@ from rig.planning.campaign.point import Point, ValueLocation, make_point
 def count_points(matrix: Matrix) -> int:
     """Return the number of points of a grid or list; 0 for a CSV file, which must be read."""
     grid_sizes = (
-        math.prod(len(getattr(grid, column.key) or (None,)) for column in COLUMNS)
-        for grid in matrix.grid or ()
+        math.prod(len(value or (None,)) for _, value in grid) for grid in matrix.grid or ()
     )
     return sum(grid_sizes) + len(matrix.combinations or ())
 
 
-def matrix_points(matrix: Matrix, locate: SourceMap) -> tuple[Point, ...]:
+def matrix_points(
+    matrix: Matrix, locate: SourceMap, columns: tuple[Column, ...], law: Law
+) -> tuple[Point, ...]:
     """Return all points in the order of the file; in a grid the last given column changes fastest.
+
+    ``columns`` are those of a matrix for the ``law``.
 
     Raises `ConfigError` with file, line and column of every invalid cell of a CSV file.
     """
     if matrix.csv is not None:
         key = ("matrix", "csv")
-        return matrix_csv.read_matrix_csv(locate.resolve_path(key, matrix.csv), locate(key))
+        return matrix_csv.read_matrix_csv(locate.resolve_path(key, matrix.csv), locate(key), law)
     points = []
     for i, grid in enumerate(matrix.grid or ()):
         at = ("matrix", "grid", i)
-        columns = [c for c in COLUMNS if getattr(grid, c.key) is not None]
-        axes = [_locate_values(getattr(grid, c.key), (*at, c.key), locate) for c in columns]
-        points += [make_point(columns, pairs) for pairs in itertools.product(*axes)]
+        given = [c for c in columns if getattr(grid, c.key) is not None]
+        axes = [_locate_values(getattr(grid, c.key), (*at, c.key), locate) for c in given]
+        points += [make_point(given, pairs) for pairs in itertools.product(*axes)]
     for i, combination in enumerate(matrix.combinations or ()):
         at = ("matrix", "list", i)
-        columns = [c for c in COLUMNS if getattr(combination, c.key) is not None]
-        pairs = [
-            (getattr(combination, c.key), _locate_value((*at, c.key), locate)) for c in columns
-        ]
-        points.append(make_point(columns, pairs))
+        given = [c for c in columns if getattr(combination, c.key) is not None]
+        pairs = [(getattr(combination, c.key), _locate_value((*at, c.key), locate)) for c in given]
+        points.append(make_point(given, pairs))
     return tuple(points)
 
 
-def unused_row_warnings(matrix: Matrix | None, locate: SourceMap) -> tuple[Problem, ...]:
+def unused_row_warnings(matrix: Matrix | None, locate: SourceMap, law: Law) -> tuple[Problem, ...]:
     """Return a warning about lines of a CSV matrix that are never run; empty if there are none."""
     if matrix is None or matrix.csv is None:
         return ()
     key = ("matrix", "csv")
-    return matrix_csv.unused_row_warnings(locate.resolve_path(key, matrix.csv), locate(key))
+    return matrix_csv.unused_row_warnings(locate.resolve_path(key, matrix.csv), locate(key), law)
 
 
 def _locate_values(
@@ -79,7 +81,9 @@ def stator_positions(points: tuple[Point, ...], spring: MagneticSpring) -> dict[
     }
 
 
-def hoist_points(hoist: Hoist, spring: MagneticSpring, locate: SourceMap) -> tuple[Point, ...]:
+def hoist_points(
+    hoist: Hoist, spring: MagneticSpring, locate: SourceMap, law: Law
+) -> tuple[Point, ...]:
     """Return the hoist's stations as points without gains, with the spring rates of the rig's map.
 
     Raises `ConfigError` for stations outside the map, to which the stator cannot be moved.
@@ -95,7 +99,8 @@ def hoist_points(hoist: Hoist, spring: MagneticSpring, locate: SourceMap) -> tup
             message = f"stator position {format_number(station)} is outside the rig's spring map"
             problems.append(location.problem(station, f"{message}; {allowed}"))
             continue
-        values = {"spring_rate": rate, "kp": 0.0, "ki": 0.0}
+        none = {column.name: 0.0 for column in law.columns if column.default is None}
+        values = {"spring_rate": rate, **none}
         points.append(Point(values, dict.fromkeys(values, location)))
     if problems:
         raise ConfigError(problems)

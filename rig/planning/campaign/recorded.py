@@ -1,14 +1,17 @@
 """Reconstruction of a campaign from the configuration in a run's record."""
 
+import hashlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.campaign_file import CampaignFile
-from rig.config.columns import COLUMNS
+from rig.config.campaign_file import CampaignFile, campaign_model
+from rig.config.columns import columns_with_law
+from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
 from rig.config.limits_file import LimitsFile
 from rig.config.recorded_limits import complete_wavebot_limits
 from rig.config.reference import RecordedReference
 from rig.config.rig_file import RigFile
+from rig.laws import Law, LawError, find, load_source
 from rig.planning.campaign.input_files import hash_input_file
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.reference import ReferenceRecord, read_reference_record
@@ -24,23 +27,61 @@ class RecordedCampaign(NamedTuple):
     record: ReferenceRecord | None  # of a recorded reference
 
 
-def campaign_from_record(config: dict[str, Any]) -> RecordedCampaign:
+def campaign_from_record(config: dict[str, Any], law_source: bytes = b"") -> RecordedCampaign:
     """Return the campaign of a run, with the recorded reference that it names.
 
-    Raises KeyError if the record lacks a part, and ValueError if the current models refuse it or
-    the file of the reference has changed.
+    ``law_source`` is the text of a law that was given by its file. Raises KeyError if the record
+    lacks a part, and ValueError if the current models refuse it, the file of the reference has
+    changed, or the law cannot be used here.
     """
-    file = CampaignFile.model_validate(config["campaign"])
+    law = law_from_record(config, law_source)
+    file = campaign_model(law).model_validate(config["campaign"])
+    columns = columns_with_law(law.columns)
     return RecordedCampaign(
         file,
         RigFile.model_validate(config["rig"]),
         LimitsFile.model_validate(complete_wavebot_limits(config["limits"])),
         tuple(
-            Point({c.name: float(values[c.key]) for c in COLUMNS if c.key in values}, {})
+            Point({c.name: float(values[c.key]) for c in columns if c.key in values}, {})
             for values in config["points"]
         ),
         _read_record(file, config),
     )
+
+
+def law_from_record(config: dict[str, Any], law_source: bytes) -> Law:
+    """Return the law of a run: the recorded source of a file, or the law of that name here."""
+    recorded = config.get("law")
+    if not isinstance(recorded, dict):
+        return IMPEDANCE  # runs recorded before there was a choice
+    if not recorded["file"]:
+        return IMPEDANCE if recorded["name"] == DEFAULT_LAW else find(recorded["name"])
+    if hashlib.sha256(law_source).hexdigest() != recorded["sha256"]:
+        raise LawError(f"the record lacks the source of its law {recorded['path']}")
+    return load_source(law_source, Path(recorded["path"]))
+
+
+def law_notice(config: dict[str, Any]) -> str:
+    """Return how the law on this host differs from that of a run; empty if it does not."""
+    recorded = config.get("law")
+    if not isinstance(recorded, dict):
+        return ""
+    path = recorded["path"]
+    if recorded["file"]:
+        try:
+            now = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        except OSError:
+            return ""  # the record has the source
+        if now == recorded["sha256"]:
+            return ""
+        return f"the law {path} has changed since the run (sha256); replayed is the recorded one"
+    try:
+        law = IMPEDANCE if recorded["name"] == DEFAULT_LAW else find(recorded["name"])
+    except LawError as error:
+        return str(error)
+    if law.sha256 == recorded["sha256"]:
+        return ""
+    return f"the law {law.name} has changed since the run (sha256); replayed is that of today"
 
 
 def _read_record(file: CampaignFile, config: dict[str, Any]) -> ReferenceRecord | None:

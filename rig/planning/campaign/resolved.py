@@ -1,9 +1,10 @@
 """The resolved configuration of a campaign, which every run stores."""
 
 import json
+from pathlib import Path
 from typing import Any
 
-from rig.config.columns import COLUMNS
+from rig.config.columns import columns_with_law
 from rig.config.problems import display_path
 from rig.planning.campaign.files import Campaign
 
@@ -13,15 +14,17 @@ def resolved_config(campaign: Campaign) -> str:
 
     Equal campaigns give equal text.
     """
+    columns = columns_with_law(campaign.law.columns)
     config: dict[str, Any] = {
         "campaign": campaign.file.model_dump(mode="json", by_alias=True),
         "points": [
-            {c.key: p.values[c.name] for c in COLUMNS if c.name in p.values}
+            {c.key: p.values[c.name] for c in columns if c.name in p.values}
             for p in campaign.points
         ],
         "rig": campaign.rig.model_dump(mode="json", by_alias=True),
         "limits": campaign.limits.model_dump(mode="json", by_alias=True),
         "plant": campaign.plant,
+        "law": campaign.law.record() | {"path": display_path(Path(campaign.law.path))},
         "files": [
             {"role": file.role, "path": display_path(file.path), "sha256": file.sha256}
             for file in campaign.files

@@ -1,18 +1,24 @@
 """The complete set point of a row: values of the matrix, and defaults of the campaign or rig."""
 
+from collections import namedtuple
 from collections.abc import Iterator
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple, cast
 
 from rig.config.campaign_file import CampaignFile
-from rig.config.columns import COLUMNS, DRIVE_COLUMNS
+from rig.config.columns import DRIVE_COLUMNS, columns_with_law
 from rig.config.problems import Problem
 from rig.config.rig_file import CustomDrive, RigFile
 from rig.config.yaml_source import SourceMap
+from rig.laws import Law
 from rig.planning.campaign.point import Point
 
 
 class RowSetting(NamedTuple):
-    """The set point of a row; the names are those of `rig.config.columns`."""
+    """The set point of a row for the impedance law; the names are those of `rig.config.columns`.
+
+    Those for other laws have the law's columns in the place of Kp, Ki and Km (`setting_type`).
+    """
 
     spring_rate: float  # N/m
     kp: float  # N*s/m
@@ -29,13 +35,24 @@ class RowSetting(NamedTuple):
     discharge_level: float  # set of dump resistors
 
 
-ZERO_SETTING = RowSetting(*(0.0 for _ in COLUMNS))
-"""The set point with all values 0."""
+@cache
+def setting_type(law: Law) -> type[RowSetting]:
+    """Return the type of a row's set point for a law."""
+    names = tuple(column.name for column in columns_with_law(law.columns))
+    if names == RowSetting._fields:
+        return RowSetting
+    kind: Any = namedtuple("RowSetting", names)  # type: ignore[misc]
+    return cast(type[RowSetting], kind)
+
+
+def zero_setting(law: Law) -> RowSetting:
+    """Return the set point with all values 0."""
+    return setting_type(law)(*(0.0 for _ in setting_type(law)._fields))
 
 
 def row_setting(campaign: CampaignFile, rig: RigFile, point: Point) -> RowSetting:
     """Return the set point of a point of the matrix."""
-    return RowSetting(**{**_defaults(campaign, rig), **point.values})
+    return setting_type(campaign.heave_law)(**{**_defaults(campaign, rig), **point.values})
 
 
 def drive_settings(campaign: CampaignFile, rig: RigFile) -> CustomDrive | None:
@@ -64,7 +81,8 @@ def drive_setting_problems(
 
 
 def _defaults(campaign: CampaignFile, rig: RigFile) -> dict[str, float]:
-    defaults = dict.fromkeys((column.name for column in COLUMNS), 0.0)
+    defaults = dict.fromkeys(setting_type(campaign.heave_law)._fields, 0.0)
+    defaults |= {column.name: column.default or 0.0 for column in campaign.heave_law.columns}
     defaults["reference_scale"] = 1.0
     if campaign.reference is not None:
         defaults["realisation"] = float(getattr(campaign.reference, "realisation", 1))

@@ -13,15 +13,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.kinds.wavebot.stations import STATIONS
 from rig.recording import process_identity
 from rig.recording.row_schema import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, RunError, scan
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.stations import Station, from_records
 
 MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
 STATUS = "run.json"
 CONFIG = "config.json"
+LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 
@@ -87,6 +90,7 @@ class RunInfo(NamedTuple):
     host: dict[str, Any]
     timing: dict[str, Any]
     metadata: dict[str, dict[str, str]]
+    law_source: bytes = b""  # of a law that was given by its file
 
     @property
     def started_utc(self) -> str:
@@ -97,6 +101,15 @@ class RunInfo(NamedTuple):
             return str(recorded or "")
         moment = datetime.fromtimestamp(int(nanoseconds) // 10**9, UTC)
         return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+    @property
+    def stations(self) -> tuple[Station, ...]:
+        """The power stations in the plan, in the order of the flow of power.
+
+        Runs recorded before 2027 do not list them: they have those of the WaveBot.
+        """
+        listed = self.plan.get("stations")
+        return STATIONS if listed is None else from_records(listed)
 
     def config_number(self, *keys: str) -> float | None:
         """Return a number of the configuration by its keys, outermost first; None without one."""
@@ -175,7 +188,13 @@ def run_info(
         host=read("host.json"),
         timing=read("timing.json"),
         metadata=metadata,
+        law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
     )
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Return the bytes of a file; none if there is no such file."""
+    return read_regular(path, MAX_TABLE_BYTES) if path.is_file() else b""
 
 
 class RunListEntry(NamedTuple):
@@ -232,7 +251,12 @@ def _quick_info(path: Path) -> RunInfo:
         mode=_mode(status),
         campaign=str(status.get("campaign") or _campaign(_read_json(path / CONFIG))),
         status=status,
-        **{name: {} for name in ("config", "plan", "code", "host", "timing", "metadata")},
+        config={},
+        plan={},
+        code={},
+        host={},
+        timing={},
+        metadata={},
     )
 
 

@@ -15,16 +15,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
-from rig.analysis.rows import COMPLETE, POWERS, SETTINGS, row_table
+from rig.analysis.rows import COMPLETE, row_table
+from rig.analysis.run_columns import known_columns
 from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import build_device_model
 from rig.execution.rehearsal import job
 from rig.execution.replay import logged_campaign
 from rig.identification.twin.plant_file import identified_range
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
 from rig.sweep.counterfactual.waves import FIELDS, RecoveredWaves, recover_waves, wave_maker_lines
 from rig.sweep.simulation import CampaignSimulator
@@ -183,7 +186,7 @@ def counterfactual_rows(
         RowComparison(
             row["row"],
             _setting(row),
-            {name: row[f"power_{name}"] for name in POWERS},
+            {name: row[f"power_{name}"] for name in station_names(STATIONS)},
             _powers(modelled[row["point"]]),
         )
         for row in measured.rows
@@ -224,7 +227,7 @@ def counterfactual_rows(
 def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
     """Return the error of each station over the logged rows, as a share of gross power."""
     shares = {}
-    for name in POWERS:
+    for name in station_names(STATIONS):
         errors = np.array(
             [
                 (one.logged[name] - one.modelled[name]) / gross_power(one.modelled, name)
@@ -238,7 +241,7 @@ def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
 
 def gross_power(powers: dict[str, float], name: str) -> float:
     """Return absorbed power plus power lost up to a station, W; at least `MIN_GROSS_POWER`."""
-    absorbed = powers["mechanical_1"]
+    absorbed = powers[STATIONS[0].name]
     return max(abs(absorbed) + abs(powers[name] - absorbed), MIN_GROSS_POWER)
 
 
@@ -287,13 +290,14 @@ def _predict_row(
 
 def _powers(result: dict[str, Any]) -> dict[str, float]:
     if result["state"] != COMPLETE:
-        return dict.fromkeys(POWERS, math.nan)
-    return {name: float(result[f"power_{name}"]) for name in POWERS}
+        return dict.fromkeys(station_names(STATIONS), math.nan)
+    return {name: float(result[f"power_{name}"]) for name in station_names(STATIONS)}
 
 
 def _setting(row: dict[str, Any]) -> dict[str, float]:
     """Return the settings of a row, without those that its drive does not have."""
-    values = {name: float(row[name]) for name in SETTINGS}
+    names = ("stator", *(each.name for each in known_columns()))
+    values = {name: float(row[name]) for name in names if name in row}
     return {name: value for name, value in values.items() if not math.isnan(value)}
 
 

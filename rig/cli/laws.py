@@ -1,0 +1,64 @@
+"""`rig laws`: the control laws that a campaign may use."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rig import cli
+from rig.laws import Law, LawError, RegisteredLaw, load_file, registered
+
+
+def main(files: list[Path], *, as_json: bool) -> int:
+    """Print all registered laws, or those of the given files, and return the exit code."""
+    listed = [_entry_of_file(path) for path in files] if files else list(registered())
+    if as_json:
+        print(json.dumps({"laws": [_as_dict(entry) for entry in listed]}, ensure_ascii=False))
+    else:
+        print("\n\n".join(_text(entry) for entry in listed))
+    return cli.BAD_INPUT if files and any(entry.problem for entry in listed) else cli.OK
+
+
+def _entry_of_file(path: Path) -> RegisteredLaw:
+    try:
+        law = load_file(path)
+    except LawError as error:
+        return RegisteredLaw(path.stem, str(path), None, str(error))
+    return RegisteredLaw(law.name, law.origin, law, "")
+
+
+def _as_dict(entry: RegisteredLaw) -> dict[str, Any]:
+    law = entry.law
+    if law is None:
+        return {"name": entry.name, "origin": entry.origin, "problem": entry.problem}
+    return {
+        **law.record(),
+        "linear": law.linear is not None,
+        "columns": [column._asdict() for column in law.columns],
+        "parameters": [parameter._asdict() for parameter in law.parameters],
+    }
+
+
+def _text(entry: RegisteredLaw) -> str:
+    if entry.law is None:
+        return f"{entry.name}   ({entry.origin})\n  cannot be used: {entry.problem}"
+    law: Law = entry.law
+    summary = (law.module.__doc__ or "").strip().splitlines()
+    lines = [f"{law.name}   ({entry.origin})", *([f"  {summary[0]}"] if summary else [])]
+    lines.append("  columns of the matrix")
+    for column in law.columns:
+        default = "" if column.default is None else f"; {column.default:g} without the column"
+        lines.append(_line(column.key, column.low, column.high, column.unit, column.help, default))
+    if law.parameters:
+        lines.append("  parameters below `law:`")
+    for parameter in law.parameters:
+        default = ", ".join(f"{value:g}" for value in parameter.default)
+        default = f"; default {default}" if default else "; required"
+        unit = f"{parameter.unit}, a list" if parameter.listed else parameter.unit
+        lines.append(
+            _line(parameter.key, parameter.low, parameter.high, unit, parameter.help, default)
+        )
+    return "\n".join(lines)
+
+
+def _line(key: str, low: float, high: float, unit: str, help_text: str, default: str) -> str:
+    return f"    {key:<26} {low:g} .. {high:g} {unit}{default}\n      {help_text}"

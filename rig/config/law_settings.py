@@ -1,0 +1,112 @@
+"""The `law` key of a campaign or rig file: a law by name or path, and its parameters."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import BeforeValidator, Field, create_model
+
+from controllers.law import Parameter, Settings
+from rig import laws
+from rig.config.columns import column_problems
+from rig.config.model import FileModel, TupleOf
+from rig.config.yaml_source import KeyPath, SourceMap
+
+DEFAULT_LAW = "impedance"
+IMPEDANCE = laws.own(DEFAULT_LAW)
+
+
+class TransferFunction(FileModel):
+    """A transfer function by its coefficients, in descending powers of s."""
+
+    numerator: TupleOf[float] = Field(min_length=1, max_length=20)
+    denominator: TupleOf[float] = Field(min_length=1, max_length=20)
+
+
+class LawSettings(FileModel):
+    """The heave law and its parameters; `law_model` adds the parameters."""
+
+    use: str = Field(default=DEFAULT_LAW, min_length=1)  # name, or path of a .py file
+
+    def values(self, parameters: tuple[Parameter, ...]) -> Settings:
+        """Return the values of a law's parameters by key."""
+        given = {each.key: getattr(self, each.key) for each in parameters}
+        return {
+            key: tuple(value) if isinstance(value, tuple) else (value,)
+            for key, value in given.items()
+        }
+
+
+class ImpedanceSettings(LawSettings):
+    """Settings of the impedance law in addition to the gains of the matrix."""
+
+    zc: TransferFunction | None = None  # Z_c(s), N*s/m; adds the force Z_c v on the body
+
+
+def _expand_name(value: Any) -> Any:
+    return {"use": value} if isinstance(value, str) else value
+
+
+ExpandName = BeforeValidator(_expand_name)
+"""Turns the short form ``law: NAME`` into a mapping."""
+
+
+@cache
+def law_model(law: laws.Law) -> type[LawSettings]:
+    """Return the model of the settings of a law."""
+    if law.module is IMPEDANCE.module:
+        return ImpedanceSettings
+    fields: dict[str, Any] = {each.key: _parameter_field(each) for each in law.parameters}
+    return create_model("LawSettings", __base__=LawSettings, **fields)
+
+
+def _parameter_field(parameter: Parameter) -> Any:
+    number = Annotated[float, Field(ge=parameter.low, le=parameter.high)]
+    default = parameter.default
+    if parameter.listed:
+        listed = Annotated[TupleOf[number], Field(min_length=1, max_length=1000)]
+        return (listed, default if default else ...)
+    return (number, default[0] if default else ...)
+
+
+class NamedLaw(NamedTuple):
+    """The text that names a law in a mapping, and its key."""
+
+    text: str
+    key: KeyPath
+
+
+def named_law(mapping: dict[str, Any]) -> NamedLaw:
+    """Return the law that a campaign's mapping names; the default without a valid name."""
+    value = mapping.get("law")
+    if isinstance(value, str):
+        return NamedLaw(value, ("law",))
+    use = value.get("use") if isinstance(value, dict) else None
+    return NamedLaw(use if isinstance(use, str) and use else DEFAULT_LAW, ("law", "use"))
+
+
+def find_law(
+    mapping: dict[str, Any], locate: SourceMap, find: Callable[[str, str], laws.Law] = laws.find
+) -> laws.Law:
+    """Return the law that a mapping names; a path is relative to the file with the key.
+
+    Raises LawError if the law cannot be used.
+    """
+    text, key = named_law(mapping)
+    law = find(text, str(locate(key).path.parent))
+    problems = column_problems(law.columns)
+    if problems:
+        raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
+    return law
+
+
+def inherit_law(
+    campaign: dict[str, Any], locate: SourceMap, rig: dict[str, Any], rig_locate: SourceMap
+) -> None:
+    """Give a campaign without `law` that of its rig, with its locations in the rig's file."""
+    if "law" in campaign or rig.get("law") is None:
+        return
+    campaign["law"] = rig["law"]
+    locate.locations.update(
+        {key: place for key, place in rig_locate.locations.items() if key[:1] == ("law",)}
+    )

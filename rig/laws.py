@@ -1,0 +1,367 @@
+"""The registry of control laws: modules of `controllers.law` by name or by path.
+
+A law is registered by an entry point of the group ``wec_rig.laws``, whose value names its module,
+or a campaign or rig file gives the path of its file. The file's sha256 identifies a law: processes
+and records compare it. The module runs in the loop process, so it imports the standard library
+only.
+"""
+
+import hashlib
+import importlib
+import inspect
+import json
+import linecache
+import math
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from controllers.law import Column, Parameter
+
+GROUP = "wec_rig.laws"
+DISTRIBUTION = "wec-rig"
+
+OWN_MODULES = {
+    "impedance": "controllers.impedance",
+    "velocity table": "controllers.velocity_table",
+    "nonlinear damping": "controllers.nonlinear_damping",
+    "latching": "controllers.latching",
+    "declutching": "controllers.declutching",
+}
+"""The laws of this distribution; they are entry points, too. The table spares the loop process the
+search of all installed distributions, and it works in a source tree that is not installed."""
+
+_ARGUMENTS = {"params": 3, "start": 1, "step": 7, "linear": 3}
+_OPTIONAL = ("linear",)
+
+
+class LawError(ValueError):
+    """A law that cannot be used; the message lists every reason."""
+
+
+class Law(NamedTuple):
+    """A law and its origin."""
+
+    name: str  # as registered, or the name of its file without .py
+    module: Any  # as `controllers.law` describes it
+    origin: str  # distribution and version, or path
+    path: str  # of its file
+    sha256: str  # of its file
+    is_file: bool  # given by its path, not registered
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns that the law adds to the gain matrix."""
+        columns: tuple[Column, ...] = self.module.COLUMNS
+        return columns
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The constants that a campaign file gives."""
+        parameters: tuple[Parameter, ...] = self.module.PARAMETERS
+        return parameters
+
+    @property
+    def linear(self) -> Callable[..., complex] | None:
+        """The force per velocity of a linear law; None for a law without a linear form."""
+        linear: Callable[..., complex] | None = getattr(self.module, "linear", None)
+        return linear
+
+    @property
+    def reference(self) -> str:
+        """The text that finds the law again on this host: its name or its path."""
+        return self.path if self.is_file else self.name
+
+    def record(self) -> dict[str, Any]:
+        """Return the law as a run records it, as JSON values."""
+        return {
+            "name": self.name,
+            "origin": self.origin,
+            "sha256": self.sha256,
+            "file": self.is_file,
+        }
+
+
+class RegisteredLaw(NamedTuple):
+    """An entry of the registry; a law that cannot be used has a problem."""
+
+    name: str
+    origin: str
+    law: Law | None
+    problem: str  # empty for a usable law
+
+
+def is_path(text: str) -> bool:
+    """Return whether a text names a law by its file."""
+    return text.endswith(".py")
+
+
+def find(text: str, base: str = "") -> Law:
+    """Return the law of a name, or of a path relative to the folder ``base``.
+
+    Raises LawError if there is none, two distributions register the name, the import fails, or the
+    module lacks a part of the interface.
+    """
+    if is_path(text):
+        return load_file(Path(base) / text)
+    entries = [entry for entry in _entries() if entry.name == text]
+    if not entries:
+        known = ", ".join(dict.fromkeys(entry.name for entry in _entries()))
+        raise LawError(f"no law {text!r} is registered; allowed {known}, or the path of a .py file")
+    if len({entry.module for entry in entries}) > 1:
+        raise LawError(_duplicate_text(text, entries))
+    return _load_entry(entries[0])
+
+
+def load_file(path: Path) -> Law:
+    """Return the law in a file; LawError if it cannot be read or lacks a part of the interface."""
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise LawError(f"the law {path} cannot be read: {error.strerror or error}") from None
+    return load_source(source, path)
+
+
+def load_source(source: bytes, path: Path) -> Law:
+    """Return the law of a source text; ``path`` is its file, which may be gone by now."""
+    digest = hashlib.sha256(source).hexdigest()
+    return _checked(
+        Law(path.stem, _execute(source, path, digest), str(path), str(path), digest, True)
+    )
+
+
+def registered() -> tuple[RegisteredLaw, ...]:
+    """Return all registered laws, also those that cannot be used, sorted by origin and name."""
+    entries = _entries()
+    listed = []
+    for entry in entries:
+        same = [each for each in entries if each.name == entry.name]
+        law, problem = None, ""
+        try:
+            if len({each.module for each in same}) > 1:
+                raise LawError(_duplicate_text(entry.name, same))
+            law = _load_entry(entry)
+        except LawError as error:
+            problem = str(error)
+        listed.append(RegisteredLaw(entry.name, entry.origin, law, problem))
+    return tuple(listed)
+
+
+def to_request(law: Law) -> str:
+    """Return a law as text for another process of this host: reference and sha256."""
+    return json.dumps([law.reference, law.sha256])
+
+
+def from_request(text: str) -> Law:
+    """Return the law that another process requests; LawError if its file has another sha256."""
+    reference, sha256 = json.loads(text)
+    law = find(reference)
+    if law.sha256 != sha256:
+        raise LawError(
+            f"the file of the law {reference} ({law.path}) changed after the check: sha256 "
+            f"{law.sha256[:12]}, not {sha256[:12]}; check the campaign again"
+        )
+    return law
+
+
+def source_text(law: Law) -> str:
+    """Return the source text of a law as it was loaded, also after its file has changed."""
+    return inspect.getsource(law.module)
+
+
+def helper_modules(law: Law) -> tuple[ModuleType, ...]:
+    """Return the law's module and the modules of its package or of ``controllers`` that it uses."""
+    packages = {"controllers", law.module.__name__.partition(".")[0]}
+    found: dict[str, ModuleType] = {}
+
+    def collect(module: ModuleType) -> None:
+        if module.__name__ in found or module.__name__.partition(".")[0] not in packages:
+            return
+        found[module.__name__] = module
+        for value in vars(module).values():
+            used = value if isinstance(value, ModuleType) else None
+            if used is None and isinstance(getattr(value, "__module__", None), str):
+                used = sys.modules.get(value.__module__)
+            if used is not None:
+                collect(used)
+
+    collect(law.module)
+    return tuple(found[name] for name in sorted(found) if hasattr(found[name], "__file__"))
+
+
+class _Entry(NamedTuple):
+    name: str
+    module: str
+    origin: str
+
+
+@cache
+def _entries() -> tuple[_Entry, ...]:
+    """Return all registered names; an entry for each module that a name is registered for."""
+    from importlib import metadata  # noqa: PLC0415  (only where laws are looked up by name)
+
+    try:
+        own = f"{DISTRIBUTION} {metadata.version(DISTRIBUTION)}"
+    except metadata.PackageNotFoundError:
+        own = DISTRIBUTION
+    found = dict.fromkeys(OWN_MODULES.items(), own)
+    for point in metadata.entry_points(group=GROUP):
+        distribution = point.dist
+        origin = f"{distribution.name} {distribution.version}" if distribution else "unknown"
+        found.setdefault((point.name, point.value), origin)
+    return tuple(_Entry(*key, origin) for key, origin in found.items())
+
+
+def _duplicate_text(name: str, entries: list[_Entry]) -> str:
+    origins = " and ".join(f"{entry.origin} ({entry.module})" for entry in entries)
+    return f"two distributions register the law {name!r}: {origins}; uninstall one of them"
+
+
+@cache
+def _load_entry(entry: _Entry) -> Law:
+    try:
+        module = importlib.import_module(entry.module)
+    except Exception as error:
+        raise LawError(_failed_text(f"{entry.name!r} of {entry.origin}", error, "")) from error
+    path = str(module.__file__ or "")
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return _checked(Law(entry.name, module, entry.origin, path, digest, False))
+
+
+def _execute(source: bytes, path: Path, digest: str) -> ModuleType:
+    """Return the module of a law's source, named by its hash; equal sources share a module."""
+    name = f"wec_rig_law_{digest[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    sys.modules[name] = module
+    try:
+        exec(compile(source, str(path), "exec"), module.__dict__)
+    except Exception as error:  # a law's file may raise anything
+        del sys.modules[name]
+        raise LawError(_failed_text(str(path), error, str(path))) from error
+    # `inspect.getsource` reads this text, also after the file is edited or gone.
+    lines = source.decode("utf-8").splitlines(keepends=True)
+    linecache.cache[str(path)] = (len(source), None, lines, str(path))
+    return module
+
+
+def _failed_text(law: str, error: Exception, path: str) -> str:
+    """Return the message for a law that raised, with the line of its file."""
+    return f"the law {law} cannot be imported: {error_text(error, path)}"
+
+
+def error_text(error: BaseException, path: str) -> str:
+    """Return an exception with the file and line in ``path``, else with those that raised it."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.filename == path] or frames
+    file, line = (own[-1].filename, own[-1].lineno) if own else (path, 0)
+    if isinstance(error, SyntaxError) and error.filename:
+        file, line = error.filename, error.lineno
+    return f"{file}:{line}: {type(error).__name__}: {error}"
+
+
+# --- the interface
+
+
+def _checked(law: Law) -> Law:
+    problems = list(interface_problems(law.module))
+    if problems:
+        raise LawError(f"{law.path} is not a law: " + "; ".join(problems))
+    return law
+
+
+def interface_problems(module: Any) -> Iterator[str]:
+    """Yield what a module lacks to be a law (`controllers.law`)."""
+    for name, count in _ARGUMENTS.items():
+        function = getattr(module, name, None)
+        if function is None and name in _OPTIONAL:
+            continue
+        if not callable(function):
+            yield f"the function {name} is missing"
+            continue
+        code = getattr(function, "__code__", None)
+        if code is not None and code.co_argcount != count:
+            yield f"the function {name} takes {code.co_argcount} arguments, not {count}"
+    for name, item in (("COLUMNS", Column), ("PARAMETERS", Parameter)):
+        given = getattr(module, name, None)
+        if not isinstance(given, tuple) or not all(isinstance(each, item) for each in given):
+            yield f"{name} is not a tuple of controllers.law.{item.__name__}"
+        else:
+            yield from _entry_problems(name, given)
+    for name in ("SetPoint", "Params", "State"):
+        part = getattr(module, name, None)
+        if not (isinstance(part, type) and hasattr(part, "_fields")):
+            yield f"the NamedTuple {name} is missing"
+            continue
+        try:
+            yield from _leaf_problems(name, part, name)
+        except (NameError, TypeError) as error:
+            yield f"{name}: an annotation cannot be evaluated ({error})"
+    yield from _set_point_problems(module)
+
+
+def _entry_problems(name: str, given: Any) -> Iterator[str]:
+    keys = [each.key for each in given]
+    for key in sorted({key for key in keys if keys.count(key) > 1}):
+        yield f"{name} has the key {key} twice"
+    for each in given:
+        if not each.key.isidentifier() or each.key in ("use", "zc"):
+            yield f"{name}: {each.key!r} cannot be a key of a file"
+        if not (each.low <= each.high and math.isfinite(each.low) and math.isfinite(each.high)):
+            yield f"{name}: the range of {each.key} is {each.low:g} .. {each.high:g}"
+
+
+def _set_point_problems(module: Any) -> Iterator[str]:
+    set_point, columns = getattr(module, "SetPoint", None), getattr(module, "COLUMNS", ())
+    fields = getattr(set_point, "_fields", None)
+    if fields is None or not isinstance(columns, tuple):
+        return
+    names = tuple(getattr(column, "name", None) for column in columns)
+    if fields != names:
+        yield f"COLUMNS have the names {_listed(names)}, but SetPoint the fields {_listed(fields)}"
+    hints = get_type_hints(set_point)
+    for field in fields:
+        if hints[field] is not float and hints[field] is not int:
+            continue  # a leaf of another type is a problem already
+        if hints[field] is not float:
+            yield f"SetPoint.{field} is not a float"
+
+
+def _listed(names: Any) -> str:
+    return ", ".join(map(str, names)) or "(none)"
+
+
+def _leaf_problems(path: str, hint: Any, root: str) -> Iterator[str]:
+    """Yield the leaves of a type that are neither float nor int."""
+    if get_origin(hint) is Annotated:
+        hint = get_args(hint)[0]
+    if hint is float or hint is int:
+        return
+    if get_origin(hint) is tuple:
+        arguments = [each for each in get_args(hint) if each is not ...]
+        if root == "Params" and get_args(hint)[-1:] != (...,):
+            yield f"{path} is a tuple of fixed length; allowed tuple[float, ...] or a NamedTuple"
+        for i, each in enumerate(arguments):
+            yield from _leaf_problems(f"{path}[{i}]", each, root)
+        return
+    if isinstance(hint, type) and hasattr(hint, "_fields"):
+        hints = get_type_hints(hint, include_extras=True)
+        for field in hint._fields:
+            yield from _leaf_problems(f"{path}.{field}", hints[field], root)
+        return
+    name = getattr(hint, "__name__", str(hint))
+    yield f"{path} is of type {name}; allowed float, int, and NamedTuples or tuples of them"
+
+
+def own(name: str) -> Law:
+    """Return a law of this distribution without a search of the installed distributions."""
+    module = importlib.import_module(OWN_MODULES[name])
+    path = str(module.__file__)
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return Law(name, module, DISTRIBUTION, path, digest, False)

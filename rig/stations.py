@@ -1,0 +1,73 @@
+"""Power stations: the points along the flow of power at which a rig knows its power.
+
+A kind of rig declares its stations as one table in the order of the flow, from the body to the DC
+bus. The loop's code, the fields of the log row, the row table, pictures and reports all follow
+from the table (`rig.realtime.power` compiles it); a run records its table in its plan. Power is
+negative where it is absorbed.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+FIELD_NAME = re.compile(r"[a-z](_?[a-z0-9])*")  # ROS field names: no "__", no trailing "_"
+
+
+class Station(NamedTuple):
+    """One power station, a row of its kind's table."""
+
+    name: str  # the log field is ``power.NAME``, the variable of the row table ``power_NAME``
+    formula: str  # power in W from the signals of a tick, e.g. "lcb * velocity"
+    label: str  # full name, in tables
+    short_label: str  # on axes of pictures
+    heading: str  # of a narrow column
+    alias: str = ""  # a second name on the command line
+    running_mean: bool = False  # the row carries ``power.mean_NAME``: its mean so far
+    force: str = ""  # log field of the force whose constant offset `power_NAME_demeaned` removes
+    shown: bool = False  # in pictures by default
+
+    @property
+    def name_in_text(self) -> str:
+        """Name in a sentence, e.g. "mechanical power"."""
+        return self.alias or self.heading
+
+    def uses(self, signal: str) -> bool:
+        """Return whether the formula contains a signal."""
+        return signal in re.findall(r"\w+", self.formula)
+
+
+def as_records(stations: Iterable[Station]) -> list[dict[str, Any]]:
+    """Return stations as JSON values, as in a run's plan."""
+    return [station._asdict() for station in stations]
+
+
+def from_records(records: Iterable[Mapping[str, Any]]) -> tuple[Station, ...]:
+    """Return the stations of a recorded table; fields that today's `Station` lacks are ignored."""
+    return tuple(
+        Station(**{name: each[name] for name in Station._fields if name in each})
+        for each in records
+    )
+
+
+def find(stations: Sequence[Station], name: str) -> Station:
+    """Return a station by its name or alias; ValueError lists those that exist."""
+    for station in stations:
+        if name in (station.name, station.alias):
+            return station
+    allowed = ", ".join(option_names(stations))
+    raise ValueError(f"unknown station {name!r}; allowed {allowed}")
+
+
+def option_names(stations: Iterable[Station]) -> list[str]:
+    """Return the names of stations on the command line: the alias where a station has one."""
+    return [station.alias or station.name for station in stations]
+
+
+def station_names(stations: Iterable[Station]) -> list[str]:
+    """Return the names of stations, in their order."""
+    return [station.name for station in stations]
+
+
+def shown(stations: Iterable[Station]) -> tuple[Station, ...]:
+    """Return the stations that pictures show by default."""
+    return tuple(station for station in stations if station.shown)

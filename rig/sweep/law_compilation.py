@@ -1,0 +1,47 @@
+"""Whether a heave law can be compiled, and numba's reason if it cannot."""
+
+import json
+from contextlib import suppress
+from typing import Any
+
+from controllers.signals import Demand, Estimate
+from rig.kinds.wavebot.law_params import law_params
+from rig.laws import helper_modules
+from rig.planning.campaign import Campaign, Plan
+from rig.sweep import lifting
+from rig.sweep.cache_folder import write_atomically
+
+
+def compilation_problem(campaign: Campaign, planned: Plan) -> str:
+    """Return in one line why the heave law cannot be compiled; empty if it can.
+
+    The answer is kept for the law's source, because compiling takes seconds.
+    """
+    law = campaign.law
+    source = repr((law.sha256, type(planned.setpoints.law)._fields))
+    path = lifting.cache_folder(source, helper_modules(law)) / "compilation.json"
+    try:
+        answer: str = json.loads(path.read_text())["problem"]
+    except (OSError, ValueError, KeyError):
+        answer = _compile(campaign, planned)
+        with suppress(OSError):
+            write_atomically(path, json.dumps({"problem": answer}))
+    return answer
+
+
+def _compile(campaign: Campaign, planned: Plan) -> str:
+    law, dt = campaign.law, planned.dt
+    params = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
+    state = law.module.start(params)
+    set_point = law.module.SetPoint(*(0.0 for _ in law.columns))
+    lifting.lift(helper_modules(law))
+    step = law.module.step
+
+    def ticks(params: Any, state: Any, set_point: Any, motion: Any, dt: float) -> Demand:
+        # In a loop, so that the state must have the types of the one before.
+        demand = Demand(0.0, 0.0, 0.0, 0.0)
+        for _ in range(2):
+            state, demand = step(params, state, set_point, motion, 0.0, 0.0, dt)
+        return demand
+
+    return lifting.compilation_problem(ticks, params, state, set_point, Estimate(0.1, 0.2, 0.3), dt)

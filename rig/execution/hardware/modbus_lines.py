@@ -7,6 +7,9 @@ from rig.config.wiring import AnyLine, Registers
 from rig.execution.hardware.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
 from rig.processes.io_processes import IoProcess
 
+# Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
+_LINE_FIELDS = {"timeout_s": "timeout", "slowest_s": "max_response_time"}
+
 
 def modbus_pollers(
     lines: Mapping[str, AnyLine],
@@ -28,7 +31,7 @@ def modbus_pollers(
         kind = settings.pop("kind")
         config = {
             "kind": kind,
-            "settings": {key.removesuffix("_s"): value for key, value in settings.items()},
+            "settings": {_LINE_FIELDS.get(key, key): value for key, value in settings.items()},
             "blocks": line_blocks,
             "expiry": expiry,
         }

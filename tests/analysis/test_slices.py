@@ -13,9 +13,10 @@ from matplotlib.image import imread
 from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis import labels, panel
+from rig.analysis.labels import column
 from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
-from rig.analysis.run_columns import column, column_named
+from rig.analysis.run_columns import column_named
 from rig.analysis.slices import (
     KI,
     KP,

@@ -62,7 +62,7 @@ from sim_plant.body import BodyState
 @njit(cache=True, error_model="numpy")
 def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target, dt, ticks):
     hull = BodyState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    stator = magnetic_spring.stator_at(params.spring, start)
+    stator = magnetic_spring.stator_at_rest(params.spring, start)
     held = magnetic_spring.force(params.spring, stator.rate, 0.0)
     memory = at_rest
     mechanical = ac = dc = 0.0
@@ -70,7 +70,7 @@ def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target
         now, after = table[tick % len(table)], table[(tick + 1) % len(table)]
         seen = Estimate(hull.position, hull.velocity, 0.0)
         memory, wanted = impedance.step(law, memory, gains, seen, 0.0, 0.0, dt)
-        driven = electrics.command(
+        driven = electrics.command_step(
             params.electrics, supplied, wanted.force / per_ampere, 1, 1, 1, hull.velocity, dt
         )
         motor = params.pto.force_per_current * driven.mean_current
@@ -84,7 +84,7 @@ def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target
         power_dc = power_ac + electrics.cots_drive.loss(
             params.electrics.cots, driven.mean_current
         )
-        supplied = electrics.power(params.electrics, supplied, driven, 1, power_ac, dt)
+        supplied = electrics.power_step(params.electrics, supplied, driven, 1, power_ac, dt)
         mechanical = mechanical + (motor + between) * v * dt
         ac = ac + power_ac * dt
         dc = dc + power_dc * dt

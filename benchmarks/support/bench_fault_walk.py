@@ -35,7 +35,7 @@ class BenchStage(NamedTuple):
     @property
     def io_processes(self) -> tuple[str, ...]:
         """Names of the I/O processes."""
-        return tuple(one.name for one in wired_mode(self.session, emulated=False).companions)
+        return tuple(one.name for one in wired_mode(self.session, emulated=False).io_processes)
 
     def moves(self, row: Mapping[str, float]) -> bool:
         """Whether the shaft turns at more than half of its highest speed."""

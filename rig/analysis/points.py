@@ -52,7 +52,7 @@ class Matrix(NamedTuple):
 
 def stations_of(table: xarray.Dataset) -> tuple[Station, ...]:
     """Return the power stations of a row table or of a sweep, in the order of the flow of power."""
-    return from_records(json.loads(table.attrs[STATIONS_ATTRIBUTE]))
+    return from_records(json.loads(table.attrs.get(STATIONS_ATTRIBUTE, "[]")))
 
 
 def agrees(setting: Setting, fixed: Setting) -> bool:

@@ -240,7 +240,7 @@ def test_command_refuses_with_reason(tmp_path: Path) -> None:
 def test_invalid_output_is_refused_before_the_run(tmp_path: Path) -> None:
     path = make_campaign(tmp_path)
     for output, expected in (
-        (tmp_path, "allowed a name ending in .nc"),
+        (tmp_path, "give a name ending in .nc"),
         (tmp_path / "none" / "my.nc", "there is no folder"),
     ):
         code, _, error = rig_here("sweep", path, "--sweeps", tmp_path / "s", "--out", output)

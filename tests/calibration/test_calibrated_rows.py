@@ -151,7 +151,7 @@ def test_the_commands_apply_a_calibration_on_request(tmp_path: Path, run: Path) 
     code, out, _ = rig("plot", str(run), "--surface", "ki", "kp")
     assert (code, Path(out.strip()).parent.name) == (0, "read_by_one_v1")
     code, _, errors = rig("plot", str(run), "-f", "power.ac")
-    assert (code, "as recorded" in errors) == (2, True)
+    assert (code, "show recorded values" in errors) == (2, True)
 
 
 def test_diff_names_the_command_for_outdated_products(

@@ -142,7 +142,7 @@ def lines_of(sim: Sim) -> dict[str, Any]:
     ("changed", "expected"),
     [
         ({"surge": {"node": 7}}, "surge (node 7) does not answer"),
-        ({"heave": {"objects": {"encoder_increments": 4096}}}, "encoder_increments: wanted 4096"),
+        ({"heave": {"objects": {"encoder_increments": 4096}}}, "encoder_increments: expected 4096"),
         ({"probes": {"unit": 3}}, "probes (unit 3 on amplifiers): "),
         ({"analyser": {"word_order": "low first"}}, "is implausible; swapped words?"),
         ({"inputs": {"first": 4000}}, "refused with exception 2"),

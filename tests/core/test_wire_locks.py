@@ -35,10 +35,10 @@ from rig.recording.runs.create import BusyError
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HOLDER = """
 import os, subprocess, sys, time
-from rig.processes.wire_locks import acquire, network_wire  # its files may be root's alone
-uid = int(sys.argv[1])
-if uid: os.setuid(uid)
-wire = network_wire("line io", "tcp", "127.0.0.1", int(sys.argv[2]))
+from rig.processes.wire_locks import acquire, network_wire
+uid, port = int(sys.argv[1]), int(sys.argv[2])
+wire = network_wire("line io", "tcp", "127.0.0.1", port)
+if uid: os.setuid(uid)  # last: the interpreter's files may be root's alone
 with acquire([wire], "campaign first") as held:
     if len(sys.argv) > 3:  # a child that keeps the lock, as a loop does
         child = subprocess.Popen(["sleep", "60"], pass_fds=held.fds)

@@ -250,4 +250,4 @@ def test_command_reports_the_error_first_and_as_json(logged: Path, other_campaig
     assert content["waves"]["amplitude_m"] == pytest.approx([AMPLITUDE])
     code, _, out = rig_here("replay", logged, "--waves", "forces")
     assert code == 2
-    assert "go with --with" in out
+    assert "need --with" in out

@@ -310,7 +310,7 @@ def test_digital_load_cell_reads_the_load(stage: Stage) -> None:
     assert is_near(wrench[3:], LOAD[3:], 0.005)
     assert reader.calibration.part == "SI-700-30"
     assert device.streaming
-    assert reader.counts.searches == 0
+    assert reader.error_counts.searches == 0
     table.link.close()
 
 

@@ -194,7 +194,7 @@ def test_the_load_cell_may_be_mounted_the_other_way_round() -> None:
     stream = streams.create_stream("load_cell", settings, {})
     assert stream.read_message(1.0) is None
     reader: Any = stream.conversation
-    reader._counts, reader._sampled = (1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0), 0.9
+    reader._counts, reader._sample_time = (1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0), 0.9
     assert stream.read_message(1.0)[:6] == (1.0, -2.0, -3.0, 4.0, -5.0, -6.0)
     with pytest.raises(CodecError, match="times"):
         streams.create_stream("load_cell", {**settings, "silence_s": 0.0}, {})

@@ -169,5 +169,5 @@ def test_no_drive_is_enabled(config: WaveBotDeviceSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
     devices = create_devices(config, bus)
     devices.warm_up(DT)
-    assert devices._heave.explain() == devices._surge.explain() == "NOT_ASKED"
+    assert devices._heave.explain() == devices._surge.explain() == "NOT_REQUESTED"
     assert math.isclose(devices.read(0.0).heave.current, 0.0)

@@ -143,7 +143,7 @@ def test_gains_of_other_rigs_need_a_statement_to_be_converted(tmp_path: Path) ->
     assert code == 0
     assert "lines 1, 4: all gains zero, before and after the test" in out
     assert "index 0 at time 0 (out of range) and repeats row 1 after 100 s" in out
-    assert "say --lever-m, --gear, --positive-damping, --spring-n-per-m" in out
+    assert "give --lever-m, --gear, --positive-damping" in out
     code, _, errors = rig(path, "--style", "lupa", "--to", new)
     assert code == 2
     assert "--lever-m" in errors

@@ -217,7 +217,7 @@ def test_a_refused_start_leaves_a_folder_with_the_reason(on: Stage, tmp_path: Pa
     status = json.loads((result.folder / "run.json").read_text())
     assert status["status"] == "refused"
     assert "can: heave (node 5)" in status["reason"]
-    assert "amc_peak_current: wanted 1000" in status["reason"]
+    assert "amc_peak_current: expected 1000" in status["reason"]
     assert status["ticks"] == 0
     assert {path.name for path in result.folder.iterdir()} >= {"config.json", "plan.json"}
     assert child_error_files() <= {"emulation.stderr"}

@@ -22,10 +22,10 @@ from benchmarks.support.integrated import Floats, Model, continuous, sampled
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
 from controllers import biquads, blocks, impedance
-from rig.execution.rehearsal import job
-from rig.execution.rehearsal.devices import build_world
+from rig.compilation import lifting
+from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.planning.campaign import check_campaign
-from rig.sweep import lifting
 from sim_plant import (
     analyser,
     body,

@@ -12,9 +12,9 @@ from benchmarks.start import command
 from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.planning.campaign import check_campaign
 from rig.sweep.executors import available_processors
-from rig.sweep.simulation import CampaignSimulator
 
 TIMES_REAL = 2000.0
 LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0

@@ -15,11 +15,11 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
 from rig.analysis.windows import read_windows
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import check_campaign
 from rig.recording.runs import reader
 from rig.stations import station_names
-from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 WHOLE, SHORT = "default.yaml", "quick.yaml"
 MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)

@@ -10,14 +10,14 @@ import numpy as np
 from benchmarks.support import blind_bench
 from benchmarks.support.blind_bench import NOMINAL_GAIN, OUTPUT, Row
 from benchmarks.support.result import Figure, Result, figure
-from rig.analysis.session import (
+from rig.kinds.oswec_bench.products import (
     brake_report,
     losses_report,
     torque_map,
     torque_report,
     velocity_report,
 )
-from rig.analysis.session.estimate import Estimate
+from rig.kinds.oswec_bench.products.estimate import Estimate
 from sim_plant.bench import brake
 
 SEEDS, SHORT = 200, 4

@@ -13,7 +13,7 @@ from benchmarks.support.live import wait_realtime_free
 from benchmarks.support.pace import raw_and_normalised, reference_cost
 from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile
-from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 
 MEAN_US = 20.0

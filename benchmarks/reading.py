@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from benchmarks.support.live import live_run
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
-from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot.tick import KIND
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.row_layout import CDR_HEADER, leaves
 from rig.recording.row_schema import TOPIC

@@ -21,13 +21,13 @@ from rig.design.recommend import report
 from rig.design.recommend.recommendation import Recommendation, RecommendOptions, recommend
 from rig.design.recommend.trial import Gains
 from rig.execution.campaign import rehearsal_mode, run_campaign
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import build_plan, check_campaign, open_campaign
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.stability import largest_ki
 from rig.planning.campaign.windows import repeat_period, row_windows
 from rig.sweep.cases import single_row_campaign
-from rig.sweep.simulation import CampaignSimulator
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"

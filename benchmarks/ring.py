@@ -17,7 +17,7 @@ from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
 from benchmarks.support.pace import raw_and_normalised, reference_cost
 from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile, ratios
-from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.recording import ring
 from rig.recording.runs import open_run

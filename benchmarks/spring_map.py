@@ -7,8 +7,8 @@ import numpy as np
 
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.analysis.spring_map.result import spring_map
 from rig.execution.campaign import rehearsal_mode, run_campaign
+from rig.kinds.wavebot.spring_map.result import spring_map
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 

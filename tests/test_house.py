@@ -29,7 +29,9 @@ CLOCK_USERS = {
     "rig/processes/child.py": "time since the last progress of a child",
     "rig/processes/io_processes.py": "timeout for an I/O process to become ready",
     "rig/sweep/cluster.py": "duration of a chunk of cases, which sets the size of the next",
-    "rig/execution/hardware/": "time of a request; I/O processes, first SYNCs",
+    "rig/wires/": "time of a request; I/O processes, first SYNCs",
+    "rig/kinds/wavebot/hardware/": "ages of received values",
+    "rig/kinds/oswec_bench/hardware/": "ages of received values",
     "rig/cli/": "progress for people",
     "rig/host/": "measures clocks and disk; no loop runs there",
     "drivers/": "the deadline of a conversation; links and their processes only",
@@ -236,7 +238,7 @@ def test_import_contracts_are_complete() -> None:
 
 
 def test_only_listed_packages_import_the_simulated_plant() -> None:
-    users = ("rig/execution/rehearsal/", "rig/sweep/", "rig/design/predictions/")
+    users = ("rig/kinds/", "rig/emulation/", "rig/design/predictions/")
     for path in SOURCES:
         name = relative_name(path)
         if name.startswith(("sim_plant/", *users)):

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from rig.analysis.session.points import SessionRun, SetpointData
+from rig.compilation import lifting
 from rig.config.yaml_source import load_mapping
-from rig.execution.rehearsal.compiled_bench import CompiledStepper
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
-from rig.sweep import lifting
 from sim_plant.bench import dynamometer
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import StepperInputs
@@ -102,8 +102,8 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     params = plant(values, braked=braked).build()
     normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
     state = dynamometer.initial(params)
-    # The array of a compiled step (rig/execution/rehearsal/compiled_bench.py), made anew; the code
-    # is one.
+    # The array of a compiled step (rig/kinds/oswec_bench/rehearsal/compiled_plant.py),
+    # made anew; the code is one.
     x = np.array([*lifting.flatten(state), DT, *lifting.flatten(params), *normals])
     mode = TORQUE if kind == "torque_constant" else VELOCITY
     locked = 1 if kind == "torque_constant" else 0

@@ -26,7 +26,7 @@ from benchmarks.support.fault_table import (
     START,
     Row,
 )
-from rig.execution.rehearsal.control_client import ControlClient
+from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View
 from rig.processes.child import Child
 from rig.processes.io_processes import IoProcess

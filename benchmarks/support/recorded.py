@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.execution.rehearsal import job
-from rig.execution.rehearsal.devices import PlantDevices, connect
-from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.rehearsal.devices import PlantDevices, connect
+from rig.kinds.wavebot.tick import KIND
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 

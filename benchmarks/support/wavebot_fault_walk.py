@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
+from rig.emulation.control_client import ControlClient
 from rig.execution.campaign import ExecutionMode, RunResult, run_campaign
-from rig.execution.hardware import job as hardware
-from rig.execution.rehearsal import emulation
-from rig.execution.rehearsal.control_client import ControlClient
 from rig.execution.task import View
+from rig.kinds.wavebot.hardware import job as hardware
+from rig.kinds.wavebot.rehearsal import emulation
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.child import Child
-from rig.processes.wire_locks import wires_in
+from rig.wires.locks import wires_in
 
 FAST = 0.05  # m/s of the body in heave
 LONG = 40.0  # s of a run whose powers are averaged over 30 s
@@ -46,7 +46,7 @@ class Stage(NamedTuple):
         made = hardware.build_job(self.campaign.rig)
         wires = wires_in(self.campaign.rig)
         mode = ExecutionMode(
-            "hil", True, "rig.execution.hardware", made.devices, made.io_processes, wires
+            "hil", True, "rig.kinds.wavebot.hardware", made.devices, made.io_processes, wires
         )
         return run_campaign(campaign, plan, self.folder, view, mode)
 

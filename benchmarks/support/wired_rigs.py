@@ -21,9 +21,9 @@ from benchmarks.support.live import (
     wait_until,
 )
 from benchmarks.support.wavebot_fault_walk import stage
-from rig.execution.rehearsal.control_client import ControlClient
-from rig.kinds.oswec_bench import BenchRow
-from rig.kinds.wavebot import WaveBotRow
+from rig.emulation.control_client import ControlClient
+from rig.kinds.oswec_bench.tick import BenchRow
+from rig.kinds.wavebot.tick import WaveBotRow
 
 MARK = "WEC_RIG_ATTACKED"  # in the environment of every process of a run
 

@@ -16,13 +16,13 @@ from rig.analysis.points import gain_matrix
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
 from rig.analysis.rows_file import write_rows
 from rig.analysis.run_columns import plan_columns
-from rig.analysis.spring_map import result
-from rig.analysis.spring_map.files import write_map
-from rig.analysis.spring_map.pictures import write_pictures
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.config.columns import OTHER_COLUMNS, SPRING_COLUMN
+from rig.kinds.wavebot.spring_map import result
+from rig.kinds.wavebot.spring_map.files import write_map
+from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, mcap_file, reader
 from rig.recording.runs.folder import run_info

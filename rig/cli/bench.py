@@ -11,11 +11,11 @@ from rig.cli.input_files import SESSIONS, input_file, rig_file
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.cli.session_progress import SessionProgress
 from rig.config.shipped_files import UnknownNameError
-from rig.execution.hardware.job import WiringError
-from rig.execution.rehearsal.bench_job import session_problems
 from rig.execution.session import rehearsal_mode, session_task, wired_mode
 from rig.execution.task import ExecutionMode, RunResult, run_task
-from rig.planning.session import Session, SessionReport, check_session
+from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.sessions import Session, SessionReport, check_session
+from rig.kinds.wavebot.hardware.job import WiringError
 from rig.recording.runs import RunError, create
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def _analyse(ended: RunResult, *, quiet: bool) -> tuple[dict[str, Any], list[Pat
     A run without a tick has no results and needs no reason. For a run that stopped early, the
     summary text explains why there are no results.
     """
-    from rig.analysis.session.analyse import analyse
+    from rig.kinds.oswec_bench.products.analyse import analyse
 
     outcome = ended.outcome
     if outcome.ticks == 0:

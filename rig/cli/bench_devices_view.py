@@ -15,7 +15,7 @@ from rig.cli.devices_view import (
     render_verdict,
     value_as_dict,
 )
-from rig.execution.hardware.bench_survey import BenchSurvey, StreamSurvey
+from rig.kinds.oswec_bench.hardware.survey import BenchSurvey, StreamSurvey
 
 
 def as_dict(rig: str, survey: BenchSurvey) -> dict[str, Any]:

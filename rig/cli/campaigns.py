@@ -20,9 +20,9 @@ from rig.config.shipped_files import (
     shipped_folder,
     title,
 )
+from rig.kinds.oswec_bench.sessions import check_session
 from rig.planning.campaign import check_campaign
 from rig.planning.campaign.check import format_duration
-from rig.planning.session import check_session
 
 _HEADINGS = {
     CAMPAIGNS: "campaigns: rig run NAME, rig check NAME, rig sweep NAME",

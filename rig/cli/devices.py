@@ -16,15 +16,15 @@ from rig.cli.devices_view import as_dict, heard_as_dict, render, render_heard
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import RIGS, input_file
 from rig.config.any_rig_file import AnyRigFile, load_rig
-from rig.config.bench_rig_file import BenchRigFile
-from rig.config.rig_file import RigFile
-from rig.execution.hardware.bench_job import build_bench_job
-from rig.execution.hardware.bench_survey import survey_bench
-from rig.execution.hardware.job import build_job
-from rig.execution.hardware.listen import listen
-from rig.execution.hardware.survey import survey
-from rig.processes import wire_locks
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.oswec_bench.hardware.survey import survey_bench
+from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.hardware.job import build_job
 from rig.recording.runs.create import BusyError
+from rig.wires import locks as wire_locks
+from rig.wires.can_survey import survey
+from rig.wires.listen import listen
 
 
 def main(path: Path, *, only_listen: bool, objects: bool, as_json: bool) -> int:

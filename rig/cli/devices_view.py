@@ -10,9 +10,9 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import NmtState
-from rig.execution.hardware.line_survey import LineSurvey, SurveyedValue, UnitSurvey
-from rig.execution.hardware.listen import BusActivity
-from rig.execution.hardware.survey import BusSurvey, NodeSurvey, RigSurvey, error_register_text
+from rig.wires.can_survey import BusSurvey, NodeSurvey, RigSurvey, error_register_text
+from rig.wires.line_survey import LineSurvey, SurveyedValue, UnitSurvey
+from rig.wires.listen import BusActivity
 
 BAD_STYLE, NOTE_STYLE = "bold red", "dim"
 

@@ -77,7 +77,7 @@ def main(
         if form is ExportFormat.MAT:
             remarks = _write_mat(record, output_path, fields, rows, rate)
         else:
-            from rig.interop.exchange import tables
+            from rig.interop import tables
 
             selected = fields or (list(tables.CSV_FIELDS) if form is ExportFormat.CSV else [])
             table = tables.export_table(record, selected, rows, rate)
@@ -98,8 +98,8 @@ def main(
 def _write_mat(
     run: Path, path: Path, fields: list[str], rows: list[int], rate: float | None
 ) -> tuple[str, ...]:
-    from rig.interop.exchange.mask4_export import export_structure, write_mat
-    from rig.interop.exchange.mask4_fields import SAMPLE_RATE
+    from rig.kinds.wavebot.mask4.export import export_structure, write_mat
+    from rig.kinds.wavebot.mask4.fields import SAMPLE_RATE
 
     if fields or rows:
         raise ValueError(

@@ -13,7 +13,7 @@ from rig import cli
 from rig.cli.options import RUNS, Json, Runs
 
 if TYPE_CHECKING:
-    from rig.interop.exchange.mask4_windows import RowTiming
+    from rig.kinds.wavebot.mask4.windows import RowTiming
 
 
 class Drive(StrEnum):
@@ -122,9 +122,9 @@ def main(file: Path, options: ImportOptions, runs: Path, *, as_json: bool) -> in
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.interop.basin.merge import MergeSource, SyncChannels, merge
     from rig.interop.basin.products import write_products
-    from rig.interop.exchange.mask4_import import FileDescription, write_run
-    from rig.interop.exchange.mask4_signals import read_signals
-    from rig.interop.exchange.mask4_waves import write_sync, write_waves
+    from rig.kinds.wavebot.mask4.import_run import FileDescription, write_run
+    from rig.kinds.wavebot.mask4.signals import read_signals
+    from rig.kinds.wavebot.mask4.waves import write_sync, write_waves
 
     try:
         started = _start_time(file, options)
@@ -157,7 +157,7 @@ def main(file: Path, options: ImportOptions, runs: Path, *, as_json: bool) -> in
 
 
 def _start_time(file: Path, options: ImportOptions) -> datetime:
-    from rig.interop.exchange.mask4_import import start_from_name
+    from rig.kinds.wavebot.mask4.import_run import start_from_name
 
     if options.started is not None:
         when = datetime.fromisoformat(options.started)
@@ -175,7 +175,7 @@ def _timing(options: ImportOptions) -> "tuple[RowTiming | None, float | None]":
 
     Default timings are those of the MASK4 report (Sandia), 3.2.3.
     """
-    from rig.interop.exchange.mask4_windows import RowTiming
+    from rig.kinds.wavebot.mask4.windows import RowTiming
 
     if options.frequency is not None and options.irregular:
         raise ValueError(

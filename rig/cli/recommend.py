@@ -9,7 +9,7 @@ import typer
 
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.twin import PLANT_HELP, PROBE_HELP
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import find, option_names, shown
 
 _RUNS = (

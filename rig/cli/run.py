@@ -15,8 +15,8 @@ from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.config.problems import Problem
 from rig.config.shipped_files import UnknownNameError
 from rig.execution.campaign import rehearsal_mode, run_campaign, wired_mode
-from rig.execution.hardware.job import WiringError
 from rig.execution.task import ExecutionMode, RunResult
+from rig.kinds.wavebot.hardware.job import WiringError
 from rig.planning.campaign import Campaign, Plan
 from rig.recording.runs import RunError, create
 

@@ -3,7 +3,7 @@
 from math import pi
 
 from rig.cli.run_panel import RunPanel, plan_end_text
-from rig.planning.session import SessionPlan
+from rig.kinds.oswec_bench.sessions import SessionPlan
 from rig.processes.run_types import Snapshot
 from rig.realtime.sequence import NO_ROW, Phase
 

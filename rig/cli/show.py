@@ -36,8 +36,8 @@ def _show_session(run: Path, *, as_json: bool) -> int:
 
     The files are the session's report and calibration file.
     """
-    from rig.analysis.session import analyse
     from rig.analysis.stop_reason import describe_ending, find_stop
+    from rig.kinds.oswec_bench.products import analyse
     from rig.recording.runs import reader
     from rig.recording.runs.folder import run_info
 

@@ -15,12 +15,12 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.sim_view import emulated_devices, show
 from rig.config.any_rig_file import AnyRigFile
-from rig.config.bench_rig_file import BenchRigFile
-from rig.execution.hardware.bench_job import build_bench_job
-from rig.execution.hardware.job import WiringError, build_job
-from rig.execution.rehearsal.addresses import AnyWiring, occupied_addresses, unreachable_addresses
-from rig.execution.rehearsal.standalone import load_standalone
-from rig.planning.session.files import is_session
+from rig.emulation.addresses import AnyWiring, occupied_addresses, unreachable_addresses
+from rig.emulation.standalone import load_standalone
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.oswec_bench.sessions.files import is_session
+from rig.kinds.wavebot.hardware.job import WiringError, build_job
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
 
 _POLL_INTERVAL_S = 0.05
@@ -78,14 +78,14 @@ def _open_devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProc
         )  # fmt: skip
     campaign = input_file(campaign, CAMPAIGNS, SESSIONS)
     if is_session(campaign):
-        from rig.execution.rehearsal.bench_emulation import emulator_process
-        from rig.execution.rehearsal.bench_job import session_problems
-        from rig.planning.session import open_session
+        from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
+        from rig.kinds.oswec_bench.rehearsal.job import session_problems
+        from rig.kinds.oswec_bench.sessions import open_session
 
         session = open_session(campaign, session_problems, path)
         setting = f"a bench, its servo drive set up for {session.file.loop}"
         return session.rig, emulator_process(session), setting
-    from rig.execution.rehearsal import emulation, job
+    from rig.kinds.wavebot.rehearsal import emulation, job
     from rig.planning.campaign.files import open_campaign  # scipy: seconds
 
     checked_campaign = open_campaign(campaign, job.problems, path)

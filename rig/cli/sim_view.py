@@ -10,9 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.cli.console import table_console
-from rig.config.bench_wiring import BENCH_SLOT_SIGNALS, BenchWiring, SerialPort
 from rig.config.wiring import SLOT_SIGNALS, AnyLine, Registers, TcpLine, Wiring
-from rig.execution.rehearsal.addresses import AnyWiring, can_address
+from rig.emulation.addresses import AnyWiring, can_address
+from rig.kinds.oswec_bench.config.wiring import BENCH_SLOT_SIGNALS, BenchWiring, SerialPort
 
 _DRIVE_DESCRIPTIONS = {
     "amc": "torque drive, AMC scaling",

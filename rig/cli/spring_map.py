@@ -50,12 +50,12 @@ def main(
 ) -> int:
     """Write the map, its pictures and its calibration, and return the exit code."""
     from rig import cli
-    from rig.analysis.spring_map.files import write_calibration, write_map
-    from rig.analysis.spring_map.pictures import write_pictures
-    from rig.analysis.spring_map.result import findings, spring_map
     from rig.cli.command_error import fail
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
+    from rig.kinds.wavebot.spring_map.files import write_calibration, write_map
+    from rig.kinds.wavebot.spring_map.pictures import write_pictures
+    from rig.kinds.wavebot.spring_map.result import findings, spring_map
     from rig.recording.runs import RunError
 
     try:
@@ -111,7 +111,7 @@ def _table_text(table: "xarray.Dataset") -> str:
 def _as_dict(
     table: "xarray.Dataset", findings_text: list[str], calibration: str, written: list[Path]
 ) -> dict[str, Any]:
-    from rig.analysis.spring_map.files import safe_strokes
+    from rig.kinds.wavebot.spring_map.files import safe_strokes
 
     def numbers(name: str) -> list[float | None]:
         values = table[name].values.tolist()

@@ -50,10 +50,10 @@ def main(
 ) -> int:
     """Choose the damping from a run, write the result, and return the exit code."""
     from rig import cli
-    from rig.analysis import surge_damping
-    from rig.analysis.surge_damping_picture import write_picture
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
+    from rig.kinds.wavebot.products import surge_damping
+    from rig.kinds.wavebot.products.surge_damping_picture import write_picture
     from rig.recording.runs import RunError
     from rig.recording.runs.folder import run_info
 

@@ -19,7 +19,7 @@ from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
 from rig.config.columns import OTHER_COLUMNS
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
 from rig.stations import find, station_names
@@ -141,8 +141,8 @@ def _compile(opened: sweep.Sweep) -> None:
     def print_notice() -> None:
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
 
-    from rig.sweep import compiled  # numba
-    from rig.sweep.simulation import KEPT_FIELDS
+    from rig.kinds.wavebot.simulation import compiled
+    from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS
 
     timer = Timer(
         _COMPILE_NOTICE_DELAY_S, print_notice

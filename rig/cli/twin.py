@@ -52,8 +52,8 @@ def main(
     from rig import cli
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
-    from rig.identification.twin import plant_file
-    from rig.identification.twin.estimate import identify_twin
+    from rig.kinds.wavebot.twin import plant_file
+    from rig.kinds.wavebot.twin.estimate import identify_twin
 
     try:
         paths = [find_run(name, runs) for name in run_names]

@@ -43,7 +43,7 @@ def main(
     from rig.cli.find_run import find_run
     from rig.design.twoport.measured import VariationOptions, device_from_run, write_pictures
     from rig.identification.identify import identify
-    from rig.identification.twin.records import read_records
+    from rig.kinds.wavebot.twin.records import read_records
 
     try:
         path = find_run(run_name, runs)

@@ -4,11 +4,11 @@ All problems of all files are reported at once, each with file, line, key and al
 """
 
 from rig.config.campaign_file import CampaignFile
-from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import load, problems_from, validate
-from rig.config.rig_file import RigFile
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
+from rig.kinds.wavebot.config.limits_file import LimitsFile
+from rig.kinds.wavebot.config.rig_file import RigFile
 
 __all__ = [
     "CampaignFile",

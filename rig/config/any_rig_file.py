@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from rig.config.bench_rig_file import BenchRigFile
 from rig.config.pydantic_errors import validate
-from rig.config.rig_file import RigFile
 from rig.config.yaml_source import SourceMap, load_mapping
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.wavebot.config.rig_file import RigFile
 
 AnyRigFile = RigFile | BenchRigFile
 

@@ -28,13 +28,13 @@ from rig.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.config.hoist import Hoist
 from rig.config.law_settings import IMPEDANCE, ExpandName, ImpedanceSettings, law_model
 from rig.config.matrix import ImpedanceMatrix, Matrix, matrix_model
 from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 from rig.config.reference import Reference
 from rig.config.sea import CalmSea, Sea
+from rig.kinds.wavebot.config.hoist import Hoist
 from rig.laws import Law
 
 

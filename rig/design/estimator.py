@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers import estimator
-from rig.sweep.cache_folder import cache_root, write_atomically
+from rig.compilation.cache_folder import cache_root, write_atomically
 
 _CONVERGED = 1e-12  # relative change of the gain in one step
 _MAX_STEPS = 200_000

@@ -5,21 +5,21 @@ from typing import Any
 
 from rig import laws, stations
 from rig.config.columns import columns_with_law
-from rig.execution.hardware import job as hardware
-from rig.execution.rehearsal import emulation, job
 from rig.execution.task import ExecutionMode, RunResult, Task, View, run_task
-from rig.kinds.wavebot import kind_with_law
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.hardware import job as hardware
+from rig.kinds.wavebot.rehearsal import emulation, job
+from rig.kinds.wavebot.tick import kind_with_law
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan, resolved_config
 from rig.planning.campaign.windows import repeat_period
-from rig.processes.wire_locks import wires_in
+from rig.wires.locks import wires_in
 
 
 def rehearsal_mode(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
     """Return the mode with the simulated plant in the loop's own process."""
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.execution.rehearsal", job.plant_settings(campaign)
+        "rehearsal", real_clock, "rig.kinds.wavebot.rehearsal", job.plant_settings(campaign)
     )
 
 
@@ -34,14 +34,14 @@ def wired_mode(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
         return ExecutionMode(
             "hardware",
             True,
-            "rig.execution.hardware",
+            "rig.kinds.wavebot.hardware",
             wired_job.devices,
             wired_job.io_processes,
             wires,
         )
     io_processes = (emulation.emulator_process(campaign), *wired_job.io_processes)
     return ExecutionMode(
-        "hil", True, "rig.execution.hardware", wired_job.devices, io_processes, wires
+        "hil", True, "rig.kinds.wavebot.hardware", wired_job.devices, io_processes, wires
     )
 
 

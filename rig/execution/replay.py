@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.kinds import oswec_bench
-from rig.kinds.wavebot import KIND, Sense, kind_with_law
+from rig.kinds.oswec_bench import tick as oswec_bench
+from rig.kinds.oswec_bench.sessions.assemble import bench_params
+from rig.kinds.oswec_bench.sessions.plan import plan_session
+from rig.kinds.oswec_bench.sessions.recorded import session_as_logged
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
 from rig.planning.campaign import Plan, build_plan
 from rig.planning.campaign.recorded import RecordedCampaign, campaign_from_record, law_notice
-from rig.planning.session.assemble import bench_params
-from rig.planning.session.plan import plan_session
-from rig.planning.session.recorded import session_as_logged
 from rig.realtime import cycle, safety
 from rig.recording import row_layout
 from rig.recording.runs import RunError, reader, run_info

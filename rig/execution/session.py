@@ -1,19 +1,24 @@
 """Execution of one session of the bench, from its checked file to its results (`rig bench`)."""
 
-from rig.execution.hardware.bench_job import build_bench_job
-from rig.execution.rehearsal import bench_emulation
-from rig.execution.rehearsal.bench_job import session_plant_settings
 from rig.execution.task import ExecutionMode, Task
-from rig.kinds.oswec_bench import KIND
-from rig.planning.session import Session, SessionPlan, plan_as_dict, resolved_session
-from rig.planning.session.assemble import bench_params
-from rig.processes.wire_locks import wires_in
+from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.oswec_bench.rehearsal import emulation as bench_emulation
+from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
+from rig.kinds.oswec_bench.sessions import (
+    Session,
+    SessionPlan,
+    plan_as_dict,
+    resolved_session,
+)
+from rig.kinds.oswec_bench.sessions.assemble import bench_params
+from rig.kinds.oswec_bench.tick import KIND
+from rig.wires.locks import wires_in
 
 
 def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
     """Return the mode with the simulated bench in the loop's own process."""
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.execution.rehearsal.bench", session_plant_settings(session)
+        "rehearsal", real_clock, "rig.kinds.oswec_bench.rehearsal", session_plant_settings(session)
     )
 
 
@@ -26,11 +31,11 @@ def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
     wires = wires_in(session.rig)
     if not emulated:
         return ExecutionMode(
-            "hardware", True, "rig.execution.hardware.bench", job.devices, job.io_processes, wires
+            "hardware", True, "rig.kinds.oswec_bench.hardware", job.devices, job.io_processes, wires
         )
     io_processes = (bench_emulation.emulator_process(session), *job.io_processes)
     return ExecutionMode(
-        "hil", True, "rig.execution.hardware.bench", job.devices, io_processes, wires
+        "hil", True, "rig.kinds.oswec_bench.hardware", job.devices, io_processes, wires
     )
 
 

@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 from drivers.canopen.bus_settings import BusSettings
 from rig.config.any_rig_file import AnyRigFile
-from rig.config.bench_rig_file import BenchRigFile
-from rig.config.bench_wiring import BenchWiring
 from rig.config.wiring import RtuLine, TcpLine, Wiring
-from rig.execution.hardware import wire_check
-from rig.execution.hardware.bench_job import build_bench_job
-from rig.execution.hardware.job import WiringError, build_job
 from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
 from rig.host.wires import DIALOUT, backend_trouble
-from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.config.wiring import BenchWiring
+from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.wavebot.hardware.job import WiringError, build_job
 from rig.recording.runs.create import BusyError
+from rig.wires import wire_check
+from rig.wires.locks import Wire, acquire, can_wire, network_wire
 
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
 

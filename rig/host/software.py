@@ -12,8 +12,8 @@ import timeit
 from importlib import metadata
 from pathlib import Path
 
+from rig.compilation.cache_folder import cache_root
 from rig.host.finding import ALL_USES, REALTIME, Finding, Verdict, forbidden_uses, grade
-from rig.sweep.cache_folder import cache_root
 
 AREA = "software"
 DISTRIBUTION = "wec-rig"
@@ -143,7 +143,7 @@ def _cache() -> Finding:
     check = "compiled code"
     limit = "a writable cache folder: without one every rehearsal first compiles, up to a minute"
     try:
-        importlib.import_module("rig.sweep.lifting")  # numba: half a second, and it may fail
+        importlib.import_module("rig.compilation.lifting")  # numba: half a second, and it may fail
         folder = cache_root()
         existing = folder
         while not existing.exists() and existing != existing.parent:

@@ -2,7 +2,7 @@
 
 `compile_stations` writes the source of a NamedTuple ``Power`` and of plain functions ``start`` and
 ``step`` and executes it in the name of the module that owns the table, so that they are lifted into
-compiled code with that module (`rig.sweep.lifting`) and their types can be pickled.
+compiled code with that module (`rig.compilation.lifting`) and their types can be pickled.
 """
 
 import ast

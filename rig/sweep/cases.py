@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
 from rig.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep import InterruptedSweepError
 from rig.sweep.parameters import CampaignFiles, ParameterValues, SweepParameter
 
 if TYPE_CHECKING:
-    from rig.sweep.simulation import CampaignSimulator, RowSimulation
+    from rig.kinds.wavebot.simulation.simulation import CampaignSimulator, RowSimulation
 
 _OPEN_VARIANTS = 4  # variants with tables in memory at a time
 LEAD_IN = 15.0
@@ -134,7 +134,7 @@ class Cases:
         return Outcome(case.number, tuple(rows), simulation.seconds, "")
 
     def _open(self, variant: int) -> _Variant:
-        from rig.sweep.simulation import CampaignSimulator  # noqa: PLC0415 - numba
+        from rig.kinds.wavebot.simulation.simulation import CampaignSimulator  # noqa: PLC0415 - numba
 
         campaign = self._files.open(self.parameter_values(variant))
         planned = build_plan(campaign.file, campaign.rig, campaign.points)

@@ -5,11 +5,11 @@ from contextlib import suppress
 from typing import Any
 
 from controllers.signals import Demand, Estimate
+from rig.compilation import lifting
+from rig.compilation.cache_folder import write_atomically
 from rig.kinds.wavebot.law_params import law_params
 from rig.laws import helper_modules
 from rig.planning.campaign import Campaign, Plan
-from rig.sweep import lifting
-from rig.sweep.cache_folder import write_atomically
 
 
 def compilation_problem(campaign: Campaign, planned: Plan) -> str:

@@ -16,7 +16,7 @@ from ruamel.yaml.error import YAMLError
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.execution.rehearsal.job import MATCHING_KEYS, problems
+from rig.kinds.wavebot.rehearsal.job import MATCHING_KEYS, problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.sweep.inputs import DATA_ROLES, campaign_inputs
 

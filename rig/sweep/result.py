@@ -12,7 +12,7 @@ from rig.analysis.rows import NOT_RUN, STATIONS_ATTRIBUTE, column_units
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
 from rig.config.columns import columns_with_law
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers.signals import Count, Metre, Second, Tick
-from rig.kinds.wavebot import WaveSense
+from rig.kinds.wavebot.tick import WaveSense
 from rig.planning.campaign.multisine import Multisine, design_multisine
 from rig.realtime import safety
 from rig.realtime.cycle import PlanRecord

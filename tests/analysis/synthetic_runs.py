@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis.rows import LOGGED_SETTINGS, STATIONS_ATTRIBUTE
-from rig.kinds.wavebot import WaveBotRow
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick import WaveBotRow
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout

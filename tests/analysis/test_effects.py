@@ -27,7 +27,7 @@ from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.report import write_products
 from rig.analysis.rows import row_table
 from rig.config.columns import COLUMNS
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import as_records
 
 # Longley's data, NIST Statistical Reference Datasets (linear regression, higher difficulty), and

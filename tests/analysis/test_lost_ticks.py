@@ -146,7 +146,7 @@ def test_sessions_report_lost_ticks(
     def no_results(run: Path) -> None:
         raise RunError("no row is whole")
 
-    monkeypatch.setattr("rig.analysis.session.analyse", no_results)
+    monkeypatch.setattr("rig.kinds.oswec_bench.products.analyse", no_results)
     done = rig("show", run)
     assert done.returncode != 0
     assert first in done.stderr

@@ -11,7 +11,7 @@ from synthetic_runs import Row, Shape
 from rig.analysis import quality
 from rig.analysis.report import summarise_run
 from rig.analysis.rows import row_table
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.sequence import Phase
 from rig.recording import row_layout
 from rig.recording.runs.mcap_file import row_dtype

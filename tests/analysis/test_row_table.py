@@ -16,7 +16,7 @@ from rig.analysis.points import measured_points
 from rig.analysis.rows import INCOMPLETE, period_means, row_table, standard_error
 from rig.analysis.rows_file import write_rows
 from rig.analysis.slices import find_optima
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import Phase

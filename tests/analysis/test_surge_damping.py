@@ -13,8 +13,8 @@ from rehearsing import CONFIGS, rehearse, write_yaml
 from rig_command import rig_here
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
-from rig.analysis.surge_damping import DampingRow as Damped
-from rig.analysis.surge_damping import (
+from rig.kinds.wavebot.products.surge_damping import DampingRow as Damped
+from rig.kinds.wavebot.products.surge_damping import (
     allowed_stroke,
     as_dict,
     as_text,

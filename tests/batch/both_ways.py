@@ -16,16 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.execution.rehearsal import job
-from rig.execution.rehearsal.devices import connect
-from rig.kinds.wavebot import kind_with_law
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.rehearsal.devices import connect
+from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
+from rig.kinds.wavebot.tick import kind_with_law
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.safety import STOP_0, Reason
 from rig.realtime.sequence import MEASURE
-from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
 

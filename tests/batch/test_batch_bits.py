@@ -20,16 +20,17 @@ from law_lifting import same_bits
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
 import rig
+from rig.compilation import lifting
+from rig.compilation.column import Column
 from rig.config.law_settings import IMPEDANCE
-from rig.execution.rehearsal.devices import PlantDevices
-from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot.rehearsal.devices import PlantDevices
+from rig.kinds.wavebot.simulation import plant_coupling
+from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
+from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
+from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
+from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode, Reason
-from rig.sweep import lifting, plant_coupling
-from rig.sweep.column import Column
-from rig.sweep.compiled import TYPE_MODULES, lifted_modules
-from rig.sweep.pages import PAGE_TICKS
-from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 LIFTED = lifted_modules(IMPEDANCE)
 LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
@@ -272,7 +273,7 @@ class RecordingWorld:
 
 
 def test_conversions_equal_those_of_the_rehearsal_devices() -> None:
-    from rig.kinds.wavebot import Command
+    from rig.kinds.wavebot.tick import Command
     from sim_plant.signals import Readings
 
     readings = Readings(*range(100, 100 + len(Readings._fields)))
@@ -310,7 +311,7 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
     parts = {module.__name__ for module in (*LIFTED, *TYPE_MODULES)}
     passing = {
         "controllers",
-        "rig.kinds.wavebot",
+        "rig.kinds.wavebot.tick",
         "rig.realtime",
         "sim_plant",
     }  # packages that only re-export
@@ -334,7 +335,7 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
 PRINT_CACHE_FOLDER = """
 from rig.sweep import lifting
 from rig.config.law_settings import IMPEDANCE
-from rig.sweep.compiled import TYPE_MODULES, lifted_modules
+from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
 LIFTED = lifted_modules(IMPEDANCE)
 print(lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)))
 """

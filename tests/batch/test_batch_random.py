@@ -11,8 +11,8 @@ from both_ways import compiled, interpreted
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
 from rig.config.yaml_source import load_mapping
-from rig.execution.rehearsal.job import MATCHING_KEYS
-from rig.sweep.simulation import KEPT_FIELDS
+from rig.kinds.wavebot.rehearsal.job import MATCHING_KEYS
+from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS
 
 SEEDS = range(6)
 COUPLED = {"supply_resistance", "capacitance"}  # their product has a lower bound

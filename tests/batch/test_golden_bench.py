@@ -21,12 +21,12 @@ from rig_command import rig_here
 
 from rig.execution import replay as replays
 from rig.execution.replay import replay
-from rig.kinds import oswec_bench
-from rig.planning.session import plan_session
-from rig.planning.session.assemble import bench_params
-from rig.planning.session.check import check_session
-from rig.planning.session.recorded import session_as_logged
-from rig.planning.session.resolved import resolved_session
+from rig.kinds.oswec_bench import tick as oswec_bench
+from rig.kinds.oswec_bench.sessions import plan_session
+from rig.kinds.oswec_bench.sessions.assemble import bench_params
+from rig.kinds.oswec_bench.sessions.check import check_session
+from rig.kinds.oswec_bench.sessions.recorded import session_as_logged
+from rig.kinds.oswec_bench.sessions.resolved import resolved_session
 from rig.recording.runs import RunError, open_run, run_info
 
 LAST_BITS = 1e-9

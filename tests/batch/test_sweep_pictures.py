@@ -14,7 +14,7 @@ from test_sweep_rows import POINTS, run_test_sweep
 
 from rig.analysis.points import gain_matrix
 from rig.analysis.surfaces import draw_surfaces
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import shown, station_names
 from rig.sweep import pictures
 from rig.sweep.cases import LEAD_IN

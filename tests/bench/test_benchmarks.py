@@ -171,7 +171,7 @@ def test_reading_counts_rows_and_memory(recorded: Recorded, tmp_path: Path) -> N
 
 
 def _packed(recorded: Recorded) -> Any:
-    from rig.kinds.wavebot import WaveBotRow
+    from rig.kinds.wavebot.tick import WaveBotRow
     from rig.recording.row_layout import layout, leaves, packer
     from rig.recording.runs.mcap_file import row_dtype
 

@@ -15,8 +15,8 @@ from ruamel.yaml import YAML
 from scipy.integrate import quad
 from scipy.signal import welch
 
-from rig.execution.rehearsal.devices import build_sea
-from rig.execution.rehearsal.job import plant_settings, problems, requested_sea
+from rig.kinds.wavebot.rehearsal.devices import build_sea
+from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
 from rig.planning.campaign import check_campaign
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -202,8 +202,8 @@ def test_the_requested_lines_are_those_of_the_plant(path: Path, tmp_path: Path) 
 SCRIPT = """
 import hashlib, sys
 from pathlib import Path
-from rig.execution.rehearsal.devices import build_sea
-from rig.execution.rehearsal.job import plant_settings
+from rig.kinds.wavebot.rehearsal.devices import build_sea
+from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.planning.campaign import check_campaign
 for path in sys.argv[1:]:
     sea = build_sea(plant_settings(check_campaign(Path(path)).campaign)["sea"])

@@ -12,8 +12,8 @@ from rehearsing import CONFIGS, write_campaign
 
 from rig.config.reference import AnyStimulus, Reference
 from rig.design.predictions import predict
-from rig.execution.rehearsal.job import problems
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.campaign import check_campaign
 from rig.planning.campaign.multisine import design_multisine, odd_lines, random_odd_lines
 from rig.planning.campaign.reference import ReferenceRecord, force_table, repeat_ticks

@@ -20,11 +20,11 @@ from rig.cli.bench import main as bench
 from rig.cli.bench_devices_view import render
 from rig.cli.devices import main as devices
 from rig.config import load
-from rig.config.bench_rig_file import BenchRigFile
-from rig.execution.hardware.bench_job import build_bench_job
-from rig.execution.hardware.bench_survey import survey_bench
 from rig.host.finding import Host, Verdict
 from rig.host.rig_wires import findings
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.oswec_bench.hardware.survey import survey_bench
 
 SESSION = CONFIGS / "sessions" / "driveline_short.yaml"
 

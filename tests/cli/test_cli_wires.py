@@ -25,9 +25,9 @@ from rig.cli.devices import main as devices
 from rig.cli.devices_view import render
 from rig.cli.scan_commands import SerialLine, scan_can, scan_modbus
 from rig.config import RigFile, load
-from rig.execution.hardware.job import build_job
-from rig.execution.hardware.survey import survey
-from rig.processes.wire_locks import acquire, wires_in
+from rig.kinds.wavebot.hardware.job import build_job
+from rig.wires.can_survey import survey
+from rig.wires.locks import acquire, wires_in
 
 
 class Sim(NamedTuple):

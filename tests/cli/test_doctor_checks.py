@@ -195,7 +195,7 @@ def test_a_measurement_counts_every_period() -> None:
 
 
 def test_free_space_assumes_incompressible_rows(tmp_path: Path) -> None:
-    from rig.kinds.wavebot import WaveBotRow
+    from rig.kinds.wavebot.tick import WaveBotRow
     from rig.recording.row_layout import layout
 
     assert disk.row_bytes() >= layout(WaveBotRow).size + 47  # headers and index entry of a message

@@ -16,9 +16,9 @@ from wired_rig import CONFIGS, Ports, free_ports, rig_file
 from rig import cli
 from rig.cli.doctor import main
 from rig.config import RigFile, load
-from rig.execution.hardware import wire_check
-from rig.execution.rehearsal import addresses
+from rig.emulation import addresses
 from rig.host import DoctorOptions, Host, Use, Verdict, examine, rig_wires, wires
+from rig.wires import wire_check
 
 NET, TTY = "sys__class__net", "sys__class__tty"
 USB = "sys__bus__usb-serial__devices"

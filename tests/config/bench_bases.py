@@ -9,10 +9,10 @@ from typing import Any
 from pydantic import BaseModel
 
 from rig.config import load_mapping
-from rig.config.bench_limits_file import BenchLimitsFile
-from rig.config.bench_rig_file import BenchRigFile
-from rig.config.constants_file import ConstantsFile
-from rig.config.session_file import SessionFile
+from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.config.session_file import SessionFile
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 TIMING = {"rise_s": 1.5, "settle_periods": 1, "periods": 4}

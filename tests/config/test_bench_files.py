@@ -12,12 +12,12 @@ from pydantic import BaseModel
 from ruamel.yaml import YAML
 
 from rig.config import ConfigError, load
-from rig.config.bench_limits_file import BenchLimitsFile
-from rig.config.bench_rig_file import BenchRigFile
-from rig.config.constants_file import ConstantsFile
-from rig.config.session_file import SessionFile
-from rig.execution.rehearsal.bench_job import session_problems
-from rig.planning.session import check_session, is_session
+from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.config.session_file import SessionFile
+from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.sessions import check_session, is_session
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_bench_files.yaml"))

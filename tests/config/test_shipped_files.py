@@ -22,8 +22,8 @@ from rig.config.shipped_files import (
     shipped_folder,
     title,
 )
+from rig.kinds.oswec_bench.sessions import check_session
 from rig.planning.campaign import check_campaign
-from rig.planning.session import check_session
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

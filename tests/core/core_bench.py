@@ -12,8 +12,10 @@ from core_runs import plan
 from controllers.oswec_position import Component
 from controllers.signals import PanelSense
 from rig.config import load_mapping
-from rig.execution.rehearsal.bench_devices import BenchDevices, connect
-from rig.kinds.oswec_bench import (
+from rig.kinds.oswec_bench.rehearsal.devices import BenchDevices, connect
+from rig.kinds.oswec_bench.sessions import open_session, plan_session
+from rig.kinds.oswec_bench.sessions.assemble import bench_params
+from rig.kinds.oswec_bench.tick import (
     BrakeSense,
     Command,
     EncoderSense,
@@ -22,9 +24,7 @@ from rig.kinds.oswec_bench import (
     Setpoints,
     WrenchSense,
 )
-from rig.kinds.oswec_bench.signals import NO_FLUME
-from rig.planning.session import open_session, plan_session
-from rig.planning.session.assemble import bench_params
+from rig.kinds.oswec_bench.tick.signals import NO_FLUME
 from rig.realtime import cycle, safety, sequence
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 

@@ -19,10 +19,10 @@ from controllers.signals import (
     SpringSense,
 )
 from rig.config import CampaignFile, LimitsFile, RigFile, load, load_mapping
-from rig.execution.rehearsal.devices import PlantDevices, connect
-from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
 from rig.kinds.wavebot.build import wavebot_params
-from rig.kinds.wavebot.law_columns import columns_type
+from rig.kinds.wavebot.rehearsal.devices import PlantDevices, connect
+from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
+from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.realtime import cycle, sequence
 from rig.realtime.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 

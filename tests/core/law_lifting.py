@@ -1,4 +1,4 @@
-"""One law compiled by rig/sweep/lifting.py, for comparison with the interpreted law."""
+"""One law compiled by rig/compilation/lifting.py, for comparison with the interpreted law."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers import biquads, blocks
-from rig.sweep import lifting
+from rig.compilation import lifting
 
 DT = 0.001
 Inputs = tuple[Any, ...]

@@ -31,7 +31,7 @@ from rig.recording.runs import open_run, run_info
 from rig.stations import find
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLE = "rig/kinds/wavebot/stations.py"
+TABLE = "rig/kinds/wavebot/tick/stations.py"
 NEXT = '    Station("ac", '
 ROW = (
     '    Station("magnetic_spring", "slew * velocity", "magnetic spring (slew ring)", "spring",'

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from controllers import estimator
 from controllers.signals import AxisSense, Demand, Estimate
-from rig.kinds import wavebot
-from rig.kinds.wavebot import KIND, Sense, tare
+from rig.kinds.wavebot import tick as wavebot
+from rig.kinds.wavebot.tick import KIND, Sense, tare
 from rig.realtime import axis, cycle, safety
 from rig.realtime.clock import VirtualClock
 from rig.realtime.limits import WarningFlag

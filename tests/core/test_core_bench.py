@@ -18,8 +18,8 @@ from core_bench import (
 from core_runs import RunResult, run
 from core_wavebot import ModifiedDevices
 
-from rig.kinds.oswec_bench import KIND, Sense
-from rig.kinds.oswec_bench.signals import BenchRow
+from rig.kinds.oswec_bench.tick import KIND, Sense
+from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.realtime import cycle
 from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason

@@ -14,7 +14,7 @@ FOREIGN = {
 # A whole run of a bench, with all imports of the loop process and of a WaveBot's rows.
 RUN = """
 import json, sys
-import rig.processes.loop_process, rig.kinds.wavebot, rig.kinds
+import rig.processes.loop_process, rig.kinds.wavebot.tick, rig.kinds
 from core_kinds import BENCH
 from core_runs import bench, bench_params, run
 result = run(BENCH, bench_params(), bench())

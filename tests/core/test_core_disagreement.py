@@ -19,8 +19,8 @@ from core_wavebot import READY, ModifiedDevices, params, plant, table
 
 from controllers import impedance
 from controllers.oswec_position import Component
-from rig.kinds.oswec_bench import KIND as BENCH
-from rig.kinds.wavebot import KIND, Sense, kind_with_law
+from rig.kinds.oswec_bench.tick import KIND as BENCH
+from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 

@@ -19,7 +19,7 @@ from core_wavebot import (
     shipped_files,
 )
 
-from rig.kinds.wavebot import KIND, Command, Sense
+from rig.kinds.wavebot.tick import KIND, Command, Sense
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, Reason
 from rig.realtime.sequence import Phase
 

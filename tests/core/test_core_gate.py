@@ -10,7 +10,7 @@ import pytest
 from core_runs import RunResult, plan, run
 from core_wavebot import READY, ModifiedDevices, Quiet, params
 
-from rig.kinds.wavebot import KIND, Sense, WaveBotRow
+from rig.kinds.wavebot.tick import KIND, Sense, WaveBotRow
 from rig.realtime import safety
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
 from rig.realtime.sequence import Phase

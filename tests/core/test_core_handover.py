@@ -14,7 +14,7 @@ from core_wavebot import params
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.kinds import wavebot
+from rig.kinds.wavebot import tick as wavebot
 from rig.processes import handover
 from rig.processes.handover import HandoverError
 from rig.processes.loop_process import LoopJob

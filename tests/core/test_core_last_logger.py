@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from core_runs import unflatten
 
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.processes import last_logger
 from rig.processes.last_logger import LastLogger
 from rig.realtime.loop import LoopResult

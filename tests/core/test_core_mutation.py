@@ -18,14 +18,14 @@ RIG = Path(__file__).parents[2] / "rig"
 CHECKS: dict[str, Callable[[Any], None]] = {
     "realtime/limits": check_limits,
     "realtime/safety": check_safety,
-    "kinds/wavebot/power_checks": check_wavebot_power_checks,
-    "kinds/oswec_bench/stations": check_bench_stations,
+    "kinds/wavebot/tick/power_checks": check_wavebot_power_checks,
+    "kinds/oswec_bench/tick/stations": check_bench_stations,
 }
 MINIMUM = {  # mutants, branches
     "realtime/limits": (150, 10),
     "realtime/safety": (150, 10),
-    "kinds/wavebot/power_checks": (60, 4),
-    "kinds/oswec_bench/stations": (30, 3),
+    "kinds/wavebot/tick/power_checks": (60, 4),
+    "kinds/oswec_bench/tick/stations": (30, 3),
 }
 
 # Equivalent mutants: source line and change, with the reason why both behave alike.

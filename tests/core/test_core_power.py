@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.kinds.wavebot import stations
-from rig.kinds.wavebot.stations import SIGNALS, STATIONS
+from rig.kinds.wavebot.tick import stations
+from rig.kinds.wavebot.tick.stations import SIGNALS, STATIONS
 from rig.realtime.power import compile_stations
 from rig.realtime.sequence import Phase
 from rig.stations import Station, as_records, find, from_records

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import signals
-from rig.kinds import wavebot
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot import tick as wavebot
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording.row_layout import (
     RowError,
     layout,

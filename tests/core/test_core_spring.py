@@ -12,7 +12,7 @@ from controllers import magnetic_spring
 from controllers.blocks import interpolate
 from controllers.magnetic_spring import Params, arrived, start, stator_position, step
 from controllers.signals import SpringSense
-from rig.kinds.wavebot import tare
+from rig.kinds.wavebot.tick import tare
 from rig.realtime.sequence import Phase
 
 # MASK4 report, Table 4-1: stator position (%) -> spring rate (N/m), small displacements.

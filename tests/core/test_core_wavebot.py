@@ -10,8 +10,8 @@ from core_runs import RunResult, plan, run
 from core_wavebot import READY, ModifiedDevices, Quiet, params, table
 
 from controllers.signals import DriveFault
-from rig.kinds.wavebot import KIND, Sense
-from rig.kinds.wavebot.state import SurgeUse
+from rig.kinds.wavebot.tick import KIND, Sense
+from rig.kinds.wavebot.tick.state import SurgeUse
 from rig.realtime import cycle, safety
 from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason

@@ -29,9 +29,9 @@ from controllers import (
 )
 from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import Estimate, Gains, SpringCommand
+from rig.compilation import lifting
 from rig.design.impedance import design
 from rig.laws import OWN_MODULES
-from rig.sweep import lifting
 
 TICKS = 3000
 FORCE = 3e5  # N, larger than any force of a law here for finite input

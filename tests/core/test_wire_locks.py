@@ -21,7 +21,8 @@ from ruamel.yaml import YAML
 from rig.config.any_rig_file import load_rig
 from rig.execution.campaign import run_campaign, wired_mode
 from rig.planning.campaign import check_campaign
-from rig.processes.wire_locks import (
+from rig.recording.runs.create import BusyError
+from rig.wires.locks import (
     REALTIME_WIRE,
     Wire,
     acquire,
@@ -30,12 +31,11 @@ from rig.processes.wire_locks import (
     serial_wire,
     wires_in,
 )
-from rig.recording.runs.create import BusyError
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HOLDER = """
 import os, subprocess, sys, time
-from rig.processes.wire_locks import acquire, network_wire
+from rig.wires.locks import acquire, network_wire
 uid, port = int(sys.argv[1]), int(sys.argv[2])
 wire = network_wire("line io", "tcp", "127.0.0.1", port)
 if uid: os.setuid(uid)  # last: the interpreter's files may be root's alone
@@ -137,7 +137,7 @@ def test_a_name_taken_without_listening_is_refused_too(port: int) -> None:
 
 def test_any_number_of_lock_queries_is_refused(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every refusal connects to the holder once, which never accepts the connections."""
-    monkeypatch.setattr("rig.processes.wire_locks._BACKLOG", 3)
+    monkeypatch.setattr("rig.wires.locks._BACKLOG", 3)
     with acquire(line(port), "campaign first"):
         for _ in range(10):
             with pytest.raises(BusyError, match="taken by"):

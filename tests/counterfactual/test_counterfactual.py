@@ -15,7 +15,7 @@ from rig_command import rig_here
 from synthetic_runs import POWERS
 
 from benchmarks.counterfactual import case
-from rig.execution.rehearsal.job import problems
+from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.recording.runs import RunError
 from rig.sweep.counterfactual import FORCES, CounterfactualResult, counterfactual_for_run

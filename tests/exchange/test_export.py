@@ -15,7 +15,7 @@ from command_here import rig
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
-from rig.interop.exchange.mask4_export import export_structure, write_mat
+from rig.kinds.wavebot.mask4.export import export_structure, write_mat
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, open_run
 

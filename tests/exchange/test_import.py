@@ -13,7 +13,7 @@ from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
 from rig.interop.basin.merge import MergeSource, SyncChannels, merge
-from rig.interop.exchange.mask4_export import export_structure, write_mat
+from rig.kinds.wavebot.mask4.export import export_structure, write_mat
 from rig.recording.runs import list_runs, open_run
 
 NAME = "waveBotCtrlMdl_2023_09_26_12_08_43full.mat"

@@ -14,12 +14,12 @@ from rehearsing import CONFIGS, write_yaml
 
 from benchmarks.support.fault_walk import Watcher, free_port, when_free
 from benchmarks.support.host import Busy, others
-from rig.analysis.session.driveline import analyse_driveline
-from rig.analysis.session.points import open_session
-from rig.execution.rehearsal.bench_job import session_problems
 from rig.execution.session import rehearsal_mode, session_task, wired_mode
 from rig.execution.task import ExecutionMode, RunResult, run_task
-from rig.planning.session import check_session
+from rig.kinds.oswec_bench.products.driveline import analyse_driveline
+from rig.kinds.oswec_bench.products.points import open_session
+from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.sessions import check_session
 from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.realtime

@@ -11,12 +11,16 @@ from rehearsing import CONFIGS, write_yaml
 
 from drivers.errors import CodecError
 from rig.config import load
-from rig.config.bench_rig_file import BenchRigFile
-from rig.execution.hardware import bench_devices, streams
-from rig.execution.hardware.bench_devices import BenchDevices
-from rig.execution.hardware.bench_job import BenchJob, Loop, build_bench_job
-from rig.execution.hardware.job import WiringError
-from rig.execution.hardware.messages import (
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.hardware import devices as bench_devices
+from rig.kinds.oswec_bench.hardware.devices import BenchDevices
+from rig.kinds.oswec_bench.hardware.job import BenchJob, Loop, build_bench_job
+from rig.kinds.oswec_bench.tick import Command
+from rig.kinds.wavebot.hardware.job import WiringError
+from rig.processes import mailbox
+from rig.processes.mailbox import Mailbox
+from rig.wires import streams
+from rig.wires.messages import (
     MESSAGE_TYPES,
     BrakeCurrentMessage,
     EncodersMessage,
@@ -25,9 +29,6 @@ from rig.execution.hardware.messages import (
     WrenchMessage,
     WriteAcknowledgement,
 )
-from rig.kinds.oswec_bench import Command
-from rig.processes import mailbox
-from rig.processes.mailbox import Mailbox
 
 NAMES = ("servo", "set_point", "load_cell", "brake", "inputs", "analog", "analog_done")
 COMMAND = Command(0, 0.0, 2.5, 0.0, 0.0, 1, 0, 30.0, 0.3, 0)

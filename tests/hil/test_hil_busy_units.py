@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import pytest
 
 from rig.config import LimitsFile, RigFile, load
-from rig.execution.hardware.messages import MESSAGE_TYPES
-from rig.execution.hardware.modbus_lines import modbus_pollers
 from rig.processes import mailbox
 from rig.processes.child import Child
 from rig.processes.mailbox import Mailbox
+from rig.wires.messages import MESSAGE_TYPES
+from rig.wires.modbus_lines import modbus_pollers
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import Answer, ModbusUnit

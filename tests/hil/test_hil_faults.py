@@ -13,7 +13,7 @@ from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.fault_table import Row, missing_rows
 from benchmarks.support.fault_walk import Finding, there, walk_fairly, wrong
 from benchmarks.support.wavebot_fault_walk import Stage
-from rig.execution.rehearsal.control_client import ControlError
+from rig.emulation.control_client import ControlError
 
 pytestmark = pytest.mark.realtime
 

@@ -11,8 +11,8 @@ import pytest
 from drivers.modbus.line import NoAnswerError
 from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.wiring import RegisterSetup
-from rig.execution.hardware.messages import OutputsMessage
-from rig.execution.hardware.modbus_poller import (
+from rig.wires.messages import OutputsMessage
+from rig.wires.modbus_poller import (
     TRUSTED_ANSWERS,
     TURN_OFFSET_S,
     PolledBlock,

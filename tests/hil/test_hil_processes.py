@@ -23,13 +23,13 @@ from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from drivers.canopen.heartbeat import NmtState
 from rig.config.any_rig_file import load_rig
 from rig.execution.campaign import RunResult, run_campaign, wired_mode
-from rig.execution.hardware.listen import BusActivity, listen
-from rig.kinds.wavebot import WaveBotRow
-from rig.processes.wire_locks import REALTIME_WIRE, acquire, wires_in
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.safety import RUN
 from rig.recording.row_layout import leaves
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.mcap_file import row_dtype
+from rig.wires.listen import BusActivity, listen
+from rig.wires.locks import REALTIME_WIRE, acquire, wires_in
 
 pytestmark = pytest.mark.realtime
 
@@ -155,7 +155,7 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
     wait_realtime_free()
     with LiveRun(command, tmp_path / "runs") as run:
         run.wait_started()
-        loop = run.pid("rig.execution.hardware")
+        loop = run.pid("rig.kinds.wavebot.hardware")
         wait_until(lambda: mode_of(run) == RUN, "the motors to have power")
         run.process.kill()
         run.process.wait()

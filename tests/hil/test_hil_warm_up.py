@@ -15,12 +15,12 @@ from drivers.canopen.bus_cycle import SYNC
 from drivers.canopen.link import Frame
 from drivers.canopen.scaling import CurrentScale
 from rig.config import RigFile, load
-from rig.execution.hardware import devices as hardware
-from rig.execution.hardware.devices import WaveBotDevices
-from rig.execution.hardware.job import build_job
-from rig.execution.hardware.messages import MESSAGE_TYPES
-from rig.execution.hardware.settings import WaveBotDeviceSettings
+from rig.kinds.wavebot.hardware import devices as hardware
+from rig.kinds.wavebot.hardware.devices import WaveBotDevices
+from rig.kinds.wavebot.hardware.job import build_job
+from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
 from rig.processes import handover
+from rig.wires.messages import MESSAGE_TYPES
 
 DT = 0.001
 RIG = Path(__file__).resolve().parents[2] / "configs" / "rigs" / "wavebot_hil.yaml"

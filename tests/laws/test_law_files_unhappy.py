@@ -14,7 +14,7 @@ from rig_command import rig_here
 from test_adding_a_law import blocks, check, write_example
 
 from rig import laws
-from rig.kinds.wavebot import KIND, find_kind
+from rig.kinds.wavebot.tick import KIND, find_kind
 
 GOOD = blocks("python")[0]
 Write = Callable[..., Path]

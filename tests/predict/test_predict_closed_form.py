@@ -18,11 +18,11 @@ from closed_form import Response, heave_response
 from predicting import CONFIGS, STIFF, predict_campaign, rows, write_campaign
 
 from rig.config.pydantic_errors import load
-from rig.config.rig_file import RigFile
 from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design, response
 from rig.design.predictions import RowPredictions
 from rig.kinds.wavebot.build import metres_per_count
+from rig.kinds.wavebot.config.rig_file import RigFile
 from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant

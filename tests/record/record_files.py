@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.runs.mcap_file import row_dtype

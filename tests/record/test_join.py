@@ -15,7 +15,7 @@ import record_files as files
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout, runs
 from rig.recording import row_schema as row_form
 from rig.recording.runs import RunError, mcap_records

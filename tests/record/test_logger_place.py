@@ -16,7 +16,7 @@ import pytest
 import record_files as files
 from mcap.reader import make_reader
 
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import logger, ring
 from rig.recording.folder_watch import FolderTracker
 from rig.recording.logger import LoggerJob, RunLogger

@@ -11,7 +11,7 @@ import record_files as files
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from rig.kinds.wavebot import WaveBotRow
+from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout
 from rig.recording.runs import RunError, list_runs, open_run, reader
 

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, row_table
 from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 from rig.stations import station_names

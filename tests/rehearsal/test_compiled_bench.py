@@ -8,7 +8,10 @@ import pytest
 from bench_files import DT, bench
 from flap_files import flap
 
-from rig.execution.rehearsal.compiled_bench import CompiledFlapStepper, CompiledStepper
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import (
+    CompiledFlapStepper,
+    CompiledStepper,
+)
 from sim_plant import waves
 from sim_plant.bench.stepper import Stepper
 from sim_plant.bench.wires import PlantInterface

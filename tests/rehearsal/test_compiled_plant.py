@@ -7,7 +7,7 @@ import math
 import pytest
 from plant_files import DT, command, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 from sim_plant.world import Actuation, DriveSettings, Readings, Stepper, World
 

@@ -15,15 +15,15 @@ import pytest
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
-from rig.execution.rehearsal.bench_devices import connect
-from rig.execution.rehearsal.bench_job import session_plant_settings
-from rig.kinds.oswec_bench import KIND
-from rig.planning.session import Session, check_session, plan_session
-from rig.planning.session.assemble import (
+from rig.kinds.oswec_bench.rehearsal.devices import connect
+from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
+from rig.kinds.oswec_bench.sessions import Session, check_session, plan_session
+from rig.kinds.oswec_bench.sessions.assemble import (
     bench_params,
     motor_radians_per_count,
     shaft_radians_per_count,
 )
+from rig.kinds.oswec_bench.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import STOP_0, Reason
 from rig.realtime.sequence import Phase

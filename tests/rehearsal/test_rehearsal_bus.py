@@ -19,7 +19,7 @@ from rig_command import rig
 
 from rig import cli
 from rig.analysis.rows import row_table
-from rig.execution.rehearsal.job import problems
+from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.campaign import check_campaign
 from rig.realtime.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, Reason
 from rig.recording.runs import open_run

@@ -18,9 +18,9 @@ from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
 from rig.config import load
-from rig.config.constants_file import ConstantsFile
-from rig.execution.rehearsal.bench_job import session_problems
-from rig.planning.session import check_session
+from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.sessions import check_session
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
 

@@ -13,8 +13,8 @@ import numpy as np
 from rehearsing import CONFIGS, load_rows, rehearse, write_campaign, write_yaml
 
 from rig.config.pydantic_errors import load
-from rig.config.rig_file import RigFile
 from rig.config.yaml_source import load_mapping
+from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.realtime.safety import STOP_0, STOP_1
 from rig.recording.runs import open_run
 from sim_plant.parameters import Plant

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plant_files import CAPYTAINE, DT, QUIET, bem, command, plant, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 from sim_plant.basin import Basin, Probe, radiated_wave, radiation_filter
 from sim_plant.bem import excitation_at

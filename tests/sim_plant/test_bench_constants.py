@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from bench_files import DT, PERIOD, Floats, Run, bench, detrended, idle, record
 
-from rig.execution.rehearsal.compiled_bench import CompiledStepper
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper
 from sim_plant.bench.world import Actuation, BenchWorld
 
 CURRENTS = (1.12, 1.96, 3.35, 4.47)  # A, four of the twelve of Table 3.1

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from bench_files import DT, PERIOD, Deflection, bench, deflection, idle, oscillate
 
-from rig.execution.rehearsal.compiled_bench import CompiledStepper
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper
 
 STIFFNESS = 28483.0  # N m/rad, OSWEC thesis, eq. 2.4 and 2.5
 TABLE = [  # 2.1: amplitude in deg, damping in N m s

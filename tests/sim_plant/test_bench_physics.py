@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bench_files import DT, PERIOD, bench, changed, idle, oscillate
 
-from rig.execution.rehearsal.compiled_bench import CompiledStepper
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper
 from sim_plant.bench import load_cell, transmission
 from sim_plant.bench.world import OFF, Actuation, BenchWorld
 

@@ -9,7 +9,7 @@ import pytest
 from closed_form import controller, heave_response
 from plant_files import DT, QUIET, bem, command, plant, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 
 FORCE_PER_CURRENT = 76.9750217

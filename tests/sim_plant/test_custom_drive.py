@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from plant_files import DT, QUIET, command, plant, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import custom_drive, waves
 from sim_plant.custom_drive import DPWM, HYSTERESIS, SINE_TRIANGLE, SVPWM
 from sim_plant.world import DriveSettings, World

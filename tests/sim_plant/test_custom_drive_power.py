@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from plant_files import DT, command, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 from sim_plant.custom_drive import DPWM, HYSTERESIS, SINE_TRIANGLE, SVPWM
 from sim_plant.world import DriveSettings

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plant_files import mapping
 from pydantic import ValidationError
 
-from rig.execution.rehearsal.compiled_bench import CompiledFlapStepper
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledFlapStepper
 from sim_plant import waves
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics

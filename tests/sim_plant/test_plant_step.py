@@ -13,7 +13,7 @@ import pytest
 from closed_form import intrinsic_impedance
 from plant_files import DT, QUIET, bem, command, plant, surge_bem, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 from sim_plant.signals import Actuation
 from sim_plant.wavebot import Excitation, WaveBotParams, WaveBotState, initial, step

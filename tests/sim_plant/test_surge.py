@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from plant_files import DT, QUIET, command, plant, surge_bem, world
 
-from rig.execution.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 from sim_plant.bem import radiation_impedance
 from sim_plant.world import Truth, World

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.identification.twin import drivetrain, electrics
-from rig.identification.twin.group import Group, least_squares
-from rig.identification.twin.hull import identify_hull
-from rig.identification.twin.records import PowerBlocks, Record, analyse, synthesise
-from rig.identification.twin.seas import BEM_DEVIATION, SCALE, Coefficient, excitation_scale
+from rig.kinds.wavebot.twin import drivetrain, electrics
+from rig.kinds.wavebot.twin.group import Group, least_squares
+from rig.kinds.wavebot.twin.hull import identify_hull
+from rig.kinds.wavebot.twin.records import PowerBlocks, Record, analyse, synthesise
+from rig.kinds.wavebot.twin.seas import BEM_DEVIATION, SCALE, Coefficient, excitation_scale
 
 PERIOD, LINES = 20.0, 50
 SHAPE = drivetrain.DrivetrainShape(True, 0.33047, 0.33047 / 1.649, 0.002)

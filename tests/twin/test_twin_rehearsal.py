@@ -17,7 +17,7 @@ from rig.analysis.rows import row_table
 from rig.config.yaml_source import load_mapping
 from rig.design.recommend import report
 from rig.design.recommend.recommendation import RecommendOptions, recommend
-from rig.identification.twin.plant_file import identified_range
+from rig.kinds.wavebot.twin.plant_file import identified_range
 
 pytestmark = pytest.mark.slow
 

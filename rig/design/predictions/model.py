@@ -11,8 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.signals import Gains
-from rig.config.limits_file import AxisLimits
-from rig.config.rig_file import Axis as Motor
 from rig.design.predictions import electrics, loop, plant
 from rig.design.predictions.axis import Axis
 from rig.design.predictions.grid import (
@@ -24,15 +22,17 @@ from rig.design.predictions.grid import (
 )
 from rig.design.predictions.linear_form import row_gains
 from rig.design.predictions.loop import Law, Timing
-from rig.execution.rehearsal.devices import build_sea
-from rig.execution.rehearsal.job import plant_settings
 from rig.kinds.wavebot.build import (
     estimator_params,
     list_realisations,
     newtons_per_ampere,
     reference_table,
 )
+from rig.kinds.wavebot.config.limits_file import AxisLimits
+from rig.kinds.wavebot.config.rig_file import Axis as Motor
 from rig.kinds.wavebot.law_params import zc_sections
+from rig.kinds.wavebot.rehearsal.devices import build_sea
+from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
 from sim_plant import waves

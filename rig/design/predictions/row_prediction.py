@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 
 
 class RowPredictions(NamedTuple):

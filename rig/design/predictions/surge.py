@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.config.campaign_file import CampaignFile
-from rig.config.rig_file import RigFile, StationKeeping
 from rig.design.predictions import loop, passive, plant, sampled
 from rig.design.predictions.axis import body_dynamic_stiffness, peak
 from rig.design.predictions.electrics import limiter_rms_peak
@@ -16,6 +15,7 @@ from rig.design.predictions.grid import Floats, samples_from_spectrum
 from rig.design.predictions.model import CampaignModel, open_loop_force
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import System, solve_steady_motion
+from rig.kinds.wavebot.config.rig_file import RigFile, StationKeeping
 from rig.planning.campaign.set_points import RowSetting
 
 

@@ -8,8 +8,8 @@ from rig.design.recommend import matrix
 from rig.design.recommend.search import STATIONS, Optimum, find_optima, search_space
 from rig.design.recommend.trial import SetPointPrediction, SetPointPredictor, open_on_twin
 from rig.design.recommend.uncertainty import RowComparison, compare_rows, half_widths
-from rig.identification.twin import plant_file
-from rig.identification.twin.estimate import Twin, identify_twin
+from rig.kinds.wavebot.twin import plant_file
+from rig.kinds.wavebot.twin.estimate import Twin, identify_twin
 from rig.planning.campaign import Campaign
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info

@@ -11,9 +11,9 @@ from rig.design.predictions import RowPredictions
 from rig.design.predictions.margins import Margin, blocking_margins
 from rig.design.predictions.model import CampaignModel, build_model
 from rig.design.predictions.rows import predict_set_points
-from rig.execution.rehearsal.job import problems, requested_sea
-from rig.identification.twin import plant_file, seas
-from rig.identification.twin.estimate import Twin
+from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
+from rig.kinds.wavebot.twin import plant_file, seas
+from rig.kinds.wavebot.twin.estimate import Twin
 from rig.planning.campaign import Campaign, open_campaign
 from rig.planning.campaign.set_points import RowSetting, row_setting
 from rig.planning.campaign.windows import row_windows

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple, TypeVar
 from rig.config.campaign_file import CampaignFile, campaign_model
 from rig.config.columns import columns_with_law
 from rig.config.law_settings import find_law, inherit_law, named_law
-from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
-from rig.config.rig_file import RigFile
 from rig.config.sea import AnySea, RecordedSea
 from rig.config.yaml_source import SourceMap, load_mapping
+from rig.kinds.wavebot.config.limits_file import LimitsFile
+from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.laws import Law, LawError
 from rig.planning.campaign.designed_sea import largest_elevation_problems
 from rig.planning.campaign.elevation import Elevation, read_elevation

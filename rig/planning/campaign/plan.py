@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 from rig.config.campaign_file import CampaignFile
 from rig.config.law_settings import IMPEDANCE
-from rig.config.rig_file import RigFile
-from rig.kinds.wavebot import Setpoints
-from rig.kinds.wavebot.law_columns import columns_type
+from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.tick import Setpoints
+from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.laws import Law
 from rig.planning.campaign.order import order_points
 from rig.planning.campaign.point import Point

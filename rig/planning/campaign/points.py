@@ -5,11 +5,11 @@ import math
 
 from controllers import magnetic_spring
 from rig.config.columns import Column
-from rig.config.hoist import Hoist
 from rig.config.matrix import Matrix
 from rig.config.problems import ConfigError, Problem, format_key, format_number
-from rig.config.rig_file import MagneticSpring
 from rig.config.yaml_source import KeyPath, SourceMap
+from rig.kinds.wavebot.config.hoist import Hoist
+from rig.kinds.wavebot.config.rig_file import MagneticSpring
 from rig.laws import Law
 from rig.planning.campaign import matrix_csv
 from rig.planning.campaign.point import Point, ValueLocation, make_point

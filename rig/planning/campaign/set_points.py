@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, cast
 from rig.config.campaign_file import CampaignFile
 from rig.config.columns import DRIVE_COLUMNS, columns_with_law
 from rig.config.problems import Problem
-from rig.config.rig_file import CustomDrive, RigFile
 from rig.config.yaml_source import SourceMap
+from rig.kinds.wavebot.config.rig_file import CustomDrive, RigFile
 from rig.laws import Law
 from rig.planning.campaign.point import Point
 

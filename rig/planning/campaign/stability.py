@@ -12,8 +12,8 @@ from collections.abc import Iterable
 
 from rig.config.campaign_file import CampaignFile
 from rig.config.problems import Problem, format_number
-from rig.config.rig_file import Stability
 from rig.config.yaml_source import SourceMap
+from rig.kinds.wavebot.config.rig_file import Stability
 from rig.planning.campaign.point import Point, ValueLocation
 
 

@@ -14,11 +14,11 @@ import math
 from typing import NamedTuple
 
 from rig.config.campaign_file import Timing
-from rig.config.hoist import Hoist
 from rig.config.problems import format_number
 from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
 from rig.config.yaml_source import KeyPath
+from rig.kinds.wavebot.config.hoist import Hoist
 
 _ROUNDING = 1e-9  # periods; a window that is shorter than whole periods only by rounding fits
 

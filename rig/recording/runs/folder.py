@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.recording import process_identity
 from rig.recording.row_schema import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, RunError, scan

@@ -19,10 +19,11 @@ from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
 from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import build_device_model
-from rig.execution.rehearsal import job
 from rig.execution.replay import logged_campaign
-from rig.identification.twin.plant_file import identified_range
-from rig.kinds.wavebot.stations import STATIONS
+from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.tick.stations import STATIONS
+from rig.kinds.wavebot.twin.plant_file import identified_range
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
@@ -30,7 +31,6 @@ from rig.recording.runs.folder import RunInfo, run_info
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
 from rig.sweep.counterfactual.waves import FIELDS, RecoveredWaves, recover_waves, wave_maker_lines
-from rig.sweep.simulation import CampaignSimulator
 
 CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by

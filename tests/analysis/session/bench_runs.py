@@ -14,8 +14,8 @@ import numpy as np
 from bench_files import DT, brake_current, changed
 from synthetic_runs import write_run
 
-from rig.execution.rehearsal.compiled_bench import CompiledStepper
-from rig.kinds.oswec_bench.signals import BenchRow
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper
+from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout

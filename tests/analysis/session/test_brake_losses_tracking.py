@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.analysis.session import brake_map, losses, periods, tracking
-from rig.analysis.session.deflection import Motion
-from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.losses import MovingSamples
+from rig.kinds.oswec_bench.products import brake_map, losses, periods, tracking
+from rig.kinds.oswec_bench.products.deflection import Motion
+from rig.kinds.oswec_bench.products.estimate import Estimate
+from rig.kinds.oswec_bench.products.losses import MovingSamples
 
 DT = 0.002
 COUNT = 4 * 750

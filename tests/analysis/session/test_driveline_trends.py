@@ -4,7 +4,7 @@ import numpy as np
 import play_operator as bench
 import pytest
 
-from rig.analysis.session import deflection, periods, regressions
+from rig.kinds.oswec_bench.products import deflection, periods, regressions
 
 DT = 0.001
 

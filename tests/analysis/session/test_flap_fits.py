@@ -10,11 +10,17 @@ import pytest
 from flap_files import DT, SMOOTH, changed, flap
 from numpy.typing import NDArray
 
-from rig.analysis.session import flap_decay, flap_pto, flap_rao, flap_stiffness, periods
-from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.flap_pto import PtoPoint
-from rig.analysis.session.flap_stiffness import MovingSamples
-from rig.execution.rehearsal.compiled_bench import CompiledFlapStepper
+from rig.kinds.oswec_bench.products import (
+    flap_decay,
+    flap_pto,
+    flap_rao,
+    flap_stiffness,
+    periods,
+)
+from rig.kinds.oswec_bench.products.estimate import Estimate
+from rig.kinds.oswec_bench.products.flap_pto import PtoPoint
+from rig.kinds.oswec_bench.products.flap_stiffness import MovingSamples
+from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledFlapStepper
 from sim_plant import waves
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics

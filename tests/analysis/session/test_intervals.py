@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rig.analysis.session import estimate, linear_fit
+from rig.kinds.oswec_bench.products import estimate, linear_fit
 
 SEEDS = 2000
 TOLERANCE = 3.0 * np.sqrt(0.95 * 0.05 / SEEDS)  # three standard deviations of the share itself

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from rig.analysis.session import periods, torque_constant, velocity_constant
-from rig.analysis.session.quarters import split_quarters
+from rig.kinds.oswec_bench.products import periods, torque_constant, velocity_constant
+from rig.kinds.oswec_bench.products.quarters import split_quarters
 
 BENCHES = 60
 T = 0.01 * np.arange(3 * 2000)  # s, three periods of 20 s at 100 Hz

@@ -13,9 +13,9 @@ from command_here import rig
 from matplotlib.image import imread
 from ruamel.yaml import YAML
 
-from rig.analysis.session import Summary, analyse
-from rig.analysis.session.points import open_session
-from rig.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.products import Summary, analyse
+from rig.kinds.oswec_bench.products.points import open_session
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError

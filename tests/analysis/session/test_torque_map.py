@@ -4,7 +4,7 @@ import numpy as np
 import play_operator as bench
 import pytest
 
-from rig.analysis.session import deflection, periods, torque_map
+from rig.kinds.oswec_bench.products import deflection, periods, torque_map
 
 DT = 0.002
 BENCHES = 40

@@ -1,0 +1,1 @@
+"""Compilation of undecorated tick functions by numba, and their flat memory."""

@@ -1,0 +1,235 @@
+"""Lifting of pure step functions into compiled code: the only file that imports numba.
+
+The functions stay plain Python; `register_jitable` makes the very same ones callable from compiled
+code. numba's own cache checks only the file of the compiled function and would return a stale law
+after an edit elsewhere, so the name of the cache folder is a hash of every lifted source, numba's
+version and the processor.
+
+Compiled code takes one float64 array per tree of NamedTuples, because passing a NamedTuple costs
+more than the step itself; the code that unpacks and packs the arrays is generated from an example
+of the tree.
+"""
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import platform
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # SVML functions differ in the last bit
+
+import numba
+from numba.extending import register_jitable
+
+from rig.compilation.cache_folder import cache_root, processor_description, write_atomically
+
+Floats = npt.NDArray[np.float64]
+
+
+def _import_numba_without_blas() -> None:
+    """Import numba's array functions without scipy.linalg, their source of BLAS.
+
+    Lifted functions multiply no matrices, and importing scipy.linalg takes a third of a second.
+    """
+    module = "scipy.linalg"
+    if module in sys.modules:
+        return
+    sys.modules[module] = None  # type: ignore[assignment]  # makes the import raise ImportError
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        del sys.modules[module]
+
+
+_import_numba_without_blas()
+
+
+def lift(modules: Iterable[ModuleType]) -> None:
+    """Make every plain function of the modules callable from compiled code."""
+    for module in modules:
+        for function in vars(module).values():
+            if inspect.isfunction(function) and function.__module__ == module.__name__:
+                register_jitable(forceinline=True)(function)
+
+
+def lift_closures(function: Any) -> None:
+    """Make a function and the functions that it holds in its closure callable from compiled code.
+
+    Their modules belong to the ``modules`` of `load`, because closures have no source of their own.
+    """
+    if function in _lifted_closures:
+        return
+    _lifted_closures.add(function)
+    for cell in function.__closure__ or ():
+        if inspect.isfunction(cell.cell_contents) and cell.cell_contents.__name__ != "<lambda>":
+            lift_closures(cell.cell_contents)
+    if function.__closure__ or function.__module__ not in sys.modules:
+        register_jitable(forceinline=True)(function)
+
+
+_lifted_closures: set[Any] = set()
+
+
+def load(
+    name: str, source: str, modules: Iterable[ModuleType], type_modules: Iterable[ModuleType] = ()
+) -> ModuleType:
+    """Import generated source whose compiled functions are cached on disk.
+
+    The folder of the source is named by a hash of all its inputs, so an edit of any lifted module
+    or of ``type_modules`` (types and constants in compiled code) leads to a new folder. If it
+    cannot be written, a temporary folder is used and the code is compiled each time.
+    """
+    modules = tuple(modules)
+    lift(modules)
+    path = cache_folder(source, (*modules, *type_modules)) / f"{name}.py"
+    if not path.exists():
+        try:
+            write_atomically(path, source)
+        except OSError:
+            path = Path(tempfile.mkdtemp(prefix="wec-rig-")) / path.name
+            write_atomically(path, source)
+    spec = importlib.util.spec_from_file_location(f"lifted_{name}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # numba finds cached code by module name
+    spec.loader.exec_module(module)
+    return module
+
+
+def flatten(tree: Any) -> list[float]:
+    """Return all numbers of a tree of tuples in order; ints are exact below 2^53."""
+    if isinstance(tree, tuple):
+        return [number for item in tree for number in flatten(item)]
+    return [float(tree)]
+
+
+def unpack_source(tree: Any, array: str, start: int = 0) -> str:
+    """Return the source of an expression that rebuilds ``tree`` from an array of its numbers."""
+    text, _ = _unpack(tree, array, start)
+    return text
+
+
+def _unpack(tree: Any, array: str, at: int) -> tuple[str, int]:
+    if not isinstance(tree, tuple):
+        item = f"{array}[{at}]"
+        return (item if isinstance(tree, float) else f"int({item})"), at + 1
+    parts = []
+    for member in tree:
+        part, at = _unpack(member, array, at)
+        parts.append(part)
+    inside = ", ".join(parts)
+    name = "" if type(tree) is tuple else type(tree).__name__
+    if name:
+        return f"{name}({inside})", at
+    return (f"({inside},)" if parts else "()"), at
+
+
+def pack_source(tree: Any, value: str, array: str) -> list[str]:
+    """Return source lines that write the numbers of ``value`` (of shape ``tree``) to an array."""
+    leaves: list[str] = []
+
+    def collect(member: Any, expression: str) -> None:
+        if isinstance(member, tuple):
+            for i, item in enumerate(member):
+                collect(item, f"{expression}[{i}]")
+        else:
+            leaves.append(expression)
+
+    collect(tree, value)
+    return [f"{array}[{i}] = {leaf}" for i, leaf in enumerate(leaves)]
+
+
+def tuple_types(tree: Any) -> set[type]:
+    """Return every NamedTuple type in a tree, which generated source has to import."""
+    if not isinstance(tree, tuple):
+        return set()
+    types = {type(tree)} - {tuple}
+    for member in tree:
+        types |= tuple_types(member)
+    return types
+
+
+def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
+    """Return the cache folder of a source and these modules, for this numba and this host."""
+    # It changes the compiled code, but not numba's own cache key.
+    bounds_check = os.environ.get("NUMBA_BOUNDSCHECK", "")
+    parts = [
+        source,
+        numba.__version__,
+        np.__version__,
+        sys.version,
+        platform.machine(),
+        processor_description(),
+    ]
+    for module in (sys.modules[__name__], *modules):
+        parts += [inspect.getsource(module), *_loaded_definitions(module)]
+    parts.append(bounds_check)
+    return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+
+
+def _loaded_definitions(module: ModuleType) -> Iterator[str]:
+    """Yield the functions and constants of a module as loaded in this process.
+
+    A process that imported the module before an edit of its source still has the old definitions.
+    Processes that import it afterwards must not find the code that the first one compiles.
+    """
+    for name, value in sorted(vars(module).items()):
+        if inspect.isfunction(value) and value.__module__ == module.__name__:
+            yield f"{name} {_code_text(value.__code__)}"
+        elif isinstance(value, type) and issubclass(value, tuple):
+            yield f"{name} {getattr(value, '_fields', ())}"
+        elif not name.startswith("__") and _is_plain(value):
+            yield f"{name} {value!r}"
+
+
+def _code_text(code: CodeType) -> str:
+    """Return the operations of a function as text, without its position in the file."""
+    nested = [_code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
+    constants = [repr(each) for each in code.co_consts if _is_plain(each)]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, int | float | str)
+
+
+def is_compiled(folder: Path) -> bool:
+    """Return whether the folder holds compiled code."""
+    return any(folder.glob("**/*.nbi"))
+
+
+def compilation_problem(function: Callable[..., Any], *arguments: Any) -> str:
+    """Return in one line why a function cannot be compiled for arguments; empty if it can."""
+    try:
+        numba.njit(error_model="numpy")(function)(*arguments)
+    except numba.core.errors.NumbaError as error:
+        return _first_reason(str(error))
+    except Exception as error:  # noqa: BLE001  numba raises errors of its own insides, too
+        return f"{type(error).__name__}: {error}".splitlines()[0]
+    return ""
+
+
+def _first_reason(text: str) -> str:
+    """Return numba's reason without its stack of candidates, and the place in the source."""
+    lines = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines()]
+    places = [line for line in lines if line.startswith("File ") and ", line " in line]
+    heading = ("Failed in", "During:", "There are", "- Of which", "Overload", "File ", "No impl")
+    reasons = [line for line in lines if line and not line.startswith(heading)]
+    known = [line for line in lines if "Error" in line or "Unknown attribute" in line]
+    reason = next(iter([*known, *reasons]), "unknown reason")
+    place = places[-1].rstrip(":") if places else ""
+    return f"{reason} ({place})" if place else reason

@@ -1,0 +1,1 @@
+"""Emulated devices as a process: addresses, control line, faults, start-up."""

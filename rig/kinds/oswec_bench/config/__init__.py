@@ -1,0 +1,1 @@
+"""The models of a bench's configuration files."""

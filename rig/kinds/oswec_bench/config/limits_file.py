@@ -1,0 +1,109 @@
+"""The limits of an OSWEC bench. No limit has a default: a file without one of them is refused."""
+
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from rig.config.model import FileModel, RuleViolation
+from rig.config.problems import format_number
+from rig.kinds.wavebot.config.limits_file import (
+    LoopLimits,
+    MotorPowerLimits,
+    check_difference_time,
+)
+
+
+class MotorLimits(FileModel):
+    """Limits of motor and drive at the gearbox output; `warn` gives a warning, `stop` stops."""
+
+    angle_warn_deg: float = Field(gt=0, le=720)
+    angle_stop_deg: float = Field(gt=0, le=720)
+    velocity_stop_rad_per_s: float = Field(gt=0, le=50)
+    velocity_command_rad_per_s: float = Field(gt=0, le=50)  # maximum command
+    acceleration_rad_per_s2: float = Field(gt=0, le=1e4)  # of the velocity command
+    current_peak_a: float = Field(gt=0, le=100)
+    current_rms_a: float = Field(gt=0, le=100)
+    current_rms_time_s: float = Field(ge=0.1, le=600)
+    current_slew_a_per_s: float = Field(gt=0, le=1e6)
+    encoder_age_stop_s: float = Field(gt=0, le=1)
+    encoder_jump_stop_deg: float = Field(gt=0, le=90)
+    drive_age_stop_s: float = Field(gt=0, le=5)
+    current_difference_stop_a: float = Field(gt=0, le=100)  # torque loop: measured to commanded
+    current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
+    velocity_difference_stop_rad_per_s: float = Field(gt=0, le=50)  # same, in the velocity loop
+    velocity_difference_time_s: float = Field(gt=0, le=60)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the order of warning, command and stop, of rms and peak, of stale and wrong."""
+        for lower, upper, unit in (
+            ("angle_warn_deg", "angle_stop_deg", "deg"),
+            ("velocity_command_rad_per_s", "velocity_stop_rad_per_s", "rad/s"),
+        ):
+            low, high = getattr(self, lower), getattr(self, upper)
+            if low >= high:
+                yield RuleViolation(
+                    (lower,),
+                    f"{format_number(low)} is not below the stop; "
+                    f"allowed below {upper} = {format_number(high)} {unit}",
+                    low,
+                )
+        if self.current_rms_a > self.current_peak_a:
+            yield RuleViolation(
+                ("current_rms_a",),
+                f"{format_number(self.current_rms_a)} is more than the peak; "
+                f"allowed up to current_peak_a = {format_number(self.current_peak_a)} A",
+                self.current_rms_a,
+            )
+        yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
+        yield from check_difference_time(self, "velocity_difference_time_s", "encoder_age_stop_s")
+
+
+class ShaftLimits(FileModel):
+    """Limits of the encoder behind the coupling."""
+
+    encoder_jump_stop_deg: float = Field(gt=0, le=90)
+    slip_stop_deg: float = Field(gt=0, le=90)  # between motor and shaft
+
+
+class LoadCellLimits(FileModel):
+    """Limits of the load cell, for both signs."""
+
+    across_stop_n: float = Field(gt=0, le=1e5)  # fx, fy
+    along_stop_n: float = Field(gt=0, le=1e5)  # fz
+    bending_stop_n_m: float = Field(gt=0, le=1e4)  # tx, ty
+    twisting_stop_n_m: float = Field(gt=0, le=1e4)  # tz, about the shaft
+
+
+class BrakeLimits(FileModel):
+    """Limits beyond which the brake counts as lost."""
+
+    difference_stop_a: float = Field(gt=0, le=20)  # between commanded and measured current
+    difference_time_s: float = Field(gt=0, le=60)  # for at least this time
+    age_stop_s: float = Field(gt=0, le=60)
+
+
+class FeedbackAuthority(FileModel):
+    """Maximum contribution of feedback to the demand, for both signs."""
+
+    angle_deg: float = Field(gt=0, le=10)  # of the instantaneous position correction
+    velocity_rad_per_s: float = Field(gt=0, le=10)  # of the same correction
+    torque_n_m: float = Field(gt=0, le=1000)  # of the torque loop
+
+
+class BenchTareLimits(FileModel):
+    """Limits beyond which the tare is refused."""
+
+    angle_span_stop_deg: float = Field(gt=0, le=45)
+
+
+class BenchLimitsFile(FileModel):
+    """All limits of an OSWEC bench."""
+
+    motor: MotorLimits
+    shaft: ShaftLimits
+    load_cell: LoadCellLimits
+    brake: BrakeLimits
+    power: MotorPowerLimits
+    authority: FeedbackAuthority
+    tare: BenchTareLimits
+    loop: LoopLimits

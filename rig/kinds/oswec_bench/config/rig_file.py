@@ -1,0 +1,146 @@
+"""The rig file of an OSWEC bench: its components and their scales.
+
+Velocities, torques and constants refer to the gearbox output.
+"""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
+from rig.config.problems import format_number
+from rig.kinds.oswec_bench.config.wiring import BenchWiring, max_counts
+from rig.kinds.wavebot.config.rig_file import (
+    SUPERVISOR_TIMEOUT,
+    BenchRate,
+    StopTiming,
+    SupervisorTimeout,
+)
+
+
+class Encoder(FileModel):
+    """An encoder and its estimator."""
+
+    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)
+    noise_counts: float = Field(ge=0, le=1000)  # standard deviation, without quantisation
+    jerk_density_rad2_per_s5: float = Field(ge=1e-6, le=1e9)
+
+
+class Servo(FileModel):
+    """Servo drive, motor and gearbox."""
+
+    gear_ratio: float = Field(ge=1, le=1000)  # motor turns per output turn
+    torque_constant_n_m_per_a: float = Field(ge=0.1, le=1000)  # nominal
+    velocity_constant_rad_per_s_per_v: float = Field(ge=0.01, le=100)  # nominal
+    command_v: float = Field(gt=0, le=10)  # maximum velocity command, for both signs
+    encoder: Encoder
+
+
+class BrakePoint(FileModel):
+    """One point of the brake's curve, the mean of its two branches."""
+
+    current_a: float = Field(ge=0, le=20)
+    torque_n_m: float = Field(ge=0, le=1000)
+
+
+class Brake(FileModel):
+    """The particle brake and its amplifier."""
+
+    map: TupleOf[BrakePoint] = Field(min_length=2, strict=False)
+    slew_a_per_s: float = Field(gt=0, le=1e5)
+    velocity_filter_s: float = Field(ge=1e-4, le=1)  # of the shaft's velocity in T = R |v|
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the map is invertible: it starts at 0 A, current and torque rise."""
+        if self.map[0].current_a != 0.0:
+            yield RuleViolation(
+                ("map", 0, "current_a"),
+                f"{format_number(self.map[0].current_a)} is not 0; the map must start at 0 A",
+                self.map[0].current_a,
+            )
+        for i in range(1, len(self.map)):
+            for key in ("current_a", "torque_n_m"):
+                previous, value = getattr(self.map[i - 1], key), getattr(self.map[i], key)
+                if value <= previous:
+                    yield RuleViolation(
+                        ("map", i, key),
+                        f"{format_number(value)} does not rise above {format_number(previous)} "
+                        "of the previous entry",
+                        value,
+                    )
+
+
+class TorqueFeedback(FileModel):
+    """The closed torque loop on the load cell."""
+
+    proportional: float = Field(ge=0, le=10)
+    integral_per_s: float = Field(ge=0, le=1000)
+
+
+class InstantCorrection(FileModel):
+    """The instantaneous position correction, computed from the measured torque."""
+
+    filter_hz: float = Field(ge=0.1, le=200)  # of the torque
+
+
+class Homing(FileModel):
+    """The return of the shaft to its zero between rows."""
+
+    rate_per_s: float = Field(gt=0, le=20)  # speed per remaining angle
+    speed_rad_per_s: float = Field(gt=0, le=2)
+    duration_s: float = Field(ge=0.1, le=60)
+
+
+class BenchStop(StopTiming):
+    """A controlled stop: zero velocity, or damping in the torque loop, then power off."""
+
+    damping_n_m_s_per_rad: float = Field(gt=0, le=1000)
+
+
+class BenchRigFile(FileModel):
+    """A rig of kind `oswec bench`."""
+
+    name: str = Field(min_length=1, max_length=64)
+    kind: Literal["oswec bench"]
+    rate_hz: BenchRate
+    realtime: Literal["best effort", "required"]
+    limits: str = Field(min_length=1)  # file, relative to this one
+    plant: str = Field(min_length=1)  # file, relative to this one; simulates the hardware
+    calibrations: TupleOf[str] = Field(default=(), strict=False)  # files, relative to this one
+    servo: Servo
+    shaft_encoder: Encoder
+    brake: Brake
+    homing: Homing
+    torque_feedback: TorqueFeedback
+    instant_correction: InstantCorrection
+    drive_enable_timeout_s: float = Field(ge=0.1, le=60)
+    stop: BenchStop
+    supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
+    wiring: BenchWiring | None = None  # None: the rig can only be rehearsed
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that an encoder's counts fit its protocol and the brake current its output."""
+        if self.wiring is None:
+            return
+        bridge = self.wiring.encoders
+        for name, channel, encoder, key in (
+            ("motor", bridge.motor, self.servo.encoder, "servo.encoder"),
+            ("shaft", bridge.shaft, self.shaft_encoder, "shaft_encoder"),
+        ):
+            counts = encoder.counts_per_revolution
+            if counts > max_counts(channel):
+                yield RuleViolation(
+                    ("wiring", "encoders", name, "protocol"),
+                    f"{channel.protocol} carries up to {max_counts(channel)} counts, "
+                    f"{key}.counts_per_revolution is {counts}",
+                    channel.protocol,
+                )
+        max_current, output = self.brake.map[-1].current_a, self.wiring.analog.values[1]
+        if output.high < max_current:
+            yield RuleViolation(
+                ("wiring", "analog", "values", 1, "high"),
+                f"{format_number(output.high)} A is less than brake.map needs; "
+                f"allowed from {format_number(max_current)} A",
+                output.high,
+            )

@@ -1,0 +1,284 @@
+"""The session file of a bench: rig, rows, timing, correction and feedback.
+
+A session uses one loop of the servo drive. Rows of the velocity loop have an amplitude of the
+shaft's angle, rows of the torque loop an amplitude of torque or of current.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_serializer,
+    model_serializer,
+)
+
+from rig.config.campaign_file import FolderName, Tare, TareOrNone
+from rig.config.columns import Column
+from rig.config.matrix import ExpandValues
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.problems import format_number, format_value
+from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS, SessionRequirements
+
+Amplitude = Annotated[float, Field(ge=0.1, le=90)]
+Period = Annotated[float, Field(ge=0.2, le=600)]
+Damping = Annotated[float, Field(ge=0, le=1000)]
+BrakeCurrent = Annotated[float, Field(ge=0, le=20)]
+TorqueAmplitude = Annotated[float, Field(gt=0, le=1000)]
+CurrentAmplitude = Annotated[float, Field(gt=0, le=100)]
+ReleaseAngle = Annotated[float, Field(ge=-90, le=90)]
+WaveAmplitude = Annotated[float, Field(ge=0.001, le=0.5)]
+
+SESSION_COLUMNS = (
+    Column("amplitude_deg", "amplitude", "deg", "amplitude"),
+    Column("torque_amplitude_n_m", "torque_amplitude", "N*m", "torque amplitude"),
+    Column("current_amplitude_a", "current_amplitude", "A", "current amplitude"),
+    Column("period_s", "period", "s", "period"),
+    Column("damping_n_m_s_per_rad", "damping", "N*m*s/rad", "damping"),
+    Column("brake_current_a", "brake_current", "A", "brake current"),
+    Column("release_deg", "release", "deg", "release angle"),
+    Column("wave_amplitude_m", "wave_amplitude", "m", "wave amplitude"),
+    Column("pto_damping_n_m_s_per_rad", "pto_damping", "N*m*s/rad", "motor damping"),
+)
+"""Columns that may change from row to row."""
+
+
+class SessionRow(FileModel):
+    """One row; columns that are not given are not commanded."""
+
+    amplitude_deg: Amplitude | None = None
+    torque_amplitude_n_m: TorqueAmplitude | None = None
+    current_amplitude_a: CurrentAmplitude | None = None
+    period_s: Period | None = None
+    damping_n_m_s_per_rad: Damping | None = None
+    brake_current_a: BrakeCurrent | None = None
+    release_deg: ReleaseAngle | None = None
+    wave_amplitude_m: WaveAmplitude | None = None
+    pto_damping_n_m_s_per_rad: Damping | None = None
+
+    @model_serializer(mode="wrap")
+    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in dump(self).items() if value is not None}
+
+
+class SessionGrid(FileModel):
+    """All combinations of the given values; the first key changes slowest."""
+
+    amplitude_deg: Annotated[TupleOf[Amplitude] | None, ExpandValues] = None
+    torque_amplitude_n_m: Annotated[TupleOf[TorqueAmplitude] | None, ExpandValues] = None
+    current_amplitude_a: Annotated[TupleOf[CurrentAmplitude] | None, ExpandValues] = None
+    period_s: Annotated[TupleOf[Period] | None, ExpandValues] = None
+    damping_n_m_s_per_rad: Annotated[TupleOf[Damping] | None, ExpandValues] = None
+    brake_current_a: Annotated[TupleOf[BrakeCurrent] | None, ExpandValues] = None
+    release_deg: Annotated[TupleOf[ReleaseAngle] | None, ExpandValues] = None
+    wave_amplitude_m: Annotated[TupleOf[WaveAmplitude] | None, ExpandValues] = None
+    pto_damping_n_m_s_per_rad: Annotated[TupleOf[Damping] | None, ExpandValues] = None
+
+    @model_serializer(mode="wrap")
+    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in dump(self).items() if value is not None}
+
+
+class SessionTiming(FileModel):
+    """Duration of a row."""
+
+    rise_s: float = Field(ge=0.1, le=60)  # of the fade-in and of the fade-out
+    settle_periods: WholeNumber = Field(ge=0, le=1000)  # from fade-in to measurement
+    periods: WholeNumber = Field(ge=1, le=10_000)  # periods to measure
+
+
+class IrregularReference(FileModel):
+    """A reference of many cosines: all lines k/repeat of a band, with random phases."""
+
+    low_hz: float = Field(ge=0.01, le=5)
+    high_hz: float = Field(ge=0.01, le=5)
+    repeat_s: float = Field(ge=1, le=600)
+    seed: WholeNumber = Field(ge=0, le=4_294_967_295)
+    draws: WholeNumber = Field(default=100, ge=1, le=1000)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the band contains a line, and at most `MAX_LINES` lines."""
+        first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
+        count = int(last + 1e-9) - int(first - 1e-9)
+        if self.high_hz <= self.low_hz or count < 1:
+            yield RuleViolation(
+                ("high_hz",),
+                f"{format_number(self.high_hz)} leaves no multiple of 1/repeat_s above low_hz = "
+                f"{format_number(self.low_hz)} Hz",
+                self.high_hz,
+            )
+        elif count > MAX_LINES:
+            yield RuleViolation(
+                ("repeat_s",),
+                f"{format_number(self.repeat_s)} gives {count} lines; allowed at most {MAX_LINES}",
+                self.repeat_s,
+            )
+
+
+MAX_LINES = 40
+"""Maximum number of cosines of a reference; each costs the tick some microseconds."""
+
+
+class NoCorrection(FileModel):
+    """No correction of the driveline."""
+
+    kind: Literal["none"]
+
+
+class OnlineCorrection(FileModel):
+    """Amplification and phase advance of each component by regressions of an uncorrected run."""
+
+    kind: Literal["online"]
+    regressions: str = Field(min_length=1)  # file of constants with driveline points
+    conditions: str | None = Field(default=None, min_length=1)  # None: the file of regressions
+    phase_over: Literal["velocity", "torque", "both"] = "both"  # regressors of the phase
+
+
+class InstantaneousCorrection(FileModel):
+    """Lead of the motor by the deflection that follows from the measured torque."""
+
+    kind: Literal["instantaneous"]
+    map: str = Field(min_length=1)  # file of constants with a deflection map
+
+
+AnyCorrection = NoCorrection | OnlineCorrection | InstantaneousCorrection
+
+
+MAX_WAVE_HZ = 2.0
+"""Maximum wave frequency, Hz; shorter waves do not excite a body of a flap's size."""
+
+
+def _check_flap(
+    requirements: SessionRequirements, at: tuple[str, int], given: dict[str, Any]
+) -> Iterator[RuleViolation]:
+    """Check that wave periods are long enough and that the release angle is not the rest angle."""
+    for key, values in given.items():
+        is_list = isinstance(values, list | tuple)
+        for i, value in enumerate(values if is_list else [values]):
+            value_key = (*at, key, i) if is_list else (*at, key)
+            if requirements.needs_waves and key == "period_s" and value < 1.0 / MAX_WAVE_HZ:
+                message = f"{format_number(value)} is too short for waves; allowed 0.5 s and longer"
+                yield RuleViolation(value_key, message, value)
+            if key == "release_deg" and abs(value) < MIN_RELEASE_DEG:
+                message = f"{format_number(value)} is the rest position; "
+                message += "allowed angles from 0.1 deg, either sign"
+                yield RuleViolation(value_key, message, value)
+
+
+MIN_RELEASE_DEG = 0.1
+"""Minimum magnitude of a release angle, deg."""
+
+
+def _expand_correction(value: Any) -> Any:
+    if value == "none":
+        return {"kind": "none"}
+    if isinstance(value, str):
+        raise rule_error(
+            f"{format_value(value)} is not known; allowed none, or a mapping with kind online or "
+            "instantaneous"
+        )
+    return value
+
+
+class SessionFile(FileModel):
+    """A session of the bench."""
+
+    name: FolderName
+    session: Literal[
+        "driveline",
+        "velocity_constant",
+        "brake_map",
+        "losses",
+        "torque_constant",
+        "torque_tracking",
+        "flap_free_decay",
+        "flap_hydrostatic",
+        "flap_rao",
+        "flap_pto_sweep",
+    ]
+    rig: str = Field(min_length=1)  # file, relative to this one
+    plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
+    calibrations: TupleOf[str] = Field(default=(), strict=False)  # take precedence over the rig's
+    seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
+    shaft: Literal["free", "clamped"] = "free"
+    rows: TupleOf[SessionRow] | None = Field(default=None, min_length=1, strict=False)
+    grid: TupleOf[SessionGrid] | None = Field(default=None, min_length=1, strict=False)
+    irregular: IrregularReference | None = None
+    timing: SessionTiming
+    correction: Annotated[
+        Annotated[AnyCorrection, Field(discriminator="kind")], BeforeValidator(_expand_correction)
+    ] = NoCorrection(kind="none")
+    position_feedback_per_s: float = Field(default=0.0, ge=0, le=5)  # 0: the shaft may drift
+    control: Literal["open loop", "closed loop"] = "open loop"
+    tare: TareOrNone = Tare()
+    order: Literal["as given", "random"] = "as given"
+    repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the rows, and that the kind of session allows all given options."""
+        requirements = SESSION_KINDS[self.session]
+        if (self.rows is None) == (self.grid is None):
+            given_keys = "nothing given" if self.rows is None else "rows and grid given"
+            yield RuleViolation((), f"{given_keys}; allowed exactly one of rows, grid")
+        for key, entries in (("rows", self.rows), ("grid", self.grid)):
+            for i, entry in enumerate(entries or ()):
+                given = entry.model_dump()
+                yield from self._check_row(requirements, (key, i), set(given))
+                yield from _check_flap(requirements, (key, i), given)
+        if self.irregular is not None and not requirements.allows_irregular:
+            message = f"a session {self.session} is regular; leave the key out"
+            yield RuleViolation(("irregular",), message)
+        if self.correction.kind != "none" and not requirements.allows_correction:
+            message = f"a session {self.session} is not corrected; allowed none"
+            yield RuleViolation(("correction",), message, self.correction.kind)
+        if self.control == "closed loop" and not requirements.allows_feedback:
+            message = f"a session {self.session} has no torque to follow; allowed open loop"
+            yield RuleViolation(("control",), message, self.control)
+        if self.shaft == "clamped" and requirements.loop == "velocity":
+            message = "the velocity loop turns the shaft; allowed free"
+            yield RuleViolation(("shaft",), message, self.shaft)
+        if self.shaft == "clamped" and requirements.flap_coupling:
+            message = f"a session {self.session} moves the shaft; allowed free"
+            yield RuleViolation(("shaft",), message, self.shaft)
+        highest = self.irregular.high_hz if self.irregular is not None else 0.0
+        if requirements.needs_waves and highest > MAX_WAVE_HZ:
+            message = f"{format_number(highest)} is too high for waves; allowed up to 2 Hz"
+            yield RuleViolation(("irregular", "high_hz"), message, highest)
+        if self.position_feedback_per_s > 0.0 and requirements.loop == "torque":
+            message = "the torque loop has no position; leave the key out"
+            yield RuleViolation(("position_feedback_per_s",), message, self.position_feedback_per_s)
+
+    def _check_row(
+        self, requirements: SessionRequirements, at: tuple[str, int], given: set[str]
+    ) -> Iterator[RuleViolation]:
+        """Check the columns of a row: all required ones, and no column without a use."""
+        period = () if self.irregular is not None else ("period_s",)
+        required = [requirements.amplitude_column, *period, *requirements.required_columns]
+        for key in required:
+            if key not in given:
+                yield RuleViolation(
+                    at, f"{key} missing; a session {self.session} needs it in every row"
+                )
+        for key in sorted(given - {*required, *requirements.optional_columns}):
+            if key == "period_s":
+                message = "an irregular reference repeats after irregular.repeat_s; leave it out"
+            else:
+                allowed = ", ".join((*required, *requirements.optional_columns))
+                message = f"a session {self.session} has no use for it; allowed {allowed}"
+            yield RuleViolation((*at, key), message)
+
+    @field_serializer("tare")
+    def _tare_as_written(self, tare: Tare | None) -> Any:
+        return "none" if tare is None else tare.model_dump()
+
+    @property
+    def tare_duration(self) -> float:
+        """Duration of the tare, s; 0 if the file has `tare: none`."""
+        return 0.0 if self.tare is None else self.tare.duration_s
+
+    @property
+    def loop(self) -> Literal["velocity", "torque"]:
+        """The loop of the drive that is closed."""
+        return SESSION_KINDS[self.session].loop

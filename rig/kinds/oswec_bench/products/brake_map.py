@@ -1,0 +1,112 @@
+"""Brake torque over current: a rising and a falling branch, each point with its interval."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.kinds.oswec_bench.products import periods
+from rig.kinds.oswec_bench.products.deflection import WINDOW, Motion
+from rig.kinds.oswec_bench.products.estimate import (
+    CELL_UNCERTAINTY,
+    Estimate,
+    Floats,
+    mean,
+    with_floor,
+)
+
+
+class BrakePoint(NamedTuple):
+    """One set point: a brake current, and the brake's torque on the moving shaft."""
+
+    current: float  # A, measured
+    torque: Estimate  # N*m, mean of both directions
+    rising: bool  # reached from a smaller current
+
+
+class Branch(NamedTuple):
+    """Torque over current; currents are strictly rising."""
+
+    current: Floats  # A
+    torque: Floats  # N*m
+    uncertainty: Floats  # N*m
+
+
+class BrakeMap(NamedTuple):
+    """Both branches; a falling branch that was not measured is empty."""
+
+    rising: Branch
+    falling: Branch
+    hysteresis: Estimate  # N*m, falling less rising branch at equal current, mean
+
+
+def brake_torque(motion: Motion) -> Estimate:
+    """Return the torque against the rotation at speed: half the difference of both directions.
+
+    Only samples with at least half of the shaft's top speed count: there the magnetisation has
+    settled and the driveline's gap is closed. The interval rests on the scatter of the periods.
+    """
+    velocity = periods.velocity(motion.shaft, motion.cut.dt, WINDOW)
+    fast = 0.5 * np.abs(velocity).max()
+    torques = []
+    signals = [periods.split_periods(each, motion.cut) for each in (velocity, motion.torque)]
+    for v, torque in zip(*signals, strict=True):
+        directions = [torque[v > fast], torque[v < -fast]]
+        if all(len(direction) for direction in directions):
+            torques.append(0.5 * (directions[0].mean() - directions[1].mean()))
+    return with_floor(
+        mean(torques, "N*m", f"{len(torques)} periods, by their scatter"), CELL_UNCERTAINTY
+    )
+
+
+def brake_points(points: list[Motion], currents: list[float]) -> list[BrakePoint]:
+    """Return the points in the order of time; the first one counts as reached from below."""
+    points_with_torque = []
+    previous = -np.inf
+    rising = True
+    for point, current in zip(points, currents, strict=True):
+        if abs(current - previous) > 1e-3:
+            rising = current > previous
+        points_with_torque.append(BrakePoint(current, brake_torque(point), rising))
+        previous = current
+    return points_with_torque
+
+
+def brake_map(points: list[BrakePoint]) -> BrakeMap:
+    """Return the branches of the points; points of a branch with equal current are averaged.
+
+    The largest current is part of both branches: the falling one starts there.
+    """
+    if len(points) < 2:
+        raise ValueError(f"{len(points)} set points; a brake map needs at least 2")
+    rising_points = [each for each in points if each.rising]
+    falling_points = [each for each in points if not each.rising]
+    if falling_points:
+        max_current = max(each.current for each in falling_points)
+        falling_points += [each for each in rising_points if each.current > max_current + 1e-3][-1:]
+    rising, falling = _branch(rising_points), _branch(falling_points)
+    return BrakeMap(rising, falling, _hysteresis(rising, falling))
+
+
+def _branch(points: list[BrakePoint]) -> Branch:
+    rows: list[tuple[float, float, float]] = []
+    for each in sorted(points, key=lambda point: point.current):
+        row = (each.current, each.torque.value, each.torque.uncertainty)
+        if rows and row[0] - rows[-1][0] < 1e-3:
+            last = rows.pop()
+            row = tuple(0.5 * (a + b) for a, b in zip(last, row, strict=True))  # type: ignore[assignment]
+        rows.append(row)
+    columns = np.array(rows, np.float64).reshape(-1, 3).T
+    return Branch(*columns)
+
+
+def _hysteresis(rising: Branch, falling: Branch) -> Estimate:
+    method = "falling less rising branch, by scatter between currents"
+    if len(falling.current) < 2 or len(rising.current) < 2:
+        return Estimate(float("nan"), float("nan"), "N*m", method)
+    low = max(rising.current[0], falling.current[0])
+    high = min(rising.current[-1], falling.current[-1])
+    currents = falling.current[(falling.current > low + 1e-3) & (falling.current < high - 1e-3)]
+    width = np.interp(currents, falling.current, falling.torque) - np.interp(
+        currents, rising.current, rising.torque
+    )
+    return mean(width, "N*m", method)

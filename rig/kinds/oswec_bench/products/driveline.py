@@ -1,0 +1,206 @@
+"""The driveline session: deflection between motor and shaft, its trends, its correction.
+
+The analysis follows chapter 2 of the OSWEC thesis. A corrected set point is rated by reference
+minus shaft, compared with the uncorrected one of the same amplitude and damping; the drive's own
+following error (reference minus motor) is listed separately.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.kinds.oswec_bench.products import periods, regressions, torque_map
+from rig.kinds.oswec_bench.products.deflection import (
+    WINDOW,
+    Motion,
+    ShaftLag,
+    error_percentile,
+    pooled_percentile,
+    shaft_lag,
+)
+from rig.kinds.oswec_bench.products.estimate import Floats
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.regressions import Correction, Regressions
+from rig.kinds.oswec_bench.products.torque_map import TorqueMap
+
+DEGREE = float(np.pi / 180.0)
+
+
+class DrivelineSetpoint(NamedTuple):
+    """A set point with its results."""
+
+    point: SetpointData
+    motion: Motion
+    lag: ShaftLag
+    error: Floats  # rad, reference minus shaft, drift removed
+    following_error: Floats  # rad, reference minus motor
+    drift: float  # rad/s, of the motor
+    drive_gain: float  # rad/s/V, motor's velocity over command, fundamentals
+    drive_lag: float  # s, of the motor behind its command, without the age of the readings
+
+    @property
+    def setpoint(self) -> tuple[float, float]:
+        """Requested amplitude (deg) and damping (N*m*s/rad)."""
+        return (
+            round(self.point.plan_value("amplitude_deg"), 3),
+            round(self.point.plan_value("damping_n_m_s_per_rad"), 3),
+        )
+
+
+class OfflineErrors(NamedTuple):
+    """Errors after equation 2.6 on uncorrected set points, rad; one entry per set point."""
+
+    all_points: list[Floats]  # corrected motor minus shaft, regressions of all set points
+    leave_one_out: list[Floats]  # regressions without the rated set point
+    delay_over_torque: list[Floats]  # as before, with the delay over torque
+
+
+class CorrectionScheme(NamedTuple):
+    """A correction in the loop, compared with the uncorrected set points."""
+
+    name: str
+    pairs: list[tuple[DrivelineSetpoint, DrivelineSetpoint]]  # corrected, uncorrected
+
+    @property
+    def corrected_error(self) -> float:
+        """95th percentile of the error over all pairs, rad."""
+        return pooled_percentile([corrected.error for corrected, _ in self.pairs])
+
+    @property
+    def uncorrected_error(self) -> float:
+        """95th percentile of the error without correction, rad."""
+        return pooled_percentile([other.error for _, other in self.pairs])
+
+
+class DrivelineResult(NamedTuple):
+    """All results of the session, in SI units."""
+
+    uncorrected: list[DrivelineSetpoint]  # uncorrected
+    corrected: list[DrivelineSetpoint]
+    regressions: Regressions | None  # None with fewer than three uncorrected set points
+    offline: OfflineErrors | None
+    torque_map: TorqueMap | None
+    schemes: list[CorrectionScheme]
+
+
+def analyse_point(point: SetpointData) -> DrivelineSetpoint:
+    """Return the results of one set point."""
+    motion = point.motion()
+    reference = periods.detrend(point.delayed_reference_angle, motion.cut)
+    return DrivelineSetpoint(
+        point,
+        motion,
+        shaft_lag(motion),
+        reference - motion.shaft,
+        reference - motion.motor,
+        periods.drift(point.motor, motion.cut),
+        *_drive_gain_and_lag(point, motion),
+    )
+
+
+def _drive_gain_and_lag(point: SetpointData, motion: Motion) -> tuple[float, float]:
+    """Return gain and lag of the velocity loop under load; NaN if there was no command."""
+    command = periods.fundamentals(point.trim(point.volts, motion.cut), motion.cut).mean()
+    if not abs(command) > 1e-6:
+        return float("nan"), float("nan")
+    ratio = 1j * motion.cut.omega * periods.fundamentals(motion.motor, motion.cut).mean() / command
+    return float(np.abs(ratio)), float(-np.angle(ratio) / motion.cut.omega) - point.encoder_age
+
+
+def analyse_driveline(session: SessionRun, baseline: SessionRun | None = None) -> DrivelineResult:
+    """Analyse a run; ``baseline`` supplies uncorrected set points that this run lacks."""
+    points = [analyse_point(point) for point in session.complete_points]
+    if session.irregular:
+        points = [each._replace(lag=_lag_by_delay(each)) for each in points]
+    uncorrected = [each for each in points if each.point.correction_name == "none"]
+    baseline_points = [analyse_point(p) for p in baseline.complete_points] if baseline else []
+    reference_points = {
+        each.setpoint: each for each in baseline_points if each.point.correction_name == "none"
+    }
+    reference_points |= {each.setpoint: each for each in uncorrected}
+    corrected = [each for each in points if each.point.correction_name != "none"]
+    sinusoids = [] if session.irregular else uncorrected
+    fitted_regressions = (
+        regressions.fit_regressions([e.lag for e in sinusoids]) if len(sinusoids) >= 3 else None
+    )
+    binned = [torque_map.bin_deflection(each.motion) for each in uncorrected]
+    binned = [each for each in binned if len(each.torque) >= 4]
+    names = dict.fromkeys(each.point.correction_name for each in corrected)
+    schemes = [
+        CorrectionScheme(name, pairs)
+        for name in names
+        if (
+            pairs := [
+                (each, reference_points[each.setpoint])
+                for each in corrected
+                if each.point.correction_name == name and each.setpoint in reference_points
+            ]
+        )
+    ]
+    return DrivelineResult(
+        uncorrected,
+        corrected,
+        fitted_regressions,
+        _offline_errors(uncorrected, fitted_regressions),
+        torque_map.fit_map(binned) if len(binned) >= 3 else None,
+        schemes,
+    )
+
+
+def _lag_by_delay(point: DrivelineSetpoint) -> ShaftLag:
+    """Return the lag of an irregular set point, with its delay as a share of the repeat period.
+
+    An irregular motion has no single phase. s(t) = m(t - d) is m - d m' to first order, so d = sum
+    (m - s) m' / sum m'^2.
+    """
+    motor, cut = point.motion.motor, point.motion.cut
+    velocity = periods.velocity(motor, cut.dt, WINDOW)
+    deflection = point.motion.deflection
+    delays = [
+        float((d * v).sum() / (v * v).sum())
+        for d, v in zip(
+            periods.split_periods(deflection, cut),
+            periods.split_periods(velocity, cut),
+            strict=True,
+        )
+    ]
+    return point.lag._replace(phase_shift=np.array(delays) / cut.period)
+
+
+def _offline_errors(
+    uncorrected: list[DrivelineSetpoint], all_regressions: Regressions | None
+) -> OfflineErrors | None:
+    if all_regressions is None or len(uncorrected) < 4:
+        return None
+    lags = [each.lag for each in uncorrected]
+
+    def error(i: int, correction: Correction) -> Floats:
+        motion = uncorrected[i].motion
+        return regressions.correct_offline(motion, correction, lags[i].amplitude) - motion.shaft
+
+    left_out_regressions = [regressions.leave_one_out(lags, i) for i in range(len(lags))]
+    indices = range(len(lags))
+    return OfflineErrors(
+        [error(i, regressions.predict_correction(all_regressions, lags[i])) for i in indices],
+        [
+            error(i, regressions.predict_correction(left_out_regressions[i], lags[i]))
+            for i in indices
+        ],
+        [
+            error(
+                i,
+                regressions.predict_correction(
+                    left_out_regressions[i], lags[i], delay_over_torque=True
+                ),
+            )
+            for i in indices
+        ],
+    )
+
+
+def max_deflection(result: DrivelineResult) -> float:
+    """Return the largest 95th percentile of the deflection of any uncorrected set point, rad."""
+    return max(
+        (error_percentile(each.motion.deflection) for each in result.uncorrected),
+        default=float("nan"),
+    )

@@ -1,0 +1,260 @@
+"""Free decay of the flap: natural period, and linear, quadratic and dry damping, from the whole
+motion.
+
+Equation of motion per inertia, with radiation as a memory of second order (h of v = theta', at rest
+at the release):
+
+    theta'' = -w (theta - theta0) - c v - b |v| v - f sign(v) - r m,    m = s / (s^2 + d s + e) v
+
+The acceleration is fitted where the flap moves fast enough for dry friction to have one sign. For
+given d and e the model is linear in all other coefficients; d and e are searched. Period and rate
+of small swings are those of the slow root of (s^2 + c s + w)(s^2 + d s + e) + r s^2: the motion
+without quadratic and dry friction. The individual values of c, r, d and e are poorly determined,
+that root is determined well. Intervals are by leaving out one release at a time.
+"""
+
+import itertools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import bilinear, find_peaks, lfilter, savgol_filter
+
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknife
+from rig.kinds.oswec_bench.products.losses import moving_samples
+
+WINDOW, ORDER = 0.15, 5  # s and degree of the polynomials whose derivatives are taken
+MIN_SPEED_SHARE = 0.1  # share of a release's top speed
+STILL_ANGLE = 2e-4  # rad
+_LOG_STEP = 1e-4  # step of a logarithm for numerical derivatives
+
+
+class Release(NamedTuple):
+    """One release during its motion, (samples,) from the moment of release."""
+
+    dt: float  # s
+    angle: Floats  # rad
+    velocity: Floats  # rad/s
+    acceleration: Floats  # rad/s^2
+    fitted_samples: Any  # mask of the fitted samples
+
+    @property
+    def time(self) -> Floats:
+        """Time since the release, s."""
+        seconds: Floats = np.float64(self.dt) * np.arange(len(self.angle), dtype=np.float64)
+        return seconds
+
+
+class Fit(NamedTuple):
+    """Coefficients of the equation of motion above."""
+
+    spring: float  # w, 1/s^2
+    linear: float  # c, 1/s
+    quadratic: float  # b, 1/rad
+    dry_friction: float  # f, rad/s^2
+    offset: float  # w theta0, rad/s^2
+    memory_gain: float  # r, 1/s^2
+    memory_damping: float  # d, 1/s
+    memory_stiffness: float  # e, 1/s^2
+
+
+class Decay(NamedTuple):
+    """Results of a session of releases."""
+
+    fit: Fit
+    period: Estimate  # s, of small swings
+    decay_rate: Estimate  # 1/s, decay rate of small swings
+    damping_ratio: Estimate  # decay rate over natural frequency
+    natural_squared: Estimate  # 1/s^2, square of the natural frequency
+    quadratic: Estimate  # b / w, s^2/rad, per spring rate
+    friction: Estimate  # f / w, rad: largest angle from rest at which dry friction holds the flap
+    rest_angle: Estimate  # rad
+
+
+class HalfSwingLoss(NamedTuple):
+    """Amplitude loss of a half swing, from one turning point to the next on the other side."""
+
+    mean_amplitude: float  # rad, amplitude
+    amplitude_loss: float  # rad
+
+
+def prepare_release(angle: Floats, dt: float) -> Release:
+    """Return a release of angles (rad); ValueError if the flap does not move."""
+    moves = np.flatnonzero(np.abs(angle - angle[-1]) > STILL_ANGLE)
+    if not len(moves):
+        raise ValueError("the flap does not move after the release")
+    length = min(len(angle), int(moves[-1]) + round(0.5 / dt))
+    window_samples = 2 * round(0.5 * WINDOW / dt) + 1
+    derivatives = [
+        savgol_filter(angle, window_samples, ORDER, deriv=k, delta=dt)[:length] for k in range(3)
+    ]
+    fitted_samples = moving_samples(derivatives[1], window_samples // 2, MIN_SPEED_SHARE) > 0
+    fitted_samples[:window_samples] = False  # the window would contain both sides of the release
+    return Release(dt, derivatives[0], derivatives[1], derivatives[2], fitted_samples)
+
+
+def fit_decay(releases: list[Release]) -> Decay:
+    """Fit all releases together; ValueError for fewer than four, or a flap that does not swing."""
+    if len(releases) < 4:
+        raise ValueError(f"{len(releases)} releases; a decay needs at least 4")
+
+    def residuals(logs: Floats) -> Floats:
+        designs = [_design_matrix(each, logs) for each in releases]
+        out: Floats = (
+            np.concatenate(designs) @ _linear_coefficients(designs, releases) - accelerations
+        )
+        return out
+
+    accelerations = np.concatenate([each.acceleration[each.fitted_samples] for each in releases])
+    start_logs = _start_logs(releases)
+    solved = least_squares(
+        residuals, start_logs, bounds=(start_logs - 2.0, start_logs + 2.0), diff_step=1e-5
+    )
+    logs = solved.x
+    designs = [_design_matrix(each, logs) for each in releases]
+    linear = _linear_coefficients(designs, releases)
+    grams, right_sides = [], []
+    for each, design in zip(releases, designs, strict=True):
+        log_derivatives = [
+            (_design_matrix(each, logs + _LOG_STEP * unit) - design) @ linear / _LOG_STEP
+            for unit in np.eye(2)
+        ]
+        full_design = np.column_stack([design, *log_derivatives])
+        residual = each.acceleration[each.fitted_samples] - design @ linear
+        grams.append(full_design.T @ full_design)
+        right_sides.append(full_design.T @ residual)
+    gram, right = sum(grams), sum(right_sides)
+    unknowns = np.concatenate([linear, logs])
+    leave_one_out = [
+        _derived_quantities(
+            _fit_from_unknowns(unknowns + np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0])
+        )
+        for g, r in zip(grams, right_sides, strict=True)
+    ]
+    fit = _fit_from_unknowns(unknowns)
+    values = _derived_quantities(fit)
+    if not np.isfinite(values).all():
+        raise ValueError("the flap does not swing")
+    half_widths = jackknife(values, np.array(leave_one_out))
+    units = ("s", "1/s", "1", "1/s^2", "s^2/rad", "rad", "rad")
+    method = f"acceleration by least squares, jackknife over {len(releases)} releases"
+    return Decay(
+        fit,
+        *(
+            Estimate(float(v), float(h), u, method)
+            for v, h, u in zip(values, half_widths, units, strict=True)
+        ),
+    )
+
+
+def _design_matrix(release: Release, logs: Floats) -> Floats:
+    """Return the design matrix of the acceleration, (samples, 6), for the logarithms of d and e."""
+    memory_damping, memory_stiffness = np.exp(logs)
+    v, fitted_samples = release.velocity, release.fitted_samples
+    memory = lfilter(
+        *bilinear([1.0, 0.0], [1.0, memory_damping, memory_stiffness], 1.0 / release.dt), v
+    )
+    columns = [-release.angle, -v, -np.abs(v) * v, -np.sign(v), np.ones(len(v)), -memory]
+    design: Floats = np.stack(columns, axis=1)[fitted_samples]
+    return design
+
+
+def _linear_coefficients(designs: list[Floats], releases: list[Release]) -> Floats:
+    """Return w, c, b, f, w theta0 and r by least squares."""
+    gram = sum(each.T @ each for each in designs)
+    right = sum(
+        d.T @ r.acceleration[r.fitted_samples] for d, r in zip(designs, releases, strict=True)
+    )
+    scale = 1.0 / np.sqrt(np.diag(gram))
+    coefficients: Floats = scale * np.linalg.solve(gram * np.outer(scale, scale), scale * right)
+    return coefficients
+
+
+def _start_logs(releases: list[Release]) -> Floats:
+    """Return logarithms of a memory several times faster than the flap's swing."""
+    frequencies = [
+        float(
+            np.sqrt(
+                -(r.acceleration * r.angle)[r.fitted_samples].sum()
+                / (r.angle**2)[r.fitted_samples].sum()
+            )
+        )
+        for r in releases
+    ]
+    natural_frequency = float(np.median(frequencies))
+    return np.log([6.0 * natural_frequency, 12.0 * natural_frequency * natural_frequency])
+
+
+def _fit_from_unknowns(x: Any) -> Fit:
+    return Fit(*(float(each) for each in x[:6]), *(float(each) for each in np.exp(x[6:])))
+
+
+def swinging_root(fit: Fit) -> complex:
+    """Return the slow oscillatory root, 1/s; NaN if there is none."""
+    body = np.polymul(
+        [1.0, fit.linear, fit.spring], [1.0, fit.memory_damping, fit.memory_stiffness]
+    )
+    roots = np.roots(np.polyadd(body, [fit.memory_gain, 0.0, 0.0]))
+    roots = roots[roots.imag > 0.0]
+    return complex(roots[np.argmin(np.abs(roots))]) if len(roots) else complex(math.nan, math.nan)
+
+
+def _derived_quantities(fit: Fit) -> Floats:
+    """Return period to rest angle, in the order of `Decay`."""
+    root = swinging_root(fit)
+    natural_frequency = abs(root)
+    return np.array(
+        [
+            2.0 * math.pi / root.imag,
+            -root.real,
+            -root.real / natural_frequency,
+            natural_frequency * natural_frequency,
+            fit.quadratic / fit.spring,
+            fit.dry_friction / fit.spring,
+            fit.offset / fit.spring,
+        ]
+    )
+
+
+def half_swing_losses(release: Release, rest_angle: float) -> list[HalfSwingLoss]:
+    """Return the half swings by their turning points on either side of the rest angle."""
+    angle = release.angle - rest_angle
+    turning_points = [
+        find_peaks(sign * angle, prominence=5.0 * STILL_ANGLE)[0] for sign in (1.0, -1.0)
+    ]
+    extremes = angle[np.sort(np.concatenate(turning_points))]
+    return [
+        HalfSwingLoss(float(0.5 * (abs(a) + abs(b))), float(abs(a) - abs(b)))
+        for a, b in itertools.pairwise([angle[0], *extremes])
+        if a * b < 0.0 and abs(a) > abs(b)
+    ]
+
+
+def simulate_release(fit: Fit, start_angle: float, count: int, dt: float) -> Floats:
+    """Return angles (rad) of the fitted flap, every ``dt`` s, after a release at ``start_angle``.
+
+    Steps are half-implicit, with the velocity half a step behind; dry friction holds the flap
+    exactly.
+    """
+    rest_angle = fit.offset / fit.spring
+    angle, v, memory, memory_rate = start_angle - rest_angle, 0.0, 0.0, 0.0
+    angles = np.empty(count)
+    step = 0.5 * dt
+    for k in range(count):
+        angles[k] = angle + rest_angle
+        memory += step * memory_rate
+        velocity_without_friction = v - step * (
+            fit.spring * angle + memory_rate + (fit.linear + fit.quadratic * abs(v)) * v
+        )
+        next_velocity = math.copysign(
+            max(abs(velocity_without_friction) - step * fit.dry_friction, 0.0),
+            velocity_without_friction,
+        )
+        memory_input = step * (
+            0.5 * fit.memory_gain * (next_velocity + v) - fit.memory_stiffness * memory
+        )
+        memory_rate = (memory_rate + memory_input) / (1.0 + step * fit.memory_damping)
+        v, step = next_velocity, dt
+        angle += dt * v
+    return angles

@@ -1,0 +1,133 @@
+"""The deflection as a piecewise linear function of torque: half gap, soft zone, stiffness.
+
+Figure 2.9 of the OSWEC thesis. In the direction of motion, with the teeth in contact,
+
+    deflection = half gap + soft zone * min(T / knee, 1) + T / stiffness,
+
+where T > 0 is the load cell's torque. The instantaneous position correction is this map; gap and
+stiffness are results in their own right. The model is linear except for the knee, which is
+searched.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.kinds.oswec_bench.products.deflection import Motion, engaged
+from rig.kinds.oswec_bench.products.estimate import (
+    CELL_UNCERTAINTY,
+    Estimate,
+    Floats,
+    jackknife,
+    with_floor,
+)
+from rig.kinds.oswec_bench.products.separable_fit import (
+    NormalEquations,
+    normal_equations,
+    search_grid,
+)
+
+KNEES = np.concatenate([np.arange(3.0, 20.0, 0.25), np.arange(20.0, 40.0, 1.0)])  # N*m
+BINS = 24  # bins of torque per direction and set point
+MIN_BIN_SAMPLES = 4  # samples in a bin
+
+
+class TorqueMap(NamedTuple):
+    """Parameters of the map, each with its interval by the scatter between set points."""
+
+    half_gap: Estimate  # rad
+    soft_zone: Estimate  # rad
+    knee: Estimate  # N*m
+    stiffness: Estimate  # N*m/rad
+    r_squared: float
+    residual: float  # rad, rms
+
+
+class BinnedDeflection(NamedTuple):
+    """A set point's deflection by torque, both directions combined; means of bins."""
+
+    torque: Floats  # N*m, > 0
+    deflection: Floats  # rad, in the direction of the torque
+    weight: Floats  # samples in the bin
+
+
+def bin_deflection(motion: Motion) -> BinnedDeflection:
+    """Return mean deflection and torque in bins of a set point's torque.
+
+    Each is half the difference of both directions, which cancels an offset of the zeros.
+    """
+    in_contact = engaged(motion)
+    directions = []
+    for sign in (1.0, -1.0):
+        side = in_contact & (sign * motion.torque > 0.0)
+        directions.append((sign * motion.torque[side], sign * motion.deflection[side]))
+    if min(len(torque) for torque, _ in directions) == 0:
+        return BinnedDeflection(np.empty(0), np.empty(0), np.empty(0))
+    max_torque = min(np.percentile(torque, 99.5) for torque, _ in directions)
+    edges = np.linspace(0.0, max_torque, BINS + 1)
+    rows = []
+    for low, high in pairwise(edges):
+        inside = [(x >= low) & (x < high) for x, _ in directions]
+        if min(int(i.sum()) for i in inside) >= MIN_BIN_SAMPLES:
+            torque = np.mean([x[i].mean() for (x, _), i in zip(directions, inside, strict=True)])
+            deflection = np.mean(
+                [np.mean(y[i]) for (_, y), i in zip(directions, inside, strict=True)]
+            )
+            rows.append((torque, deflection, float(sum(i.sum() for i in inside))))
+    columns = np.array(rows, np.float64).reshape(-1, 3).T
+    return BinnedDeflection(*columns)
+
+
+def _normal_equations(point: BinnedDeflection) -> NormalEquations:
+    torque, deflection, weight = point
+    ramp = np.minimum(torque[None, :] / KNEES[:, None], 1.0)
+    ones = np.ones_like(ramp)
+    return normal_equations(np.stack([ones, ramp, torque * ones], axis=2), deflection, weight)
+
+
+def _map_parameters(parameters: Floats) -> Floats:
+    """Return half gap, soft zone, knee, stiffness."""
+    gap, soft, compliance, knee = parameters
+    return np.array([gap, soft, knee, 1.0 / compliance])
+
+
+def fit_map(points: list[BinnedDeflection]) -> TorqueMap:
+    """Return the map through several set points; ValueError if fewer than three carry torque."""
+    points = [each for each in points if len(each.torque) >= 4]
+    if len(points) < 3:
+        raise ValueError(f"{len(points)} set points under load; a map needs at least 3")
+    searched = search_grid([_normal_equations(each) for each in points], KNEES)
+    values = _map_parameters(searched.parameters)
+    half_widths = jackknife(
+        values, np.array([_map_parameters(each) for each in searched.leave_one_out])
+    )
+    deflections = np.concatenate([each.deflection for each in points])
+    weight = np.concatenate([each.weight for each in points])
+    deviation = deflections - np.average(deflections, weights=weight)
+    method = f"map of {len(points)} set points, jackknife over them"
+    units = ("rad", "rad", "N*m", "N*m/rad")
+    gap, soft, knee, stiffness = (
+        Estimate(float(value), float(width), unit, method)
+        for value, width, unit in zip(values, half_widths, units, strict=True)
+    )
+    return TorqueMap(
+        gap,
+        soft,
+        with_floor(knee, CELL_UNCERTAINTY),
+        with_floor(stiffness, CELL_UNCERTAINTY),
+        1.0 - searched.residual_squares / float((weight * deviation * deviation).sum()),
+        float(np.sqrt(max(0.0, searched.residual_squares) / weight.sum())),
+    )
+
+
+def map_deflection(torque_map: TorqueMap, torque: Floats) -> Floats:
+    """Return the map's deflection at a torque of either sign, rad; its sign is the torque's."""
+    magnitude = np.abs(torque)
+    deflection = (
+        torque_map.half_gap.value
+        + torque_map.soft_zone.value * np.minimum(magnitude / torque_map.knee.value, 1.0)
+        + magnitude / torque_map.stiffness.value
+    )
+    signed: Floats = np.sign(torque) * deflection
+    return signed

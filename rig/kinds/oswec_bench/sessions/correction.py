@@ -1,0 +1,175 @@
+"""Correction of the shaft's position, computed before the run from results of earlier runs.
+
+Per component (`online`): an uncorrected run gives, row by row, the amplitude loss of the driveline
+and the delay of the shaft. A line of the amplitude difference over rms torque (OSWEC thesis
+(University of Washington), Fig. 2.5) and a line of the delay predict both for the conditions of a
+row; the row's own point never takes part in its lines. The line of the delay is one over rms
+velocity (thesis, Fig. 2.4), over rms torque, or over both: the angle by which the shaft trails,
+delay times velocity, is gap and torsion at the torque of full speed, so it is fitted as a line over
+torque, and the delay is that angle over the row's velocity. Velocity alone leaves out the torsion
+R/k, torque alone leaves out the gap. The conditions come from an uncorrected run, too: "experiments
+will need to be run without corrections, to capture torque" (thesis, section 2.3.2).
+
+Every component of an irregular reference gets the same delay and the same relative amplitude. A
+spring under a linear damper delays by R/k at any frequency, and a gap under a Gaussian motion
+delays by sqrt(2/pi) beta / sigma_v (statistical linearisation), so both causes support this choice.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.config.problems import ConfigError, Problem
+from rig.config.yaml_source import SourceMap
+from rig.kinds.oswec_bench.config.constants_file import ConstantsFile, DrivelinePoint
+from rig.kinds.oswec_bench.config.session_file import (
+    InstantaneousCorrection,
+    OnlineCorrection,
+    SessionFile,
+)
+from rig.kinds.oswec_bench.sessions.rows import SessionPoint
+
+MIN_POINTS = 3
+"""Minimum number of other rows for a line."""
+
+
+class RowCorrection(NamedTuple):
+    """Correction of the components of a row."""
+
+    extra_amplitude: float  # rad, added to the amplitude of the entire motion
+    advance: float  # s
+
+
+NO_CORRECTION = RowCorrection(0.0, 0.0)
+
+
+class Correction(NamedTuple):
+    """The correction of a session, as its plan needs it."""
+
+    rows: tuple[RowCorrection, ...]  # one per point of the file
+    torques: tuple[float, ...]  # N*m, increasing; map of an instantaneous correction, or empty
+    deflections: tuple[float, ...]  # rad
+    runs: dict[str, str]  # sources: key of the file -> run
+
+
+class Line(NamedTuple):
+    """y = offset + slope x."""
+
+    offset: float
+    slope: float
+
+    def value_at(self, x: float) -> float:
+        """Return y at x."""
+        return self.offset + self.slope * x
+
+
+def session_correction(
+    file: SessionFile,
+    points: tuple[SessionPoint, ...],
+    constants_files: dict[str, ConstantsFile | None],
+    locate: SourceMap,
+) -> Correction:
+    """Return the correction of a session; ``constants_files`` holds the files that its keys name.
+
+    Raises `ConfigError` if a row has no conditions, or too few other rows are left for a line.
+    """
+    settings = file.correction
+    runs = {key: used.run for key, used in constants_files.items() if used is not None}
+    uncorrected = (NO_CORRECTION,) * len(points)
+    if isinstance(settings, InstantaneousCorrection):
+        map_file = constants_files["map"]
+        if map_file is None or map_file.deflection_map is None:
+            raise ConfigError([_missing_part(locate, "map", settings.map, "deflection_map")])
+        deflection_map = map_file.deflection_map
+        angles = tuple(math.radians(deflection) for deflection in deflection_map.deflection_deg)
+        return Correction(uncorrected, deflection_map.torque_n_m, angles, runs)
+    if isinstance(settings, OnlineCorrection):
+        return Correction(
+            _online_corrections(file, settings, points, constants_files, locate), (), (), runs
+        )
+    return Correction(uncorrected, (), (), {})
+
+
+def _online_corrections(
+    file: SessionFile,
+    settings: OnlineCorrection,
+    points: tuple[SessionPoint, ...],
+    constants_files: dict[str, ConstantsFile | None],
+    locate: SourceMap,
+) -> tuple[RowCorrection, ...]:
+    regressions_file = constants_files["regressions"]
+    if regressions_file is None or not regressions_file.driveline:
+        raise ConfigError([_missing_part(locate, "regressions", settings.regressions, "driveline")])
+    conditions_file = constants_files["conditions"] or regressions_file
+    if not conditions_file.driveline:
+        raise ConfigError([_missing_part(locate, "conditions", settings.conditions, "driveline")])
+    rows, problems = [], []
+    period = file.irregular.repeat_s if file.irregular is not None else 0.0
+    for point in points:
+        row = next(
+            (d for d in conditions_file.driveline if _is_same_setpoint(d, point, period)), None
+        )
+        others = [d for d in regressions_file.driveline if not _is_same_setpoint(d, point, period)]
+        message = ""
+        if row is None:
+            message = f"no uncorrected row of these conditions in {conditions_file.run}"
+        elif len(others) < MIN_POINTS:
+            message = (
+                f"{len(others)} other rows in {regressions_file.run}; a line needs {MIN_POINTS}"
+            )
+        if message or row is None:
+            location = next(iter(point.locations.values()))
+            problems.append(location.problem(None, message))
+            continue
+        rows.append(row_correction(row, others, settings.phase_over))
+    if problems:
+        raise ConfigError(list(dict.fromkeys(problems)))
+    return tuple(rows)
+
+
+def row_correction(
+    row: DrivelinePoint, others: list[DrivelinePoint], phase_over: str
+) -> RowCorrection:
+    """Return extra amplitude and advance of a row, by lines through other rows."""
+    torques = [other.rms_torque_n_m for other in others]
+    abscissa = (
+        torques if phase_over == "torque" else [other.rms_velocity_rad_per_s for other in others]
+    )
+    delays = [0.01 * other.phase_shift_percent * other.period_s for other in others]
+    amplitude_losses = [other.amplitude_difference_deg for other in others]
+    row_abscissa = row.rms_torque_n_m if phase_over == "torque" else row.rms_velocity_rad_per_s
+    extra_amplitude = math.radians(fit_line(torques, amplitude_losses).value_at(row.rms_torque_n_m))
+    if phase_over == "both":
+        velocities = [other.rms_velocity_rad_per_s for other in others]
+        # rad, at rms velocity
+        trailing_angles = [t * v for t, v in zip(delays, velocities, strict=True)]
+        angle = fit_line(torques, trailing_angles).value_at(row.rms_torque_n_m)
+        return RowCorrection(extra_amplitude, angle / row.rms_velocity_rad_per_s)
+    return RowCorrection(extra_amplitude, fit_line(abscissa, delays).value_at(row_abscissa))
+
+
+def fit_line(x: list[float], y: list[float]) -> Line:
+    """Return the line of least squares; horizontal through the mean if all x are equal."""
+    if len(set(x)) < 2:
+        return Line(float(np.mean(y)), 0.0)
+    slope, offset = np.polyfit(x, y, 1)
+    return Line(float(offset), float(slope))
+
+
+def _is_same_setpoint(row: DrivelinePoint, point: SessionPoint, repeat_period: float) -> bool:
+    """Return whether an earlier row was run at this set point."""
+    values = point.values
+    period = values.get("period", repeat_period)
+    pairs = (
+        (row.amplitude_deg, values["amplitude"]),
+        (row.period_s, period),
+        (row.damping_n_m_s_per_rad, values.get("damping", 0.0)),
+    )
+    return all(
+        abs(recorded - requested) <= 1e-6 * max(abs(recorded), 1.0) for recorded, requested in pairs
+    )
+
+
+def _missing_part(locate: SourceMap, key: str, value: object, part: str) -> Problem:
+    return locate.problem(("correction", key), value, f"has no {part}; allowed a file that has")

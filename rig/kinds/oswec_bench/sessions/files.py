@@ -1,0 +1,223 @@
+"""Opening a session of the bench: reads every file that it refers to, and reports every problem at
+once.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from rig.config.problems import ConfigError, Problem
+from rig.config.pydantic_errors import validate
+from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
+from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
+from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
+from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
+from rig.kinds.oswec_bench.sessions.constants import Constants, select_constants
+from rig.kinds.oswec_bench.sessions.correction import Correction, session_correction
+from rig.kinds.oswec_bench.sessions.flume import check_wave_periods
+from rig.kinds.oswec_bench.sessions.rows import (
+    MAX_ROWS,
+    SessionPoint,
+    count_rows,
+    session_points,
+)
+from rig.planning.campaign.input_files import (
+    ConfigSource,
+    InputFile,
+    hash_input_files,
+    load_named_source,
+    sort_problems,
+)
+
+T = TypeVar("T")
+
+
+class SessionParts(NamedTuple):
+    """Parts of a session for further checks; None for a part that is missing or invalid."""
+
+    session: ConfigSource
+    rig: ConfigSource | None
+    plant: ConfigSource | None
+    rig_file: BenchRigFile | None
+    file: SessionFile | None
+
+
+class Session(NamedTuple):
+    """A session whose files passed every check that needs no plant."""
+
+    file: SessionFile
+    locate: SourceMap  # file and line of each value of the session file
+    rig: BenchRigFile
+    limits: BenchLimitsFile
+    plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
+    plant_locate: SourceMap
+    points: tuple[SessionPoint, ...]
+    constants: Constants
+    correction: Correction
+    files: tuple[InputFile, ...]  # with the files that they extend
+
+
+FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
+"""A further check of a session; it runs even if the session has other problems."""
+
+
+def no_further_check(parts: SessionParts) -> tuple[Problem, ...]:
+    """Return no problems: there is no further check."""
+    return ()
+
+
+def is_session(path: Path) -> bool:
+    """Return whether a file is a session file, not a campaign; False for an unreadable file."""
+    try:
+        mapping, _ = load_mapping(Path(path))
+    except ConfigError:
+        return False
+    return "session" in mapping
+
+
+class _FileReader:
+    """Reads file after file and collects the problems of each."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+        self.sources: list[ConfigSource | None] = []
+        self.files: list[InputFile] = []
+
+    def attempt(self, step: Callable[[], T]) -> T | None:
+        """Return the result of a step, or None if it found problems."""
+        try:
+            return step()
+        except ConfigError as error:
+            self.problems.extend(error.problems)
+            return None
+
+    def read(
+        self, role: str, owner: ConfigSource | None, key: KeyPath, replacement: Path | None = None
+    ) -> ConfigSource | None:
+        """Return the file named at a key of another file, or ``replacement``."""
+        if owner is None:
+            return None
+        source = self.attempt(
+            lambda: (
+                load_named_source(owner, key)
+                if replacement is None
+                else ConfigSource(*load_mapping(replacement))
+            )
+        )
+        self.sources.append(source)
+        self.files += hash_input_files(role, source)
+        return source
+
+    def validated(self, source: ConfigSource | None, model: type[T]) -> T | None:
+        """Return a source as its model, or None if it is invalid."""
+        if source is None:
+            return None
+        return self.attempt(lambda: validate(source.mapping, source.locate, model))  # type: ignore[type-var]
+
+    def constants(self, owner: ConfigSource | None, key: KeyPath) -> ConstantsFile | None:
+        """Return the constants file named at a key."""
+        return self.validated(self.read("calibration", owner, key), ConstantsFile)
+
+    def calibrations(self, owner: ConfigSource | None) -> list[ConstantsFile]:
+        """Return every file that is listed under `calibrations`."""
+        names = owner.mapping.get("calibrations") if owner is not None else None
+        keys = range(len(names)) if isinstance(names, list) else ()
+        files = [self.constants(owner, ("calibrations", i)) for i in keys]
+        return [file for file in files if file is not None]
+
+
+def open_session(
+    path: Path, further_check: FurtherCheck = no_further_check, rig_path: Path | None = None
+) -> Session:
+    """Read and check a session, its rig, that rig's limits, and the calibrations of both.
+
+    ``further_check`` adds the checks of the simulated plant; ``rig_path`` replaces the rig that the
+    session names. Raises `ConfigError` with every problem of all these files.
+    """
+    reader = _FileReader()
+    session_source = ConfigSource(*load_mapping(Path(path)))
+    reader.sources.append(session_source)
+    reader.files += hash_input_files("session", session_source)
+    rig_source = reader.read("rig", session_source, ("rig",), rig_path)
+    limits = reader.validated(reader.read("limits", rig_source, ("limits",)), BenchLimitsFile)
+    owner = session_source if session_source.mapping.get("plant") is not None else rig_source
+    plant = reader.read("plant", owner, ("plant",))
+    file, rig = (
+        reader.validated(session_source, SessionFile),
+        reader.validated(rig_source, BenchRigFile),
+    )
+    measured = [*reader.calibrations(session_source), *reader.calibrations(rig_source)]
+    correction_files = {
+        name: reader.constants(session_source, ("correction", name))
+        for name in ("regressions", "conditions", "map")
+    }
+    expanded_points: tuple[SessionPoint, ...] = ()
+    computed_correction: Correction | None = None
+    if file is not None:
+        row_count = file.repeat * count_rows(file)
+        if row_count > MAX_ROWS:
+            message = f"{row_count} rows; allowed at most {MAX_ROWS}"
+            key = "repeat" if file.repeat > 1 else "grid"
+            reader.problems.append(session_source.locate.problem((key,), row_count, message))
+        else:
+            expanded_points = session_points(file, session_source.locate)
+    if file is not None and not reader.problems:
+        computed_correction = reader.attempt(
+            lambda: session_correction(
+                file, expanded_points, correction_files, session_source.locate
+            )
+        )
+        if rig is not None and limits is not None:
+            reader.problems += _setpoints_beyond_limits(expanded_points, rig, limits)
+            reader.problems += check_wave_periods(file, expanded_points, float(rig.rate_hz))
+    reader.problems += further_check(SessionParts(session_source, rig_source, plant, rig, file))
+    if reader.problems:
+        raise ConfigError(sort_problems(reader.problems, reader.sources))
+    assert file is not None
+    assert rig is not None
+    assert limits is not None
+    assert plant is not None
+    assert computed_correction is not None
+    return Session(
+        file,
+        session_source.locate,
+        rig,
+        limits,
+        plant.mapping,
+        plant.locate,
+        expanded_points,
+        select_constants(
+            rig, file, [*(one for one in correction_files.values() if one is not None), *measured]
+        ),
+        computed_correction,
+        tuple(reader.files),
+    )
+
+
+def _setpoints_beyond_limits(
+    setpoints: tuple[SessionPoint, ...], rig: BenchRigFile, limits: BenchLimitsFile
+) -> list[Problem]:
+    """Return a problem for each set point that the limits would reduce."""
+    bounds = {
+        "amplitude": limits.motor.angle_stop_deg,
+        "release": limits.shaft.slip_stop_deg,
+        "torque_amplitude": limits.load_cell.twisting_stop_n_m,
+        "current_amplitude": limits.motor.current_peak_a,
+        "brake_current": rig.brake.map[-1].current_a,
+    }
+    units = {column.name: column.unit for column in SESSION_COLUMNS}
+    problems: dict[tuple[str, int], Problem] = {}
+    for point in setpoints:
+        for name, bound in bounds.items():
+            value = point.values.get(name, 0.0)
+            strict = name in ("amplitude", "torque_amplitude", "release")
+            if abs(value) > bound or (strict and abs(value) == bound):
+                relation = "below" if strict else "up to"
+                message = (
+                    f"{value:g} is more than limits and rig allow; allowed {relation} {bound:g} "
+                    f"{units[name]}"
+                )
+                problem = point.locations[name].problem(value, message)
+                problems.setdefault((problem.key, problem.line), problem)
+    return list(problems.values())

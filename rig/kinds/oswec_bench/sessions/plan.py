@@ -1,0 +1,180 @@
+"""Planning of a session: from its file to the table that the loop runs (rows, segments, set
+points).
+
+The plan is a tare (drive and brake off, the shaft at rest), then row after row: the shaft is homed
+with the drive on (moving), the motion grows and settles for whole periods, whole periods are
+measured, and the motion fades out (tail). The wave clock of each row starts with its motion.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.oswec_position import PI, Component
+from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
+from rig.kinds.oswec_bench.sessions.correction import RowCorrection
+from rig.kinds.oswec_bench.sessions.files import Session
+from rig.kinds.oswec_bench.sessions.flume import irregular_signal, row_flume
+from rig.kinds.oswec_bench.sessions.rows import SessionPoint
+from rig.kinds.oswec_bench.tick import Flume, Setpoints
+from rig.kinds.oswec_bench.tick.signals import NO_FLUME
+from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
+from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
+
+
+class SessionRow(NamedTuple):
+    """One row of the plan: a row of the file, run once."""
+
+    row: int  # from 0, in the order of the plan
+    point: int  # from 0, in the order of the file
+    repetition: int  # from 0
+    values: dict[str, float]  # by key of the file
+    periods: int  # number of measured periods
+    measure: float  # s
+
+
+class BenchSetpoint(NamedTuple):
+    """One set point of the plan."""
+
+    components: tuple[Component, ...]
+    damping: float  # N*m*s/rad
+    brake_current: float  # A
+    rise: float  # s
+    until: float  # s
+    flume: Flume
+
+
+class SessionPhases(NamedTuple):
+    """Planned duration of each phase, s."""
+
+    tare: float
+    moving: float
+    settle: float
+    measure: float
+    tail: float
+
+
+class SessionPlan(NamedTuple):
+    """A planned session, ready for `rig.realtime.sequence.step`."""
+
+    rows: tuple[SessionRow, ...]
+    segments: Segments
+    setpoints: Setpoints
+    dt: float  # s, length of a tick
+    duration: float  # s, planned; waiting for the drive may extend it
+    phases: SessionPhases
+
+
+REST = BenchSetpoint((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
+"""The set point at rest: no demand on motor and brake."""
+
+
+def plan_session(session: Session) -> SessionPlan:
+    """Return the plan of a session that passed all checks (`open_session`)."""
+    file, rig = session.file, session.rig
+    rows = []
+    pieces = [PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, REST, waves=0, drive=0)]
+    for row_number, (repetition, index) in enumerate(_row_order(file, len(session.points))):
+        point = session.points[index]
+        period = _period(file, point)
+        rise = file.timing.rise_s
+        settle_periods = math.ceil(rise / period - 1e-9) + file.timing.settle_periods
+        settle, measure = settle_periods * period, file.timing.periods * period
+        setpoint = BenchSetpoint(
+            row_components(session, point, session.correction.rows[index]),
+            point.values.get("damping", 0.0),
+            point.values.get("brake_current", 0.0),
+            rise,
+            settle + measure,
+            row_flume(file, point, index),
+        )
+        # The flap is released when its measurement starts.
+        released = setpoint._replace(flume=setpoint.flume._replace(flap_held=0))
+        values = {c.key: point.values[c.name] for c in SESSION_COLUMNS if c.name in point.values}
+        rows.append(SessionRow(row_number, index, repetition, values, file.timing.periods, measure))
+        pieces += [
+            PlanSegment(
+                row_number, Phase.MOVING, rig.homing.duration_s, setpoint,
+                wait=WAIT_DRIVE, timeout=rig.homing.duration_s + rig.drive_enable_timeout_s,
+                waves=0,
+            ),
+            PlanSegment(row_number, Phase.SETTLE, settle, setpoint),
+            PlanSegment(row_number, Phase.MEASURE, measure, released),
+            PlanSegment(row_number, Phase.TAIL, rise, released),
+        ]  # fmt: skip
+    pieces.append(PlanSegment(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
+    return _assemble_plan(tuple(rows), pieces, float(rig.rate_hz))
+
+
+def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
+    """Return repetition and point of every row, in the order of the plan."""
+    rows = [(repetition, i) for repetition in range(file.repeat) for i in range(count)]
+    if file.order == "random":
+        order = np.random.default_rng(file.seed).permutation(len(rows))
+        return [rows[i] for i in order]
+    return rows
+
+
+def _period(file: SessionFile, point: SessionPoint) -> float:
+    return point.values["period"] if file.irregular is None else file.irregular.repeat_s
+
+
+def row_components(
+    session: Session, point: SessionPoint, row_correction: RowCorrection
+) -> tuple[Component, ...]:
+    """Return the cosines of a row's reference, each with its share of the correction.
+
+    Unit: rad in the velocity loop; N*m in the torque loop, where a sine starts at zero torque. The
+    amplitude of an irregular reference is its largest magnitude.
+    """
+    file, values = session.file, point.values
+    if "wave_amplitude" in values or "release" in values:
+        return ()  # waves or a person move the flap, not the drive
+    if file.irregular is not None:
+        signal, peak = irregular_signal(file.irregular), math.radians(values["amplitude"])
+        cosines = [
+            (peak * share, 2.0 * PI * float(k) / signal.repeat, phase)
+            for share, k, phase in zip(signal.amplitudes, signal.cycles, signal.phases, strict=True)
+        ]
+    elif file.loop == "torque":
+        constant = session.rig.servo.torque_constant_n_m_per_a
+        torque = values.get("torque_amplitude", values.get("current_amplitude", 0.0) * constant)
+        cosines = [(torque, 2.0 * PI / values["period"], -0.5 * PI)]
+    else:
+        cosines = [(math.radians(values["amplitude"]), 2.0 * PI / values["period"], 0.0)]
+    # Amplitude of a sine of equal rms.
+    equivalent_amplitude = math.sqrt(sum(a * a for a, _, _ in cosines))
+    gain = 1.0 + row_correction.extra_amplitude / equivalent_amplitude
+    advance = row_correction.advance + session.constants.lag
+    return tuple(Component(a, w, phase, gain, advance) for a, w, phase in cosines)
+
+
+def _assemble_plan(
+    rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetpoint]], rate: float
+) -> SessionPlan:
+    segments, kept_pieces, setpoint_table = cut_into_ticks(pieces, rate)
+
+    def seconds(phase: Phase) -> float:
+        return (
+            sum(n for n, p in zip(segments.ticks, kept_pieces, strict=True) if p.phase is phase)
+            / rate
+        )
+
+    setpoints = Setpoints(
+        tuple(setpoint.components for setpoint in setpoint_table),
+        tuple(setpoint.damping for setpoint in setpoint_table),
+        tuple(setpoint.brake_current for setpoint in setpoint_table),
+        tuple(setpoint.rise for setpoint in setpoint_table),
+        tuple(setpoint.until for setpoint in setpoint_table),
+        tuple(setpoint.flume for setpoint in setpoint_table),
+    )
+    phases = SessionPhases(
+        seconds(Phase.TARE),
+        seconds(Phase.MOVING),
+        seconds(Phase.SETTLE),
+        seconds(Phase.MEASURE),
+        seconds(Phase.TAIL),
+    )
+    duration = sum(segments.ticks) / rate
+    return SessionPlan(rows, segments, setpoints, 1.0 / rate, duration, phases)

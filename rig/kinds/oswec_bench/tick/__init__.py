@@ -1,0 +1,31 @@
+"""The OSWEC bench as a kind of rig: its signals, its trip checks and its part of the cycle."""
+
+from rig.kinds.oswec_bench.tick.cycle import KIND
+from rig.kinds.oswec_bench.tick.signals import (
+    BenchRow,
+    BrakeSense,
+    Command,
+    EncoderSense,
+    Flume,
+    Sense,
+    ServoSense,
+    Setpoints,
+    WrenchSense,
+)
+from rig.kinds.oswec_bench.tick.state import Limits, LoadLimits, Params
+
+__all__ = [
+    "KIND",
+    "BenchRow",
+    "BrakeSense",
+    "Command",
+    "EncoderSense",
+    "Flume",
+    "Limits",
+    "LoadLimits",
+    "Params",
+    "Sense",
+    "ServoSense",
+    "Setpoints",
+    "WrenchSense",
+]

@@ -1,0 +1,345 @@
+"""The bench as a kind of rig: servo drive in either loop, driveline, load cell, brake."""
+
+from controllers import brake_damping, oswec_position, torque_tracking
+from controllers.blocks import clamp
+from controllers.signals import Demand, Estimate, Turning
+from rig.kinds.oswec_bench.tick import speed, stations, tare
+from rig.kinds.oswec_bench.tick.check import check, motor_sense
+from rig.kinds.oswec_bench.tick.signals import (
+    TORQUE,
+    VELOCITY,
+    BenchRow,
+    Command,
+    LoopDemand,
+    Motion,
+    Reference,
+    Rotation,
+    Sense,
+    TickSignals,
+)
+from rig.kinds.oswec_bench.tick.state import (
+    LAWS_AT_REST,
+    ActiveSetpoint,
+    BrakeState,
+    Laws,
+    Params,
+    ShaftState,
+    State,
+    activate_setpoint,
+    encoder_angles,
+    start,
+    zeros_in_use,
+)
+from rig.realtime import axis, cycle, limits, safety
+from rig.realtime.safety import RUN, STOP_1
+from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
+
+_ZERO_REFERENCE = Reference(0.0, 0.0, 0.0)
+_NO_CORRECTION = Turning(0.0, 0.0)
+_ZERO_DEMAND = LoopDemand(0.0, 0.0)
+
+
+def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
+    """Return the motion of motor and shaft relative to the zeros in use."""
+    encoders, age = sense.encoders, sense.encoders.age
+    motor_zero, shaft_zero = zeros_in_use(params, state, encoders)
+    motor = axis.observe(params.motor, state.motor, motor_sense(sense), motor_zero, periods, dt)
+    measured = encoders.shaft_counts * params.shaft.radians_per_count - shaft_zero
+    if state.tare.seeded == 0:
+        return motor, Estimate(measured, 0.0, 0.0)
+    shaft_state = state.shaft
+    shaft = axis.track(
+        params.shaft.estimator,
+        shaft_state.motion,
+        measured,
+        shaft_state.age,
+        age,
+        state.motor.min_age,  # one frame carries both encoders
+        axis.recent_sample_gap(state.motor, age, dt),
+        periods,
+        dt,
+    )
+    return motor, shaft
+
+
+def ready(params: Params, state: State, sense: Sense) -> int:
+    """Return which wait conditions of the plan are met; the bench has no stator to wait for."""
+    return WAIT_STATOR | WAIT_DRIVE if sense.servo.enabled == 1 else WAIT_STATOR
+
+
+def control(
+    params: Params,
+    state: State,
+    sense: Sense,
+    motion: Motion,
+    plan: cycle.PlanRecord,
+    guard: safety.State,
+    setpoint: int,
+    dt: float,
+) -> tuple[State, Command, TickSignals]:
+    """Return new state, command and logged signals of a tick.
+
+    The set point becomes a velocity or a torque within limits, and a current of the brake.
+    """
+    motor, _, speed_state, laws, brake, mismatch, station_state, tare_state, active_setpoint = state
+    motor_motion, shaft_motion = motion
+    encoders, servo, load, brake_sense, _ = sense
+    _, phase, _, clock = plan
+    mode = guard.mode
+    if setpoint != active_setpoint.setpoint:
+        active_setpoint = activate_setpoint(params.setpoints, setpoint)
+    torque = load.tz - tare_state.zeros.torque
+    if mode == RUN:
+        laws, reference, correction, demand = _step_laws(
+            params,
+            laws,
+            active_setpoint,
+            motion,
+            brake.command.velocity,
+            torque,
+            motor.saturation_deficit,
+            clock,
+            dt,
+        )
+    else:  # the laws are reset while they do not act
+        laws, reference, correction, demand = (
+            LAWS_AT_REST,
+            _ZERO_REFERENCE,
+            _NO_CORRECTION,
+            _ZERO_DEMAND,
+        )
+    mismatch = _velocity_mismatch_ticks(
+        params, speed_state, mismatch, servo.enabled, motor_motion.velocity, mode
+    )
+    motor, speed_state, drive = _command_drive(
+        params, motor, speed_state, sense, motor_motion, demand, mode, dt
+    )
+    damps_only = (
+        mode == RUN
+        and active_setpoint.flume.pto_damping > 0.0
+        and len(active_setpoint.components) == 0
+    )
+    station_state = stations.step(
+        params.stations,
+        station_state,
+        servo.current,
+        torque,
+        motor_motion.velocity,
+        damps_only,
+        mode,
+    )
+    brake_command = _command_brake(
+        params, brake.command, active_setpoint, shaft_motion.velocity, mode, dt
+    )
+    if phase == TARE or tare_state.samples > 0 or tare_state.seeded == 0:
+        previous_tare = tare_state
+        tare_state = tare.step(tare_state, *encoder_angles(params, encoders), load.tz, phase)
+        if previous_tare.seeded == 1:
+            motor = axis.rezero(motor, tare_state.zeros.motor - previous_tare.zeros.motor)
+            (x, v, a), zero_change = (
+                shaft_motion,
+                tare_state.zeros.shaft - previous_tare.zeros.shaft,
+            )
+            shaft_motion = Estimate(x - zero_change, v, a)
+    new_state = State(
+        motor,
+        ShaftState(shaft_motion, encoders.age),
+        speed_state,
+        laws,
+        BrakeState(brake_command, _brake_mismatch_ticks(params, brake, brake_sense.current)),
+        mismatch,
+        station_state,
+        tare_state,
+        active_setpoint,
+    )
+    command = Command(
+        *drive,
+        brake_command.torque,
+        brake_command.current,
+        *_flume_command(params, active_setpoint, clock),
+    )
+    return new_state, command, (motion, tare_state.zeros, reference, correction, demand)
+
+
+def _step_laws(
+    params: Params,
+    laws: Laws,
+    active_setpoint: ActiveSetpoint,
+    motion: Motion,
+    filtered_velocity: float,
+    torque: float,
+    saturation_deficit: float,
+    clock: float,
+    dt: float,
+) -> tuple[Laws, Reference, Turning, LoopDemand]:
+    """Return the laws' state, the shaft's reference, the correction and the demand on the drive.
+
+    ``filtered_velocity`` is the shaft's velocity as the brake's law filters it, rad/s. The motor's
+    own velocity would close a loop over the resonance of the coupling.
+    """
+    _, components, span, _, _, flume = active_setpoint
+    if params.mode == TORQUE:
+        torque_reference = oswec_position.reference(components, span, clock).angle
+        if flume.pto_damping > 0.0:
+            torque_reference += brake_damping.motor_damping_torque(
+                flume.pto_damping, filtered_velocity
+            )
+        tracking, tracking_output = torque_tracking.step(
+            params.torque, laws.torque, torque_reference, torque, saturation_deficit, dt
+        )
+        reference, demand = (
+            Reference(0.0, 0.0, torque_reference),
+            LoopDemand(tracking_output.torque, 0.0),
+        )
+        return Laws(laws.position, tracking), reference, _NO_CORRECTION, demand
+    position, (plain_motion, correction) = oswec_position.step(
+        params.position, laws.position, components, span, clock, torque, dt
+    )
+    angle, velocity = plain_motion
+    if clock < 0.0:  # between rows: homing, so that drift does not accumulate
+        rate, max_velocity = params.homing
+        demand = LoopDemand(0.0, clamp(-rate * motion[1].position, -max_velocity, max_velocity))
+    else:
+        angle_error = angle + correction.angle - motion[0].position
+        demand = LoopDemand(
+            0.0, velocity + correction.velocity + params.position_feedback * angle_error
+        )
+    return Laws(position, laws.torque), Reference(angle, velocity, 0.0), correction, demand
+
+
+DriveFields = tuple[int, float, float, float, float, int, int]
+"""The first fields of a `Command`, up to the reason why the demand was limited."""
+
+
+def _command_drive(
+    params: Params,
+    motor: axis.State,
+    speed_state: speed.State,
+    sense: Sense,
+    motion: Estimate,
+    demand: LoopDemand,
+    mode: int,
+    dt: float,
+) -> tuple[axis.State, speed.State, DriveFields]:
+    """Return the drive's part of the command for its present loop.
+
+    A controlled stop is zero velocity in the velocity loop and damping in the torque loop. The
+    motor's axis knows one torque constant, the nominal one of the rig file; its output is a
+    current.
+    """
+    in_torque_loop = params.mode == TORQUE
+    scale = params.motor.limits.newtons_per_ampere
+    nominal = scale * torque_tracking.current(params.torque, demand.torque)
+    motor, record = axis.control(
+        params.motor,
+        motor,
+        motor_sense(sense),
+        motion,
+        Demand(0.0, 0.0, 0.0, nominal),
+        1 if in_torque_loop else 0,
+        0,
+        mode,
+        dt,
+    )
+    if in_torque_loop:
+        _, current, enable, limited = record.command
+        torque = torque_tracking.torque(params.torque, current)
+        return motor, speed_state, (TORQUE, 0.0, 0.0, torque, current, enable, limited)
+    speed_state, (velocity, volts, enable, limited) = speed.limit_command(
+        params.speed, speed_state, demand.velocity, mode, dt
+    )
+    return motor, speed_state, (VELOCITY, velocity, volts, 0.0, 0.0, enable, limited)
+
+
+def _command_brake(
+    params: Params,
+    previous: brake_damping.BrakeState,
+    active_setpoint: ActiveSetpoint,
+    velocity: float,
+    mode: int,
+    dt: float,
+) -> brake_damping.BrakeState:
+    """Return torque and current of the brake.
+
+    The brake acts during a controlled stop and is released when power goes off.
+    """
+    if not RUN <= mode <= STOP_1:
+        return brake_damping.start()
+    return brake_damping.step(
+        params.brake, previous, active_setpoint.damping, active_setpoint.brake_current, velocity, dt
+    )
+
+
+def _flume_command(
+    params: Params, active_setpoint: ActiveSetpoint, clock: float
+) -> tuple[int, int, float]:
+    """Return `locked`, `sea` and `clamp` of a command: the actions of people and wave maker."""
+    sea, flap_held, hold_angle, _ = active_setpoint.flume
+    locked = 1 if params.locked == 1 or flap_held == 1 else 0
+    return locked, sea if clock >= 0.0 else -1, hold_angle
+
+
+def _velocity_mismatch_ticks(
+    params: Params,
+    speed_state: speed.State,
+    previous_ticks: int,
+    enabled: int,
+    velocity: float,
+    mode: int,
+) -> int:
+    """Return the number of ticks in which the motor did not turn at its last commanded velocity.
+
+    Ticks are counted as `rig.realtime.limits.counted` counts those of a current mismatch.
+    """
+    if enabled == 0 or not RUN <= mode <= STOP_1:
+        return 0
+    max_difference = params.limits.velocity_difference_stop
+    return limits.count_mismatch(previous_ticks, velocity - speed_state.velocity, max_difference)
+
+
+def _brake_mismatch_ticks(params: Params, brake: BrakeState, measured: float) -> int:
+    """Return for how many consecutive ticks the brake has lacked its commanded current."""
+    max_difference = params.limits.brake_difference_stop
+    return (
+        0
+        if -max_difference <= measured - brake.command.current <= max_difference
+        else brake.mismatch_ticks + 1
+    )
+
+
+def row(
+    tick: int,
+    time: float,
+    timing: cycle.Timing,
+    plan: cycle.PlanRecord,
+    guard: safety.State,
+    sense: Sense,
+    command: Command,
+    signals: TickSignals,
+) -> BenchRow:
+    """Return the log row of the tick."""
+    (motor, shaft), zeros, reference, correction, demand = signals
+    encoders, servo, load, brake, panel = sense
+    return BenchRow(
+        tick,
+        time,
+        timing,
+        plan,
+        guard,
+        encoders,
+        servo,
+        load,
+        brake,
+        panel,
+        Rotation(*motor),
+        Rotation(*shaft),
+        zeros,
+        reference,
+        correction,
+        demand,
+        command,
+        tick,
+    )
+
+
+KIND = cycle.Kind(BenchRow, Params, start, observe, ready, check, control, row)

@@ -1,0 +1,1 @@
+"""Exchange of runs with the files of the MASK4 test."""

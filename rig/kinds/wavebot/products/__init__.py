@@ -1,0 +1,1 @@
+"""Analysis products of WaveBot runs beyond the power surfaces."""

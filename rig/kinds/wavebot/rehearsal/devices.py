@@ -1,0 +1,160 @@
+"""The simulated WaveBot behind the loop's device interface."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
+from controllers.signals import DriveSettings as Settings
+from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
+from sim_plant import waves
+from sim_plant.bem import read_bem
+from sim_plant.custom_drive import DriveSettings
+from sim_plant.parameters import Plant
+from sim_plant.prescribed import MotionProfile, hoist_cycle_profile
+from sim_plant.waves import Sea
+from sim_plant.world import OFF, Actuation, Stepper, World
+
+
+def build_sea(description: dict[str, Any]) -> Sea:
+    """Return the sea of a campaign's description; ValueError if it has no repeat period."""
+    kind = description["kind"]
+    if kind == "calm":
+        return waves.calm()
+    if kind == "regular":
+        return waves.regular(description["amplitude_m"], description["frequency_hz"])
+    if kind == "jonswap":
+        return waves.jonswap(
+            description["hs_m"],
+            description["tp_s"],
+            description["gamma"],
+            description["repeat_s"],
+            description["seed"],
+        )
+    if kind == "components":
+        return waves.components(
+            description["repeat_s"],
+            description["cycles"],
+            description["amplitude_m"],
+            description["phase_rad"],
+        )
+    return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
+
+
+# The core of a NamedTuple's constructor: nine full constructors a tick take 10 % of a rehearsal.
+_tuple = tuple.__new__
+_UNTOUCHED_PANEL = PanelSense(0, 0, 0.0)  # in a rehearsal nobody presses a button
+
+
+class PlantDevices:
+    """The devices of a simulated WaveBot.
+
+    `read` advances the world to the planned time of the tick: by one step on the virtual clock, by
+    more when ticks of the real clock were lost (a plant does not wait for a late loop).
+    """
+
+    def __init__(self, world: World, dt: float) -> None:
+        self._world = world
+        self._delay = world.delay
+        self._dt = dt
+        self._ticks = 0
+        self._last_settings: Settings | None = None  # the last ones of the drive
+
+    def warm_up(self, dt: float) -> None:
+        """Do nothing: a plant in the same process needs no warm-up."""
+
+    def read(self, now: float) -> Sense:
+        tick = round(now / self._dt)
+        while self._ticks < tick:
+            self._world.advance(self._dt)
+            self._ticks += 1
+        (
+            counts, current, enabled, fault,
+            surge_counts, surge_current, surge_enabled, surge_fault,
+            lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle,
+            stator, arrived, ac, dc, bus_voltage, analyser_age,
+            saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
+        ) = self._world.readings()  # fmt: skip
+        age = self._delay
+        load = (lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, age)
+        return Sense(
+            _tuple(AxisSense, (counts, age, current, enabled, fault, age)),
+            _tuple(AxisSense, (surge_counts, age, surge_current, surge_enabled, surge_fault, age)),
+            _tuple(LoadSense, load),
+            _tuple(SpringSense, (stator, arrived, age)),
+            _tuple(PowerSense, (ac, dc, bus_voltage, analyser_age)),
+            _tuple(DriveSense, (conducting, saturated, dump)),
+            _tuple(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
+            _tuple(WaveSense, (elevation,)),
+            _UNTOUCHED_PANEL,
+        )
+
+    def write(self, command: Command) -> None:
+        heave, surge, spring, (conducting, settings), waves = command
+        if settings is not self._last_settings:
+            self._configure(settings)
+        _, current, enable, _ = heave
+        _, target, move = spring
+        _, surge_current, surge_enable, _ = surge
+        self._world.actuate(
+            _tuple(
+                Actuation,
+                (current, enable, target, move, waves, surge_current, surge_enable, conducting),
+            )
+        )
+
+    def _configure(self, settings: Settings) -> None:
+        changed, self._last_settings = settings != self._last_settings, settings
+        if changed and settings.bus_voltage > 0.0:  # all zero where the drive has none
+            scheme, voltage, period, tolerance, _, level = settings
+            self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
+
+    def stop(self, reason: int) -> None:
+        self._world.actuate(OFF)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def stepper_type(compiled: bool) -> type[Stepper]:
+    """Return the stepper type: compiled, or interpreted with the same results and no compiler."""
+    if not compiled:
+        return Stepper
+    from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
+
+    return CompiledStepper
+
+
+def build_world(config: dict[str, Any], dt: float) -> World:
+    """Return the rig in its sea for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
+
+    "device": "absent" gives the empty basin of a wave calibration, "compiled": false interprets the
+    plant, "hoist" raises and lowers the body from the wave trigger on.
+    """
+    plant = Plant.model_validate(config["plant"])
+    path = Path(config["bem"])
+    return World(
+        plant,
+        build_sea(config["sea"]),
+        read_bem(path),
+        read_bem(path.with_name(plant.surge.bem)),
+        dt=dt,
+        seed=config["seed"],
+        device=config.get("device", "present") == "present",
+        stepper=stepper_type(config.get("compiled", True)),
+        hoist=_hoist_profile(config.get("hoist")),
+    )
+
+
+def _hoist_profile(settings: dict[str, Any] | None) -> MotionProfile | None:
+    if settings is None:
+        return None
+    return hoist_cycle_profile(
+        settings["low_m"], settings["high_m"], settings["speed_m_per_s"], settings["turn_s"]
+    )
+
+
+def connect(config: dict[str, Any], dt: float) -> PlantDevices:
+    """Return the simulated devices for a configuration of `build_world`."""
+    return PlantDevices(build_world(config, dt), dt)

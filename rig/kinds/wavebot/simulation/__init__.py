@@ -1,0 +1,1 @@
+"""The WaveBot's compiled tick with its plant, for sweeps."""

@@ -1,0 +1,314 @@
+"""Spring map of a run: a dataset over stator position and rotor angle, and its findings."""
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray
+
+from rig.analysis.phrases import format_signed
+from rig.analysis.windows import ExcludedRows, Window, read_windows
+from rig.kinds.wavebot.spring_map import passes
+from rig.kinds.wavebot.spring_map.passes import (
+    FIT_HALF_ANGLE,
+    SMALL_HALF_ANGLE,
+    ForceReversal,
+    RateEstimate,
+    Samples,
+    SineFit,
+    StationCurve,
+)
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.state import RecordCheck
+
+MAX_CELL_DISAGREEMENT = (
+    0.05  # of the larger; a larger difference between the cells' rates is reported
+)
+_MIN_SPEED_SHARE = 0.2  # of the hoist's speed; a slower body is reversing
+_FIELDS = (
+    "load.rotor_angle", "load.slew", "load.lcb", "load.stator_a", "load.stator_b",
+    "heave.estimate.velocity", "spring_sense.position", "tare.slew", "tare.lcb", "tare.samples",
+)  # fmt: skip
+
+
+class _RigConstants(NamedTuple):
+    """Constants of the rig from the run's configuration; NaN if it lacks them."""
+
+    metres_per_radian: float
+    slew_lever: float  # m
+    hydrostatic: float  # N/m
+    moving_mass: float  # kg
+
+
+class _StationResult(NamedTuple):
+    """Results of one stator position."""
+
+    stator: float  # %, measured
+    curve: StationCurve
+    rate: RateEstimate  # N/m, by the slew cell
+    column: RateEstimate  # N/m, by the column load cell
+    small: float  # N/m
+    sine: SineFit
+    reversal: ForceReversal
+    friction: float  # N, in the drivetrain
+
+
+def is_hoisted(plan: dict[str, Any]) -> bool:
+    """Return whether a plan is that of a run in which a hoist moved the body."""
+    return bool(plan.get("hoist"))
+
+
+def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> xarray.Dataset:
+    """Return the spring map of a run: curves by station and angle, rates by station.
+
+    The units are in the attributes. The attribute ``left_out`` names the excluded rows;
+    ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError if no hoist
+    moved the body, the rig file lacks `spring.mapping`, or no station was completed.
+    """
+    source = reader.open_files(run)
+    run_facts = run_info(run, source.contents)
+    if not is_hoisted(run_facts.plan):
+        raise RunError(f"{run}: no spring map (its campaign has no hoist)")
+    rig = _rig_constants(run_facts)
+    balance = _balance_angle(source)
+    stations_found, excluded = _measure_stations(
+        run, source, run_facts, rig, balance, incomplete_rows
+    )
+    stations = sorted(stations_found, key=lambda station: station.stator)
+    if not stations:
+        reason = "; ".join(["no stator position was completed", *excluded])
+        raise RunError(f"{run}: {reason}")
+    return _build_dataset(stations, rig).assign_attrs(
+        run_facts.attributes()
+        | {"balance_rad": balance, "hoist": str(run_facts.plan["hoist"].get("words", ""))}
+        | ({"left_out": "; ".join(excluded)} if excluded else {})
+    )
+
+
+def _rig_constants(run_facts: RunInfo) -> _RigConstants:
+    def number(*keys: str) -> float:
+        value = run_facts.config_number("rig", *keys)
+        return math.nan if value is None else value
+
+    constants = _RigConstants(
+        number("spring", "metres_per_radian"),
+        number("spring", "mapping", "slew_lever_m"),
+        number("stability", "hydrostatic_stiffness_n_per_m"),
+        number("spring", "mapping", "moving_mass_kg"),
+    )
+    if math.isnan(constants.slew_lever) or math.isnan(constants.metres_per_radian):
+        raise RunError(
+            f"{run_facts.run}: its rig file lacks spring.mapping.slew_lever_m, the lever (m) of "
+            "the load cell that takes the spring's torque"
+        )
+    return constants
+
+
+def _balance_angle(source: reader.RunFiles) -> float:
+    """Return the rotor angle (rad) of the floating body: mean over the tare; 0 without a tare."""
+    total, count = 0.0, 0
+    for block in reader.blocks(source):
+        in_tare = block["plan.phase"] == Phase.TARE
+        total += float(block["load.rotor_angle"][in_tare].sum())
+        count += int(in_tare.sum())
+        if count and not in_tare.any():
+            break
+    return total / count if count else 0.0
+
+
+def _measure_stations(
+    run: str | os.PathLike[str],
+    source: reader.RunFiles,
+    run_facts: RunInfo,
+    rig: _RigConstants,
+    balance: float,
+    incomplete_rows: bool,
+) -> tuple[list[_StationResult], tuple[str, ...]]:
+    """Return the result of each stator position, and messages about excluded rows.
+
+    Repetitions of a station are combined.
+    """
+    point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
+    by_point: dict[int, list[Window]] = {}
+    reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
+    for window in read_windows(
+        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
+    ):
+        if excluded.accept(window):
+            by_point.setdefault(point_of_row[window.row], []).append(window)
+    speed = float(run_facts.plan["hoist"]["speed_m_per_s"])
+    stations = []
+    for windows_ in by_point.values():
+        parts = [
+            _window_samples(window, rig, balance, _MIN_SPEED_SHARE * speed) for window in windows_
+        ]
+        samples = Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        stator = np.mean([window.data["spring_sense.position"].mean() for window in windows_])
+        stations.append(_evaluate_station(float(stator), samples, rig))
+    return stations, excluded.messages(run_facts.plan, reading.state(run))
+
+
+def _window_samples(
+    window: Window, rig: _RigConstants, balance: float, min_speed: float
+) -> Samples:
+    data = window.data
+    velocity = data["heave.estimate.velocity"]
+    direction = np.where(velocity > min_speed, 1, np.where(velocity < -min_speed, -1, 0))
+    return Samples(
+        data["load.rotor_angle"] - balance,
+        direction.astype(np.int64),
+        (data["load.slew"] - data["tare.slew"]) * rig.slew_lever,
+        data["load.lcb"] - data["tare.lcb"],
+        data["load.stator_a"] + data["load.stator_b"],
+    )
+
+
+def _evaluate_station(stator: float, samples: Samples, rig: _RigConstants) -> _StationResult:
+    curve = passes.average_passes(samples)
+    lever = rig.metres_per_radian
+    torque = passes.estimate_rate(samples, curve, curve.torque, samples.torque)
+    column = passes.estimate_rate(samples, curve, curve.column, samples.column)
+    small = passes.window_slope(curve, curve.torque, SMALL_HALF_ANGLE)
+    return _StationResult(
+        stator,
+        curve,
+        RateEstimate(
+            torque.slope / (lever * lever), torque.interval / (lever * lever), torque.passes
+        ),
+        RateEstimate(-column.slope / lever, column.interval / lever, column.passes),
+        small / (lever * lever),
+        passes.fit_sine(curve),
+        passes.find_reversal(curve),
+        float(np.nanmean(curve.friction)),
+    )
+
+
+def natural_frequency(rate: Any, hydrostatic: float, mass: float) -> Any:
+    """Return sqrt((K_h + K_s) / (A + m)) / 2 pi in Hz: MASK4 report (Sandia), eq. 3.1.
+
+    NaN where the total stiffness is not positive.
+    """
+    stiffness = np.asarray(hydrostatic + rate, dtype=np.float64)
+    return np.sqrt(np.where(stiffness > 0.0, stiffness, np.nan) / mass) / (2.0 * math.pi)
+
+
+def _build_dataset(stations: list[_StationResult], rig: _RigConstants) -> xarray.Dataset:
+    low = min(int(station.curve.bins[0]) for station in stations)
+    high = max(int(station.curve.bins[-1]) for station in stations)
+    index = np.arange(low, high + 1)
+    by_angle, by_station = ("station", "angle"), ("station",)
+
+    def surface(name: str) -> Any:
+        grid = np.full((len(stations), len(index)), np.nan)
+        for i, station in enumerate(stations):
+            first = int(station.curve.bins[0]) - low
+            values = getattr(station.curve, name)
+            grid[i, first : first + len(values)] = values
+        return grid
+
+    def column(value: Callable[[_StationResult], float], unit: str, long_name: str) -> Any:
+        values = np.array([value(station) for station in stations], dtype=np.float64)
+        return by_station, values, {"units": unit, "long_name": long_name}
+
+    lever = rig.metres_per_radian
+    rates = np.array([station.rate.slope for station in stations])
+    travel = [lever * float(np.nanmax(np.abs(station.curve.angle))) for station in stations]
+    reversed_at = [lever * station.reversal.nearest for station in stations]
+    return xarray.Dataset(
+        {
+            "torque": (by_angle, surface("torque"), {"units": "N*m", "long_name": "spring torque"}),
+            "stator_force": (by_angle, surface("stator"), {"units": "N", "long_name": "axial"}),
+            "column_force": (
+                by_angle,
+                surface("column"),
+                {"units": "N", "long_name": "on the body"},
+            ),
+            "rate": column(lambda s: s.rate.slope, "N/m", "spring rate, by the slew load cell"),
+            "rate_interval": column(
+                lambda s: s.rate.interval, "N/m", "half width of the 95 % interval"
+            ),
+            "rate_column": column(lambda s: s.column.slope, "N/m", "by the column load cell"),
+            "rate_small": column(lambda s: s.small, "N/m", "small-displacement rate"),
+            "passes": (by_station, np.array([station.rate.passes for station in stations])),
+            "peak": column(lambda s: s.sine.peak, "N*m", "Tp of T = Tp sin 2 theta"),
+            "departure": column(lambda s: s.sine.residual, "N*m", "rms residual of that law"),
+            "friction": column(lambda s: s.friction, "N", "drivetrain friction at this speed"),
+            "reversal_below": column(lambda s: s.reversal.below, "rad", "stator force reverses"),
+            "reversal_above": column(lambda s: s.reversal.above, "rad", "stator force reverses"),
+            "reversal_stroke": (by_station, np.array(reversed_at), {"units": "m"}),
+            "travel": (
+                by_station,
+                np.array(travel),
+                {"units": "m", "long_name": "measured, either direction"},
+            ),
+            "natural_frequency": (
+                by_station,
+                natural_frequency(rates, rig.hydrostatic, rig.moving_mass),
+                {"units": "Hz"},
+            ),
+        },
+        {
+            "station": (
+                by_station,
+                np.array([station.stator for station in stations]),
+                {"units": "%"},
+            ),
+            "angle": ("angle", passes.bin_centres(index), {"units": "rad"}),
+        },
+        {
+            "fit_half_angle_rad": FIT_HALF_ANGLE,
+            "metres_per_radian": lever,
+            "hydrostatic_n_per_m": rig.hydrostatic,
+            "moving_mass_kg": rig.moving_mass,
+            "convention": "rate > 0 restores; torque restores at a positive angle; "
+            "column force on the body, heave up positive",
+        },
+    )
+
+
+def findings(table: xarray.Dataset) -> list[str]:
+    """Return the main results of a spring map, one message each."""
+    rate = table["rate"].values
+    finite = np.isfinite(rate)
+    messages = []
+    if finite.any():
+        low, high = (format_signed(float(value)) for value in (np.nanmin(rate), np.nanmax(rate)))
+        messages.append(f"spring rate {low} .. {high} N/m at {finite.sum()} stator positions")
+    frequency = table["natural_frequency"].values
+    if np.isfinite(frequency).any():
+        slowest, fastest = float(np.nanmin(frequency)), float(np.nanmax(frequency))
+        messages.append(f"natural frequency {slowest:.3f} .. {fastest:.3f} Hz (eq. 3.1)")
+    stroke, station = table["reversal_stroke"].values, table["station"].values
+    if np.isfinite(stroke).any():
+        i = int(np.argmin(stroke))
+        messages.append(
+            f"the stator's force reverses at {np.isfinite(stroke).sum()} of them, at the smallest "
+            f"stroke at {format_signed(float(station[i]))} %: {stroke[i]:.3f} m from balance"
+        )
+    else:
+        messages.append("the stator's force does not reverse within the measured travel")
+    if left_out := table.attrs.get("left_out"):
+        messages.append(str(left_out))
+    return [*messages, *_warnings(table)]
+
+
+def _warnings(table: xarray.Dataset) -> Iterator[str]:
+    """Yield warnings about stations without a rate or with disagreeing load cells."""
+    half_angle = math.degrees(FIT_HALF_ANGLE)
+    for station in (table.isel(station=i) for i in range(table.sizes["station"])):
+        position, rate = f"{format_signed(float(station['station']))} %", float(station["rate"])
+        column_rate = float(station["rate_column"])
+        if math.isnan(rate):
+            window = f"±{half_angle:.2f} deg"
+            yield f"at {position} the travel does not cover {window} in both directions: no rate"
+            continue
+        largest = max(abs(rate), abs(column_rate), 1000.0)
+        if abs(rate - column_rate) > MAX_CELL_DISAGREEMENT * largest:
+            yield (
+                f"at {position} the column load cell gives {format_signed(column_rate)} N/m, the "
+                f"slew load cell {format_signed(rate)} N/m: a lever or a scale is wrong"
+            )

@@ -1,0 +1,103 @@
+"""All safety checks of a WaveBot in a tick, those that allow no controlled stop first."""
+
+from controllers.blocks import finite
+from rig.kinds.wavebot.tick.signals import Motion, Sense
+from rig.kinds.wavebot.tick.state import SURGE_OFF, Params, State, zeros_in_use
+from rig.realtime import axis
+from rig.realtime.safety import CATEGORY, NO_REASON, OFF, Reason
+
+# `axis.check` returns a reason without the axis's name; these tables map it to the reason of heave
+# or surge. They are indexed by number, so that compiled code can use them, too.
+_HEAVE_FAULT = (
+    Reason.DRIVE_FAULT.value,  # of NONE, never used
+    Reason.DRIVE_FAULT.value,
+    Reason.BUS_UNDERVOLTAGE.value,
+    Reason.BUS_OVERVOLTAGE.value,
+)
+_SURGE_REASONS = {
+    Reason.STALE_ENCODER: Reason.SURGE_STALE_ENCODER,
+    Reason.STALE_DRIVE: Reason.SURGE_STALE_DRIVE,
+    Reason.DRIVE_FAULT: Reason.SURGE_DRIVE_FAULT,
+    Reason.DRIVE_DROPPED: Reason.SURGE_DRIVE_DROPPED,
+    Reason.POSITION: Reason.SURGE_POSITION,
+    Reason.VELOCITY: Reason.SURGE_VELOCITY,
+    Reason.ENCODER_JUMP: Reason.SURGE_ENCODER_JUMP,
+    Reason.CURRENT_DISAGREES: Reason.SURGE_CURRENT_DISAGREES,
+}
+_SURGE_REASON_BY_NUMBER = tuple(_SURGE_REASONS.get(reason, reason).value for reason in Reason)
+
+
+def _heave_drive_reason(fault: int) -> int:
+    """Return the reason to stop for a fault of the heave drive; DRIVE_FAULT for an unknown one."""
+    if 0 <= fault < len(_HEAVE_FAULT):
+        return _HEAVE_FAULT[fault]
+    return Reason.DRIVE_FAULT.value
+
+
+def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int) -> int:
+    """Return the first reason to trip or NONE; reasons without a controlled stop come first."""
+    heave, surge, load, spring, analyser, _, probes, _, panel = sense
+    heave_motion, surge_motion = motion
+    e_stop, limit_switch, panel_age = panel
+    if e_stop != 0:
+        return Reason.EMERGENCY_STOP.value
+    heave_zero, surge_zero = zeros_in_use(params, state, heave, surge)
+    heave_fault = axis.check(params.heave, state.heave, heave, heave_motion, heave_zero, mode)
+    surge_mode = OFF if params.surge_use == SURGE_OFF else mode
+    surge_fault = axis.check(params.surge, state.surge, surge, surge_motion, surge_zero, surge_mode)
+    if heave_fault != NO_REASON and CATEGORY[heave_fault] == 0:
+        if heave_fault == Reason.DRIVE_FAULT.value:
+            return _heave_drive_reason(heave.fault)
+        return heave_fault
+    if surge_fault != NO_REASON and CATEGORY[surge_fault] == 0:
+        return _SURGE_REASON_BY_NUMBER[surge_fault]
+    lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, load_age = load
+    stator, _, stator_age = spring
+    ac, dc, bus_voltage, analyser_age = analyser
+    probe_1, probe_2, probe_3, probe_age = probes
+    # One sum instead of many tests: it is finite only if every term is.
+    if not finite(
+        lcb + trs + slew + stator_a + stator_b + string_pot + rotor_angle + load_age + stator
+        + stator_age + ac + dc + bus_voltage + analyser_age + probe_1 + probe_2 + probe_3
+        + probe_age + panel_age
+    ):  # fmt: skip
+        return Reason.NOT_FINITE.value
+    (
+        max_gap, max_travel, metres_per_radian, max_voltage,
+        max_stator_age, max_load_age, max_analyser_age, max_panel_age, max_span,
+    ) = params.limits  # fmt: skip
+    if bus_voltage > max_voltage:
+        return Reason.BUS_OVERVOLTAGE.value
+    tare_state = state.tare
+    position = heave_motion.position
+    stale = not 0.0 <= load_age <= max_load_age  # below 0: a clock is wrong
+    gap = string_pot - tare_state.zeros.string_pot - position if tare_state.seeded == 1 else 0.0
+    # The string pot comes over a slow bus: the body may have moved since its value was read.
+    max_gap = max_gap + params.heave.limits.velocity_stop * load_age
+    if not (-max_gap <= gap <= max_gap or stale):
+        return Reason.POSITION_DISAGREES.value
+    power_reason = state.power_checks.reason
+    if power_reason != NO_REASON and CATEGORY[power_reason] == 0:
+        return power_reason
+    if heave_fault != NO_REASON:  # after the string pot's check: damping relies on the encoder
+        return heave_fault
+    if surge_fault != NO_REASON:
+        return _SURGE_REASON_BY_NUMBER[surge_fault]
+    if limit_switch != 0:
+        return Reason.LIMIT_SWITCH.value
+    if not 0.0 <= panel_age <= max_panel_age:
+        return Reason.STALE_PANEL.value
+    if stale:
+        return Reason.STALE_LOAD_CELL.value
+    if not 0.0 <= analyser_age <= max_analyser_age:
+        return Reason.STALE_ANALYSER.value
+    if not 0.0 <= stator_age <= max_stator_age:
+        return Reason.STALE_STATOR.value
+    if not -max_travel <= rotor_angle * metres_per_radian <= max_travel:
+        return Reason.ROTOR_TRAVEL.value
+    stroke = state.active_setpoint.stroke
+    if not -stroke <= position <= stroke:
+        return Reason.SPRING_STROKE.value
+    if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > max_span:
+        return Reason.NOT_CALM.value
+    return power_reason

@@ -1,0 +1,153 @@
+"""Identification of the twin of a device from runs."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rig.analysis import wave_calibration
+from rig.config.yaml_source import load_mapping
+from rig.identification.identify import IdentificationOptions, identify
+from rig.kinds.wavebot.twin import drivetrain, electrics, seas
+from rig.kinds.wavebot.twin.group import Group, add_uncertainty
+from rig.kinds.wavebot.twin.hull import Hull, identify_hull
+from rig.kinds.wavebot.twin.records import Record, read_records
+from rig.recording.runs import RunError
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
+
+GUIDE_FRICTION_DEVIATION = 20.0
+"""N, engineering choice: uncertainty of the dry friction that lateral load on the guide adds in
+waves, used if no row in waves was measured."""
+
+
+class Template(NamedTuple):
+    """The plant file that replaced the hardware; source of parameters that no run determines."""
+
+    path: Path
+    plant: dict[str, Any]
+    heave_bem: Path
+    surge_bem: Path
+
+
+class Twin(NamedTuple):
+    """A device as identified from runs."""
+
+    runs: tuple[str, ...]
+    template: Template
+    config: dict[str, Any]  # of the first run
+    hull: Hull
+    groups: tuple[Group, ...]  # all estimates, the hull's linear part first
+    coefficient: seas.Coefficient  # of excitation, before the scale factor
+    records: tuple[Record, ...]
+    notes: tuple[str, ...]  # excluded data, with reasons
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every estimate by name."""
+        return {name: value for group in self.groups for name, value in group.by_name.items()}
+
+
+def identify_twin(
+    runs: Sequence[Path],
+    plant: Path | None = None,
+    probe: str = "",
+    *,
+    incomplete_rows: bool = False,
+) -> Twin:
+    """Identify the twin of the device in ``runs``.
+
+    At least one run must be in calm water with an open-loop reference. Runs in waves add
+    excitation, dry friction and the drive's losses at their bus voltages; wave calibrations among
+    the runs allow the identification of excitation. ``plant`` replaces the plant file that the
+    first run names. ``incomplete_rows`` includes rows with missing ticks. Raises RunError or
+    ValueError if the runs are not sufficient.
+    """
+    run_facts = [run_info(run) for run in runs]
+    calibrations = [wave_calibration.is_calibration(item.plan) for item in run_facts]
+    measured_runs = [run for run, sea in zip(runs, calibrations, strict=True) if not sea]
+    if not measured_runs:
+        raise RunError(f"{', '.join(map(str, runs))}: no run with the device in the water")
+    runs_read = [read_records(run, incomplete_rows=incomplete_rows) for run in measured_runs]
+    records = [record for item in runs_read for record in item.records]
+    notes = [message for item in runs_read for message in item.excluded]
+    first = runs_read[0].facts
+    template = _template(first, plant)
+    try:
+        hull = identify_hull(records)
+        mechanics = drivetrain.identify_drivetrain(records, drivetrain.read_shape(template.plant))
+        motor = electrics.identify_winding(records)
+        loss = electrics.identify_drive_loss(records, _rated(template.plant))
+    except ValueError as error:
+        raise RunError(f"{', '.join(item.facts.run for item in runs_read)}: {error}") from None
+    if not any(item.sea is not None for item in records):
+        mechanics = add_uncertainty(mechanics, drivetrain.WAVES, GUIDE_FRICTION_DEVIATION)
+        notes.append(
+            "no row in waves: dry friction is that of calm water; the guide's share in waves is "
+            f"included as uncertainty only ({GUIDE_FRICTION_DEVIATION:g} N)"
+        )
+    coefficient = _coefficient(template, runs, run_facts, any(calibrations), probe, notes)
+    factor_deviation = seas.BEM_DEVIATION if coefficient.source.startswith("BEM") else 0.01
+    factor = seas.excitation_scale(records, hull, coefficient, factor_deviation)
+    return Twin(
+        tuple(item.run for item in run_facts),
+        template,
+        first.config,
+        hull,
+        (hull.linear, hull.quadratic, mechanics, motor, loss, factor),
+        coefficient,
+        tuple(records),
+        tuple(notes),
+    )
+
+
+def _template(run_facts: RunInfo, plant: Path | None) -> Template:
+    """Return the given plant file, or the one that the run's configuration names."""
+    if plant is None:
+        paths = [
+            file["path"] for file in run_facts.config.get("files", []) if file["role"] == "plant"
+        ]
+        if not paths:
+            raise RunError(
+                f"{run_facts.run}: its configuration names no plant file; give --plant FILE"
+            )
+        plant = Path(paths[0])
+        if not plant.is_file():
+            raise RunError(
+                f"{run_facts.run}: its plant file {plant} does not exist; give --plant FILE"
+            )
+    mapping, locate = load_mapping(plant)
+    bem = locate.resolve_path(("bem",), mapping["bem"])
+    return Template(plant, mapping, bem, bem.with_name(mapping["surge"]["bem"]))
+
+
+def _rated(plant: dict[str, Any]) -> float | None:
+    """Return the rated bus voltage of a custom drive, V; None for a commercial drive."""
+    drive = plant["drive"]
+    return float(drive["rated_voltage"]["value"]) if drive["kind"] == "custom" else None
+
+
+def _coefficient(
+    template: Template,
+    runs: Sequence[Path],
+    run_facts: Sequence[RunInfo],
+    calibrated: bool,
+    probe: str,
+    notes: list[str],
+) -> seas.Coefficient:
+    """Return excitation by frequency: identified with wave calibrations, else from BEM."""
+    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as binary, np.load(binary) as file:
+        frequency, force = np.array(file["f_hz"]), np.array(file["Fe_complex"])
+    digest = hashlib.sha256(read_regular(template.heave_bem, MAX_TABLE_BYTES)).hexdigest()[:12]
+    bem = seas.Coefficient(frequency, force, f"BEM {template.heave_bem.name} (sha256 {digest})")
+    if not calibrated:
+        return bem
+    usable_runs = [
+        run for run, facts_of_run in zip(runs, run_facts, strict=True)
+        if facts_of_run.plan.get("reference") or wave_calibration.is_calibration(facts_of_run.plan)
+    ]  # fmt: skip
+    identified = identify(usable_runs, IdentificationOptions(probe=probe))
+    notes += identified.notes
+    return seas.merge_identified(bem, identified.excitations)

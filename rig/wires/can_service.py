@@ -1,0 +1,122 @@
+"""The I/O process for the service functions of a CAN bus: set up the nodes, then monitor them.
+
+Before it reports "ready", it writes every node's objects and reads them back, homes the nodes for
+which the rig file requires it, and starts all nodes (OPERATIONAL). On a mismatch it refuses and
+names the node. The report "ready" contains values that the loop needs, such as the scale of a
+drive's current.
+"""
+
+import json
+import time
+from typing import Any
+
+from drivers.canopen import cia402, homing
+from drivers.canopen.arming import SetupStep, format_mismatches
+from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.link import LinkError
+from drivers.canopen.service import Service, ServiceError
+from rig.processes import handover
+from rig.processes.io_process import end_condition, report_event, run_io_process
+from rig.processes.mailbox import Mailbox
+from rig.realtime import scheduling
+from rig.wires.messages import NodeHealth
+
+_POLL_INTERVAL_S = 0.02  # s between two posts of the nodes' health
+_REPORT_INTERVAL_S = 5.0  # s between two messages about a lost bus
+
+
+def serve(job: dict[str, Any]) -> None:
+    """Set up and monitor the nodes until terminated or until the loop has ended."""
+    config, ended = job["config"], end_condition(job["lifeline"])
+    slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
+    if refused := scheduling.acquire_for_io():
+        report_event(event="message", text=f"no priority over other work: {refused}")
+    interface, channel, bit_rate, options = config["bus"]
+    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    nodes = config["nodes"]
+    try:
+        service = Service(bus)
+    except LinkError as error:
+        report_event(event="refused", why=str(error))
+        return
+    try:
+        try:
+            facts = _set_up(service, nodes, ended)
+            service.ignore_process_data()
+            for node in nodes:
+                service.start(node["node"])
+        except ServiceError as error:
+            report_event(event="refused", why=str(error))
+            return
+        _post_health(service, nodes, slots)
+        report_event(event="ready", facts=facts)
+        last_report = -_REPORT_INTERVAL_S
+        while not ended():
+            time.sleep(_POLL_INTERVAL_S)
+            try:
+                _post_health(service, nodes, slots)
+            except LinkError as error:  # the health messages age, and the loop stops for it
+                if time.monotonic() - last_report > _REPORT_INTERVAL_S:
+                    last_report = time.monotonic()
+                    report_event(event="message", text=str(error))
+        for node in nodes:
+            service.stop(node["node"])
+    finally:
+        service.close()
+
+
+def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict[str, Any]:
+    """Set up and home the nodes; return the values read for the loop by node name."""
+    facts: dict[str, Any] = {}
+    problems = []
+    for node in nodes:
+        service.watch(node["node"])
+        steps = tuple(SetupStep(*step) for step in node["steps"])
+        mismatches = service.set_up(node["node"], steps)
+        if mismatches:
+            problems.append(
+                f"{node['name']} (node {node['node']}):\n{format_mismatches(mismatches)}"
+            )
+        values = {
+            name: service.read(node["node"], index, sub, kind)
+            for name, index, sub, kind in node["facts"]
+        }
+        missing = [name for name, value in values.items() if value is None]
+        if missing:
+            problems.append(
+                f"{node['name']} (node {node['node']}) does not give {', '.join(missing)}"
+            )
+        facts[node["name"]] = values
+    if problems:
+        raise ServiceError("\n".join(problems))
+    for node in nodes:
+        if node["homing"] is not None:
+            machine, deadlines = node["homing"]
+            service.home(
+                node["node"],
+                handover.loads(cia402.Params, json.dumps(machine)),
+                handover.loads(homing.Params, json.dumps(deadlines)),
+                stopped,
+            )
+    return facts
+
+
+def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailbox]) -> None:
+    health = service.health()
+    now = time.monotonic()
+    for node in nodes:
+        node_health = health[node["node"]]
+        slots[f"{node['name']}_health"].post(
+            NodeHealth(
+                node_health.nmt,
+                node_health.last_heartbeat,
+                node_health.boots,
+                node_health.code,
+                node_health.emergencies,
+                now,
+            )
+        )
+
+
+if __name__ == "__main__":
+    run_io_process(serve)

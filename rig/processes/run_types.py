@@ -26,6 +26,15 @@ class Task(NamedTuple):
     law_source: str = ""  # of a law that is given by its file, for `law.py`
 
 
+class RecordedTask(NamedTuple):
+    """The task of a recorded run, as today's code builds it from the record."""
+
+    kind: cycle.Kind
+    params: cycle.Params
+    dt: float  # s
+    notice: str = ""  # how the law of today differs from that of the run; empty: it does not
+
+
 class ExecutionMode(NamedTuple):
     """The processes, devices and clock of a run; nothing else differs between the modes."""
 

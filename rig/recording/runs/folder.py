@@ -107,6 +107,13 @@ class RunInfo(NamedTuple):
         return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
     @property
+    def kind(self) -> str:
+        """The kind of rig (`rig.kinds`); empty if the record does not name it."""
+        rig = self.config.get("rig")
+        recorded = rig.get("kind") if isinstance(rig, dict) else None
+        return str(recorded or self.status.get("kind") or "")
+
+    @property
     def stations(self) -> tuple[Station, ...]:
         """The power stations in the plan, in the order of the flow of power.
 

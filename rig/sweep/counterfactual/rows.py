@@ -19,12 +19,12 @@ from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
 from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import build_device_model
-from rig.execution.replay import logged_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.kinds.wavebot.twin.plant_file import identified_range
 from rig.planning.campaign import Campaign, Plan, build_plan
+from rig.planning.campaign.recorded import logged_campaign
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info

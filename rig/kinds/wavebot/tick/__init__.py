@@ -3,6 +3,7 @@
 from rig.kinds.wavebot.tick.check import check
 from rig.kinds.wavebot.tick.cycle import KIND, find_kind, kind_with_law, observe
 from rig.kinds.wavebot.tick.signals import (
+    SENSE_IN_ROW,
     Command,
     LoadSense,
     PowerSense,
@@ -15,6 +16,7 @@ from rig.kinds.wavebot.tick.state import Limits, Params, State
 
 __all__ = [
     "KIND",
+    "SENSE_IN_ROW",
     "Command",
     "Limits",
     "LoadSense",

@@ -1,5 +1,5 @@
-"""Free decay of the flap: natural period, and linear, quadratic and dry damping, from the whole
-motion.
+"""The free decay session of the flap: natural period, and linear, quadratic and dry damping, from
+the whole motion.
 
 Equation of motion per inertia, with radiation as a memory of second order (h of v = theta', at rest
 at the release):
@@ -18,11 +18,22 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 from scipy.signal import bilinear, find_peaks, lfilter, savgol_filter
 
-from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknife
-from rig.kinds.oswec_bench.products.losses import moving_samples
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
+from rig.kinds.oswec_bench.products.figures import (
+    BLUE,
+    RED,
+    annotate_corner,
+    figure,
+    legend,
+    shaded,
+)
+from rig.kinds.oswec_bench.products.periods import moving_samples
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
 
 WINDOW, ORDER = 0.15, 5  # s and degree of the polynomials whose derivatives are taken
 MIN_SPEED_SHARE = 0.1  # share of a release's top speed
@@ -101,9 +112,8 @@ def fit_decay(releases: list[Release]) -> Decay:
 
     def residuals(logs: Floats) -> Floats:
         designs = [_design_matrix(each, logs) for each in releases]
-        out: Floats = (
-            np.concatenate(designs) @ _linear_coefficients(designs, releases) - accelerations
-        )
+        linear = _linear_coefficients(designs, releases)
+        out: Floats = np.concatenate(designs) @ linear - accelerations
         return out
 
     accelerations = np.concatenate([each.acceleration[each.fitted_samples] for each in releases])
@@ -136,16 +146,9 @@ def fit_decay(releases: list[Release]) -> Decay:
     values = _derived_quantities(fit)
     if not np.isfinite(values).all():
         raise ValueError("the flap does not swing")
-    half_widths = jackknife(values, np.array(leave_one_out))
     units = ("s", "1/s", "1", "1/s^2", "s^2/rad", "rad", "rad")
     method = f"acceleration by least squares, jackknife over {len(releases)} releases"
-    return Decay(
-        fit,
-        *(
-            Estimate(float(v), float(h), u, method)
-            for v, h, u in zip(values, half_widths, units, strict=True)
-        ),
-    )
+    return Decay(fit, *jackknifed(values, leave_one_out, units, method))
 
 
 def _design_matrix(release: Release, logs: Floats) -> Floats:
@@ -173,16 +176,11 @@ def _linear_coefficients(designs: list[Floats], releases: list[Release]) -> Floa
 
 def _start_logs(releases: list[Release]) -> Floats:
     """Return logarithms of a memory several times faster than the flap's swing."""
-    frequencies = [
-        float(
-            np.sqrt(
-                -(r.acceleration * r.angle)[r.fitted_samples].sum()
-                / (r.angle**2)[r.fitted_samples].sum()
-            )
-        )
+    squares = [
+        -(r.acceleration * r.angle)[r.fitted_samples].sum() / (r.angle**2)[r.fitted_samples].sum()
         for r in releases
     ]
-    natural_frequency = float(np.median(frequencies))
+    natural_frequency = float(np.median(np.sqrt(squares)))
     return np.log([6.0 * natural_frequency, 12.0 * natural_frequency * natural_frequency])
 
 
@@ -258,3 +256,134 @@ def simulate_release(fit: Fit, start_angle: float, count: int, dt: float) -> Flo
         v, step = next_velocity, dt
         angle += dt * v
     return angles
+
+
+def simulated(fit: Fit, release: Release) -> Release:
+    """Return a release with the angles of the fitted flap."""
+    start_angle, count = float(release.angle[0]), len(release.angle)
+    return release._replace(angle=simulate_release(fit, start_angle, count, release.dt))
+
+
+class MeasuredRelease(NamedTuple):
+    """A release as measured."""
+
+    point: SetpointData
+    release: Release
+    losses: list[HalfSwingLoss]
+
+
+def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> Result:
+    """Analyse a run; with the flap's ``stiffness`` (N*m/rad) the result contains moments, too."""
+    points = session.complete_points
+    releases = [prepare_release(point.shaft, point.dt) for point in points]
+    decay = fit_decay(releases)
+    measured = [
+        MeasuredRelease(point, each, half_swing_losses(each, decay.rest_angle.value))
+        for point, each in zip(points, releases, strict=True)
+    ]
+    constants = {
+        "flap_natural_period": decay.period,
+        "flap_decay_rate": decay.decay_rate,
+        "flap_damping_ratio": decay.damping_ratio,
+        "flap_quadratic_over_spring": decay.quadratic,
+        "flap_friction_angle": decay.friction,
+    }
+    notes = [
+        "The flap alone, with its rigid coupling removed; added inertia and radiation are those "
+        "at its natural period. Dry friction is that of bearings and seals.",
+    ]
+    if stiffness is None:
+        notes.append("No moments: there is no analysed flap_hydrostatic run in the same folder.")
+    else:
+        constants |= _moments(decay, stiffness)
+    return Result(
+        (table("flap_releases", "Releases", measured, COLUMNS),),
+        tuple(compare(LABELS[name], each, "not run") for name, each in constants.items()),
+        constants,
+        (_draw_releases(measured, decay), _draw_losses(measured, decay)),
+        tuple(notes),
+    )
+
+
+def _moments(decay: Decay, stiffness: Estimate) -> dict[str, Estimate]:
+    """Return inertia and damping by the spring rate.
+
+    Inertia and linear damping include radiation.
+    """
+
+    def scaled(factor: float, unit: str, *shares: Estimate) -> Estimate:
+        relative = [each.uncertainty / each.value for each in (stiffness, *shares)]
+        value = factor * stiffness.value
+        method = f"{shares[0].method}; spring {stiffness.method}"
+        return Estimate(value, abs(value) * float(np.linalg.norm(relative)), unit, method)
+
+    natural, rate = decay.natural_squared, decay.decay_rate
+    return {
+        "flap_inertia": scaled(1.0 / natural.value, "kg*m^2", natural),
+        "flap_linear_damping": scaled(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural),
+        "flap_quadratic_damping": scaled(decay.quadratic.value, "N*m*s^2/rad^2", decay.quadratic),
+        "flap_dry_friction": scaled(decay.friction.value, "N*m", decay.friction),
+    }
+
+
+LABELS = {
+    "flap_natural_period": "natural period of small swings",
+    "flap_decay_rate": "decay rate of small swings",
+    "flap_damping_ratio": "damping ratio, linear",
+    "flap_quadratic_over_spring": "quadratic damping over spring",
+    "flap_friction_angle": "dry friction over spring",
+    "flap_inertia": "inertia with added inertia",
+    "flap_linear_damping": "linear damping, radiation included",
+    "flap_quadratic_damping": "quadratic damping",
+    "flap_dry_friction": "dry friction",
+}
+COLUMNS: Columns[MeasuredRelease] = {
+    "row": lambda r: r.point.row,
+    "released at [deg]": lambda r: r.point.plan_value("release_deg"),
+    "measured start [deg]": lambda r: float(np.degrees(r.release.angle[0])),
+    "half swings": lambda r: len(r.losses),
+    "rest angle [deg]": lambda r: float(np.degrees(r.release.angle[-1])),
+}
+
+
+@figure(
+    "flap_decay",
+    "Free decay of the flap",
+    "Blue: measured; red: the fit, integrated.",
+    x="time since the release, s",
+    y="angle, deg",
+    size=(7.6, 4.8),
+)
+def _draw_releases(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
+    for _, release, _ in releases:
+        axes.plot(release.time, np.degrees(release.angle), color=BLUE, lw=1.8)
+        fitted = simulated(decay.fit, release)
+        axes.plot(release.time, np.degrees(fitted.angle), "--", color=RED, lw=0.9)
+    axes.set_xlim(0.0, None)
+    lines = (
+        f"natural period {decay.period}",
+        f"damping ratio {decay.damping_ratio}",
+        f"quadratic damping over spring {decay.quadratic}",
+        f"friction holds within {decay.friction.scaled(180.0 / np.pi, 'deg')}",
+    )
+    annotate_corner(axes, "\n".join(lines), "upper right")
+
+
+@figure(
+    "flap_extinction",
+    "Amplitude loss of half a swing over its amplitude",
+    "Points: turning points of each release; red: those of the fit.",
+    x="mean amplitude of half a swing, deg",
+    y="amplitude loss, deg",
+    size=(7.2, 4.6),
+)
+def _draw_losses(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
+    for (point, release, measured), colour in shaded(releases):
+        fitted = half_swing_losses(simulated(decay.fit, release), decay.rest_angle.value)
+        if measured and fitted:
+            label = f"{point.plan_value('release_deg'):g} deg"
+            axes.plot(*np.degrees(measured).T, "o", ms=6, color=colour, label=label)
+            axes.plot(*np.degrees(fitted).T, "+", ms=10, color=RED)
+    axes.set_xlim(0.0, None)
+    axes.set_ylim(0.0, None)
+    legend(axes, title="released at")

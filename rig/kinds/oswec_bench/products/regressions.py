@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.kinds.oswec_bench.products.deflection import Motion, ShaftLag
-from rig.kinds.oswec_bench.products.estimate import Floats
-from rig.kinds.oswec_bench.products.linear_fit import Line, fit_line, value_at
+from rig.kinds.oswec_bench.products.estimate import Floats, Line, fit_line, value_at
 
 
 class Regressions(NamedTuple):

@@ -19,7 +19,7 @@ from rig.kinds.oswec_bench.products.estimate import (
     CELL_UNCERTAINTY,
     Estimate,
     Floats,
-    jackknife,
+    jackknifed,
     with_floor,
 )
 from rig.kinds.oswec_bench.products.separable_fit import (
@@ -70,11 +70,10 @@ def bin_deflection(motion: Motion) -> BinnedDeflection:
     for low, high in pairwise(edges):
         inside = [(x >= low) & (x < high) for x, _ in directions]
         if min(int(i.sum()) for i in inside) >= MIN_BIN_SAMPLES:
-            torque = np.mean([x[i].mean() for (x, _), i in zip(directions, inside, strict=True)])
-            deflection = np.mean(
-                [np.mean(y[i]) for (_, y), i in zip(directions, inside, strict=True)]
-            )
-            rows.append((torque, deflection, float(sum(i.sum() for i in inside))))
+            pairs = zip(directions, inside, strict=True)
+            sides = [(x[i].mean(), y[i].mean()) for (x, y), i in pairs]
+            count = float(sum(i.sum() for i in inside))
+            rows.append((*np.mean(sides, axis=0), count))
     columns = np.array(rows, np.float64).reshape(-1, 3).T
     return BinnedDeflection(*columns)
 
@@ -99,18 +98,13 @@ def fit_map(points: list[BinnedDeflection]) -> TorqueMap:
         raise ValueError(f"{len(points)} set points under load; a map needs at least 3")
     searched = search_grid([_normal_equations(each) for each in points], KNEES)
     values = _map_parameters(searched.parameters)
-    half_widths = jackknife(
-        values, np.array([_map_parameters(each) for each in searched.leave_one_out])
-    )
+    left_out = [_map_parameters(each) for each in searched.leave_one_out]
+    method = f"map of {len(points)} set points, jackknife over them"
+    units = ("rad", "rad", "N*m", "N*m/rad")
+    gap, soft, knee, stiffness = jackknifed(values, left_out, units, method)
     deflections = np.concatenate([each.deflection for each in points])
     weight = np.concatenate([each.weight for each in points])
     deviation = deflections - np.average(deflections, weights=weight)
-    method = f"map of {len(points)} set points, jackknife over them"
-    units = ("rad", "rad", "N*m", "N*m/rad")
-    gap, soft, knee, stiffness = (
-        Estimate(float(value), float(width), unit, method)
-        for value, width, unit in zip(values, half_widths, units, strict=True)
-    )
     return TorqueMap(
         gap,
         soft,

@@ -24,9 +24,9 @@ def test_the_intervals_of_line_and_band_cover_the_truth() -> None:
         line = estimate.fit_line(x, 0.5 + 0.02 * x + random.normal(0.0, 0.1, 15))
         covered.append(
             (
-                estimate.slope(line, "", "").covers(0.02),
-                estimate.intercept(line, "", "").covers(0.5),
-                abs(estimate.value_at(line, 70.0) - 1.9) <= estimate.band(line, 70.0),
+                line.slope_estimate().covers(0.02),
+                line.intercept_estimate().covers(0.5),
+                abs(line.at(70.0) - 1.9) <= line.band(70.0),
             )
         )
     assert np.mean(covered, axis=0) == pytest.approx([0.95] * 3, abs=TOLERANCE)
@@ -48,7 +48,7 @@ def test_the_line_fit_agrees_with_scipy() -> None:
     assert (line.slope, line.intercept) == pytest.approx((scipy_line.slope, scipy_line.intercept))
     assert line.r_squared == pytest.approx(scipy_line.rvalue**2)
     half = stats.t.ppf(0.975, 18) * scipy_line.stderr
-    assert estimate.slope(line, "", "").uncertainty == pytest.approx(half)
+    assert line.slope_estimate().uncertainty == pytest.approx(half)
 
 
 def test_estimates_without_an_interval_are_nan() -> None:

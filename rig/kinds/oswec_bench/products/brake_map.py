@@ -5,18 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.kinds.oswec_bench.products import periods
+from rig.kinds.oswec_bench.products import figures, periods
 from rig.kinds.oswec_bench.products.deflection import WINDOW, Motion
-from rig.kinds.oswec_bench.products.estimate import (
-    CELL_UNCERTAINTY,
-    Estimate,
-    Floats,
-    format_number,
-    mean,
-    unknown,
-    with_floor,
-)
-from rig.kinds.oswec_bench.products.figures import BLUE, RED, annotate_corner, figure, legend
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, format_number, mean
 from rig.kinds.oswec_bench.products.points import SessionRun
 from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
 
@@ -62,9 +53,8 @@ def brake_torque(motion: Motion) -> Estimate:
         directions = [torque[v > fast], torque[v < -fast]]
         if all(len(direction) for direction in directions):
             torques.append(0.5 * (directions[0].mean() - directions[1].mean()))
-    return with_floor(
-        mean(torques, "N*m", f"{len(torques)} periods, by their scatter"), CELL_UNCERTAINTY
-    )
+    method = f"{len(torques)} periods, by their scatter"
+    return mean(torques, "N*m", method).with_cell_error()
 
 
 def brake_points(points: list[Motion], currents: list[float]) -> list[BrakePoint]:
@@ -111,7 +101,7 @@ def _branch(points: list[BrakePoint]) -> Branch:
 def _hysteresis(rising: Branch, falling: Branch) -> Estimate:
     method = "falling less rising branch, by scatter between currents"
     if len(falling.current) < 2 or len(rising.current) < 2:
-        return unknown("N*m", method)
+        return mean([], "N*m", method)
     low = max(rising.current[0], falling.current[0])
     high = min(rising.current[-1], falling.current[-1])
     currents = falling.current[(falling.current > low + 1e-3) & (falling.current < high - 1e-3)]
@@ -172,7 +162,7 @@ def _calibration_maps(measured_map: BrakeMap) -> dict[str, Any]:
     return {"brake_map": branches}
 
 
-@figure(
+@figures.figure(
     "brake_map",
     "The brake's torque over current",
     "Points with 95 % intervals.",
@@ -182,8 +172,8 @@ def _calibration_maps(measured_map: BrakeMap) -> dict[str, Any]:
 )
 def _draw_map(axes: Axes, measured_map: BrakeMap) -> None:
     for name, branch, colour, mark in (
-        ("rising", measured_map.rising, BLUE, "o-"),
-        ("falling", measured_map.falling, RED, "s--"),
+        ("rising", measured_map.rising, figures.BLUE, "o-"),
+        ("falling", measured_map.falling, figures.RED, "s--"),
     ):
         if len(branch.current):
             half_widths = np.nan_to_num(branch.uncertainty)
@@ -192,5 +182,5 @@ def _draw_map(axes: Axes, measured_map: BrakeMap) -> None:
                 branch.current, branch.torque, half_widths, color=colour, label=name, **style
             )
     axes.set_ylim(0.0, None)
-    legend(axes, "upper left")
-    annotate_corner(axes, f"falling less rising {measured_map.hysteresis}", "lower right")
+    figures.legend(axes, "upper left")
+    figures.annotate_corner(axes, f"falling less rising {measured_map.hysteresis}", "lower right")

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from rig.analysis.picture import ACCENT, DARK, MUTED
-from rig.kinds.oswec_bench.products import periods, regressions, torque_map
+from rig.kinds.oswec_bench.products import figures, periods, torque_map
 from rig.kinds.oswec_bench.products.deflection import (
     DEGREE,
     ShaftLag,
@@ -19,33 +19,14 @@ from rig.kinds.oswec_bench.products.driveline import (
     DrivelineResult,
     DrivelineSetpoint,
     OfflineErrors,
+    Regressions,
     analyse_driveline,
+    correct_offline,
+    explained_variance,
+    predict_correction,
 )
-from rig.kinds.oswec_bench.products.estimate import (
-    Estimate,
-    Floats,
-    Line,
-    format_number,
-    intercept,
-    mean,
-    slope,
-    with_floor,
-)
-from rig.kinds.oswec_bench.products.figures import (
-    BLUE,
-    GREEN,
-    RED,
-    FigureSpec,
-    annotate_corner,
-    draw_percentiles,
-    draw_trend,
-    figure,
-    legend,
-    shade,
-    shaded,
-)
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, format_number, mean
 from rig.kinds.oswec_bench.products.points import SessionRun
-from rig.kinds.oswec_bench.products.regressions import Regressions, explained_variance
 from rig.kinds.oswec_bench.products.result import (
     Columns,
     Comparison,
@@ -60,73 +41,31 @@ SAMPLE_HOLD_UNCERTAINTY = 0.0005
 """Relative uncertainty of a velocity constant due to commands that are constant during a tick."""
 MIN_MAP_TORQUE = 1.0  # N*m, below it the map crosses the gap from flank to flank
 SETPOINT_LABEL = "amplitude, deg   /   R, N·m·s/rad"
-SCHEME_STYLES = ((BLUE, "s"), (RED, "D"), (GREEN, "^"))
+SCHEME_STYLES = ((figures.BLUE, "s"), (figures.RED, "D"), (figures.GREEN, "^"))
 
 
 class Trend(NamedTuple):
     """How a line through the set points is reported."""
 
     line: str  # field of Regressions
-    y: str  # fields of ShaftLag
+    y: str  # field of ShaftLag
     x: str
-    factor: float  # from the unit of y
-    unit: str
-    constant: str  # prefix of its constants
-    constant_unit: str
-    x_unit: str
+    suffix: str  # of the names of its constants
     thesis: str
-    figure: str
-    title: str
-    x_label: str
-    figure_thesis: str
+
+    @property
+    def factor(self) -> float:
+        """Factor from the unit of y in a `ShaftLag` to that of the report."""
+        return UNITS[self.y][1]
 
 
-TRENDS = (
-    Trend(
-        line="amplitude",
-        y="amplitude_difference",
-        x="rms_torque",
-        factor=1.0 / DEGREE,
-        unit="deg",
-        constant="amplitude_difference",
-        constant_unit="deg",
-        x_unit="N*m",
-        thesis="rises, R² 0.97",
-        figure="fig_2_5",
-        title="Fig. 2.5: amplitude difference over torque",
-        x_label="rms torque, N·m",
-        figure_thesis="thesis 0.97",
-    ),
-    Trend(
-        line="velocity_phase",
-        y="phase_shift",
-        x="rms_velocity",
-        factor=100.0,
-        unit="% of period",
-        constant="phase_shift",
-        constant_unit="%",
-        x_unit="rad/s",
-        thesis="falls, R² 0.81",
-        figure="fig_2_4",
-        title="Fig. 2.4: phase shift over velocity",
-        x_label="rms motor velocity, rad/s",
-        figure_thesis="thesis 0.81",
-    ),
-    Trend(
-        line="torque_phase",
-        y="phase_shift",
-        x="rms_torque",
-        factor=100.0,
-        unit="% of period",
-        constant="phase_shift_over_torque",
-        constant_unit="%",
-        x_unit="N*m",
-        thesis="",
-        figure="fig_2_4_torque",
-        title="Phase shift over torque, for comparison with Fig. 2.4",
-        x_label="rms torque, N·m",
-        figure_thesis="not in the thesis",
-    ),
+UNITS = {"amplitude_difference": ("deg", 1.0 / DEGREE), "phase_shift": ("% of period", 100.0)}
+X_LABELS = {"rms_torque": "rms torque, N·m", "rms_velocity": "rms motor velocity, rad/s"}
+X_UNITS = {"rms_torque": "N*m", "rms_velocity": "rad/s"}
+AMPLITUDE, PHASE, DELAY = TRENDS = (
+    Trend("amplitude", "amplitude_difference", "rms_torque", "", "rises, R² 0.97"),
+    Trend("velocity_phase", "phase_shift", "rms_velocity", "", "falls, R² 0.81"),
+    Trend("torque_phase", "phase_shift", "rms_torque", "_over_torque", ""),
 )
 
 
@@ -177,9 +116,9 @@ def _tables(result: DrivelineResult) -> list[Table]:
     """Return set points, trends, rated corrections and the map, as far as the run has data for
     them.
     """
+    title = "Table 2.1: set points and results"
     points = [*result.uncorrected, *result.corrected]
-    tables = [table("driveline_points", "Table 2.1: set points and results", points,
-                    _setpoint_columns(result))]  # fmt: skip
+    tables = [table("driveline_points", title, points, _setpoint_columns(result))]
     if result.regressions is not None:
         title = "Trends between set points (± 95 %)"
         trends = [(each, getattr(result.regressions, each.line)) for each in TRENDS]
@@ -232,11 +171,11 @@ def _setpoint_columns(result: DrivelineResult) -> Columns[DrivelineSetpoint]:
 
 TREND_COLUMNS: Columns[tuple[Trend, Line]] = {
     "trend": lambda r: f"{r[0].y} over {r[0].x}".replace("_", " "),
-    "slope": lambda r: slope(r[1], "", "").scaled(r[0].factor, ""),
-    "at zero": lambda r: intercept(r[1], "", "").scaled(r[0].factor, ""),
+    "slope": lambda r: r[1].slope_estimate().scaled(r[0].factor, ""),
+    "at zero": lambda r: r[1].intercept_estimate().scaled(r[0].factor, ""),
     "R²": lambda r: r[1].r_squared,
-    "unit": lambda r: r[0].unit,
-    "unit of slope": lambda r: f"{r[0].unit} per {r[0].x_unit}",
+    "unit": lambda r: UNITS[r[0].y][0],
+    "unit of slope": lambda r: f"{UNITS[r[0].y][0]} per {X_UNITS[r[0].x]}",
     "thesis": lambda r: r[0].thesis,
 }
 
@@ -294,7 +233,7 @@ def _constants(result: DrivelineResult) -> dict[str, Estimate]:
     if trends is not None:
         method = f"fundamentals under load, mean of {len(points)} set points, by their scatter"
         gain = mean([e.drive_gain for e in points], "rad/s/V", method)
-        estimates["velocity_constant_loaded"] = with_floor(gain, SAMPLE_HOLD_UNCERTAINTY)
+        estimates["velocity_constant_loaded"] = gain.widened(SAMPLE_HOLD_UNCERTAINTY * gain.value)
         estimates["velocity_loop_lag"] = mean([e.drive_lag for e in points], "s", method)
     if fitted is not None:
         estimates["half_gap"] = _in_degrees(fitted.half_gap)
@@ -304,12 +243,11 @@ def _constants(result: DrivelineResult) -> dict[str, Estimate]:
     if trends is not None:
         method = f"line through {trends.velocity_phase.point_count} set points, by their scatter"
         for each in TRENDS:
-            line, unit = getattr(trends, each.line), each.constant_unit
-            for key, estimate, estimate_unit in (
-                ("slope", slope(line, "", method), f"{unit}/({each.x_unit})"),
-                ("at_zero", intercept(line, "", method), unit),
-            ):
-                estimates[f"{each.constant}_{key}"] = estimate.scaled(each.factor, estimate_unit)
+            line, unit = getattr(trends, each.line), UNITS[each.y][0].split()[0]
+            slope, at_zero = line.slope_estimate("", method), line.intercept_estimate("", method)
+            name, slope_unit = each.y + each.suffix, f"{unit}/({X_UNITS[each.x]})"
+            estimates[f"{name}_slope"] = slope.scaled(each.factor, slope_unit)
+            estimates[f"{name}_at_zero"] = at_zero.scaled(each.factor, unit)
     return estimates
 
 
@@ -369,7 +307,7 @@ def _comparisons(result: DrivelineResult) -> list[Comparison]:
 
 def _trend_comparisons(trends: Regressions, lags: list[ShaftLag]) -> list[Comparison]:
     amplitude, phase, delay = trends
-    phase_slope = slope(phase, "", "").scaled(100.0, "% per rad/s")
+    phase_slope = phase.slope_estimate().scaled(100.0, "% per rad/s")
     explained = explained_variance(lags)
     return [
         compare(
@@ -417,28 +355,39 @@ def _offline_comparisons(offline: OfflineErrors) -> list[Comparison]:
     return comparisons
 
 
-def _figures(result: DrivelineResult) -> list[FigureSpec]:
+def _figures(result: DrivelineResult) -> list[figures.FigureSpec]:
     """Return the figures that the run has data for."""
-    figures = []
+    specs = []
     if result.regressions is not None:
         example = _nearest_setpoint(result.uncorrected, 15.0, 83.3)
-        figures += [_draw_lag_parameters(example), _draw_by_period(example)]
-        for trend in (*TRENDS[1:], TRENDS[0]):  # in the thesis's order
+        specs += [_draw_lag_parameters(example), _draw_by_period(example)]
+        comparison = "Phase shift over torque, for comparison with Fig. 2.4"
+        for trend, name, title, thesis in (
+            (PHASE, "fig_2_4", "Fig. 2.4: phase shift over velocity", "thesis 0.81"),
+            (DELAY, "fig_2_4_torque", comparison, "not in the thesis"),
+            (AMPLITUDE, "fig_2_5", "Fig. 2.5: amplitude difference over torque", "thesis 0.97"),
+        ):
             line = getattr(result.regressions, trend.line)
-            figures.append(_trend_figure(trend, result.uncorrected, line))
+            caption = (
+                "Mean of the periods with 5th and 95th percentile; line with its 95 % band. "
+                f"R² {line.r_squared:.3f}; {thesis}."
+            )
+            y_label = f"{trend.y.replace('_', ' ')}, {UNITS[trend.y][0]}"
+            declare = figures.figure(name, title, caption, x=X_LABELS[trend.x], y=y_label)
+            specs.append(declare(_draw_trend_points)(trend, result.uncorrected, line))
         if result.offline is not None:
             example = _nearest_setpoint(result.uncorrected, 20.0, 104.0)
-            figures.append(_draw_offline_correction(example, result.regressions))
-            figures.append(_draw_before_after(result.uncorrected, result.offline))
+            specs.append(_draw_offline_correction(example, result.regressions))
+            specs.append(_draw_before_after(result.uncorrected, result.offline))
     if result.uncorrected:
-        figures.append(_draw_deflection_over_torque(result.uncorrected, result.torque_map))
+        specs.append(_draw_deflection_over_torque(result.uncorrected, result.torque_map))
     if result.schemes:
         others = [other for scheme in result.schemes for _, other in scheme.pairs]
         if len({other.setpoint for other in others}) > 1:
-            figures.append(_draw_schemes(result.schemes))
+            specs.append(_draw_schemes(result.schemes))
         example = _nearest_setpoint(others, 15.0, 83.3)
-        figures.append(_draw_corrections_in_time(example, result.schemes))
-    return figures
+        specs.append(_draw_corrections_in_time(example, result.schemes))
+    return specs
 
 
 def _nearest_setpoint(
@@ -462,7 +411,7 @@ def _mean_angle(point: DrivelineSetpoint, angle: Floats) -> tuple[Any, Floats]:
     return cut.dt * np.arange(len(mean_angle)), mean_angle
 
 
-@figure(
+@figures.figure(
     "fig_2_2",
     "Fig. 2.2: motor and shaft over a period",
     lambda point: f"{_setpoint_text(point)}; their difference is drawn 10 times as large.",
@@ -473,19 +422,19 @@ def _draw_lag_parameters(axes: Axes, point: DrivelineSetpoint) -> None:
     t, motor = _mean_angle(point, point.motion.motor)
     _, shaft = _mean_angle(point, point.motion.shaft)
     exaggerated = motor - 10.0 * (motor - shaft)
-    axes.plot(t, motor, color=BLUE, lw=1.8, label="motor")
-    axes.plot(t, exaggerated, color=RED, lw=1.8, label="shaft")
+    axes.plot(t, motor, color=figures.BLUE, lw=1.8, label="motor")
+    axes.plot(t, exaggerated, color=figures.RED, lw=1.8, label="shaft")
     axes.axhline(motor.max(), color=MUTED, lw=0.6, ls=":")
     axes.axhline(exaggerated.max(), color=MUTED, lw=0.6, ls=":")
     shift = 100.0 * point.lag.phase_shift.mean()
     loss = point.lag.amplitude_difference.mean() / DEGREE
     text = f"phase shift {shift:.3f} % of period\namplitude difference {loss:.4f}°"
-    annotate_corner(axes, text, "upper center")
+    figures.annotate_corner(axes, text, "upper center")
     axes.margins(x=0.0)
-    legend(axes, "lower left")
+    figures.legend(axes, "lower left")
 
 
-@figure(
+@figures.figure(
     "fig_2_3",
     "Fig. 2.3: deflection and torque, period by period",
     lambda point: f"{_setpoint_text(point)}; later periods darker.",
@@ -499,35 +448,25 @@ def _draw_by_period(panels: Sequence[Axes], point: DrivelineSetpoint) -> None:
     for axes, values in zip(panels, signals, strict=True):
         for i, period in enumerate(periods.split_periods(values, cut)):
             t = cut.dt * np.arange(len(period))
-            axes.plot(t, period, color=shade(i, cut.period_count), lw=0.7)
+            axes.plot(t, period, color=figures.shade(i, cut.period_count), lw=0.7)
         axes.axhline(0.0, color=MUTED, lw=0.5)
     panels[-1].margins(x=0.0)
-
-
-def _trend_figure(trend: Trend, points: list[DrivelineSetpoint], line: Line) -> FigureSpec:
-    caption = (
-        "Mean of the periods with 5th and 95th percentile; line with its 95 % band. "
-        f"R² {line.r_squared:.3f}; {trend.figure_thesis}."
-    )
-    y = f"{trend.y.replace('_', ' ')}, {trend.unit}"
-    declare = figure(trend.figure, trend.title, caption, x=trend.x_label, y=y)
-    return declare(_draw_trend_points)(trend, points, line)
 
 
 def _draw_trend_points(
     axes: Axes, trend: Trend, points: list[DrivelineSetpoint], line: Line
 ) -> None:
-    draw_trend(axes, line, [getattr(each.lag, trend.x) for each in points], trend.factor)
-    shades = dict(shaded(sorted({each.setpoint[1] for each in points})))
+    figures.draw_trend(axes, line, [getattr(each.lag, trend.x) for each in points], trend.factor)
+    shades = dict(figures.shaded(sorted({each.setpoint[1] for each in points})))
     for each in points:
         x, values = getattr(each.lag, trend.x), trend.factor * getattr(each.lag, trend.y)
-        draw_percentiles(axes, x, values, ms=5, color=shades[each.setpoint[1]], capsize=3)
+        figures.draw_percentiles(axes, x, values, ms=5, color=shades[each.setpoint[1]], capsize=3)
     for damping, colour in shades.items():
         axes.plot([], [], "o", color=colour, label=f"R = {damping:g}")
-    legend(axes)
+    figures.legend(axes)
 
 
-@figure(
+@figures.figure(
     "fig_2_7",
     "Fig. 2.7: motor corrected by equation 2.6",
     lambda point, trends: f"{_setpoint_text(point)}; below: difference from the shaft.",
@@ -540,23 +479,23 @@ def _draw_offline_correction(
     panels: Sequence[Axes], point: DrivelineSetpoint, trends: Regressions
 ) -> None:
     upper, lower = panels
-    correction = regressions.predict_correction(trends, point.lag)
-    corrected = regressions.correct_offline(point.motion, correction, point.lag.amplitude)
+    correction = predict_correction(trends, point.lag)
+    corrected = correct_offline(point.motion, correction, point.lag.amplitude)
     t, shaft = _mean_angle(point, point.motion.shaft)
     for values, colour, name, style in (
-        (point.motion.motor, BLUE, "motor", "-"),
-        (corrected, GREEN, "corrected motor", "--"),
+        (point.motion.motor, figures.BLUE, "motor", "-"),
+        (corrected, figures.GREEN, "corrected motor", "--"),
     ):
         _, angle = _mean_angle(point, values)
         upper.plot(t, angle, style, color=colour, lw=1.6, label=name)
         lower.plot(t, angle - shaft, style, color=colour, lw=1.4)
-    upper.plot(t, shaft, color=RED, lw=1.2, label="shaft")
+    upper.plot(t, shaft, color=figures.RED, lw=1.2, label="shaft")
     lower.axhline(0.0, color=MUTED, lw=0.6)
-    legend(upper, "upper center")
+    figures.legend(upper, "upper center")
     lower.margins(x=0.0)
 
 
-@figure(
+@figures.figure(
     "fig_2_8",
     "Fig. 2.8: deflection, offline correction",
     "Mean, 5th and 95th percentile of each set point; thesis: within 0.25° before, below 0.12° "
@@ -568,27 +507,27 @@ def _draw_offline_correction(
 def _draw_before_after(axes: Axes, points: list[DrivelineSetpoint], offline: OfflineErrors) -> None:
     before = [each.motion.deflection for each in points]
     for errors, colour, name, offset in (
-        (before, BLUE, "before", -0.15),
-        (offline.all_points, RED, "after", 0.15),
+        (before, figures.BLUE, "before", -0.15),
+        (offline.all_points, figures.RED, "after", 0.15),
     ):
         style: dict[str, Any] = {"ms": 4, "color": colour, "capsize": 2.5}
         for i, error in enumerate(errors):
             label = name if i == 0 else None
-            draw_percentiles(axes, i + offset, np.abs(error) / DEGREE, label=label, **style)
+            figures.draw_percentiles(axes, i + offset, np.abs(error) / DEGREE, label=label, **style)
     for level in (0.25, 0.12):
         axes.axhline(level, color=MUTED, lw=0.8, ls="--")
         axes.annotate(f"{level:g}°", (1.0, level), xycoords=("axes fraction", "data"), ha="right",
                       va="bottom", fontsize=7.5, color=MUTED)  # fmt: skip
     _label_setpoints(axes, [each.setpoint for each in points])
     axes.set_ylim(0.0, 1.15 * max(0.25, axes.get_ylim()[1]))  # room for the legend
-    legend(axes, "upper left", ncols=2)
+    figures.legend(axes, "upper left", ncols=2)
 
 
 def _label_setpoints(axes: Axes, setpoints: list[tuple[float, float]]) -> None:
     axes.set_xticks(range(len(setpoints)), [f"{a:g}\n{r:g}" for a, r in setpoints])
 
 
-@figure(
+@figures.figure(
     "fig_2_9",
     "Fig. 2.9: deflection over torque",
     lambda points, fitted: (
@@ -602,7 +541,7 @@ def _label_setpoints(axes: Axes, setpoints: list[tuple[float, float]]) -> None:
 def _draw_deflection_over_torque(
     axes: Axes, points: list[DrivelineSetpoint], fitted: TorqueMap | None
 ) -> None:
-    for each, colour in shaded(sorted(points, key=lambda each: each.lag.rms_torque)):
+    for each, colour in figures.shaded(sorted(points, key=lambda each: each.lag.rms_torque)):
         torque = periods.mean_period(each.motion.torque, each.motion.cut)
         _, deflection = _mean_angle(each, each.motion.deflection)
         axes.plot(torque, deflection, color=colour, lw=1.0)
@@ -612,8 +551,8 @@ def _draw_deflection_over_torque(
             x = sign * np.linspace(0.3, max_torque, 200)
             y = torque_map.map_deflection(fitted, x) / DEGREE
             axes.plot(x, y, "--", color=ACCENT, lw=1.6, label=label)
-        legend(axes, "upper left")
-        annotate_corner(
+        figures.legend(axes, "upper left")
+        figures.annotate_corner(
             axes,
             f"half gap {fitted.half_gap.value / DEGREE:.4f}°\n"
             f"soft zone {fitted.soft_zone.value / DEGREE:.3f}° to {fitted.knee.value:.1f} N·m\n"
@@ -624,7 +563,7 @@ def _draw_deflection_over_torque(
     axes.axvline(0.0, color=MUTED, lw=0.5)
 
 
-@figure(
+@figures.figure(
     "corrections",
     "Corrections in the loop: reference minus shaft",
     "95th percentile of each set point, drift removed.",
@@ -646,10 +585,10 @@ def _draw_schemes(axes: Axes, schemes: list[CorrectionScheme]) -> None:
         axes.plot(positions, corrected_errors, mark, ms=5, color=colour, label=scheme.name)
     _label_setpoints(axes, setpoints)
     axes.set_ylim(0.0, None)
-    legend(axes, ncols=2)
+    figures.legend(axes, ncols=2)
 
 
-@figure(
+@figures.figure(
     "corrections_in_time",
     "Corrections in the loop, over time",
     lambda uncorrected, schemes: f"{_setpoint_text(uncorrected)}, mean of the periods.",
@@ -673,5 +612,5 @@ def _draw_corrections_in_time(
     lower.axhline(0.0, color=MUTED, lw=0.5)
     low, high = lower.get_ylim()
     lower.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
-    legend(lower, "upper right", ncols=2)
+    figures.legend(lower, "upper right", ncols=2)
     lower.margins(x=0.0)

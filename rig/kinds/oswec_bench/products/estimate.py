@@ -53,8 +53,14 @@ class Estimate(NamedTuple):
         return Estimate(factor * self.value, factor * self.uncertainty, unit, self.method)
 
     def widened(self, half_width: float) -> "Estimate":
-        """Return the estimate, its interval widened in quadrature by that of another error."""
+        """Return the estimate, its interval widened in quadrature by that of another error, which
+        no scatter reveals.
+        """
         return self._replace(uncertainty=float(np.hypot(self.uncertainty, half_width)))
+
+    def with_cell_error(self) -> "Estimate":
+        """Return an estimate proportional to a torque, its interval widened by the cell's error."""
+        return self.widened(CELL_UNCERTAINTY * self.value)
 
 
 def format_number(value: float, digits: int = 4) -> str:
@@ -74,28 +80,15 @@ def coverage_factor(degrees_of_freedom: float) -> float:
 
 def mean(values: Any, unit: str, method: str) -> Estimate:
     """Return the mean of equally accurate and independent values; values that are not finite are
-    ignored.
+    ignored. Without any value the mean is NaN.
     """
     samples = np.asarray(values, np.float64)
     samples = samples[np.isfinite(samples)]
     if len(samples) == 0:
-        return unknown(unit, method)
+        return Estimate(float("nan"), float("nan"), unit, method)
     error = np.std(samples, ddof=1) / np.sqrt(len(samples)) if len(samples) > 1 else np.nan
     half_width = float(coverage_factor(len(samples) - 1) * error)
     return Estimate(float(samples.mean()), half_width, unit, method)
-
-
-def unknown(unit: str, method: str) -> Estimate:
-    """Return an estimate of a quantity that the data do not determine."""
-    return Estimate(float("nan"), float("nan"), unit, method)
-
-
-def with_floor(estimate: Estimate, share: float) -> Estimate:
-    """Return the estimate, its interval widened in quadrature by a share of its value.
-
-    The share stands for an error that no scatter reveals.
-    """
-    return estimate.widened(share * estimate.value)
 
 
 def jackknife(estimates: Floats, left_out: Floats) -> Floats:
@@ -152,10 +145,27 @@ class Line(NamedTuple):
     r_squared: float
     point_count: int
 
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Degrees of freedom."""
-        return self.point_count - 2
+    def at(self, x: Any) -> Any:
+        """Return the line's value at x."""
+        return self.intercept + self.slope * np.asarray(x, np.float64)
+
+    def band(self, x: Any) -> Floats:
+        """Return the half width of the 95 % confidence band of the line at x, unit of y."""
+        deviation = np.asarray(x, np.float64) - self.mean_x
+        variance = 1.0 / self.point_count + deviation * deviation / self.sum_squares_x
+        factor = coverage_factor(self.point_count - 2) * self.residual_std
+        half_width: Floats = factor * np.sqrt(variance)
+        return half_width
+
+    def slope_estimate(self, unit: str = "", method: str = "") -> Estimate:
+        """Return the slope with its interval, by the scatter of the points about the line."""
+        standard_error = self.residual_std / np.sqrt(self.sum_squares_x)
+        half_width = float(coverage_factor(self.point_count - 2) * standard_error)
+        return Estimate(self.slope, half_width, unit, method)
+
+    def intercept_estimate(self, unit: str = "", method: str = "") -> Estimate:
+        """Return the value at x = 0 with its interval."""
+        return Estimate(self.intercept, float(self.band(0.0)), unit, method)
 
 
 def fit_line(x: Any, y: Any) -> Line:
@@ -183,29 +193,3 @@ def fit_line(x: Any, y: Any) -> Line:
         1.0 - residual_squares / total_squares if total_squares > 0.0 else float("nan"),
         len(x),
     )
-
-
-def value_at(line: Line, x: Any) -> Any:
-    """Return the line's value at x."""
-    return line.intercept + line.slope * np.asarray(x, np.float64)
-
-
-def band(line: Line, x: Any) -> Floats:
-    """Return the half width of the 95 % confidence band of the line at x, unit of y."""
-    deviation = np.asarray(x, np.float64) - line.mean_x
-    variance = 1.0 / line.point_count + deviation * deviation / line.sum_squares_x
-    factor = coverage_factor(line.degrees_of_freedom) * line.residual_std
-    half_width: Floats = factor * np.sqrt(variance)
-    return half_width
-
-
-def slope(line: Line, unit: str, method: str) -> Estimate:
-    """Return the slope with its interval, by the scatter of the points about the line."""
-    standard_error = line.residual_std / np.sqrt(line.sum_squares_x)
-    half_width = float(coverage_factor(line.degrees_of_freedom) * standard_error)
-    return Estimate(line.slope, half_width, unit, method)
-
-
-def intercept(line: Line, unit: str, method: str) -> Estimate:
-    """Return the value at x = 0 with its interval."""
-    return Estimate(line.intercept, float(band(line, 0.0)), unit, method)

@@ -16,7 +16,7 @@ from matplotlib.figure import SubFigure
 
 from rig.analysis import picture
 from rig.analysis.picture import DARK, style_axes
-from rig.kinds.oswec_bench.products.estimate import Line, band, value_at
+from rig.kinds.oswec_bench.products.estimate import Line
 
 BLUE, RED, GREEN = "#0b6e99", "#d1495b", "#2e933c"
 CLOCKWISE, COUNTER = "#16222c", "#8f9aa3"  # black and grey, the thesis's colours of the directions
@@ -114,7 +114,7 @@ def draw_trend(axes: Axes, line: Line, points_x: Any, factor: float = 1.0) -> No
     low, high = min(points_x), max(points_x)
     margin = 0.05 * (high - low)
     x = np.linspace(low - margin, high + margin, 100)
-    y, half_width = factor * value_at(line, x), factor * band(line, x)
+    y, half_width = factor * line.at(x), factor * line.band(x)
     axes.fill_between(x, y - half_width, y + half_width, color=BLUE, alpha=0.15, lw=0)
     axes.plot(x, y, color=BLUE, lw=1.2)
 

@@ -22,15 +22,8 @@ from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 from scipy.signal import bilinear, find_peaks, lfilter, savgol_filter
 
+from rig.kinds.oswec_bench.products import figures
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
-from rig.kinds.oswec_bench.products.figures import (
-    BLUE,
-    RED,
-    annotate_corner,
-    figure,
-    legend,
-    shaded,
-)
 from rig.kinds.oswec_bench.products.periods import moving_samples
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
@@ -346,7 +339,7 @@ COLUMNS: Columns[MeasuredRelease] = {
 }
 
 
-@figure(
+@figures.figure(
     "flap_decay",
     "Free decay of the flap",
     "Blue: measured; red: the fit, integrated.",
@@ -356,9 +349,9 @@ COLUMNS: Columns[MeasuredRelease] = {
 )
 def _draw_releases(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
     for _, release, _ in releases:
-        axes.plot(release.time, np.degrees(release.angle), color=BLUE, lw=1.8)
+        axes.plot(release.time, np.degrees(release.angle), color=figures.BLUE, lw=1.8)
         fitted = simulated(decay.fit, release)
-        axes.plot(release.time, np.degrees(fitted.angle), "--", color=RED, lw=0.9)
+        axes.plot(release.time, np.degrees(fitted.angle), "--", color=figures.RED, lw=0.9)
     axes.set_xlim(0.0, None)
     lines = (
         f"natural period {decay.period}",
@@ -366,10 +359,10 @@ def _draw_releases(axes: Axes, releases: list[MeasuredRelease], decay: Decay) ->
         f"quadratic damping over spring {decay.quadratic}",
         f"friction holds within {decay.friction.scaled(180.0 / np.pi, 'deg')}",
     )
-    annotate_corner(axes, "\n".join(lines), "upper right")
+    figures.annotate_corner(axes, "\n".join(lines), "upper right")
 
 
-@figure(
+@figures.figure(
     "flap_extinction",
     "Amplitude loss of half a swing over its amplitude",
     "Points: turning points of each release; red: those of the fit.",
@@ -378,12 +371,12 @@ def _draw_releases(axes: Axes, releases: list[MeasuredRelease], decay: Decay) ->
     size=(7.2, 4.6),
 )
 def _draw_losses(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
-    for (point, release, measured), colour in shaded(releases):
+    for (point, release, measured), colour in figures.shaded(releases):
         fitted = half_swing_losses(simulated(decay.fit, release), decay.rest_angle.value)
         if measured and fitted:
             label = f"{point.plan_value('release_deg'):g} deg"
             axes.plot(*np.degrees(measured).T, "o", ms=6, color=colour, label=label)
-            axes.plot(*np.degrees(fitted).T, "+", ms=10, color=RED)
+            axes.plot(*np.degrees(fitted).T, "+", ms=10, color=figures.RED)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, None)
-    legend(axes, title="released at")
+    figures.legend(axes, title="released at")

@@ -19,9 +19,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 
-from rig.kinds.oswec_bench.products import periods
+from rig.kinds.oswec_bench.products import figures, periods
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed, mean
-from rig.kinds.oswec_bench.products.figures import RED, figure, legend, shaded
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
@@ -200,7 +199,7 @@ COLUMNS: Columns[tuple[str, SetpointData, PtoPoint]] = {
 }
 
 
-@figure(
+@figures.figure(
     "flap_power",
     "Power of the flap over the damping at the load cell",
     "Points: measured at the load cell, 95 %; lines: the fit; crosses: power at the motor.",
@@ -210,7 +209,7 @@ COLUMNS: Columns[tuple[str, SetpointData, PtoPoint]] = {
 )
 def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
     max_power = 0.0
-    for each, colour in shaded(sweeps):
+    for each, colour in figures.shaded(sweeps):
         points = [point for _, point in each.rows]
         damping = [point.damping for point in points]
         power = [point.power.value for point in points]
@@ -222,17 +221,17 @@ def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
             grid = np.linspace(0.0, 1.05 * max(damping), 300)
             axes.plot(grid, expected_power(each.optimum.unknowns, grid), lw=1.2, color=colour)
             optimum = each.optimum.damping.value, each.optimum.power.value
-            axes.plot(*optimum, "*", ms=11, color=RED, zorder=5)
+            axes.plot(*optimum, "*", ms=11, color=figures.RED, zorder=5)
         style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2.5, "color": colour}
         axes.errorbar(damping, power, half_widths, label=label, **style)
         motor_power = [point.motor_power.value for point in points]
         axes.plot(damping, motor_power, "x", ms=4, color=colour)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, 1.35 * max_power)
-    legend(axes, "upper right", title="waves: optimal damping and its power (stars)")
+    figures.legend(axes, "upper right", title="waves: optimal damping and its power (stars)")
 
 
-@figure(
+@figures.figure(
     "flap_damping",
     "Damping at the load cell over requested damping",
     "Above the dashed line the gearbox's friction adds to the motor.",
@@ -242,7 +241,7 @@ def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
 )
 def _draw_damping(axes: Axes, sweeps: list[Sweep]) -> None:
     max_requested = 0.0
-    for each, colour in shaded(sweeps):
+    for each, colour in figures.shaded(sweeps):
         requested = [row.plan_value("pto_damping_n_m_s_per_rad") for row, _ in each.rows]
         measured = [point.damping for _, point in each.rows]
         max_requested = max(max_requested, *requested)
@@ -250,4 +249,4 @@ def _draw_damping(axes: Axes, sweeps: list[Sweep]) -> None:
     axes.plot([0.0, max_requested], [0.0, max_requested], "k--", lw=0.9)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, None)
-    legend(axes, title="waves")
+    figures.legend(axes, title="waves")

@@ -15,21 +15,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 
-from rig.kinds.oswec_bench.products import periods
+from rig.kinds.oswec_bench.products import figures, periods
 from rig.kinds.oswec_bench.products.estimate import (
     Estimate,
     Floats,
     format_number,
     jackknifed,
     mean,
-)
-from rig.kinds.oswec_bench.products.figures import (
-    BLUE,
-    RED,
-    annotate_corner,
-    figure,
-    legend,
-    shaded,
 )
 from rig.kinds.oswec_bench.products.periods import Complexes
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
@@ -226,7 +218,7 @@ COLUMNS: Columns[tuple[str, ResponseLine]] = {
 }
 
 
-@figure(
+@figures.figure(
     "flap_rao",
     "Response amplitude operator of the flap",
     "Points with 95 % intervals; lines: the fitted resonance.",
@@ -238,8 +230,8 @@ COLUMNS: Columns[tuple[str, ResponseLine]] = {
 def _draw_response(panels: Sequence[Axes], curves: list[ResponseCurve]) -> None:
     upper, lower = panels
     single = len(curves) == 1
-    for each, shade in shaded(curves):
-        colour = BLUE if single else shade
+    for each, shade in figures.shaded(curves):
+        colour = figures.BLUE if single else shade
         f = np.array([line.frequency for line in each.lines])
         magnitude = [line.magnitude.value for line in each.lines]
         half_widths = np.nan_to_num([line.magnitude.uncertainty for line in each.lines])
@@ -250,8 +242,8 @@ def _draw_response(panels: Sequence[Axes], curves: list[ResponseCurve]) -> None:
         if each.resonance is not None:
             grid = np.linspace(f.min(), f.max(), 400)
             fitted = fitted_magnitude(each.resonance.unknowns, 2.0 * np.pi * grid)
-            upper.plot(grid, fitted, color=RED if single else colour, lw=1.2)
+            upper.plot(grid, fitted, color=figures.RED if single else colour, lw=1.2)
     peaks = [f"{each.label}: peak {each.resonance.at_peak}" for each in curves if each.resonance]
-    annotate_corner(upper, "\n".join(peaks), "upper right")
+    figures.annotate_corner(upper, "\n".join(peaks), "upper right")
     upper.set_ylim(0.0, None)
-    legend(upper, "lower left", title="waves")
+    figures.legend(upper, "lower left", title="waves")

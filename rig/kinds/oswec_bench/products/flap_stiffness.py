@@ -13,16 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.ndimage import uniform_filter1d
 
-from rig.kinds.oswec_bench.products import periods
-from rig.kinds.oswec_bench.products.estimate import (
-    CELL_UNCERTAINTY,
-    Estimate,
-    Floats,
-    jackknifed,
-    solve_groups,
-    with_floor,
-)
-from rig.kinds.oswec_bench.products.figures import RED, annotate_corner, figure, legend, shaded
+from rig.kinds.oswec_bench.products import figures, periods
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed, solve_groups
 from rig.kinds.oswec_bench.products.losses import MIN_GROUPS
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
@@ -69,7 +61,7 @@ def fit_spring(groups: list[MovingSamples], group_name: str) -> SpringFit:
     units = ("N*m/rad", "rad", "N*m", "N*m*s/rad", "kg*m^2", "N*m/s")
     method = f"least squares, jackknife over {len(groups)} {group_name}"
     stiffness, *others = jackknifed(values, left_out, units, method)
-    return SpringFit(with_floor(stiffness, CELL_UNCERTAINTY), *others)
+    return SpringFit(stiffness.with_cell_error(), *others)
 
 
 def _design_matrix(samples: MovingSamples) -> Floats:
@@ -166,7 +158,7 @@ def _moment_slope(samples: MovingSamples) -> float:
     return float(np.linalg.lstsq(np.stack(columns, axis=1), samples.torque)[0][0])
 
 
-@figure(
+@figures.figure(
     "flap_moment",
     "Moment over angle in slow motion",
     "Averaged signals; faint: as measured; darker: later. Red: the spring.",
@@ -175,7 +167,7 @@ def _moment_slope(samples: MovingSamples) -> float:
     size=(7.2, 4.8),
 )
 def _draw_moment(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None:
-    for each, colour in shaded(points):
+    for each, colour in figures.shaded(points):
         last = slice(each.cut.edges[-2] - each.cut.edges[0], None, 20)
         label = f"{each.point.plan_value('amplitude_deg'):g} deg, {each.point.period:g} s"
         axes.plot(np.degrees(each.angle[last]), each.torque[last], lw=0.4, alpha=0.2, color=colour)
@@ -185,12 +177,12 @@ def _draw_moment(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None
     max_angle = max(float(np.abs(each.angle).max()) for each in points)
     x = np.array([-max_angle, max_angle])
     line = spring.stiffness.value * (x - spring.rest_angle.value)
-    axes.plot(np.degrees(x), line, "--", color=RED, lw=1.2)
-    annotate_corner(axes, str(spring.stiffness), "lower right")
-    legend(axes, "upper left")
+    axes.plot(np.degrees(x), line, "--", color=figures.RED, lw=1.2)
+    figures.annotate_corner(axes, str(spring.stiffness), "lower right")
+    figures.legend(axes, "upper left")
 
 
-@figure(
+@figures.figure(
     "flap_moment_rest",
     "Residual of the spring",
     "Cell minus spring and inertia: friction behind the cell changes its sign with the motion.",
@@ -198,7 +190,7 @@ def _draw_moment(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None
     y="moment minus spring and inertia, N·m",
 )
 def _draw_residual(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None:
-    for each, colour in shaded(points):
+    for each, colour in figures.shaded(points):
         angle, _, acceleration, torque, time = each.all_samples
         explained = spring.stiffness.value * (angle - spring.rest_angle.value)
         explained = explained + spring.inertia.value * acceleration + spring.drift.value * time
@@ -206,5 +198,5 @@ def _draw_residual(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> No
         residual = (torque - explained)[some]
         axes.plot(np.degrees(angle[some]), residual, ".", ms=1.5, alpha=0.5, color=colour)
     for sign in (1.0, -1.0):
-        axes.axhline(sign * spring.dry_friction.value, color=RED, lw=1.0, ls="--")
-    annotate_corner(axes, f"dry friction {spring.dry_friction}", "upper right")
+        axes.axhline(sign * spring.dry_friction.value, color=figures.RED, lw=1.0, ls="--")
+    figures.annotate_corner(axes, f"dry friction {spring.dry_friction}", "upper right")

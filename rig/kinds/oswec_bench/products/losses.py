@@ -15,15 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.kinds.oswec_bench.products import periods
-from rig.kinds.oswec_bench.products.estimate import (
-    Estimate,
-    Floats,
-    jackknifed,
-    solve_groups,
-    unknown,
-)
-from rig.kinds.oswec_bench.products.figures import BLUE, RED, annotate_corner, figure, shaded
+from rig.kinds.oswec_bench.products import figures, periods
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed, mean, solve_groups
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
 
@@ -122,7 +115,7 @@ def _fit_losses_before_cell(
         designs.append((np.stack(columns, axis=1), torque_constant * current - torque))
     units = ("N*m", "N*m*s/rad", "kg*m^2", *(("1",) if load_varies else ()))
     dry, viscous, inertia, *shares = _fit_groups(designs, units, group_name)
-    share = shares[0] if shares else unknown("1", "the load hardly varied")
+    share = shares[0] if shares else mean([], "1", "the load hardly varied")
     return LossesBeforeCell(dry, share, viscous, inertia)
 
 
@@ -159,7 +152,7 @@ def analyse_session(session: SessionRun, torque_constant: Estimate | None = None
         session.torque_constant, 0.0, "N*m/A", "in use in the run"
     )
     constants: dict[str, Estimate] = {}
-    comparisons, figures = [], []
+    comparisons, specs = [], []
     if unbraked := [each for each in points if each.is_unbraked]:
         behind = losses_behind_cell(*_group_samples(unbraked))
         zero_half_width = _zero_half_width(unbraked)
@@ -179,13 +172,13 @@ def analyse_session(session: SessionRun, torque_constant: Estimate | None = None
         ]
         comparisons.append(compare("drift of the cell's zero", behind.drift))
         comparisons.append(compare("behind the cell, inertia", behind.inertia))
-        figures.append(_draw_behind(unbraked, behind))
+        specs.append(_draw_behind(unbraked, behind))
     groups, group_name = _group_samples(points)
     before = losses_before_cell(groups, constant, group_name)
     shown = {name: each for name, each in before._asdict().items() if np.isfinite(each.value)}
     constants |= {f"gearbox_{name}": each for name, each in shown.items()}
     share = shown.get("share", "included in the dry part: the load did not vary")
-    figures.append(_draw_before(points, constant.value, before))
+    specs.append(_draw_before(points, constant.value, before))
     return Result(
         (
             table(
@@ -203,7 +196,7 @@ def analyse_session(session: SessionRun, torque_constant: Estimate | None = None
             compare("before the cell, inertia", before.inertia),
         ),
         constants,
-        tuple(figures),
+        tuple(specs),
         (
             f"Losses before the cell use the torque constant {constant}, {constant.method}"
             + ("." if torque_constant else "; its error is not in their intervals."),
@@ -256,7 +249,7 @@ def _columns(constant: float) -> Columns[tuple[SetpointData, MovingSamples]]:
     }
 
 
-@figure(
+@figures.figure(
     "losses_behind",
     "Losses behind the load cell over velocity",
     "Some of the samples at speed, drift of the cell removed; red: the fit.",
@@ -266,19 +259,19 @@ def _columns(constant: float) -> Columns[tuple[SetpointData, MovingSamples]]:
 )
 def _draw_behind(axes: Axes, points: list[LossPoint], fit: LossesBehindCell) -> None:
     end_time = max(float(each.all_samples.time.max()) for each in points)
-    for each, colour in shaded(points):
+    for each, colour in figures.shaded(points):
         velocity, _, torque, _, time = each.all_samples
         some = slice(None, None, max(1, len(velocity) // 1500))
         torque = torque - zero_drift(fit, time, end_time)
         axes.plot(velocity[some], torque[some], ".", ms=1.5, color=colour, alpha=0.35)
     x = np.linspace(0.0, _max_velocity(points), 50)
-    axes.plot(x, fit.positive.value + fit.viscous.value * x, color=RED, lw=1.6)
-    axes.plot(-x, -fit.negative.value - fit.viscous.value * x, color=RED, lw=1.6)
+    axes.plot(x, fit.positive.value + fit.viscous.value * x, color=figures.RED, lw=1.6)
+    axes.plot(-x, -fit.negative.value - fit.viscous.value * x, color=figures.RED, lw=1.6)
     text = f"clockwise {fit.positive}\ncounter-clockwise {fit.negative}\nviscous {fit.viscous}"
-    annotate_corner(axes, text, "upper left")
+    figures.annotate_corner(axes, text, "upper left")
 
 
-@figure(
+@figures.figure(
     "losses_before",
     "Losses before the load cell over velocity",
     lambda points, constant, fit: (
@@ -291,7 +284,7 @@ def _draw_behind(axes: Axes, points: list[LossPoint], fit: LossesBehindCell) -> 
 def _draw_before(
     axes: Axes, points: list[LossPoint], constant: float, fit: LossesBeforeCell
 ) -> None:
-    for each, colour in shaded(points):
+    for each, colour in figures.shaded(points):
         velocity, acceleration, torque, current, _ = each.all_samples
         loss = constant * current - torque - fit.inertia.value * acceleration
         edges = np.linspace(-np.abs(velocity).max(), np.abs(velocity).max(), 41)
@@ -299,16 +292,16 @@ def _draw_before(
         filled = [inside for k in range(1, 41) if (inside := bins == k).sum() > 10]
         means = [(velocity[inside].mean(), loss[inside].mean()) for inside in filled]
         axes.plot(*zip(*means, strict=True), ".", ms=4, color=colour)
-    axes.axhline(0.0, color=BLUE, lw=0.5)
+    axes.axhline(0.0, color=figures.BLUE, lw=0.5)
     text = f"dry {fit.dry}\nviscous {fit.viscous}"
     if np.isfinite(fit.share.value):
         text += f"\nshare of load {fit.share}"
     else:  # a single load has a single line
         x = np.array([0.0, _max_velocity(points)])
         line = fit.dry.value + fit.viscous.value * x
-        axes.plot(x, line, color=RED, lw=1.2)
-        axes.plot(-x, -line, color=RED, lw=1.2)
-    annotate_corner(axes, text, "upper left")
+        axes.plot(x, line, color=figures.RED, lw=1.2)
+        axes.plot(-x, -line, color=figures.RED, lw=1.2)
+    figures.annotate_corner(axes, text, "upper left")
 
 
 def _max_velocity(points: list[LossPoint]) -> float:

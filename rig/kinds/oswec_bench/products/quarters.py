@@ -12,13 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from rig.kinds.oswec_bench.products import periods
-from rig.kinds.oswec_bench.products.estimate import Floats, Line, fit_line, value_at
-from rig.kinds.oswec_bench.products.figures import BLUE, CLOCKWISE, COUNTER, annotate_corner
+from rig.kinds.oswec_bench.products import figures, periods
+from rig.kinds.oswec_bench.products.estimate import Floats, Line, fit_line
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.result import Columns, R
 
-DIRECTIONS = ((1, "clockwise", CLOCKWISE), (-1, "counter-clockwise", COUNTER))
+DIRECTIONS = ((1, "clockwise", figures.CLOCKWISE), (-1, "counter-clockwise", figures.COUNTER))
 
 
 class Quarter(NamedTuple):
@@ -110,7 +109,7 @@ def draw_domain_boxes(axes: Axes, domains: Sequence[FitDomain], dt: float, value
         low, high = values[each.samples].min(), values[each.samples].max()
         margin = 0.03 * np.ptp(values)
         x, width = dt * each.samples.start, dt * (each.samples.stop - each.samples.start)
-        colour = CLOCKWISE if each.quarter.sign > 0 else COUNTER
+        colour = figures.CLOCKWISE if each.quarter.sign > 0 else figures.COUNTER
         style: dict[str, Any] = {"fill": False, "ec": colour, "lw": 1.6, "zorder": 4}
         axes.add_patch(Rectangle((x, low - margin), width, high - low + 2.0 * margin, **style))
 
@@ -132,10 +131,10 @@ def draw_fits(
     for (sign, direction, colour), axes in zip(DIRECTIONS, panels, strict=True):
         for each in of_direction(domains, sign)[:1]:
             x, y = (signal[each.samples] for signal in signals)
-            axes.plot(x[::stride], y[::stride], ".", ms=ms, color=BLUE, alpha=0.5)
-            axes.plot(x, value_at(each.line, x), color=colour, lw=lw)
+            axes.plot(x[::stride], y[::stride], ".", ms=ms, color=figures.BLUE, alpha=0.5)
+            axes.plot(x, each.line.at(x), color=colour, lw=lw)
             corner = "upper left" if sign > 0 else "lower right"
-            annotate_corner(axes, f"{direction}\n{text(each.line)}", corner)
+            figures.annotate_corner(axes, f"{direction}\n{text(each.line)}", corner)
 
 
 def draw_line_ranges(

@@ -66,6 +66,14 @@ def compare(
     return Comparison(quantity, thesis, target, str(measured), target_met)
 
 
+def compare_constant(quantity: str, measured: Estimate, thesis: float) -> Comparison:
+    """Return a constant, compared with the thesis's, from which it may differ by 2 %."""
+    deviation = measured.value / thesis - 1.0
+    text = f"{measured} ({100.0 * deviation:+z.1f} %)"
+    unit = measured.unit.replace("*", "·")
+    return compare(quantity, text, f"{thesis} {unit}", "within 2 %", abs(deviation) <= 0.02)
+
+
 class Result(NamedTuple):
     """All results of a session."""
 

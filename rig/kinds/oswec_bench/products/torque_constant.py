@@ -15,37 +15,19 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.kinds.oswec_bench.products import thesis
-from rig.kinds.oswec_bench.products.estimate import (
-    CELL_UNCERTAINTY,
-    Estimate,
-    Floats,
-    Line,
-    format_number,
-    mean,
-    with_floor,
-)
-from rig.kinds.oswec_bench.products.figures import (
-    BLUE,
-    RED,
-    annotate_corner,
-    figure,
-    legend,
-    shaded,
-)
+from rig.kinds.oswec_bench.products import figures, quarters, thesis
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, format_number, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut, rms
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
-from rig.kinds.oswec_bench.products.quarters import (
-    FitDomain,
-    direction_columns,
-    draw_domain_boxes,
-    draw_fits,
-    draw_line_ranges,
-    fit_domain,
-    of_direction,
-    split_quarters,
+from rig.kinds.oswec_bench.products.quarters import FitDomain
+from rig.kinds.oswec_bench.products.result import (
+    Columns,
+    Comparison,
+    Result,
+    compare,
+    compare_constant,
+    table,
 )
-from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
 
 RAMP = (0.10, 0.97)
 """Domain of a ramp fit: shares of a quarter's largest torque."""
@@ -70,7 +52,7 @@ class RampFits(NamedTuple):
 
     def slopes(self, sign: int) -> Floats:
         """Return the constants of one direction (1: positive torque), N*m/A."""
-        return np.array([d.line.slope for d in of_direction(self.ramp_up, sign)])
+        return np.array([d.line.slope for d in quarters.of_direction(self.ramp_up, sign)])
 
 
 def fit_ramps(current: Floats, torque: Floats, cut: PeriodCut) -> RampFits:
@@ -79,13 +61,15 @@ def fit_ramps(current: Floats, torque: Floats, cut: PeriodCut) -> RampFits:
     motor_constants = []
     back_off: list[FitDomain] = []
     half_current_torques = []
-    for each in split_quarters(current, cut):
+    for each in quarters.split_quarters(current, cut):
         shares = RAMP if each.growing else BACK_OFF
-        fitted_domain = fit_domain(each, current, torque, criterion=torque, shares=shares)
+        fitted_domain = quarters.fit_domain(each, current, torque, criterion=torque, shares=shares)
         if fitted_domain is not None and fitted_domain.line.slope > 0.0:
             (ramp_up if each.growing else back_off).append(fitted_domain)
         if not each.growing:
-            release = fit_domain(each, current, torque, criterion=torque, shares=PLATEAU_END)
+            release = quarters.fit_domain(
+                each, current, torque, criterion=torque, shares=PLATEAU_END
+            )
             if release is not None and release.line.slope > 0.0:
                 motor_constants.append(_motor_constant(release, current, torque))
         distance = np.abs(np.abs(current[each.samples]) - 0.5 * np.abs(current).max())
@@ -136,7 +120,7 @@ def torque_constants(points: list[RampFits]) -> TorqueConstants:
 
     def mean_slope(slopes_by_point: list[Floats], method: str = method) -> Estimate:
         means = [slopes.mean() for slopes in slopes_by_point if len(slopes)]
-        return with_floor(mean(means, UNIT, method), CELL_UNCERTAINTY)
+        return mean(means, UNIT, method).with_cell_error()
 
     def spread(slopes_by_point: list[Floats]) -> float:
         values = np.concatenate(slopes_by_point)
@@ -219,25 +203,18 @@ def _columns(constant_in_use: float) -> Columns[LockedPoint]:
         "torque, thesis nominal [N*m]": thesis_nominal,
         "torque by constant in use [N*m]": lambda p: constant_in_use * p.ramps.current_amplitude,
         "rms torque [N*m]": lambda p: p.ramps.rms_torque,
-        **direction_columns(UNIT, lambda p: p.ramps.ramp_up),
+        **quarters.direction_columns(UNIT, lambda p: p.ramps.ramp_up),
         "hysteresis [N*m]": lambda p: p.ramps.hysteresis,
     }
 
 
 def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Comparison, ...]:
-    deviation = constants.both.value / thesis.TORQUE_CONSTANT - 1.0
     low, high = thesis.TORQUE_CONSTANTS
     spread = (constants.largest - constants.smallest) / constants.both.value
     thesis_spread = (high - low) / thesis.TORQUE_CONSTANT
     clockwise, counter = thesis.TORQUE_SPREADS
     return (
-        compare(
-            "torque constant, mean of ramps",
-            f"{constants.both} ({100.0 * deviation:+z.1f} %)",
-            f"{thesis.TORQUE_CONSTANT} N·m/A",
-            "within 2 %",
-            abs(deviation) <= 0.02,
-        ),
+        compare_constant("torque constant, mean of ramps", constants.both, thesis.TORQUE_CONSTANT),
         compare(
             "single ramps",
             f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A",
@@ -267,7 +244,7 @@ def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Compari
     )
 
 
-@figure(
+@figures.figure(
     "fig_3_1",
     "Fig. 3.1: commanded and measured torque over time",
     lambda point: (
@@ -281,14 +258,16 @@ def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Compari
 def _draw_over_time(axes: Axes, point: LockedPoint) -> None:
     slope = np.mean([d.line.slope for d in point.ramps.ramp_up])
     t = point.cut.dt * np.arange(len(point.torque))
-    axes.plot(t, slope * point.current, "--", color=RED, lw=1.1, label="command × mean constant")
-    axes.plot(t, point.torque, color=BLUE, lw=1.1, label="measured")
-    draw_domain_boxes(axes, point.ramps.ramp_up, point.cut.dt, point.torque)
+    axes.plot(
+        t, slope * point.current, "--", color=figures.RED, lw=1.1, label="command × mean constant"
+    )
+    axes.plot(t, point.torque, color=figures.BLUE, lw=1.1, label="measured")
+    quarters.draw_domain_boxes(axes, point.ramps.ramp_up, point.cut.dt, point.torque)
     axes.margins(x=0.0)
-    legend(axes, "lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    figures.legend(axes, "lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 
-@figure(
+@figures.figure(
     "fig_3_2",
     "Fig. 3.2: fits of the largest set point",
     "One domain per direction, every fifth sample.",
@@ -302,10 +281,10 @@ def _draw_fits(panels: Sequence[Axes], point: LockedPoint) -> None:
         return f"{line.slope:.2f} N·m/A, R² {line.r_squared:.4f}"
 
     signals = (point.current, point.torque)
-    draw_fits(panels, point.ramps.ramp_up, signals, text, stride=5, ms=2.5, lw=1.6)
+    quarters.draw_fits(panels, point.ramps.ramp_up, signals, text, stride=5, ms=2.5, lw=1.6)
 
 
-@figure(
+@figures.figure(
     "fig_3_3",
     "Fig. 3.3: torque constants over torque",
     "Mean, smallest and largest of the ramps of each set point.",
@@ -316,15 +295,15 @@ def _draw_fits(panels: Sequence[Axes], point: LockedPoint) -> None:
 )
 def _draw_constants(panels: Sequence[Axes], points: Sequence[LockedPoint]) -> None:
     torques = [each.ramps.rms_torque for each in points]
-    draw_line_ranges(panels, torques, [each.ramps.ramp_up for each in points], 0.15)
+    quarters.draw_line_ranges(panels, torques, [each.ramps.ramp_up for each in points], 0.15)
     upper = panels[0]
-    upper.axhline(thesis.TORQUE_CONSTANT, color=RED, lw=0.9, ls="--")
-    upper.axhspan(*thesis.TORQUE_CONSTANTS, color=RED, alpha=0.07, lw=0)
-    annotate_corner(upper, "red: thesis, mean and range", "lower right")
-    legend(upper, "upper right")
+    upper.axhline(thesis.TORQUE_CONSTANT, color=figures.RED, lw=0.9, ls="--")
+    upper.axhspan(*thesis.TORQUE_CONSTANTS, color=figures.RED, alpha=0.07, lw=0)
+    figures.annotate_corner(upper, "red: thesis, mean and range", "lower right")
+    figures.legend(upper, "upper right")
 
 
-@figure(
+@figures.figure(
     "hysteresis",
     "Torque over current: ramp and back-off",
     "All set points; darker: larger amplitude.",
@@ -333,6 +312,6 @@ def _draw_constants(panels: Sequence[Axes], points: Sequence[LockedPoint]) -> No
     size=(7.2, 5.0),
 )
 def _draw_hysteresis(axes: Axes, points: Sequence[LockedPoint]) -> None:
-    for each, colour in shaded(points):
+    for each, colour in figures.shaded(points):
         last = slice(each.cut.edges[-2] - each.cut.edges[0], None)
         axes.plot(each.current[last], each.torque[last], color=colour, lw=0.9)

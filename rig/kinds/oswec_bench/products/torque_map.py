@@ -15,13 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.kinds.oswec_bench.products.deflection import Motion, engaged
-from rig.kinds.oswec_bench.products.estimate import (
-    CELL_UNCERTAINTY,
-    Estimate,
-    Floats,
-    jackknifed,
-    with_floor,
-)
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
 from rig.kinds.oswec_bench.products.separable_fit import (
     NormalEquations,
     normal_equations,
@@ -108,8 +102,8 @@ def fit_map(points: list[BinnedDeflection]) -> TorqueMap:
     return TorqueMap(
         gap,
         soft,
-        with_floor(knee, CELL_UNCERTAINTY),
-        with_floor(stiffness, CELL_UNCERTAINTY),
+        knee.with_cell_error(),
+        stiffness.with_cell_error(),
         1.0 - searched.residual_squares / float((weight * deviation * deviation).sum()),
         float(np.sqrt(max(0.0, searched.residual_squares) / weight.sum())),
     )

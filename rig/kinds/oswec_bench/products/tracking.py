@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from rig.kinds.oswec_bench.products import figures
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, mean
-from rig.kinds.oswec_bench.products.figures import BLUE, RED, figure, legend
 from rig.kinds.oswec_bench.products.periods import PeriodCut, rms, split_periods
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData, session_config
 from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
@@ -133,7 +133,7 @@ def _compare_loops(
     return compare(name, measured, "not built", "≤ 1/3", ratio <= 1.0 / 3.0)
 
 
-@figure(
+@figures.figure(
     "torque_tracking",
     "Torque: demand and measurement",
     lambda row, loop: f"Torque amplitude {row[0].setpoint[0]:g} N·m, one period; below: the error.",
@@ -147,11 +147,11 @@ def _draw_tracking(panels: Sequence[Axes], row: Pair, loop: str) -> None:
     count = round(point.cut.period / point.cut.dt)
     t = point.cut.dt * np.arange(count)
     upper.plot(t, point.demand[:count], "k--", lw=1.0, label="demand")
-    curves = [(point, BLUE, loop)]
+    curves = [(point, figures.BLUE, loop)]
     if open_loop_point is not None and len(open_loop_point.measured) >= count:
-        curves.insert(0, (open_loop_point, RED, "open loop"))
+        curves.insert(0, (open_loop_point, figures.RED, "open loop"))
     for each, colour, name in curves:
         upper.plot(t, each.measured[:count], color=colour, lw=1.2, label=name)
         lower.plot(t, (each.demand - each.measured)[:count], color=colour, lw=1.0)
-    legend(upper)
+    figures.legend(upper)
     lower.margins(x=0.0)

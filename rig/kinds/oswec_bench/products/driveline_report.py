@@ -1,6 +1,7 @@
 """The driveline session's results: tables, comparisons, constants and the figures of chapter 2."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,16 +158,17 @@ def _setpoint_columns(result: DrivelineResult) -> Columns[DrivelineSetpoint]:
         rows = [each.point.row for each in result.uncorrected]
         names = ("offline 95th", "offline 95th, leave one out", "offline 95th, delay over torque")
         for name, errors in zip(names, result.offline, strict=True):
-            percentiles = [error_percentile(each) / DEGREE for each in errors]
-            by_row = dict(zip(rows, percentiles, strict=True))
-            columns[f"{name} [deg]"] = lambda e, by_row=by_row: by_row.get(  # type: ignore[misc]
-                e.point.row, float("nan")
-            )
+            by_row = dict(zip(rows, map(error_percentile, errors), strict=True))
+            columns[f"{name} [deg]"] = partial(_of_row, by_row)
     return columns | {
         "reference − shaft 95th [deg]": lambda e: error_percentile(e.error) / DEGREE,
         "reference − motor 95th [deg]": lambda e: error_percentile(e.following_error) / DEGREE,
         "drift [deg/min]": lambda e: 60.0 * e.drift / DEGREE,
     }
+
+
+def _of_row(errors: dict[int, float], point: DrivelineSetpoint) -> float:
+    return errors.get(point.point.row, float("nan")) / DEGREE
 
 
 TREND_COLUMNS: Columns[tuple[Trend, Line]] = {
@@ -180,23 +182,15 @@ TREND_COLUMNS: Columns[tuple[Trend, Line]] = {
 }
 
 
-class RatedCorrection(NamedTuple):
-    """Error of a corrected set point, or of all of a scheme, compared with the uncorrected one."""
-
-    name: str
-    amplitude: float  # deg
-    damping: float  # N*m*s/rad
-    uncorrected: float  # deg, 95th percentile
-    corrected: float  # deg
-
-
+RatedCorrection = tuple[str, tuple[float, float], float, float]
+"""Name, set point, and the errors (deg, 95th percentile) without and with a correction."""
 CORRECTION_COLUMNS: Columns[RatedCorrection] = {
-    "correction": lambda r: r.name,
-    "amplitude [deg]": lambda r: r.amplitude,
-    "R [N*m*s/rad]": lambda r: r.damping,
-    "uncorrected 95th [deg]": lambda r: r.uncorrected,
-    "corrected 95th [deg]": lambda r: r.corrected,
-    "corrected / uncorrected": lambda r: r.corrected / r.uncorrected,
+    "correction": lambda r: r[0],
+    "amplitude [deg]": lambda r: r[1][0],
+    "R [N*m*s/rad]": lambda r: r[1][1],
+    "uncorrected 95th [deg]": lambda r: r[2],
+    "corrected 95th [deg]": lambda r: r[3],
+    "corrected / uncorrected": lambda r: r[3] / r[2],
 }
 MAP_COLUMNS: Columns[tuple[float, float]] = {
     "torque [N*m]": lambda corner: corner[0],
@@ -205,14 +199,13 @@ MAP_COLUMNS: Columns[tuple[float, float]] = {
 
 
 def _correction_rows(result: DrivelineResult) -> list[RatedCorrection]:
-    rows = []
+    rows: list[RatedCorrection] = []
     for scheme in result.schemes:
         for corrected, other in scheme.pairs:
-            errors = [error_percentile(each.error) / DEGREE for each in (other, corrected)]
-            rows.append(RatedCorrection(scheme.name, *corrected.setpoint, *errors))
-        errors = [each / DEGREE for each in (scheme.uncorrected_error, scheme.corrected_error)]
-        nowhere = (float("nan"), float("nan"))
-        rows.append(RatedCorrection(f"{scheme.name}, pooled", *nowhere, *errors))
+            before, after = (error_percentile(e.error) / DEGREE for e in (other, corrected))
+            rows.append((scheme.name, corrected.setpoint, before, after))
+        before, after = scheme.uncorrected_error / DEGREE, scheme.corrected_error / DEGREE
+        rows.append((f"{scheme.name}, pooled", (float("nan"), float("nan")), before, after))
     return rows
 
 
@@ -334,13 +327,11 @@ def _trend_comparisons(trends: Regressions, lags: list[ShaftLag]) -> list[Compar
 
 def _offline_comparisons(offline: OfflineErrors) -> list[Comparison]:
     comparisons = []
-    names = (
-        "regressions of all set points",
-        "without the rated set point",
-        "without it, delay over torque",
-    )
-    targets = (("< 0.12 deg", "pooled < 0.12 deg"), ("", ""), ("", ""))
-    for name, errors, (thesis, target) in zip(names, offline, targets, strict=True):
+    for errors, name, thesis, target in (
+        (offline.all_points, "regressions of all set points", "< 0.12 deg", "pooled < 0.12 deg"),
+        (offline.leave_one_out, "without the rated set point", "", ""),
+        (offline.delay_over_torque, "without it, delay over torque", "", ""),
+    ):
         pooled_error = pooled_percentile(errors) / DEGREE
         worst = max(error_percentile(each) for each in errors) / DEGREE
         comparisons.append(
@@ -391,7 +382,7 @@ def _figures(result: DrivelineResult) -> list[figures.FigureSpec]:
 
 
 def _nearest_setpoint(
-    points: Sequence[DrivelineSetpoint], amplitude: float, damping: float
+    points: list[DrivelineSetpoint], amplitude: float, damping: float
 ) -> DrivelineSetpoint:
     def distance(each: DrivelineSetpoint) -> float:
         a, r = each.setpoint
@@ -442,7 +433,7 @@ def _draw_lag_parameters(axes: Axes, point: DrivelineSetpoint) -> None:
     y=("deflection, deg", "torque, N·m"),
     size=(7.2, 5.6),
 )
-def _draw_by_period(panels: Sequence[Axes], point: DrivelineSetpoint) -> None:
+def _draw_by_period(panels: list[Axes], point: DrivelineSetpoint) -> None:
     cut = point.motion.cut
     signals = (point.motion.deflection / DEGREE, point.motion.torque)
     for axes, values in zip(panels, signals, strict=True):
@@ -476,7 +467,7 @@ def _draw_trend_points(
     height_ratios=(1.2, 1.0),
 )
 def _draw_offline_correction(
-    panels: Sequence[Axes], point: DrivelineSetpoint, trends: Regressions
+    panels: list[Axes], point: DrivelineSetpoint, trends: Regressions
 ) -> None:
     upper, lower = panels
     correction = predict_correction(trends, point.lag)
@@ -598,7 +589,7 @@ def _draw_schemes(axes: Axes, schemes: list[CorrectionScheme]) -> None:
     height_ratios=(1.0, 1.2),
 )
 def _draw_corrections_in_time(
-    panels: Sequence[Axes], uncorrected: DrivelineSetpoint, schemes: list[CorrectionScheme]
+    panels: list[Axes], uncorrected: DrivelineSetpoint, schemes: list[CorrectionScheme]
 ) -> None:
     upper, lower = panels
     reference = uncorrected.error + uncorrected.motion.shaft

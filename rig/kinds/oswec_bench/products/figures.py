@@ -16,7 +16,7 @@ from matplotlib.figure import SubFigure
 
 from rig.analysis import picture
 from rig.analysis.picture import DARK, style_axes
-from rig.kinds.oswec_bench.products.estimate import Line
+from rig.kinds.oswec_bench.products.estimate import Estimate, Line
 
 BLUE, RED, GREEN = "#0b6e99", "#d1495b", "#2e933c"
 CLOCKWISE, COUNTER = "#16222c", "#8f9aa3"  # black and grey, the thesis's colours of the directions
@@ -124,6 +124,12 @@ def draw_percentiles(axes: Axes, x: float, values: Any, **style: Any) -> None:
     mid = values.mean()
     low, high = np.percentile(values, [5, 95])
     axes.errorbar(x, mid, [[mid - low], [high - mid]], fmt="o", **style)
+
+
+def draw_intervals(axes: Axes, x: Any, estimates: list[Estimate], **style: Any) -> None:
+    """Draw values with their 95 % intervals, as far as these are known."""
+    values, half_widths = zip(*((each.value, each.uncertainty) for each in estimates), strict=True)
+    axes.errorbar(x, values, np.nan_to_num(half_widths), fmt="o", ms=4, capsize=2.5, **style)
 
 
 def annotate_corner(axes: Axes, text: str, corner: str) -> None:

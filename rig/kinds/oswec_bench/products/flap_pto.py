@@ -13,7 +13,7 @@ measured by load cell and shaft, friction of the gearbox included; it is not the
 Intervals are by leaving out one damping at a time.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -212,9 +212,7 @@ def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
     for each, colour in figures.shaded(sweeps):
         points = [point for _, point in each.rows]
         damping = [point.damping for point in points]
-        power = [point.power.value for point in points]
-        half_widths = np.nan_to_num([point.power.uncertainty for point in points])
-        max_power = max(max_power, *power)
+        max_power = max(max_power, *(point.power.value for point in points))
         label = each.label
         if each.optimum is not None:
             label += f": {each.summary}"
@@ -222,8 +220,8 @@ def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
             axes.plot(grid, expected_power(each.optimum.unknowns, grid), lw=1.2, color=colour)
             optimum = each.optimum.damping.value, each.optimum.power.value
             axes.plot(*optimum, "*", ms=11, color=figures.RED, zorder=5)
-        style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2.5, "color": colour}
-        axes.errorbar(damping, power, half_widths, label=label, **style)
+        power = [point.power for point in points]
+        figures.draw_intervals(axes, damping, power, color=colour, label=label)
         motor_power = [point.motor_power.value for point in points]
         axes.plot(damping, motor_power, "x", ms=4, color=colour)
     axes.set_xlim(0.0, None)

@@ -8,7 +8,6 @@ is a resonance under an excitation that grows smoothly with frequency:
 """
 
 import itertools
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -227,16 +226,14 @@ COLUMNS: Columns[tuple[str, ResponseLine]] = {
     size=(7.4, 5.8),
     height_ratios=(1.7, 1.0),
 )
-def _draw_response(panels: Sequence[Axes], curves: list[ResponseCurve]) -> None:
+def _draw_response(panels: list[Axes], curves: list[ResponseCurve]) -> None:
     upper, lower = panels
     single = len(curves) == 1
     for each, shade in figures.shaded(curves):
         colour = figures.BLUE if single else shade
         f = np.array([line.frequency for line in each.lines])
-        magnitude = [line.magnitude.value for line in each.lines]
-        half_widths = np.nan_to_num([line.magnitude.uncertainty for line in each.lines])
-        style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2.5, "color": colour}
-        upper.errorbar(f, magnitude, half_widths, label=each.label, **style)
+        magnitudes = [line.magnitude for line in each.lines]
+        figures.draw_intervals(upper, f, magnitudes, color=colour, label=each.label)
         phase = np.degrees(np.unwrap([np.angle(line.response) for line in each.lines]))
         lower.plot(f, phase - 360.0 * np.round(phase[0] / 360.0), "o-", ms=4, lw=0.8, color=colour)
         if each.resonance is not None:

@@ -4,7 +4,7 @@ Quarters are split by the command's own phase: rising and falling, of either sig
 domains in them (OSWEC thesis, Figs. 3.1 and 3.5: by hand and in rectangles; here by rule).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -82,12 +82,12 @@ def fit_domain(
     return FitDomain(quarter, domain_samples, fit_line(x, response[domain_samples]))
 
 
-def of_direction(domains: Sequence[FitDomain], sign: int) -> list[FitDomain]:
+def of_direction(domains: list[FitDomain], sign: int) -> list[FitDomain]:
     """Return the domains of one direction (1: positive command)."""
     return [each for each in domains if each.quarter.sign == sign]
 
 
-def direction_columns(unit: str, domains: Callable[[R], Sequence[FitDomain]]) -> Columns[R]:
+def direction_columns(unit: str, domains: Callable[[R], list[FitDomain]]) -> Columns[R]:
     """Return columns of the slopes, in ``unit``, and the smallest R² of a row's lines."""
 
     def cell(row: R, sign: int, name: str, statistic: Callable[[list[float]], float]) -> float:
@@ -103,7 +103,7 @@ def direction_columns(unit: str, domains: Callable[[R], Sequence[FitDomain]]) ->
     return columns
 
 
-def draw_domain_boxes(axes: Axes, domains: Sequence[FitDomain], dt: float, values: Floats) -> None:
+def draw_domain_boxes(axes: Axes, domains: list[FitDomain], dt: float, values: Floats) -> None:
     """Draw rectangles around the domains of fits."""
     for each in domains:
         low, high = values[each.samples].min(), values[each.samples].max()
@@ -115,8 +115,8 @@ def draw_domain_boxes(axes: Axes, domains: Sequence[FitDomain], dt: float, value
 
 
 def draw_fits(
-    panels: Sequence[Axes],
-    domains: Sequence[FitDomain],
+    panels: list[Axes],
+    domains: list[FitDomain],
     signals: tuple[Floats, Floats],
     text: Callable[[Line], str],
     *,
@@ -138,9 +138,9 @@ def draw_fits(
 
 
 def draw_line_ranges(
-    panels: Sequence[Axes],
-    x: Sequence[float],
-    domains: Sequence[Sequence[FitDomain]],
+    panels: list[Axes],
+    x: list[float],
+    domains: list[list[FitDomain]],
     offset: float,
 ) -> None:
     """Draw slopes above and R² below: mean of each set point at ``x``, with bars to its extremes.

@@ -54,6 +54,14 @@ class Comparison(NamedTuple):
     measured: str
     target_met: bool | None  # whether the run meets the target; None without a target
 
+    @classmethod
+    def of_constant(cls, quantity: str, measured: Estimate, thesis: float) -> "Comparison":
+        """Return a constant, compared with the thesis's, from which it may differ by 2 %."""
+        deviation = measured.value / thesis - 1.0
+        text = f"{measured} ({100.0 * deviation:+z.1f} %)"
+        unit = measured.unit.replace("*", "·")
+        return cls(quantity, f"{thesis} {unit}", "within 2 %", text, abs(deviation) <= 0.02)
+
 
 def compare(
     quantity: str,
@@ -64,14 +72,6 @@ def compare(
 ) -> Comparison:
     """Return a measured quantity, compared with what the thesis and a target say of it."""
     return Comparison(quantity, thesis, target, str(measured), target_met)
-
-
-def compare_constant(quantity: str, measured: Estimate, thesis: float) -> Comparison:
-    """Return a constant, compared with the thesis's, from which it may differ by 2 %."""
-    deviation = measured.value / thesis - 1.0
-    text = f"{measured} ({100.0 * deviation:+z.1f} %)"
-    unit = measured.unit.replace("*", "·")
-    return compare(quantity, text, f"{thesis} {unit}", "within 2 %", abs(deviation) <= 0.02)
 
 
 class Result(NamedTuple):

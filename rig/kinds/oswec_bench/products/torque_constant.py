@@ -9,7 +9,6 @@ to I2, where friction opposes the back-off: K I1 = T + F and K I2 = T - F. The s
 in between, so F is the same, whatever it depends on: K = 2 T / (I1 + I2).
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,14 +19,7 @@ from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, form
 from rig.kinds.oswec_bench.products.periods import PeriodCut, rms
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.quarters import FitDomain
-from rig.kinds.oswec_bench.products.result import (
-    Columns,
-    Comparison,
-    Result,
-    compare,
-    compare_constant,
-    table,
-)
+from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
 
 RAMP = (0.10, 0.97)
 """Domain of a ramp fit: shares of a quarter's largest torque."""
@@ -214,7 +206,9 @@ def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Compari
     thesis_spread = (high - low) / thesis.TORQUE_CONSTANT
     clockwise, counter = thesis.TORQUE_SPREADS
     return (
-        compare_constant("torque constant, mean of ramps", constants.both, thesis.TORQUE_CONSTANT),
+        Comparison.of_constant(
+            "torque constant, mean of ramps", constants.both, thesis.TORQUE_CONSTANT
+        ),
         compare(
             "single ramps",
             f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A",
@@ -276,7 +270,7 @@ def _draw_over_time(axes: Axes, point: LockedPoint) -> None:
     size=(7.2, 5.8),
     share_x=False,
 )
-def _draw_fits(panels: Sequence[Axes], point: LockedPoint) -> None:
+def _draw_fits(panels: list[Axes], point: LockedPoint) -> None:
     def text(line: Line) -> str:
         return f"{line.slope:.2f} N·m/A, R² {line.r_squared:.4f}"
 
@@ -293,7 +287,7 @@ def _draw_fits(panels: Sequence[Axes], point: LockedPoint) -> None:
     size=(7.2, 5.8),
     height_ratios=(1.6, 1.0),
 )
-def _draw_constants(panels: Sequence[Axes], points: Sequence[LockedPoint]) -> None:
+def _draw_constants(panels: list[Axes], points: list[LockedPoint]) -> None:
     torques = [each.ramps.rms_torque for each in points]
     quarters.draw_line_ranges(panels, torques, [each.ramps.ramp_up for each in points], 0.15)
     upper = panels[0]
@@ -311,7 +305,7 @@ def _draw_constants(panels: Sequence[Axes], points: Sequence[LockedPoint]) -> No
     y="torque, N·m",
     size=(7.2, 5.0),
 )
-def _draw_hysteresis(axes: Axes, points: Sequence[LockedPoint]) -> None:
+def _draw_hysteresis(axes: Axes, points: list[LockedPoint]) -> None:
     for each, colour in figures.shaded(points):
         last = slice(each.cut.edges[-2] - each.cut.edges[0], None)
         axes.plot(each.current[last], each.torque[last], color=colour, lw=0.9)

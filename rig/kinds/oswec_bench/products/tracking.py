@@ -1,6 +1,6 @@
 """The torque tracking session: rms error between demand and measurement, open and closed loop."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -141,7 +141,7 @@ def _compare_loops(
     y=("torque, N·m", "error, N·m"),
     size=(7.2, 5.6),
 )
-def _draw_tracking(panels: Sequence[Axes], row: Pair, loop: str) -> None:
+def _draw_tracking(panels: list[Axes], row: Pair, loop: str) -> None:
     upper, lower = panels
     point, open_loop_point = row
     count = round(point.cut.period / point.cut.dt)

@@ -18,7 +18,6 @@ drive's input, is common to all set points. The drift of a set point is not: it 
 motor happened to start, so velocities here keep it.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,14 +31,7 @@ from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, jack
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.quarters import FitDomain
-from rig.kinds.oswec_bench.products.result import (
-    Columns,
-    Comparison,
-    Result,
-    compare,
-    compare_constant,
-    table,
-)
+from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
 from rig.kinds.oswec_bench.products.separable_fit import (
     NormalEquations,
     normal_equations,
@@ -272,15 +264,19 @@ COLUMNS: Columns[UnloadedPoint] = {
 
 
 def _comparisons(
-    constants: VelocityConstants, amplitude_loss: Estimate, points: Sequence[UnloadedPoint]
+    constants: VelocityConstants, amplitude_loss: Estimate, points: list[UnloadedPoint]
 ) -> tuple[Comparison, ...]:
     low, high = thesis.VELOCITY_CONSTANTS
     mid, half_width = thesis.UNLOADED_DIFFERENCE
     slowest = float(np.mean([d.line.slope for d in points[0].fits]))
     torque = max(float(np.abs(p.motion.torque).max()) for p in points)
     return (
-        compare_constant("velocity constant, mean", constants.thesis, thesis.VELOCITY_CONSTANT),
-        compare_constant("mean of the three fastest", constants.fastest, thesis.VELOCITY_FASTEST),
+        Comparison.of_constant(
+            "velocity constant, mean", constants.thesis, thesis.VELOCITY_CONSTANT
+        ),
+        Comparison.of_constant(
+            "mean of the three fastest", constants.fastest, thesis.VELOCITY_FASTEST
+        ),
         compare(
             "spread of the three fastest",
             f"{100 * constants.spread:.1f} %",
@@ -318,7 +314,7 @@ def _comparisons(
     y="amplitude difference, deg",
     size=(7.2, 4.2),
 )
-def _draw_unloaded(axes: Axes, points: Sequence[UnloadedPoint]) -> None:
+def _draw_unloaded(axes: Axes, points: list[UnloadedPoint]) -> None:
     mid, half_width = thesis.UNLOADED_DIFFERENCE
     axes.axhspan(mid - half_width, mid + half_width, color=figures.RED, alpha=0.1, lw=0)
     axes.axhline(mid, color=figures.RED, lw=0.9, ls="--")
@@ -340,7 +336,7 @@ def _draw_unloaded(axes: Axes, points: Sequence[UnloadedPoint]) -> None:
     size=(7.6, 5.8),
 )
 def _draw_over_time(
-    panels: Sequence[Axes], pair: tuple[UnloadedPoint, UnloadedPoint], constant: float
+    panels: list[Axes], pair: tuple[UnloadedPoint, UnloadedPoint], constant: float
 ) -> None:
     for each, axes in zip(pair, panels, strict=True):
         dt, velocity = each.cut.dt, each.deceleration.velocity
@@ -365,7 +361,7 @@ def _draw_over_time(
     size=(7.2, 5.8),
     share_x=False,
 )
-def _draw_fits(panels: Sequence[Axes], point: UnloadedPoint) -> None:
+def _draw_fits(panels: list[Axes], point: UnloadedPoint) -> None:
     def text(line: Line) -> str:
         return f"{line.slope:.3f} rad/s/V, R² {line.r_squared:.5f}"
 
@@ -383,9 +379,7 @@ def _draw_fits(panels: Sequence[Axes], point: UnloadedPoint) -> None:
     size=(7.2, 5.8),
     height_ratios=(1.6, 1.0),
 )
-def _draw_constants(
-    panels: Sequence[Axes], points: Sequence[UnloadedPoint], constant: float
-) -> None:
+def _draw_constants(panels: list[Axes], points: list[UnloadedPoint], constant: float) -> None:
     velocities = [each.deceleration.rms_velocity for each in points]
     quarters.draw_line_ranges(panels, velocities, [each.fits for each in points], 0.004)
     upper, fastest = panels[0], thesis.VELOCITY_FASTEST
@@ -401,7 +395,7 @@ def _draw_constants(
     x="phase of the oscillation, share of a period",
     y="torque, N·m",
 )
-def _draw_bearing_torque(axes: Axes, points: Sequence[UnloadedPoint]) -> None:
+def _draw_bearing_torque(axes: Axes, points: list[UnloadedPoint]) -> None:
     for each, colour in figures.shaded(points):
         torque = periods.mean_period(each.motion.torque, each.motion.cut)
         share = np.arange(len(torque)) / len(torque)

@@ -4,6 +4,7 @@ file.
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ from rig.kinds.oswec_bench.products import (
     velocity_constant,
 )
 from rig.kinds.oswec_bench.products.constants import FILE, read_constant, write_constants
+from rig.kinds.oswec_bench.products.estimate import Estimate
 from rig.kinds.oswec_bench.products.points import SessionRun, open_session, session_config
 from rig.kinds.oswec_bench.products.report import (
     page_notes,
@@ -33,30 +35,28 @@ from rig.recording.runs import RunError
 from rig.recording.runs.folder import RunInfo, list_runs, run_info
 from rig.recording.runs.state import RecordState
 
-Reference = Callable[[SessionRun, Path, "str | os.PathLike[str] | None"], Any]
-"""Returns what an analysis compares a session with: of its run's path, and the run asked for."""
+Against = str | os.PathLike[str] | None
+"""The reference run that a caller asks for."""
 
 
-def _baseline(
-    session: SessionRun, run: Path, against: str | os.PathLike[str] | None
-) -> SessionRun | None:
+def _baseline(session: SessionRun, run: Path, against: Against) -> SessionRun | None:
     """Return the run without correction or in open loop that serves as the baseline."""
     if against is None and not _is_baseline(session_config(session.metadata)):
         against = _find_baseline(session, run)
     return open_session(against) if against is not None else None
 
 
-def _constant(kind: str, name: str) -> Reference:
-    """Return how to find a constant: in the newest analysed run of a kind in the same folder."""
-
-    def read(session: SessionRun, run: Path, against: str | os.PathLike[str] | None) -> Any:
-        other = Path(against) if against is not None else _find_analysed_run(run, kind)
-        return read_constant(other, name) if other else None
-
-    return read
+def _constant(
+    kind: str, name: str, _session: SessionRun, run: Path, against: Against
+) -> Estimate | None:
+    """Return a constant from the newest analysed run of a kind of session in the same folder."""
+    other = Path(against) if against is not None else _find_analysed_run(run, kind)
+    return read_constant(other, name) if other else None
 
 
-_ANALYSES: dict[str, tuple[Callable[..., Result], Reference | None]] = {
+_motor_constant = partial(_constant, "torque_constant", "torque_constant_motor")
+_flap_stiffness = partial(_constant, "flap_hydrostatic", "flap_stiffness")
+_ANALYSES: dict[str, tuple[Callable[..., Result], Callable[..., Any] | None]] = {
     "torque_constant": (torque_constant.analyse_session, None),
     "velocity_constant": (velocity_constant.analyse_session, None),
     "brake_map": (brake_map.analyse_session, None),
@@ -65,14 +65,8 @@ _ANALYSES: dict[str, tuple[Callable[..., Result], Reference | None]] = {
     "flap_pto_sweep": (flap_pto.analyse_session, None),
     "driveline": (driveline_report.analyse_session, _baseline),
     "torque_tracking": (tracking.analyse_session, _baseline),
-    "losses": (
-        losses.analyse_session,
-        _constant("torque_constant", "torque_constant_motor"),
-    ),
-    "flap_free_decay": (
-        flap_decay.analyse_session,
-        _constant("flap_hydrostatic", "flap_stiffness"),
-    ),
+    "losses": (losses.analyse_session, _motor_constant),
+    "flap_free_decay": (flap_decay.analyse_session, _flap_stiffness),
 }
 """Analysis of each kind of session, and the reference that it takes as second argument."""
 KINDS = tuple(_ANALYSES)
@@ -133,9 +127,7 @@ class Summary(NamedTuple):
         }
 
 
-def analyse(
-    run_folder: str | os.PathLike[str], against: str | os.PathLike[str] | None = None
-) -> Summary:
+def analyse(run_folder: str | os.PathLike[str], against: Against = None) -> Summary:
     """Analyse a session's run and write all results into its folder.
 
     ``against`` names the reference run. For a corrected or closed-loop run it is the run without
@@ -180,7 +172,7 @@ def analyse(
     )
 
 
-def _result(session: SessionRun, run: Path, against: str | os.PathLike[str] | None) -> Result:
+def _result(session: SessionRun, run: Path, against: Against) -> Result:
     if session.kind not in _ANALYSES:
         raise ValueError(
             f"session {session.kind!r} has no analysis; known kinds: {', '.join(KINDS)}"

@@ -131,7 +131,7 @@ def analyse_session(session: SessionRun) -> Result:
             compare("falling less rising branch", measured_map.hysteresis),
         ),
         {"brake_residual": idle, "brake_hysteresis": measured_map.hysteresis},
-        (_draw_map(measured_map),),
+        (draw_map(measured_map),),
         (
             "Torque is the load cell's, so the bearing's (below 0.4 N·m) is in it. The branch "
             "of a point follows from the current of the previous set point.",
@@ -163,14 +163,13 @@ def _calibration_maps(measured_map: BrakeMap) -> dict[str, Any]:
 
 
 @figures.figure(
-    "brake_map",
     "The brake's torque over current",
     "Points with 95 % intervals.",
-    x="brake current, A",
-    y="torque, N·m",
+    axes=("brake current, A", "torque, N·m"),
     size=(7.2, 4.8),
+    name="brake_map",
 )
-def _draw_map(axes: Axes, measured_map: BrakeMap) -> None:
+def draw_map(axes: Axes, measured_map: BrakeMap) -> None:
     for name, branch, colour, mark in (
         ("rising", measured_map.rising, figures.BLUE, "o-"),
         ("falling", measured_map.falling, figures.RED, "s--"),

@@ -351,7 +351,7 @@ def _figures(result: DrivelineResult) -> list[figures.FigureSpec]:
     specs = []
     if result.regressions is not None:
         example = _nearest_setpoint(result.uncorrected, 15.0, 83.3)
-        specs += [_draw_lag_parameters(example), _draw_by_period(example)]
+        specs += [fig_2_2(example), fig_2_3(example)]
         comparison = "Phase shift over torque, for comparison with Fig. 2.4"
         for trend, name, title, thesis in (
             (PHASE, "fig_2_4", "Fig. 2.4: phase shift over velocity", "thesis 0.81"),
@@ -364,20 +364,21 @@ def _figures(result: DrivelineResult) -> list[figures.FigureSpec]:
                 f"R² {line.r_squared:.3f}; {thesis}."
             )
             y_label = f"{trend.y.replace('_', ' ')}, {UNITS[trend.y][0]}"
-            declare = figures.figure(name, title, caption, x=X_LABELS[trend.x], y=y_label)
+            axes = (X_LABELS[trend.x], y_label)
+            declare = figures.figure(title, caption, axes=axes, name=name)
             specs.append(declare(_draw_trend_points)(trend, result.uncorrected, line))
         if result.offline is not None:
             example = _nearest_setpoint(result.uncorrected, 20.0, 104.0)
-            specs.append(_draw_offline_correction(example, result.regressions))
-            specs.append(_draw_before_after(result.uncorrected, result.offline))
+            specs.append(fig_2_7(example, result.regressions))
+            specs.append(fig_2_8(result.uncorrected, result.offline))
     if result.uncorrected:
-        specs.append(_draw_deflection_over_torque(result.uncorrected, result.torque_map))
+        specs.append(fig_2_9(result.uncorrected, result.torque_map))
     if result.schemes:
         others = [other for scheme in result.schemes for _, other in scheme.pairs]
         if len({other.setpoint for other in others}) > 1:
-            specs.append(_draw_schemes(result.schemes))
+            specs.append(corrections(result.schemes))
         example = _nearest_setpoint(others, 15.0, 83.3)
-        specs.append(_draw_corrections_in_time(example, result.schemes))
+        specs.append(corrections_in_time(example, result.schemes))
     return specs
 
 
@@ -403,13 +404,11 @@ def _mean_angle(point: DrivelineSetpoint, angle: Floats) -> tuple[Any, Floats]:
 
 
 @figures.figure(
-    "fig_2_2",
     "Fig. 2.2: motor and shaft over a period",
     lambda point: f"{_setpoint_text(point)}; their difference is drawn 10 times as large.",
-    x="time, s",
-    y="angle, deg",
+    axes=("time, s", "angle, deg"),
 )
-def _draw_lag_parameters(axes: Axes, point: DrivelineSetpoint) -> None:
+def fig_2_2(axes: Axes, point: DrivelineSetpoint) -> None:
     t, motor = _mean_angle(point, point.motion.motor)
     _, shaft = _mean_angle(point, point.motion.shaft)
     exaggerated = motor - 10.0 * (motor - shaft)
@@ -426,14 +425,12 @@ def _draw_lag_parameters(axes: Axes, point: DrivelineSetpoint) -> None:
 
 
 @figures.figure(
-    "fig_2_3",
     "Fig. 2.3: deflection and torque, period by period",
     lambda point: f"{_setpoint_text(point)}; later periods darker.",
-    x="time in the period, s",
-    y=("deflection, deg", "torque, N·m"),
+    axes=("time in the period, s", "deflection, deg", "torque, N·m"),
     size=(7.2, 5.6),
 )
-def _draw_by_period(panels: list[Axes], point: DrivelineSetpoint) -> None:
+def fig_2_3(panels: list[Axes], point: DrivelineSetpoint) -> None:
     cut = point.motion.cut
     signals = (point.motion.deflection / DEGREE, point.motion.torque)
     for axes, values in zip(panels, signals, strict=True):
@@ -458,17 +455,13 @@ def _draw_trend_points(
 
 
 @figures.figure(
-    "fig_2_7",
     "Fig. 2.7: motor corrected by equation 2.6",
     lambda point, trends: f"{_setpoint_text(point)}; below: difference from the shaft.",
-    x="time, s",
-    y=("angle, deg", "minus shaft, deg"),
+    axes=("time, s", "angle, deg", "minus shaft, deg"),
     size=(7.2, 5.4),
     height_ratios=(1.2, 1.0),
 )
-def _draw_offline_correction(
-    panels: list[Axes], point: DrivelineSetpoint, trends: Regressions
-) -> None:
+def fig_2_7(panels: list[Axes], point: DrivelineSetpoint, trends: Regressions) -> None:
     upper, lower = panels
     correction = predict_correction(trends, point.lag)
     corrected = correct_offline(point.motion, correction, point.lag.amplitude)
@@ -487,15 +480,13 @@ def _draw_offline_correction(
 
 
 @figures.figure(
-    "fig_2_8",
     "Fig. 2.8: deflection, offline correction",
     "Mean, 5th and 95th percentile of each set point; thesis: within 0.25° before, below 0.12° "
     "after.",
-    x=SETPOINT_LABEL,
-    y="deflection, deg",
+    axes=(SETPOINT_LABEL, "deflection, deg"),
     size=(7.6, 4.6),
 )
-def _draw_before_after(axes: Axes, points: list[DrivelineSetpoint], offline: OfflineErrors) -> None:
+def fig_2_8(axes: Axes, points: list[DrivelineSetpoint], offline: OfflineErrors) -> None:
     before = [each.motion.deflection for each in points]
     for errors, colour, name, offset in (
         (before, figures.BLUE, "before", -0.15),
@@ -519,19 +510,15 @@ def _label_setpoints(axes: Axes, setpoints: list[tuple[float, float]]) -> None:
 
 
 @figures.figure(
-    "fig_2_9",
     "Fig. 2.9: deflection over torque",
     lambda points, fitted: (
         "Means over periods, darker for larger damping"
         + ("." if fitted is None else "; dashed: the fitted map.")
     ),
-    x="driveline torque, N·m",
-    y="deflection, deg",
+    axes=("driveline torque, N·m", "deflection, deg"),
     size=(7.2, 5.0),
 )
-def _draw_deflection_over_torque(
-    axes: Axes, points: list[DrivelineSetpoint], fitted: TorqueMap | None
-) -> None:
+def fig_2_9(axes: Axes, points: list[DrivelineSetpoint], fitted: TorqueMap | None) -> None:
     for each, colour in figures.shaded(sorted(points, key=lambda each: each.lag.rms_torque)):
         torque = periods.mean_period(each.motion.torque, each.motion.cut)
         _, deflection = _mean_angle(each, each.motion.deflection)
@@ -555,14 +542,12 @@ def _draw_deflection_over_torque(
 
 
 @figures.figure(
-    "corrections",
     "Corrections in the loop: reference minus shaft",
     "95th percentile of each set point, drift removed.",
-    x=SETPOINT_LABEL,
-    y="reference minus shaft, 95th percentile, deg",
+    axes=(SETPOINT_LABEL, "reference minus shaft, 95th percentile, deg"),
     size=(7.2, 4.6),
 )
-def _draw_schemes(axes: Axes, schemes: list[CorrectionScheme]) -> None:
+def corrections(axes: Axes, schemes: list[CorrectionScheme]) -> None:
     pairs = [pair for scheme in schemes for pair in scheme.pairs]
     uncorrected = {other.setpoint: error_percentile(other.error) / DEGREE for _, other in pairs}
     setpoints = sorted(uncorrected)
@@ -580,15 +565,13 @@ def _draw_schemes(axes: Axes, schemes: list[CorrectionScheme]) -> None:
 
 
 @figures.figure(
-    "corrections_in_time",
     "Corrections in the loop, over time",
     lambda uncorrected, schemes: f"{_setpoint_text(uncorrected)}, mean of the periods.",
-    x="time in the period, s",
-    y=("reference, deg", "minus shaft, deg"),
+    axes=("time in the period, s", "reference, deg", "minus shaft, deg"),
     size=(7.2, 5.4),
     height_ratios=(1.0, 1.2),
 )
-def _draw_corrections_in_time(
+def corrections_in_time(
     panels: list[Axes], uncorrected: DrivelineSetpoint, schemes: list[CorrectionScheme]
 ) -> None:
     upper, lower = panels

@@ -43,41 +43,38 @@ class FigureSpec(NamedTuple):
 
 
 def figure(
-    name: str,
     title: str,
     caption: str | Callable[..., str],
     *,
-    x: str,
-    y: str | Sequence[str],
+    axes: tuple[str, ...],
     size: tuple[float, float] = (7.2, 4.4),
-    height_ratios: Sequence[float] | None = None,
+    height_ratios: tuple[float, ...] | None = None,
     share_x: bool = True,
+    name: str = "",
 ) -> Callable[[Callable[Concatenate[Any, P], None]], Callable[P, FigureSpec]]:
-    """Declare the figure that a function draws from its data.
+    """Declare the figure that a function draws from its data; its file has the function's name.
 
-    The function's first argument is the axes with the labels ``x`` and ``y``. With several labels
-    ``y`` it is a list of axes from top to bottom; they have ``x`` in common unless ``share_x`` is
-    false. ``caption`` may be a function of the data.
+    ``axes`` are the labels of x and y. The function's first argument is the axes; with several
+    labels of y it is a list of axes from top to bottom, which have x in common unless ``share_x``
+    is false. ``caption`` may be a function of the data.
     """
-    y_labels = (y,) if isinstance(y, str) else tuple(y)
+    x_label, *y_labels = axes
 
     def declare(draw: Callable[Concatenate[Any, P], None]) -> Callable[P, FigureSpec]:
         @wraps(draw)
         def specify(*args: P.args, **kwargs: P.kwargs) -> FigureSpec:
             def draw_body(body: SubFigure) -> None:
+                shared = share_x and len(y_labels) > 1
                 panels: Any = body.subplots(
-                    len(y_labels),
-                    sharex=share_x and len(y_labels) > 1,
-                    height_ratios=height_ratios,
-                    squeeze=False,
+                    len(y_labels), sharex=shared, height_ratios=height_ratios, squeeze=False
                 )[:, 0]
-                for axes, y_label in zip(panels, y_labels, strict=True):
-                    shared = share_x and axes is not panels[-1]
-                    _label_axes(axes, "" if shared else x, y_label)
-                draw(panels[0] if isinstance(y, str) else list(panels), *args, **kwargs)
+                for panel, y_label in zip(panels, y_labels, strict=True):
+                    last = panel is panels[-1]
+                    _label_axes(panel, x_label if last or not shared else "", y_label)
+                draw(panels[0] if len(panels) == 1 else list(panels), *args, **kwargs)
 
             text = caption if isinstance(caption, str) else caption(*args, **kwargs)
-            return FigureSpec(name, title, text, size, draw_body)
+            return FigureSpec(name or draw.__name__, title, text, size, draw_body)
 
         return specify
 

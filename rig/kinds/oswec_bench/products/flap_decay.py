@@ -293,7 +293,7 @@ def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> R
         (table("flap_releases", "Releases", measured, COLUMNS),),
         tuple(compare(LABELS[name], each, "not run") for name, each in constants.items()),
         constants,
-        (_draw_releases(measured, decay), _draw_losses(measured, decay)),
+        (flap_decay(measured, decay), flap_extinction(measured, decay)),
         tuple(notes),
     )
 
@@ -340,14 +340,12 @@ COLUMNS: Columns[MeasuredRelease] = {
 
 
 @figures.figure(
-    "flap_decay",
     "Free decay of the flap",
     "Blue: measured; red: the fit, integrated.",
-    x="time since the release, s",
-    y="angle, deg",
+    axes=("time since the release, s", "angle, deg"),
     size=(7.6, 4.8),
 )
-def _draw_releases(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
+def flap_decay(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
     for _, release, _ in releases:
         axes.plot(release.time, np.degrees(release.angle), color=figures.BLUE, lw=1.8)
         fitted = simulated(decay.fit, release)
@@ -363,14 +361,12 @@ def _draw_releases(axes: Axes, releases: list[MeasuredRelease], decay: Decay) ->
 
 
 @figures.figure(
-    "flap_extinction",
     "Amplitude loss of half a swing over its amplitude",
     "Points: turning points of each release; red: those of the fit.",
-    x="mean amplitude of half a swing, deg",
-    y="amplitude loss, deg",
+    axes=("mean amplitude of half a swing, deg", "amplitude loss, deg"),
     size=(7.2, 4.6),
 )
-def _draw_losses(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
+def flap_extinction(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
     for (point, release, measured), colour in figures.shaded(releases):
         fitted = half_swing_losses(simulated(decay.fit, release), decay.rest_angle.value)
         if measured and fitted:

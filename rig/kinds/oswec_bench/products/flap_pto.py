@@ -159,7 +159,7 @@ def analyse_session(session: SessionRun) -> Result:
             for each in sweeps
         ),
         constants,
-        (_draw_power(sweeps), _draw_damping(sweeps)),
+        (flap_power(sweeps), flap_damping(sweeps)),
         (
             "Positive power is absorbed from the waves. The motor's power follows from its "
             "measured current and the constant in use, before electrical losses.",
@@ -200,14 +200,12 @@ COLUMNS: Columns[tuple[str, SetpointData, PtoPoint]] = {
 
 
 @figures.figure(
-    "flap_power",
     "Power of the flap over the damping at the load cell",
     "Points: measured at the load cell, 95 %; lines: the fit; crosses: power at the motor.",
-    x="damping at the load cell, N·m·s/rad",
-    y="mean power, W",
+    axes=("damping at the load cell, N·m·s/rad", "mean power, W"),
     size=(7.4, 4.8),
 )
-def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
+def flap_power(axes: Axes, sweeps: list[Sweep]) -> None:
     max_power = 0.0
     for each, colour in figures.shaded(sweeps):
         points = [point for _, point in each.rows]
@@ -230,14 +228,12 @@ def _draw_power(axes: Axes, sweeps: list[Sweep]) -> None:
 
 
 @figures.figure(
-    "flap_damping",
     "Damping at the load cell over requested damping",
     "Above the dashed line the gearbox's friction adds to the motor.",
-    x="requested damping of the motor, N·m·s/rad",
-    y="measured damping, N·m·s/rad",
+    axes=("requested damping of the motor, N·m·s/rad", "measured damping, N·m·s/rad"),
     size=(6.4, 4.2),
 )
-def _draw_damping(axes: Axes, sweeps: list[Sweep]) -> None:
+def flap_damping(axes: Axes, sweeps: list[Sweep]) -> None:
     max_requested = 0.0
     for each, colour in figures.shaded(sweeps):
         requested = [row.plan_value("pto_damping_n_m_s_per_rad") for row, _ in each.rows]

@@ -163,7 +163,7 @@ def analyse_session(session: SessionRun) -> Result:
         (table("flap_rao", "Response amplitude operator", rows, COLUMNS),),
         tuple(comparisons),
         constants,
-        (_draw_response(curves),),
+        (flap_rao(curves),),
         (
             "Waves are those requested from the wave maker, calibrated without the flap; a "
             "positive phase leads the crest at the hinge.",
@@ -218,15 +218,13 @@ COLUMNS: Columns[tuple[str, ResponseLine]] = {
 
 
 @figures.figure(
-    "flap_rao",
     "Response amplitude operator of the flap",
     "Points with 95 % intervals; lines: the fitted resonance.",
-    x="frequency, Hz",
-    y=("response, rad/m", "phase, deg"),
+    axes=("frequency, Hz", "response, rad/m", "phase, deg"),
     size=(7.4, 5.8),
     height_ratios=(1.7, 1.0),
 )
-def _draw_response(panels: list[Axes], curves: list[ResponseCurve]) -> None:
+def flap_rao(panels: list[Axes], curves: list[ResponseCurve]) -> None:
     upper, lower = panels
     single = len(curves) == 1
     for each, shade in figures.shaded(curves):

@@ -111,7 +111,7 @@ def analyse_session(session: SessionRun) -> Result:
             "flap_viscous_slow": spring.viscous,
             "flap_inertia_slow": spring.inertia,
         },
-        (_draw_moment(points, spring), _draw_residual(points, spring)),
+        (flap_moment(points, spring), flap_moment_rest(points, spring)),
         (
             "The load cell measures the loads behind it: the flap, and the bearing and seal on its "
             "far side, not those before the cell. Angles are the shaft encoder's.",
@@ -159,14 +159,12 @@ def _moment_slope(samples: MovingSamples) -> float:
 
 
 @figures.figure(
-    "flap_moment",
     "Moment over angle in slow motion",
     "Averaged signals; faint: as measured; darker: later. Red: the spring.",
-    x="angle of the shaft, deg",
-    y="moment at the load cell, N·m",
+    axes=("angle of the shaft, deg", "moment at the load cell, N·m"),
     size=(7.2, 4.8),
 )
-def _draw_moment(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None:
+def flap_moment(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None:
     for each, colour in figures.shaded(points):
         last = slice(each.cut.edges[-2] - each.cut.edges[0], None, 20)
         label = f"{each.point.plan_value('amplitude_deg'):g} deg, {each.point.period:g} s"
@@ -183,13 +181,11 @@ def _draw_moment(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None
 
 
 @figures.figure(
-    "flap_moment_rest",
     "Residual of the spring",
     "Cell minus spring and inertia: friction behind the cell changes its sign with the motion.",
-    x="angle of the shaft, deg",
-    y="moment minus spring and inertia, N·m",
+    axes=("angle of the shaft, deg", "moment minus spring and inertia, N·m"),
 )
-def _draw_residual(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None:
+def flap_moment_rest(axes: Axes, points: list[SlowPoint], spring: SpringFit) -> None:
     for each, colour in figures.shaded(points):
         angle, _, acceleration, torque, time = each.all_samples
         explained = spring.stiffness.value * (angle - spring.rest_angle.value)

@@ -172,13 +172,13 @@ def analyse_session(session: SessionRun, torque_constant: Estimate | None = None
         ]
         comparisons.append(compare("drift of the cell's zero", behind.drift))
         comparisons.append(compare("behind the cell, inertia", behind.inertia))
-        specs.append(_draw_behind(unbraked, behind))
+        specs.append(losses_behind(unbraked, behind))
     groups, group_name = _group_samples(points)
     before = losses_before_cell(groups, constant, group_name)
     shown = {name: each for name, each in before._asdict().items() if np.isfinite(each.value)}
     constants |= {f"gearbox_{name}": each for name, each in shown.items()}
     share = shown.get("share", "included in the dry part: the load did not vary")
-    specs.append(_draw_before(points, constant.value, before))
+    specs.append(losses_before(points, constant.value, before))
     return Result(
         (
             table(
@@ -250,14 +250,12 @@ def _columns(constant: float) -> Columns[tuple[SetpointData, MovingSamples]]:
 
 
 @figures.figure(
-    "losses_behind",
     "Losses behind the load cell over velocity",
     "Some of the samples at speed, drift of the cell removed; red: the fit.",
-    x="velocity, rad/s",
-    y="torque of the load cell, N·m",
+    axes=("velocity, rad/s", "torque of the load cell, N·m"),
     size=(7.2, 4.6),
 )
-def _draw_behind(axes: Axes, points: list[LossPoint], fit: LossesBehindCell) -> None:
+def losses_behind(axes: Axes, points: list[LossPoint], fit: LossesBehindCell) -> None:
     end_time = max(float(each.all_samples.time.max()) for each in points)
     for each, colour in figures.shaded(points):
         velocity, _, torque, _, time = each.all_samples
@@ -272,16 +270,14 @@ def _draw_behind(axes: Axes, points: list[LossPoint], fit: LossesBehindCell) -> 
 
 
 @figures.figure(
-    "losses_before",
     "Losses before the load cell over velocity",
     lambda points, constant, fit: (
         f"Current times {constant:.2f} N·m/A minus cell torque and inertia; red: the fit."
     ),
-    x="velocity, rad/s",
-    y="motor torque minus cell torque minus inertia, N·m",
+    axes=("velocity, rad/s", "motor torque minus cell torque minus inertia, N·m"),
     size=(7.2, 4.6),
 )
-def _draw_before(
+def losses_before(
     axes: Axes, points: list[LossPoint], constant: float, fit: LossesBeforeCell
 ) -> None:
     for each, colour in figures.shaded(points):

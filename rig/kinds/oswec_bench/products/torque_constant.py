@@ -150,23 +150,23 @@ def analyse_session(session: SessionRun) -> Result:
         raise ValueError("no set point has a ramp of torque")
     fitted = torque_constants([each.ramps for each in points])
     method = "torque at half the current, falling less rising; by scatter of set points"
-    hysteresis = mean([each.ramps.hysteresis for each in points], "N*m", method)
+    loop_width = mean([each.ramps.hysteresis for each in points], "N*m", method)
     title = "Table 3.1: torque constants of ramps by set point"
     return Result(
         (table("torque_constants", title, points, _columns(session.torque_constant)),),
-        _comparisons(fitted, hysteresis.value),
+        _comparisons(fitted, loop_width.value),
         {
             "torque_constant": fitted.both,
             "torque_constant_positive": fitted.positive,
             "torque_constant_negative": fitted.negative,
             "torque_constant_motor": fitted.motor,
-            "torque_hysteresis": hysteresis,
+            "torque_hysteresis": loop_width,
         },
         (
-            _draw_over_time(points[len(points) // 2]),
-            _draw_fits(points[-1]),
-            _draw_constants(points),
-            _draw_hysteresis(points),
+            fig_3_1(points[len(points) // 2]),
+            fig_3_2(points[-1]),
+            fig_3_3(points),
+            hysteresis(points),
         ),
         (
             "Clockwise is positive torque. torque_constant is the thesis's, from ramps, and "
@@ -239,17 +239,15 @@ def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Compari
 
 
 @figures.figure(
-    "fig_3_1",
     "Fig. 3.1: commanded and measured torque over time",
     lambda point: (
         f"Current amplitude {point.ramps.current_amplitude:.2f} A; "
         "boxes: domains of the fits, black clockwise, grey counter-clockwise."
     ),
-    x="time, s",
-    y="torque, N·m",
+    axes=("time, s", "torque, N·m"),
     size=(7.6, 4.4),
 )
-def _draw_over_time(axes: Axes, point: LockedPoint) -> None:
+def fig_3_1(axes: Axes, point: LockedPoint) -> None:
     slope = np.mean([d.line.slope for d in point.ramps.ramp_up])
     t = point.cut.dt * np.arange(len(point.torque))
     axes.plot(
@@ -262,15 +260,13 @@ def _draw_over_time(axes: Axes, point: LockedPoint) -> None:
 
 
 @figures.figure(
-    "fig_3_2",
     "Fig. 3.2: fits of the largest set point",
     "One domain per direction, every fifth sample.",
-    x="current command, A",
-    y=("torque, N·m", "torque, N·m"),
+    axes=("current command, A", "torque, N·m", "torque, N·m"),
     size=(7.2, 5.8),
     share_x=False,
 )
-def _draw_fits(panels: list[Axes], point: LockedPoint) -> None:
+def fig_3_2(panels: list[Axes], point: LockedPoint) -> None:
     def text(line: Line) -> str:
         return f"{line.slope:.2f} N·m/A, R² {line.r_squared:.4f}"
 
@@ -279,15 +275,13 @@ def _draw_fits(panels: list[Axes], point: LockedPoint) -> None:
 
 
 @figures.figure(
-    "fig_3_3",
     "Fig. 3.3: torque constants over torque",
     "Mean, smallest and largest of the ramps of each set point.",
-    x="rms torque, N·m",
-    y=("torque constant, N·m/A", "R²"),
+    axes=("rms torque, N·m", "torque constant, N·m/A", "R²"),
     size=(7.2, 5.8),
     height_ratios=(1.6, 1.0),
 )
-def _draw_constants(panels: list[Axes], points: list[LockedPoint]) -> None:
+def fig_3_3(panels: list[Axes], points: list[LockedPoint]) -> None:
     torques = [each.ramps.rms_torque for each in points]
     quarters.draw_line_ranges(panels, torques, [each.ramps.ramp_up for each in points], 0.15)
     upper = panels[0]
@@ -298,14 +292,12 @@ def _draw_constants(panels: list[Axes], points: list[LockedPoint]) -> None:
 
 
 @figures.figure(
-    "hysteresis",
     "Torque over current: ramp and back-off",
     "All set points; darker: larger amplitude.",
-    x="current command, A",
-    y="torque, N·m",
+    axes=("current command, A", "torque, N·m"),
     size=(7.2, 5.0),
 )
-def _draw_hysteresis(axes: Axes, points: list[LockedPoint]) -> None:
+def hysteresis(axes: Axes, points: list[LockedPoint]) -> None:
     for each, colour in figures.shaded(points):
         last = slice(each.cut.edges[-2] - each.cut.edges[0], None)
         axes.plot(each.current[last], each.torque[last], color=colour, lw=0.9)

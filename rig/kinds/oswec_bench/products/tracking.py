@@ -89,7 +89,7 @@ def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> 
         ),
         tuple(comparisons),
         constants,
-        (_draw_tracking(max(rows, key=lambda row: row[0].setpoint[0]), loop),),
+        (torque_tracking(max(rows, key=lambda row: row[0].setpoint[0]), loop),),
         (f"Open loop: run {baseline.metadata.run}.",) if baseline is not None else (),
     )
 
@@ -134,14 +134,12 @@ def _compare_loops(
 
 
 @figures.figure(
-    "torque_tracking",
     "Torque: demand and measurement",
     lambda row, loop: f"Torque amplitude {row[0].setpoint[0]:g} N·m, one period; below: the error.",
-    x="time, s",
-    y=("torque, N·m", "error, N·m"),
+    axes=("time, s", "torque, N·m", "error, N·m"),
     size=(7.2, 5.6),
 )
-def _draw_tracking(panels: list[Axes], row: Pair, loop: str) -> None:
+def torque_tracking(panels: list[Axes], row: Pair, loop: str) -> None:
     upper, lower = panels
     point, open_loop_point = row
     count = round(point.cut.period / point.cut.dt)

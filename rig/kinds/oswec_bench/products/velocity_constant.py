@@ -228,11 +228,11 @@ def analyse_session(session: SessionRun) -> Result:
             "amplitude_difference_unloaded": amplitude_loss,
         },
         (
-            _draw_unloaded(points),
-            _draw_over_time((points[0], points[-1]), fitted.constant.value),
-            _draw_fits(points[-1]),
-            _draw_constants(points, fitted.constant.value),
-            _draw_bearing_torque(points),
+            fig_2_6(points),
+            fig_3_5((points[0], points[-1]), fitted.constant.value),
+            fig_3_6(points[-1]),
+            fig_3_7(points, fitted.constant.value),
+            fig_3_8(points),
         ),
         (
             "velocity_constant holds while the motor follows its command, after the wait at the "
@@ -307,14 +307,12 @@ def _comparisons(
 
 
 @figures.figure(
-    "fig_2_6",
     "Fig. 2.6: amplitude difference, unloaded",
     "Mean of the periods with 5th and 95th percentile; red: thesis 0.025 ± 0.015°.",
-    x="rms motor velocity, rad/s",
-    y="amplitude difference, deg",
+    axes=("rms motor velocity, rad/s", "amplitude difference, deg"),
     size=(7.2, 4.2),
 )
-def _draw_unloaded(axes: Axes, points: list[UnloadedPoint]) -> None:
+def fig_2_6(axes: Axes, points: list[UnloadedPoint]) -> None:
     mid, half_width = thesis.UNLOADED_DIFFERENCE
     axes.axhspan(mid - half_width, mid + half_width, color=figures.RED, alpha=0.1, lw=0)
     axes.axhline(mid, color=figures.RED, lw=0.9, ls="--")
@@ -327,17 +325,13 @@ def _draw_unloaded(axes: Axes, points: list[UnloadedPoint]) -> None:
 
 
 @figures.figure(
-    "fig_3_5",
     "Fig. 3.5: commanded and measured velocity",
     "Slowest set point above, fastest below; "
     "boxes: domains of the fits, black clockwise, grey counter-clockwise.",
-    x="time, s",
-    y=("velocity, rad/s", "velocity, rad/s"),
+    axes=("time, s", "velocity, rad/s", "velocity, rad/s"),
     size=(7.6, 5.8),
 )
-def _draw_over_time(
-    panels: list[Axes], pair: tuple[UnloadedPoint, UnloadedPoint], constant: float
-) -> None:
+def fig_3_5(panels: list[Axes], pair: tuple[UnloadedPoint, UnloadedPoint], constant: float) -> None:
     for each, axes in zip(pair, panels, strict=True):
         dt, velocity = each.cut.dt, each.deceleration.velocity
         count = min(len(velocity), round(2.0 * each.cut.period / dt))
@@ -353,15 +347,13 @@ def _draw_over_time(
 
 
 @figures.figure(
-    "fig_3_6",
     "Fig. 3.6: fits of the fastest set point",
     "One deceleration per direction.",
-    x="voltage command, V",
-    y=("velocity, rad/s", "velocity, rad/s"),
+    axes=("voltage command, V", "velocity, rad/s", "velocity, rad/s"),
     size=(7.2, 5.8),
     share_x=False,
 )
-def _draw_fits(panels: list[Axes], point: UnloadedPoint) -> None:
+def fig_3_6(panels: list[Axes], point: UnloadedPoint) -> None:
     def text(line: Line) -> str:
         return f"{line.slope:.3f} rad/s/V, R² {line.r_squared:.5f}"
 
@@ -371,15 +363,13 @@ def _draw_fits(panels: list[Axes], point: UnloadedPoint) -> None:
 
 
 @figures.figure(
-    "fig_3_7",
     "Fig. 3.7: velocity constants over velocity",
     "Mean, smallest and largest of the decelerations of each set point.",
-    x="rms motor velocity, rad/s",
-    y=("velocity constant, rad/s/V", "R²"),
+    axes=("rms motor velocity, rad/s", "velocity constant, rad/s/V", "R²"),
     size=(7.2, 5.8),
     height_ratios=(1.6, 1.0),
 )
-def _draw_constants(panels: list[Axes], points: list[UnloadedPoint], constant: float) -> None:
+def fig_3_7(panels: list[Axes], points: list[UnloadedPoint], constant: float) -> None:
     velocities = [each.deceleration.rms_velocity for each in points]
     quarters.draw_line_ranges(panels, velocities, [each.fits for each in points], 0.004)
     upper, fastest = panels[0], thesis.VELOCITY_FASTEST
@@ -389,13 +379,11 @@ def _draw_constants(panels: list[Axes], points: list[UnloadedPoint], constant: f
 
 
 @figures.figure(
-    "fig_3_8",
     "Fig. 3.8: torque of the bearing over the phase",
     "Means over periods and 15 ms; darker: faster.",
-    x="phase of the oscillation, share of a period",
-    y="torque, N·m",
+    axes=("phase of the oscillation, share of a period", "torque, N·m"),
 )
-def _draw_bearing_torque(axes: Axes, points: list[UnloadedPoint]) -> None:
+def fig_3_8(axes: Axes, points: list[UnloadedPoint]) -> None:
     for each, colour in figures.shaded(points):
         torque = periods.mean_period(each.motion.torque, each.motion.cut)
         share = np.arange(len(torque)) / len(torque)

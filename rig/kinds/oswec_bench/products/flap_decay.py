@@ -90,12 +90,12 @@ def prepare_release(angle: Floats, dt: float) -> Release:
         raise ValueError("the flap does not move after the release")
     length = min(len(angle), int(moves[-1]) + round(0.5 / dt))
     window_samples = 2 * round(0.5 * WINDOW / dt) + 1
-    derivatives = [
+    smooth, velocity, acceleration = (
         savgol_filter(angle, window_samples, ORDER, deriv=k, delta=dt)[:length] for k in range(3)
-    ]
-    fitted_samples = moving_samples(derivatives[1], window_samples // 2, MIN_SPEED_SHARE) > 0
+    )
+    fitted_samples = moving_samples(velocity, window_samples // 2, MIN_SPEED_SHARE) > 0
     fitted_samples[:window_samples] = False  # the window would contain both sides of the release
-    return Release(dt, derivatives[0], derivatives[1], derivatives[2], fitted_samples)
+    return Release(dt, smooth, velocity, acceleration, fitted_samples)
 
 
 def fit_decay(releases: list[Release]) -> Decay:
@@ -129,12 +129,11 @@ def fit_decay(releases: list[Release]) -> Decay:
         right_sides.append(full_design.T @ residual)
     gram, right = sum(grams), sum(right_sides)
     unknowns = np.concatenate([linear, logs])
-    leave_one_out = [
-        _derived_quantities(
-            _fit_from_unknowns(unknowns + np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0])
-        )
+    changes = [
+        np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0]
         for g, r in zip(grams, right_sides, strict=True)
     ]
+    leave_one_out = [_derived_quantities(_fit_from_unknowns(unknowns + each)) for each in changes]
     fit = _fit_from_unknowns(unknowns)
     values = _derived_quantities(fit)
     if not np.isfinite(values).all():

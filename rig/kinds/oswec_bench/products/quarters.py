@@ -56,30 +56,33 @@ def split_quarters(command: Floats, cut: PeriodCut) -> list[Quarter]:
     return result
 
 
-def fit_domain(
-    quarter: Quarter,
+def fit_domains(
+    parts: list[Quarter],
     command: Floats,
     response: Floats,
     *,
     criterion: Floats,
     shares: tuple[float, float],
-) -> FitDomain | None:
-    """Return the line of response over command where ``criterion`` lies between shares of its peak.
+) -> list[FitDomain]:
+    """Return the lines of response over command where ``criterion`` lies between shares of its
+    peak in a quarter.
 
     ``criterion`` (a signal like the others) is multiplied by the quarter's sign; its first and last
-    sample between the shares bound the domain. The result is None if fewer than ten samples remain.
+    sample between the shares bound the domain. A quarter with fewer than ten samples gets no line.
     """
-    samples, (low, high) = quarter.samples, shares
-    magnitude = quarter.sign * criterion[samples]
-    top = magnitude.max()
-    inside = np.flatnonzero((magnitude >= low * top) & (magnitude <= high * top))
-    if len(inside) < 10 or top <= 0.0:
-        return None
-    domain_samples = slice(samples.start + int(inside[0]), samples.start + int(inside[-1]) + 1)
-    x = command[domain_samples]
-    if not np.ptp(x) > 0.0:
-        return None
-    return FitDomain(quarter, domain_samples, fit_line(x, response[domain_samples]))
+    domains = []
+    for each in parts:
+        magnitude = each.sign * criterion[each.samples]
+        low, high = (share * magnitude.max() for share in shares)
+        inside = np.flatnonzero((magnitude >= low) & (magnitude <= high))
+        if len(inside) < 10 or magnitude.max() <= 0.0:
+            continue
+        start = each.samples.start
+        samples = slice(start + int(inside[0]), start + int(inside[-1]) + 1)
+        if np.ptp(command[samples]) > 0.0:
+            line = fit_line(command[samples], response[samples])
+            domains.append(FitDomain(each, samples, line))
+    return domains
 
 
 def of_direction(domains: list[FitDomain], sign: int) -> list[FitDomain]:

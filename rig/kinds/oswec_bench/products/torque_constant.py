@@ -18,7 +18,7 @@ from rig.kinds.oswec_bench.products import figures, quarters, thesis
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, format_number, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut, rms
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
-from rig.kinds.oswec_bench.products.quarters import FitDomain
+from rig.kinds.oswec_bench.products.quarters import FitDomain, Quarter
 from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
 
 RAMP = (0.10, 0.97)
@@ -49,28 +49,23 @@ class RampFits(NamedTuple):
 
 def fit_ramps(current: Floats, torque: Floats, cut: PeriodCut) -> RampFits:
     """Return the fitted domains of a set point; signals are cut to their whole periods."""
-    ramp_up: list[FitDomain] = []
-    motor_constants = []
-    back_off: list[FitDomain] = []
+    parts = quarters.split_quarters(current, cut)
+    growing = [each for each in parts if each.growing]
+    falling = [each for each in parts if not each.growing]
+
+    def fit(parts: list[Quarter], shares: tuple[float, float]) -> list[FitDomain]:
+        domains = quarters.fit_domains(parts, current, torque, criterion=torque, shares=shares)
+        return [each for each in domains if each.line.slope > 0.0]
+
+    motor_constants = [_motor_constant(each, current, torque) for each in fit(falling, PLATEAU_END)]
     half_current_torques = []
-    for each in quarters.split_quarters(current, cut):
-        shares = RAMP if each.growing else BACK_OFF
-        fitted_domain = quarters.fit_domain(each, current, torque, criterion=torque, shares=shares)
-        if fitted_domain is not None and fitted_domain.line.slope > 0.0:
-            (ramp_up if each.growing else back_off).append(fitted_domain)
-        if not each.growing:
-            release = quarters.fit_domain(
-                each, current, torque, criterion=torque, shares=PLATEAU_END
-            )
-            if release is not None and release.line.slope > 0.0:
-                motor_constants.append(_motor_constant(release, current, torque))
+    for each in parts:
         distance = np.abs(np.abs(current[each.samples]) - 0.5 * np.abs(current).max())
-        sign = -1.0 if each.growing else 1.0
-        nearest = int(np.argmin(distance))
-        half_current_torques.append(sign * each.sign * torque[each.samples][nearest])
+        sign = -each.sign if each.growing else each.sign
+        half_current_torques.append(sign * torque[each.samples][int(np.argmin(distance))])
     return RampFits(
-        ramp_up,
-        back_off,
+        fit(growing, RAMP),
+        fit(falling, BACK_OFF),
         np.array(motor_constants),
         float(0.5 * np.ptp(current)),
         rms(torque),

@@ -83,16 +83,8 @@ def fit_decelerations(
     swing = command - command.mean()
     falling = [each for each in quarters.split_quarters(swing, cut) if not each.growing]
     thesis_fits, following = (
-        [
-            domain
-            for each in falling
-            if (
-                domain := quarters.fit_domain(
-                    each, command, velocity, criterion=signal, shares=shares
-                )
-            )
-        ]
-        for signal, shares in ((swing, DECELERATION), (velocity, FOLLOWING))
+        quarters.fit_domains(falling, command, velocity, criterion=criterion, shares=shares)
+        for criterion, shares in ((swing, DECELERATION), (velocity, FOLLOWING))
     )
     return Deceleration(
         velocity,

@@ -273,12 +273,12 @@ def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> R
         MeasuredRelease(point, each, half_swing_losses(each, decay.rest_angle.value))
         for point, each in zip(points, releases, strict=True)
     ]
-    constants = {
-        "flap_natural_period": decay.period,
-        "flap_decay_rate": decay.decay_rate,
-        "flap_damping_ratio": decay.damping_ratio,
-        "flap_quadratic_over_spring": decay.quadratic,
-        "flap_friction_angle": decay.friction,
+    facts = {
+        "flap_natural_period": ("natural period of small swings", decay.period),
+        "flap_decay_rate": ("decay rate of small swings", decay.decay_rate),
+        "flap_damping_ratio": ("damping ratio, linear", decay.damping_ratio),
+        "flap_quadratic_over_spring": ("quadratic damping over spring", decay.quadratic),
+        "flap_friction_angle": ("dry friction over spring", decay.friction),
     }
     notes = [
         "The flap alone, with its rigid coupling removed; added inertia and radiation are those "
@@ -287,17 +287,17 @@ def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> R
     if stiffness is None:
         notes.append("No moments: there is no analysed flap_hydrostatic run in the same folder.")
     else:
-        constants |= _moments(decay, stiffness)
+        facts |= _moments(decay, stiffness)
     return Result(
         (table("flap_releases", "Releases", measured, COLUMNS),),
-        tuple(compare(LABELS[name], each, "not run") for name, each in constants.items()),
-        constants,
+        tuple(compare(label, each, "not run") for label, each in facts.values()),
+        {name: each for name, (_, each) in facts.items()},
         (flap_decay(measured, decay), flap_extinction(measured, decay)),
         tuple(notes),
     )
 
 
-def _moments(decay: Decay, stiffness: Estimate) -> dict[str, Estimate]:
+def _moments(decay: Decay, stiffness: Estimate) -> dict[str, tuple[str, Estimate]]:
     """Return inertia and damping by the spring rate.
 
     Inertia and linear damping include radiation.
@@ -309,26 +309,18 @@ def _moments(decay: Decay, stiffness: Estimate) -> dict[str, Estimate]:
         method = f"{shares[0].method}; spring {stiffness.method}"
         return Estimate(value, abs(value) * float(np.linalg.norm(relative)), unit, method)
 
-    natural, rate = decay.natural_squared, decay.decay_rate
+    natural, rate, dry = decay.natural_squared, decay.decay_rate, decay.friction
+    inertia = scaled(1.0 / natural.value, "kg*m^2", natural)
+    quadratic = scaled(decay.quadratic.value, "N*m*s^2/rad^2", decay.quadratic)
+    linear = scaled(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural)
     return {
-        "flap_inertia": scaled(1.0 / natural.value, "kg*m^2", natural),
-        "flap_linear_damping": scaled(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural),
-        "flap_quadratic_damping": scaled(decay.quadratic.value, "N*m*s^2/rad^2", decay.quadratic),
-        "flap_dry_friction": scaled(decay.friction.value, "N*m", decay.friction),
+        "flap_inertia": ("inertia with added inertia", inertia),
+        "flap_linear_damping": ("linear damping, radiation included", linear),
+        "flap_quadratic_damping": ("quadratic damping", quadratic),
+        "flap_dry_friction": ("dry friction", scaled(dry.value, "N*m", dry)),
     }
 
 
-LABELS = {
-    "flap_natural_period": "natural period of small swings",
-    "flap_decay_rate": "decay rate of small swings",
-    "flap_damping_ratio": "damping ratio, linear",
-    "flap_quadratic_over_spring": "quadratic damping over spring",
-    "flap_friction_angle": "dry friction over spring",
-    "flap_inertia": "inertia with added inertia",
-    "flap_linear_damping": "linear damping, radiation included",
-    "flap_quadratic_damping": "quadratic damping",
-    "flap_dry_friction": "dry friction",
-}
 COLUMNS: Columns[MeasuredRelease] = {
     "row": lambda r: r.point.row,
     "released at [deg]": lambda r: r.point.plan_value("release_deg"),

@@ -23,7 +23,6 @@ DIRECTIONS = ((1, "clockwise", figures.CLOCKWISE), (-1, "counter-clockwise", fig
 class Quarter(NamedTuple):
     """A quarter of one oscillation."""
 
-    half: int  # index of the half wave (zero, peak, zero), from 0
     sign: int  # of the command: 1, -1
     growing: bool  # the magnitude grows
     samples: slice  # in signals cut to their whole periods
@@ -52,7 +51,7 @@ def split_quarters(command: Floats, cut: PeriodCut) -> list[Quarter]:
         if low < 0 or high > len(command):
             continue
         sign, growing = ((1, False), (-1, True), (-1, False), (1, True))[k % 4]
-        result.append(Quarter((k + 1) // 2, sign, growing, slice(low, high)))
+        result.append(Quarter(sign, growing, slice(low, high)))
     return result
 
 

@@ -18,7 +18,6 @@ class TrackingError(NamedTuple):
 
     error: Estimate  # N*m, rms of demand minus measurement, interval by scatter of the periods
     demand_rms: float  # N*m, rms
-    error_by_period: Floats  # N*m
 
     @property
     def relative(self) -> float:
@@ -30,7 +29,7 @@ def tracking_error(demand: Floats, measured: Floats, cut: PeriodCut) -> Tracking
     """Return the rms error of signals that are cut to their whole periods, N*m."""
     by_period = np.array([rms(piece) for piece in split_periods(demand - measured, cut)])
     mean_rms = mean(by_period, "N*m", f"rms by period, scatter of {cut.period_count} periods")
-    return TrackingError(mean_rms._replace(value=rms(demand - measured)), rms(demand), by_period)
+    return TrackingError(mean_rms._replace(value=rms(demand - measured)), rms(demand))
 
 
 def closed_loop_improvement(

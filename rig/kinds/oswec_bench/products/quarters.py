@@ -105,6 +105,18 @@ def direction_columns(unit: str, domains: Callable[[R], list[FitDomain]]) -> Col
     return columns
 
 
+def thesis_value(
+    value: float, first_column: tuple[float, ...], second_column: tuple[float, ...]
+) -> float:
+    """Return the second column of a table of the thesis for a value of its first, within 2 %; NaN
+    if it has no such row.
+    """
+    for first, second in zip(first_column, second_column, strict=True):
+        if abs(value / first - 1.0) < 0.02:
+            return second
+    return float("nan")
+
+
 def draw_domain_boxes(axes: Axes, domains: list[FitDomain], dt: float, values: Floats) -> None:
     """Draw rectangles around the domains of fits."""
     for each in domains:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.kinds.oswec_bench.products import figures, quarters, thesis
+from rig.kinds.oswec_bench.products import figures, quarters
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, format_number, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut, rms
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
@@ -30,6 +30,15 @@ PLATEAU_END = (0.70, 0.95)
 PLATEAU = 0.1
 """Share of the back-off in which stiction certainly holds the torque."""
 UNIT = "N*m/A"
+
+# Values of the OSWEC thesis (University of Washington).
+CURRENTS = (1.12, 1.40, 1.68, 1.96, 2.23, 2.51, 2.79, 3.35, 3.63, 3.91, 4.19, 4.47)
+TORQUES = (17.31, 21.63, 25.97, 30.29, 34.62, 38.95, 43.28, 51.93, 56.26, 60.59, 64.91, 69.24)
+"""Table 3.1, A and N*m: current amplitudes and nominal torques."""
+THESIS_CONSTANT = 16.72  # N*m/A, mean of all ramps
+THESIS_RANGE = (15.56, 18.42)  # N*m/A, smallest and largest
+THESIS_SPREADS = (0.17, 0.11)  # clockwise and counter-clockwise, shares of their means
+SPECIFIED_CONSTANT = 16.845  # N*m/A, 1.123 * 15
 
 
 class RampFits(NamedTuple):
@@ -179,7 +188,7 @@ def _locked_point(point: SetpointData) -> LockedPoint:
 def _columns(constant_in_use: float) -> Columns[LockedPoint]:
     def thesis_nominal(each: LockedPoint) -> float:
         amplitude = each.ramps.current_amplitude
-        return thesis.matching_value(amplitude, thesis.CURRENTS, thesis.TORQUES)
+        return quarters.thesis_value(amplitude, CURRENTS, TORQUES)
 
     return {
         "row": lambda p: p.point.row,
@@ -196,14 +205,12 @@ def _columns(constant_in_use: float) -> Columns[LockedPoint]:
 
 
 def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Comparison, ...]:
-    low, high = thesis.TORQUE_CONSTANTS
+    low, high = THESIS_RANGE
     spread = (constants.largest - constants.smallest) / constants.both.value
-    thesis_spread = (high - low) / thesis.TORQUE_CONSTANT
-    clockwise, counter = thesis.TORQUE_SPREADS
+    thesis_spread = (high - low) / THESIS_CONSTANT
+    clockwise, counter = THESIS_SPREADS
     return (
-        Comparison.of_constant(
-            "torque constant, mean of ramps", constants.both, thesis.TORQUE_CONSTANT
-        ),
+        Comparison.of_constant("torque constant, mean of ramps", constants.both, THESIS_CONSTANT),
         compare(
             "single ramps",
             f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A",
@@ -221,7 +228,7 @@ def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Compari
         compare(
             "motor's own constant, without friction",
             constants.motor,
-            f"specified {thesis.TORQUE_SPECIFIED} N·m/A",
+            f"specified {SPECIFIED_CONSTANT} N·m/A",
         ),
         compare(
             "torque on back-off minus torque on ramp, at half current",
@@ -280,8 +287,8 @@ def fig_3_3(panels: list[Axes], points: list[LockedPoint]) -> None:
     torques = [each.ramps.rms_torque for each in points]
     quarters.draw_line_ranges(panels, torques, [each.ramps.ramp_up for each in points], 0.15)
     upper = panels[0]
-    upper.axhline(thesis.TORQUE_CONSTANT, color=figures.RED, lw=0.9, ls="--")
-    upper.axhspan(*thesis.TORQUE_CONSTANTS, color=figures.RED, alpha=0.07, lw=0)
+    upper.axhline(THESIS_CONSTANT, color=figures.RED, lw=0.9, ls="--")
+    upper.axhspan(*THESIS_RANGE, color=figures.RED, alpha=0.07, lw=0)
     figures.annotate_corner(upper, "red: thesis, mean and range", "lower right")
     figures.legend(upper, "upper right")
 

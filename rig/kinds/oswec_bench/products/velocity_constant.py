@@ -25,7 +25,7 @@ from matplotlib.axes import Axes
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
-from rig.kinds.oswec_bench.products import figures, periods, quarters, thesis
+from rig.kinds.oswec_bench.products import figures, periods, quarters
 from rig.kinds.oswec_bench.products.deflection import DEGREE, Motion, ShaftLag, shaft_lag
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, jackknifed, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut
@@ -51,6 +51,16 @@ ITERATIONS = 5
 The last fit changes the lag by less than 1 us.
 """
 UNIT = "rad/s/V"
+
+# Values of the OSWEC thesis (University of Washington).
+VOLTS = (0.23, 0.35, 0.47, 0.58, 0.70, 0.81, 0.93)
+SPEEDS = (0.37, 0.55, 0.73, 0.92, 1.10, 1.28, 1.46)
+"""Table 3.2, V and rad/s: voltage amplitudes and nominal velocities."""
+THESIS_CONSTANT = 1.46  # rad/s/V, mean of all
+THESIS_FASTEST = 1.49  # rad/s/V, mean of the three fastest
+THESIS_RANGE = (1.22, 1.52)  # rad/s/V, smallest and largest
+THESIS_SPREAD = 0.028  # of the three fastest
+UNLOADED_DIFFERENCE = (0.025, 0.015)  # deg, amplitude difference and its half width
 
 
 class Deceleration(NamedTuple):
@@ -190,11 +200,6 @@ class UnloadedPoint(NamedTuple):
         """Lines as in the thesis."""
         return self.deceleration.thesis_fits
 
-    @property
-    def amplitude_difference(self) -> Floats:
-        """Half stroke of the motor less that of the shaft by period, deg."""
-        return self.lag.amplitude_difference / DEGREE
-
 
 def analyse_session(session: SessionRun) -> Result:
     """Analyse a run of the session."""
@@ -246,8 +251,8 @@ COLUMNS: Columns[UnloadedPoint] = {
     "row": lambda p: p.point.row,
     "voltage amplitude [V]": lambda p: p.deceleration.voltage_amplitude,
     "velocity, nominal (eq. 3.2) [rad/s]": lambda p: NOMINAL * p.deceleration.voltage_amplitude,
-    "velocity, thesis nominal [rad/s]": lambda p: thesis.matching_value(
-        p.deceleration.voltage_amplitude, thesis.VOLTS, thesis.SPEEDS
+    "velocity, thesis nominal [rad/s]": lambda p: quarters.thesis_value(
+        p.deceleration.voltage_amplitude, VOLTS, SPEEDS
     ),
     "rms velocity [rad/s]": lambda p: p.deceleration.rms_velocity,
     **quarters.direction_columns(UNIT, lambda p: p.fits),
@@ -258,21 +263,17 @@ COLUMNS: Columns[UnloadedPoint] = {
 def _comparisons(
     constants: VelocityConstants, amplitude_loss: Estimate, points: list[UnloadedPoint]
 ) -> tuple[Comparison, ...]:
-    low, high = thesis.VELOCITY_CONSTANTS
-    mid, half_width = thesis.UNLOADED_DIFFERENCE
+    low, high = THESIS_RANGE
+    mid, half_width = UNLOADED_DIFFERENCE
     slowest = float(np.mean([d.line.slope for d in points[0].fits]))
     torque = max(float(np.abs(p.motion.torque).max()) for p in points)
     return (
-        Comparison.of_constant(
-            "velocity constant, mean", constants.thesis, thesis.VELOCITY_CONSTANT
-        ),
-        Comparison.of_constant(
-            "mean of the three fastest", constants.fastest, thesis.VELOCITY_FASTEST
-        ),
+        Comparison.of_constant("velocity constant, mean", constants.thesis, THESIS_CONSTANT),
+        Comparison.of_constant("mean of the three fastest", constants.fastest, THESIS_FASTEST),
         compare(
             "spread of the three fastest",
             f"{100 * constants.spread:.1f} %",
-            f"{100 * thesis.VELOCITY_SPREAD:.1f} %",
+            f"{100 * THESIS_SPREAD:.1f} %",
         ),
         compare(
             "single lines",
@@ -305,11 +306,11 @@ def _comparisons(
     size=(7.2, 4.2),
 )
 def fig_2_6(axes: Axes, points: list[UnloadedPoint]) -> None:
-    mid, half_width = thesis.UNLOADED_DIFFERENCE
+    mid, half_width = UNLOADED_DIFFERENCE
     axes.axhspan(mid - half_width, mid + half_width, color=figures.RED, alpha=0.1, lw=0)
     axes.axhline(mid, color=figures.RED, lw=0.9, ls="--")
     for each in points:
-        values = each.amplitude_difference
+        values = each.lag.amplitude_difference / DEGREE
         figures.draw_percentiles(
             axes, each.lag.rms_velocity, values, ms=5, color=figures.BLUE, capsize=3
         )
@@ -364,7 +365,7 @@ def fig_3_6(panels: list[Axes], point: UnloadedPoint) -> None:
 def fig_3_7(panels: list[Axes], points: list[UnloadedPoint], constant: float) -> None:
     velocities = [each.deceleration.rms_velocity for each in points]
     quarters.draw_line_ranges(panels, velocities, [each.fits for each in points], 0.004)
-    upper, fastest = panels[0], thesis.VELOCITY_FASTEST
+    upper, fastest = panels[0], THESIS_FASTEST
     upper.axhline(constant, color=figures.BLUE, lw=0.9, label="following its command")
     upper.axhline(fastest, color=figures.RED, lw=0.9, ls="--", label="thesis, three fastest")
     figures.legend(upper, "lower right")

@@ -121,9 +121,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
         there, then = slice(settle, ticks), slice(settle + 1, ticks + 1)
         columns = (told[there] - [zero[0], zero[1], 0.0, zero[3], 0.0]).T
         points.append(_point(number, row, params, columns, wires[then], angle[then], tick - ticks))
-    return SessionRun(
-        _NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False, _WHOLE, ()
-    )
+    return SessionRun(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, False, _WHOLE, ())
 
 
 def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats]:
@@ -150,7 +148,6 @@ def _point(
 ) -> SetpointData:
     motor, shaft, current, torque, brake = told
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
-    nothing = np.zeros(len(motor))
     return SetpointData(
         row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0,
         period=row.period, dt=DT,
@@ -158,5 +155,5 @@ def _point(
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
         torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,
         reference_angle=angle, reference_velocity=NOMINAL_GAIN * volts,
-        reference_torque=NOMINAL_CONSTANT * amperes, correction=nothing,
+        reference_torque=NOMINAL_CONSTANT * amperes,
     )  # fmt: skip

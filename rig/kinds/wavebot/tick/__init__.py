@@ -1,7 +1,8 @@
 """The WaveBot as a kind of rig: its signals, its checks, and its part of the cycle."""
 
 from rig.kinds.wavebot.tick.check import check
-from rig.kinds.wavebot.tick.cycle import KIND, find_kind, kind_with_law, observe
+from rig.kinds.wavebot.tick.cycle import KIND, kind_with_law, observe
+from rig.kinds.wavebot.tick.find_kind import find_kind
 from rig.kinds.wavebot.tick.signals import (
     SENSE_IN_ROW,
     Command,

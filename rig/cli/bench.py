@@ -15,9 +15,9 @@ from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.rehearsal.job import session_problems
 from rig.kinds.oswec_bench.sessions import Session, SessionReport, check_session
 from rig.kinds.oswec_bench.tasks import rehearsal_mode, session_task, wired_mode
-from rig.kinds.wavebot.hardware.job import WiringError
 from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import RunError, create
+from rig.wires.job import WiringError
 
 if TYPE_CHECKING:
     from rig.analysis.stop_reason import LostTicks

@@ -48,7 +48,7 @@ def scan_can(
     try:
         if only_listen:
             return _listen_can(bus, timeout, as_json=as_json)
-        with acquire((can_wire(interface, channel, dict(bus.options)),), "rig scan can"):
+        with acquire((can_wire(bus),), "rig scan can"):
             nodes = scan.scan_nodes(bus, timeout)
     except BusyError as error:
         refusal = RuntimeError(

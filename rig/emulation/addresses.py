@@ -6,21 +6,14 @@ import socket
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
-from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.canopen.bus_settings import SOCKETCAND_PORT
-from rig.config.wiring import CanBus, TcpLine, Wiring
-from rig.kinds.oswec_bench.config.wiring import BenchWiring
+from rig.config.wiring import CanBus, TcpLine, UdpDevice, Wiring
+from rig.wires.wire_check import is_loopback
 
 _FIRST_PTS_MAJOR = 136  # first major number of pseudo-terminals
-_EMULATOR_MODULES = (
-    "rig.kinds.wavebot.rehearsal.emulation",
-    "rig.kinds.oswec_bench.rehearsal.emulation",
-)
-
-AnyWiring = Wiring | BenchWiring
+_EMULATION_MODULE = ".rehearsal.emulation"  # ends the name of the module of emulated devices
 
 
 class _WireAddresses(NamedTuple):
@@ -31,48 +24,41 @@ class _WireAddresses(NamedTuple):
     serial: dict[str, str]
 
 
-def unreachable_addresses(wiring: AnyWiring) -> tuple[str, ...]:
+def unreachable_addresses(wiring: Wiring) -> tuple[str, ...]:
     """Return why wires cannot lead to emulated devices, each wire by its name; empty if all can."""
     return tuple(_find_unreachable(wiring))
 
 
-def occupied_addresses(wiring: AnyWiring) -> tuple[str, ...]:
+def occupied_addresses(wiring: Wiring) -> tuple[str, ...]:
     """Return which addresses are occupied, each wire by its name; empty if all are free."""
-    addresses = _wire_addresses(wiring)
-    return tuple(_find_occupied(addresses))
+    return tuple(_find_occupied(_wire_addresses(wiring)))
 
 
-def can_address(bus: CanBus) -> tuple[str, int]:
-    """Return host and port of a bus that is reached over TCP."""
-    host, port = bus.options.get("host", "127.0.0.1"), bus.options.get("port", SOCKETCAND_PORT)
-    return str(host), int(port)
-
-
-def _wire_addresses(wiring: AnyWiring) -> _WireAddresses:
+def _wire_addresses(wiring: Wiring) -> _WireAddresses:
     addresses = _WireAddresses({}, {}, {})
-    if isinstance(wiring, BenchWiring):
-        addresses.serial.update(encoders=wiring.encoders.port, servo=wiring.servo.port)
-        addresses.udp["load cell"] = wiring.load_cell.host, wiring.load_cell.port
-    else:
-        addresses.tcp["CAN"] = can_address(wiring.can)
-    for name, line in wiring.lines.items():
-        if isinstance(line, TcpLine):
-            addresses.tcp[f"line {name}"] = line.host, line.port
+    for name, _, part in wiring.wires():
+        if isinstance(part, CanBus):
+            if part.interface == "socketcand":
+                addresses.tcp[name] = part.settings().endpoint
+        elif isinstance(part, TcpLine):
+            addresses.tcp[name] = part.host, part.port
+        elif isinstance(part, UdpDevice):
+            addresses.udp[name] = part.host, part.port
         else:
-            addresses.serial[f"line {name}"] = line.port
+            addresses.serial[name] = part.port
     return addresses
 
 
-def _find_unreachable(wiring: AnyWiring) -> Iterator[str]:
+def _find_unreachable(wiring: Wiring) -> Iterator[str]:
+    for name, _, part in wiring.wires():
+        if isinstance(part, CanBus) and part.interface != "socketcand":
+            yield (
+                f"{name}: emulated nodes are reached over socketcand only, not {part.interface} "
+                f"{part.channel}"
+            )
     addresses = _wire_addresses(wiring)
-    if isinstance(wiring, Wiring) and wiring.can.interface != "socketcand":
-        del addresses.tcp["CAN"]
-        yield (
-            f"CAN: emulated nodes are reached over socketcand only, not {wiring.can.interface} "
-            f"{wiring.can.channel}"
-        )
     for name, (host, _) in {**addresses.tcp, **addresses.udp}.items():
-        if not _is_loopback(host):
+        if not is_loopback(host):
             yield f"{name}: {host} is not this host's loopback"
     for name, port in addresses.serial.items():
         if Path("/dev") in Path(os.path.abspath(port)).parents:
@@ -87,14 +73,6 @@ def _find_occupied(addresses: _WireAddresses) -> Iterator[str]:
     for name, path in addresses.serial.items():
         if why := _terminal_problem(Path(path)):
             yield f"{name}: {path} {why}"
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    with suppress(ValueError):
-        return ip_address(host).is_loopback
-    return False
 
 
 def _socket_problem(host: str, port: int, kind: socket.SocketKind) -> str:
@@ -121,9 +99,7 @@ def _terminal_problem(path: Path) -> str:
     if not (stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) >= _FIRST_PTS_MAJOR):
         return f"leads to {path.resolve()}, which is no pseudo-terminal"
     holder = _master_process(os.minor(status.st_rdev))
-    if holder is not None and not any(
-        module in _command_line(holder) for module in _EMULATOR_MODULES
-    ):
+    if holder is not None and _EMULATION_MODULE not in _command_line(holder):
         return ""  # a stale link of a killed process; another program has the terminal now
     owner = f"process {holder}" if holder else "another user's process"
     return f"is taken by emulated devices of {owner}"

@@ -23,6 +23,8 @@ REGISTRY = Registry(GROUP, "kind of rig", OWN_PACKAGES)
 ROOMS = {
     "tick": ("find_kind", "Sense"),
     "config": ("RigFile", "LimitsFile"),
+    "hardware.job": ("build_job",),
+    "rehearsal.emulation": ("emulate_rig", "emulate_task"),
     "tasks": ("rehearsal_mode", "wired_mode"),
 }
 """The modules of a kind's package and the names that the core uses."""

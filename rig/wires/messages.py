@@ -4,6 +4,7 @@
 the time of the request for it, so that its age is never too small.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from controllers.signals import (
@@ -19,6 +20,7 @@ from controllers.signals import (
     Volt,
     Watt,
 )
+from rig.processes.mailbox import Mailbox
 
 
 class AnalyserMessage(NamedTuple):
@@ -133,18 +135,15 @@ class WriteAcknowledgement(NamedTuple):
     stamp: Second  # send time of the newest acknowledged write
 
 
-ACKNOWLEDGEMENT_SUFFIX = (
-    "_done"  # ends the name of the mailbox in which the writing of another is acknowledged
-)
+# Ends the name of the mailbox in which the writing of another is acknowledged.
+ACKNOWLEDGEMENT_SUFFIX = "_done"
+HEALTH_SUFFIX = "_health"  # ends the name of the mailbox of a CANopen node's health
 MESSAGE_TYPES: dict[str, type] = {
     "analyser": AnalyserMessage,
     "cells": LoadCellsMessage,
     "probes": ProbesMessage,
     "inputs": InputsMessage,
     "outputs": OutputsMessage,
-    "heave_health": NodeHealth,
-    "surge_health": NodeHealth,
-    "stator_health": NodeHealth,
     "servo": ServoMessage,
     "set_point": SetPointMessage,
     "load_cell": WrenchMessage,
@@ -152,4 +151,12 @@ MESSAGE_TYPES: dict[str, type] = {
     "analog": AnalogOutputsMessage,
     "analog_done": WriteAcknowledgement,
 }
-"""The message type of each mailbox."""
+"""The message type of each mailbox, except those of the nodes' health."""
+
+
+def open_mailboxes(fds: Mapping[str, int]) -> dict[str, Mailbox]:
+    """Return the mailboxes behind file descriptors, each with its message type by its name."""
+    return {
+        name: Mailbox(fd, NodeHealth if name.endswith(HEALTH_SUFFIX) else MESSAGE_TYPES[name])
+        for name, fd in fds.items()
+    }

@@ -5,9 +5,10 @@ import os
 import pwd
 import socket
 from contextlib import suppress
+from ipaddress import ip_address
 from pathlib import Path
 
-from drivers.canopen.bus_settings import SOCKETCAND_PORT, BusSettings
+from drivers.canopen.bus_settings import BusSettings
 
 _TCP_TIMEOUT_S = 1.0  # s for a TCP connection
 
@@ -17,12 +18,8 @@ def bus_problem(bus: BusSettings) -> str:
 
     python-can itself would try to reach an absent socketcand for 10 s.
     """
-    options = dict(bus.options)
     if bus.interface == "socketcand":
-        host, port = (
-            str(options.get("host", "127.0.0.1")),
-            int(options.get("port", SOCKETCAND_PORT)),
-        )
+        host, port = bus.endpoint
         why = tcp_problem(host, port)
         return f"no socketcand at {host}:{port}: {why}" if why else ""
     if bus.interface == "socketcan":
@@ -60,6 +57,15 @@ def tcp_problem(host: str, port: int) -> str:
     except OSError as error:
         return (error.strerror or str(error)).lower()
     return ""
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address or `localhost` leads to this host itself."""
+    if host == "localhost":
+        return True
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return False
 
 
 def port_problem(path: str) -> str:

@@ -1,6 +1,6 @@
 """A session of the bench as a task to run, and the modes in which it runs."""
 
-from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.oswec_bench.hardware.job import build_job
 from rig.kinds.oswec_bench.rehearsal import emulation as bench_emulation
 from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
 from rig.kinds.oswec_bench.sessions import (
@@ -32,7 +32,7 @@ def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
 
     WiringError lists all reasons why these wires must not be powered.
     """
-    job = build_bench_job(session.rig, session.file.loop)
+    job = build_job(session.rig, session.file.loop)
     wires = wires_in(session.rig)
     if not emulated:
         return ExecutionMode("hardware", True, _WIRED_DEVICES, job.devices, job.io_processes, wires)

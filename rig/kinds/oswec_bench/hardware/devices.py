@@ -24,7 +24,7 @@ from rig.kinds.oswec_bench.tick import (
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
 from rig.wires import streams
-from rig.wires.messages import MESSAGE_TYPES, AnalogOutputsMessage, SetPointMessage
+from rig.wires.messages import AnalogOutputsMessage, SetPointMessage, open_mailboxes
 from rig.wires.streams import Stream
 
 MAILBOX_INPUTS = ("servo", "load_cell", "brake", "inputs", "analog_done")
@@ -117,6 +117,6 @@ class BenchDevices:
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:
     """Return the devices for a configuration of `rig.kinds.oswec_bench.hardware.job`."""
     settings: BenchDeviceSettings = handover.loads(BenchDeviceSettings, config["devices"])
-    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in config["mailboxes"].items()}
-    encoders = streams.create_stream("encoders", config["encoders"], slots)
+    slots = open_mailboxes(config["mailboxes"])
+    encoders = streams.create_stream("encoders", config["streams"]["encoders"], slots)
     return BenchDevices(settings, encoders, slots)

@@ -2,14 +2,13 @@
 
 import math
 
-from rig.emulation.process import serial_line
+from rig.emulation.devices import serial_line
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.rig_file import Encoder as EncoderScale
 from rig.kinds.oswec_bench.config.wiring import (
     BenchWiring,
     EncoderChannel,
     LoadCell,
-    SerialPort,
     ServoDrive,
 )
 from rig.kinds.oswec_bench.config.wiring import EncoderBridge as BridgeWiring
@@ -22,7 +21,6 @@ from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
 from sim_plant.emulators.ft_calibration import Calibration, Wrench
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.net_ft import NetFt, NetFtSettings
-from sim_plant.emulators.serial_line import SerialLine
 from sim_plant.emulators.shared_world import SharedBench
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -56,7 +54,7 @@ def create_bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -
         )
 
     encoders = _encoder(wiring.motor, motor), _encoder(wiring.shaft, shaft)
-    return EncoderBridge(_line(wiring), angles, *encoders, BridgeSettings(rate=0.0))
+    return EncoderBridge(serial_line(wiring), angles, *encoders, BridgeSettings(rate=0.0))
 
 
 def _encoder(wiring: EncoderChannel, scale: EncoderScale) -> Encoder:
@@ -91,7 +89,7 @@ def create_servo(
         else:
             world.actuate(enable=int(value))
 
-    return Compax3(_line(wiring), read, write, settings)
+    return Compax3(serial_line(wiring), read, write, settings)
 
 
 def create_load_cell(wiring: LoadCell, world: SharedBench) -> NetFt:
@@ -148,7 +146,3 @@ def create_brake_amplifier(world: SharedBench) -> StrainAmplifier:
     """Return the measuring amplifier at the brake's shunt."""
     settings = AmplifierSettings(_SHUNT, _SHUNT_RATE)
     return StrainAmplifier(lambda: (world.sense().brake_current_a,), settings)
-
-
-def _line(port: SerialPort) -> SerialLine:
-    return serial_line(port.port, port.baud, port.parity, port.stop_bits)

@@ -26,7 +26,7 @@ from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
-from rig.wires.messages import MESSAGE_TYPES, NodeHealth, OutputsMessage
+from rig.wires.messages import NodeHealth, OutputsMessage, open_mailboxes
 
 # Codes of EMCY and 0x603F: a person must be able to distinguish these two from all others.
 _FAULTS = {0x3210: DriveFault.OVERVOLTAGE.value, 0x3220: DriveFault.UNDERVOLTAGE.value}
@@ -162,21 +162,20 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
 
     LinkError if the bus cannot be opened.
     """
-    interface, channel, bit_rate, options = config["bus"]
     settings: WaveBotDeviceSettings = handover.loads(WaveBotDeviceSettings, config["devices"])
     scales, facts = config["scales"], config["facts"]["can"]
     settings = settings._replace(
         heave=settings.heave._replace(scale=_current_scale(scales["heave"], facts["heave"])),
         surge=settings.surge._replace(scale=_current_scale(scales["surge"], facts["surge"])),
     )
-    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in config["mailboxes"].items()}
+    slots = open_mailboxes(config["mailboxes"])
     nodes = (
         TorqueAxis(settings.heave),
         TorqueAxis(settings.surge),
         PositionActuator(settings.stator),
     )
     sync_frames = frozenset[int]().union(*(node.sync_dividers for node in nodes))
-    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    bus = BusSettings.from_json(config["bus"])
     return WaveBotDevices(settings, Link(bus, sync_frames), slots)
 
 

@@ -4,75 +4,58 @@ import errno
 import os
 import socket
 import stat
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
-from rig.config.wiring import CanBus, TcpLine, UdpDevice, Wiring
+from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, WirePart, Wiring
 from rig.wires.wire_check import is_loopback
 
 _FIRST_PTS_MAJOR = 136  # first major number of pseudo-terminals
 _EMULATION_MODULE = ".rehearsal.emulation"  # ends the name of the module of emulated devices
 
 
-class _WireAddresses(NamedTuple):
-    """The addresses of all wires of a rig, by name."""
-
-    tcp: dict[str, tuple[str, int]]
-    udp: dict[str, tuple[str, int]]
-    serial: dict[str, str]
-
-
 def unreachable_addresses(wiring: Wiring) -> tuple[str, ...]:
     """Return why wires cannot lead to emulated devices, each wire by its name; empty if all can."""
-    return tuple(_find_unreachable(wiring))
+    problems = ((wire.name, _unreachable(wire.part)) for wire in wiring.wires())
+    return tuple(f"{name}: {why}" for name, why in problems if why)
 
 
 def occupied_addresses(wiring: Wiring) -> tuple[str, ...]:
     """Return which addresses are occupied, each wire by its name; empty if all are free."""
-    return tuple(_find_occupied(_wire_addresses(wiring)))
+    problems = ((wire.name, _occupied(wire.part)) for wire in wiring.wires())
+    return tuple(f"{name}: {why}" for name, why in problems if why)
 
 
-def _wire_addresses(wiring: Wiring) -> _WireAddresses:
-    addresses = _WireAddresses({}, {}, {})
-    for name, _, part in wiring.wires():
-        if isinstance(part, CanBus):
-            if part.interface == "socketcand":
-                addresses.tcp[name] = part.settings().endpoint
-        elif isinstance(part, TcpLine):
-            addresses.tcp[name] = part.host, part.port
-        elif isinstance(part, UdpDevice):
-            addresses.udp[name] = part.host, part.port
-        else:
-            addresses.serial[name] = part.port
-    return addresses
+def _endpoint(part: WirePart) -> tuple[str, int] | None:
+    """Return host and port of a wire on the network."""
+    if isinstance(part, CanBus):
+        return part.settings().endpoint if part.interface == "socketcand" else None
+    return (part.host, part.port) if isinstance(part, TcpLine | UdpDevice) else None
 
 
-def _find_unreachable(wiring: Wiring) -> Iterator[str]:
-    for name, _, part in wiring.wires():
-        if isinstance(part, CanBus) and part.interface != "socketcand":
-            yield (
-                f"{name}: emulated nodes are reached over socketcand only, not {part.interface} "
-                f"{part.channel}"
-            )
-    addresses = _wire_addresses(wiring)
-    for name, (host, _) in {**addresses.tcp, **addresses.udp}.items():
-        if not is_loopback(host):
-            yield f"{name}: {host} is not this host's loopback"
-    for name, port in addresses.serial.items():
-        if Path("/dev") in Path(os.path.abspath(port)).parents:
-            yield f"{name}: {port} is in /dev, where no emulated port can be created"
+def _unreachable(part: WirePart) -> str:
+    if endpoint := _endpoint(part):
+        host, _ = endpoint
+        return "" if is_loopback(host) else f"{host} is not this host's loopback"
+    if isinstance(part, CanBus):
+        return (
+            f"emulated nodes are reached over socketcand only, not {part.interface} {part.channel}"
+        )
+    if isinstance(part, SerialPort | RtuLine):
+        in_dev = Path("/dev") in Path(os.path.abspath(part.port)).parents
+        return f"{part.port} is in /dev, where no emulated port can be created" if in_dev else ""
+    return ""
 
 
-def _find_occupied(addresses: _WireAddresses) -> Iterator[str]:
-    for ports, kind in ((addresses.tcp, socket.SOCK_STREAM), (addresses.udp, socket.SOCK_DGRAM)):
-        for name, (host, port) in ports.items():
-            if why := _socket_problem(host, port, kind):
-                yield f"{name}: {host}:{port} {why}"
-    for name, path in addresses.serial.items():
-        if why := _terminal_problem(Path(path)):
-            yield f"{name}: {path} {why}"
+def _occupied(part: WirePart) -> str:
+    if endpoint := _endpoint(part):
+        kind = socket.SOCK_DGRAM if isinstance(part, UdpDevice) else socket.SOCK_STREAM
+        why = _socket_problem(*endpoint, kind)
+        return why and "{}:{} {}".format(*endpoint, why)
+    if isinstance(part, SerialPort | RtuLine):
+        why = _terminal_problem(Path(part.port))
+        return why and f"{part.port} {why}"
+    return ""
 
 
 def _socket_problem(host: str, port: int, kind: socket.SocketKind) -> str:

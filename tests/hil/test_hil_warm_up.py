@@ -17,9 +17,8 @@ from drivers.canopen.scaling import CurrentScale
 from rig.config import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware import devices as hardware
-from rig.kinds.wavebot.hardware.devices import WaveBotDevices
+from rig.kinds.wavebot.hardware.devices import WaveBotDevices, WaveBotDeviceSettings
 from rig.kinds.wavebot.hardware.job import build_job
-from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
 from rig.processes import handover
 from rig.wires.messages import MESSAGE_TYPES, NodeHealth
 

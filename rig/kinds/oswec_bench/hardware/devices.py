@@ -6,13 +6,12 @@ alone translates between the messages of the wires and the signals of the loop.
 """
 
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from controllers.blocks import clamp
 from controllers.signals import PanelSense
 from drivers.compax3 import analog_command
 from drivers.conversation import Exchange
-from rig.kinds.oswec_bench.hardware.settings import BenchDeviceSettings
 from rig.kinds.oswec_bench.tick import (
     BrakeSense,
     Command,
@@ -30,6 +29,16 @@ from rig.wires.streams import Stream
 MAILBOX_INPUTS = ("servo", "load_cell", "brake", "inputs", "analog_done")
 WARM_UP_TIMEOUT_S = 3.0  # s in which every device must give a value
 _MAX_WARM_UP_AGE_S = 0.1  # s, of every value at the end of the warm-up
+
+
+class BenchDeviceSettings(NamedTuple):
+    """Scales from the loop's volts and amperes to the commands on the wires."""
+
+    analog: int  # 1: the velocity command goes through the analog output; 0: to the drive itself
+    output: analog_command.Params  # calibration of the analog output, volts over volts
+    velocity_per_volt: float  # rad/s at the motor per volt
+    torque_per_ampere: float  # N m at the motor, nominal
+    max_brake_current: float  # A, limit of the brake's output
 
 
 class BenchDevices:

@@ -5,7 +5,7 @@ from typing import Any, Literal
 from drivers.compax3 import analog_command
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
-from rig.kinds.oswec_bench.hardware.settings import BenchDeviceSettings
+from rig.kinds.oswec_bench.hardware.devices import BenchDeviceSettings
 from rig.processes import handover
 from rig.wires.job import (
     WiredJob,

@@ -6,7 +6,7 @@ translates between the messages of the drivers and the signals of the loop.
 
 import math
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from controllers.signals import (
     AxisSense,
@@ -20,9 +20,8 @@ from drivers.canopen import scaling
 from drivers.canopen.bus_cycle import BusCycle, FrameLink
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import Link
-from drivers.canopen.position_actuator import PositionActuator
-from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisReading
-from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
+from drivers.canopen.position_actuator import ActuatorSettings, PositionActuator
+from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisReading, TorqueAxisSettings
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
@@ -36,6 +35,20 @@ _NO_DUMP = 0
 WARM_UP_TIMEOUT_S = 3.0  # s in which every drive must answer every SYNC
 _MAX_WARM_UP_AGE_TICKS = 5.0  # of every value of a drive at the end of the warm-up
 _NEVER_AGE_S = 1e9  # s, age of a value that never came
+
+
+class WaveBotDeviceSettings(NamedTuple):
+    """Constants of the devices; the current scales are read from the drives later."""
+
+    own_node: int
+    heartbeat: float  # s between the loop's own heartbeats
+    health_age: float  # s, age of the health messages from which the service process counts as lost
+    heartbeat_lost: float  # s without a node's heartbeat until it counts as lost
+    actuator_divider: int
+    trigger_divider: int  # ticks between two posts of the outputs
+    heave: TorqueAxisSettings
+    surge: TorqueAxisSettings
+    stator: ActuatorSettings
 
 
 class WaveBotDevices:

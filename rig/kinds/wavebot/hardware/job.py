@@ -2,7 +2,7 @@
 
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.config.wiring import WaveBotWiring
-from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
+from rig.kinds.wavebot.hardware.devices import WaveBotDeviceSettings
 from rig.processes import handover
 from rig.wires.can_nodes import (
     actuator_settings,

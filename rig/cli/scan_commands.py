@@ -177,16 +177,7 @@ def _node_table(nodes: tuple[scan.DetectedNode, ...]) -> Table:
     for node, identity in nodes:
         table.add_row(
             str(node),
-            *(
-                _hex_text(value)
-                for value in (
-                    identity.device_type,
-                    identity.vendor,
-                    identity.product,
-                    identity.revision,
-                    identity.serial,
-                )
-            ),
+            *map(_hex_text, identity[:5]),  # device type to serial number
             "-" if identity.error_register is None else f"{identity.error_register:#04x}",
             Text(identity.name or "-"),
         )

@@ -5,6 +5,7 @@ The survey only reads.
 
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any, NamedTuple
 
 from drivers.canopen import arming, emcy, statusword
@@ -78,23 +79,18 @@ def survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
     if why := bus_problem(bus):
         return survey._replace(trouble=why)
     try:
-        service = Service(bus, _ANSWER_TIMEOUT_S)
+        with closing(Service(bus, _ANSWER_TIMEOUT_S)) as service:
+            listed = {node_settings["node"] for node_settings in nodes}
+            for node in listed:
+                service.watch(node)
+            unlisted = set(service.scan(SCAN_TIMEOUT_S)) - listed
+            service.ignore_process_data()
+            found = [_survey_node(service, node_settings) for node_settings in nodes]
+            _wait_for_heartbeats(service, found)
+            health, now = service.health(), time.monotonic()
+            found = [_with_health(node, health[node.node], now) for node in found]
     except LinkError as error:
         return survey._replace(trouble=str(error))
-    try:
-        listed = {node_settings["node"] for node_settings in nodes}
-        for node in listed:
-            service.watch(node)
-        unlisted = set(service.scan(SCAN_TIMEOUT_S)) - listed
-        service.ignore_process_data()
-        found = [_survey_node(service, node_settings) for node_settings in nodes]
-        _wait_for_heartbeats(service, found)
-        health, now = service.health(), time.monotonic()
-        found = [_with_health(node, health[node.node], now) for node in found]
-    except LinkError as error:
-        return survey._replace(trouble=str(error))
-    finally:
-        service.close()
     return survey._replace(nodes=tuple(found), unlisted_nodes=tuple(sorted(unlisted)))
 
 

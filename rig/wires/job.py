@@ -5,9 +5,12 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from drivers.canopen.bus_load import BusLoad
 from drivers.errors import CodecError
+from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import Registers, Wiring
 from rig.processes.io_processes import IoProcess
+from rig.processes.run_types import ExecutionMode
 from rig.wires import streams
+from rig.wires.locks import wires_in
 from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
 
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
@@ -45,6 +48,19 @@ def wiring_of(rig: _WiredRigFile[W_co]) -> W_co:
     if rig.wiring is None:
         raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
     return rig.wiring
+
+
+def wired_mode(
+    job: WiredJob, rig: BaseRigFile, device_module: str, emulated_devices: IoProcess | None
+) -> ExecutionMode:
+    """Return the mode with the devices on a rig's wires.
+
+    ``emulated_devices``: on the far end of the wires (HIL); None: the rig's own.
+    """
+    name, processes = "hardware", job.io_processes
+    if emulated_devices is not None:
+        name, processes = "hil", (emulated_devices, *processes)
+    return ExecutionMode(name, True, device_module, job.devices, processes, wires_in(rig))
 
 
 def stream_problems(settings: Mapping[str, dict[str, Any]]) -> list[str]:

@@ -5,6 +5,7 @@ serial port belongs to one program, and network devices send only to a program t
 """
 
 import time
+from contextlib import closing
 from typing import NamedTuple
 
 from drivers.canopen.link import LinkError
@@ -47,18 +48,13 @@ def listen(rig: BaseRigFile) -> BusActivity:
         return BusActivity((), (), (f"CAN: {why}",))
     nodes = {name: drive.node for name, drive in wiring.drives().items()}
     try:
-        service = Service(bus)
+        with closing(Service(bus)) as service:
+            for node in nodes.values():
+                service.watch(node)
+            sending = service.scan(LISTEN_S, send_requests=False)
+            health, now = service.health(), time.monotonic()
     except LinkError as error:
         return BusActivity((), (), (f"CAN: {error}",))
-    try:
-        for node in nodes.values():
-            service.watch(node)
-        sending = service.scan(LISTEN_S, send_requests=False)
-        health, now = service.health(), time.monotonic()
-    except LinkError as error:
-        return BusActivity((), (), (f"CAN: {error}",))
-    finally:
-        service.close()
     activity = []
     for name, node in nodes.items():
         node_health = health[node]

@@ -13,7 +13,6 @@ see each other's locks.
 import errno
 import itertools
 import os
-import pwd
 import socket
 import stat
 import struct
@@ -29,6 +28,7 @@ from rig.config import wiring
 from rig.config.rig_file import BaseRigFile
 from rig.recording import process_identity
 from rig.recording.runs.create import BusyError
+from rig.wires.wire_check import user_name
 
 _PREFIX = "wec-rig/"
 _MAX_NAME_BYTES = 100  # bytes of a name; the kernel takes 107
@@ -240,7 +240,7 @@ def _holder_text(identity: str) -> str:
         return "another program; try again"
     pid, uid, _ = _CREDENTIALS.unpack(credentials)
     label, began = _read_label(pid)
-    holder = f"{label} (process {pid}, user {_user_name(uid)})"
+    holder = f"{label} (process {pid}, user {user_name(uid)})"
     if process_identity.start_ticks(pid) is None or process_identity.start_ticks(pid) != began:
         return (
             f"{holder}, which was killed; its loop is coming to a stop: try again in some seconds"
@@ -257,9 +257,3 @@ def _read_label(pid: int) -> tuple[str, int | None]:
             began, _, label = name.split("/", 2)
             return label, int(began) if began.isdigit() else None
     return "a program", process_identity.start_ticks(pid)
-
-
-def _user_name(uid: int) -> str:
-    with suppress(KeyError):
-        return pwd.getpwuid(uid).pw_name
-    return str(uid)

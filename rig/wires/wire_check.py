@@ -82,7 +82,7 @@ def port_problem(path: str) -> str:
 
 def current_user() -> str:
     """Return the name of this process's user."""
-    return _user_name(os.geteuid())
+    return user_name(os.geteuid())
 
 
 def file_owner(port: Path) -> str:
@@ -92,7 +92,7 @@ def file_owner(port: Path) -> str:
         letter if status.st_mode >> shift & 1 else "-"
         for shift, letter in zip(range(8, -1, -1), "rwxrwxrwx", strict=True)
     )
-    return f"{_user_name(status.st_uid)}:{group_name(status.st_gid)} {rights}"
+    return f"{user_name(status.st_uid)}:{group_name(status.st_gid)} {rights}"
 
 
 def group_name(number: int) -> str:
@@ -102,7 +102,8 @@ def group_name(number: int) -> str:
     return str(number)
 
 
-def _user_name(number: int) -> str:
+def user_name(number: int) -> str:
+    """Return the name of a user, or its number."""
     with suppress(KeyError):
         return pwd.getpwuid(number).pw_name
     return str(number)

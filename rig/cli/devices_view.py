@@ -97,8 +97,10 @@ def render_heard(rig: str, heard: BusActivity) -> Group:
 
 
 def _unlisted_text(nodes: tuple[int, ...]) -> list[Text]:
+    if not nodes:
+        return []
     numbers = ", ".join(map(str, nodes))
-    return [Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow")][: len(nodes)]
+    return [Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow")]
 
 
 def _nmt_label(state: int | None) -> str:

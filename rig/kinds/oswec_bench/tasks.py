@@ -2,7 +2,7 @@
 
 from rig.kinds.oswec_bench.hardware import job as hardware
 from rig.kinds.oswec_bench.rehearsal import emulation
-from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
+from rig.kinds.oswec_bench.rehearsal.job import plant_settings
 from rig.kinds.oswec_bench.sessions import (
     Session,
     SessionPlan,
@@ -23,7 +23,7 @@ def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
         "rehearsal",
         real_clock,
         "rig.kinds.oswec_bench.rehearsal.devices",
-        session_plant_settings(session),
+        plant_settings(session),
     )
 
 

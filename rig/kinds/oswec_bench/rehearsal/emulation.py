@@ -19,7 +19,7 @@ from rig.kinds.oswec_bench.config.wiring import (
 )
 from rig.kinds.oswec_bench.config.wiring import EncoderBridge as BridgeWiring
 from rig.kinds.oswec_bench.rehearsal.devices import build_bench
-from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions.files import Session, open_session
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
 from rig.processes.io_process import run_io_process
@@ -73,7 +73,7 @@ def emulate_rig(
 
 def emulate_task(path: Path, rig: Path) -> tuple[BenchRigFile, IoProcess, str]:
     """Return the rig of a session run on a rig file, its emulated devices and their setting."""
-    session = open_session(path, session_problems, rig)
+    session = open_session(path, problems, rig)
     setting = f"a bench, its servo drive set up for {session.file.loop}"
     return session.rig, emulator_process(session), setting
 

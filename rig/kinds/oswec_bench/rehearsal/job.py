@@ -15,7 +15,7 @@ from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
 
-def session_plant_settings(session: Session) -> dict[str, Any]:
+def plant_settings(session: Session) -> dict[str, Any]:
     """Return the simulated bench's configuration for `connect`, as JSON values."""
     settings: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
     seas = session_seas(session.file, session.points)
@@ -24,7 +24,7 @@ def session_plant_settings(session: Session) -> dict[str, Any]:
     return settings | {"seas": [sea_as_dict(sea) for sea in seas]}
 
 
-def session_problems(pieces: SessionParts) -> tuple[Problem, ...]:
+def problems(pieces: SessionParts) -> tuple[Problem, ...]:
     """Return the problems of the simulated bench, by itself and compared with the rig."""
     if pieces.plant is None:
         return ()

@@ -61,12 +61,7 @@ def emulator_process(campaign: "Campaign") -> IoProcess:
     """Return the emulated devices of a campaign's rig, in its sea, as an I/O process of the run."""
     from rig.kinds.wavebot.rehearsal import job  # noqa: PLC0415  (scipy: seconds, and the devices need none)
 
-    return emulated_rig_process(campaign.rig, job.plant_settings(campaign))
-
-
-def emulated_rig_process(rig: RigFile, plant: dict[str, Any]) -> IoProcess:
-    """Return a rig's emulated devices as an I/O process; ``plant`` as of `job.plant_settings`."""
-    return emulation_process("rig.kinds.wavebot.rehearsal.emulation", rig, plant=plant)
+    return _emulated_rig(campaign.rig, job.plant_settings(campaign))
 
 
 def emulate_rig(
@@ -84,7 +79,7 @@ def emulate_rig(
         "seed": 0,
         "device": "present",
     }
-    return emulated_rig_process(rig, settings), "calm water"
+    return _emulated_rig(rig, settings), "calm water"
 
 
 def emulate_task(path: Path, rig: Path) -> tuple[RigFile, IoProcess, str]:
@@ -95,6 +90,11 @@ def emulate_task(path: Path, rig: Path) -> tuple[RigFile, IoProcess, str]:
     campaign = open_campaign(path, job.problems, rig)
     setting = f"{campaign.file.sea.description()}, once the rig's wave trigger is on"
     return campaign.rig, emulator_process(campaign), setting
+
+
+def _emulated_rig(rig: RigFile, plant: dict[str, Any]) -> IoProcess:
+    """Return a rig's emulated devices as an I/O process; ``plant`` as of `job.plant_settings`."""
+    return emulation_process("rig.kinds.wavebot.rehearsal.emulation", rig, plant=plant)
 
 
 def _build_devices(

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from drivers.canopen.bus_load import BusLoad
 from drivers.errors import CodecError
+from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import Registers, Wiring
 from rig.processes.io_processes import IoProcess
@@ -12,6 +13,7 @@ from rig.processes.run_types import ExecutionMode
 from rig.wires import streams
 from rig.wires.locks import wires_in
 from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
+from rig.wires.modbus_poller import PolledBlock, RegisterPreset
 
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
 _LINE_FIELDS = {"timeout_s": "timeout", "slowest_s": "max_response_time"}
@@ -83,10 +85,10 @@ def stream_poller(kind: str, settings: dict[str, Any]) -> IoProcess:
 
 def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
     """Return a poller for each Modbus line with register blocks."""
-    by_line: dict[str, list[dict[str, Any]]] = {}
+    by_line: dict[str, list[PolledBlock]] = {}
     for name, registers in wiring.blocks().items():
         written = wiring.block_content(name).written
-        by_line.setdefault(registers.line, []).append(_block_settings(name, registers, written))
+        by_line.setdefault(registers.line, []).append(_polled_block(name, registers, written))
     processes = []
     for line, blocks in by_line.items():
         settings = wiring.lines[line].model_dump()
@@ -96,7 +98,7 @@ def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
             "blocks": blocks,
             "expiry": wiring.output_expiry_s,
         }
-        names = [block["name"] for block in blocks]
+        names = [block.name for block in blocks]
         acknowledgements = (f"{name}{ACKNOWLEDGEMENT_SUFFIX}" for name in names)
         mailboxes = (*names, *(name for name in acknowledgements if name in MESSAGE_TYPES))
         processes.append(
@@ -105,17 +107,16 @@ def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
     return processes
 
 
-def _block_settings(name: str, registers: Registers, written: bool) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unit": registers.unit,
-        "table": registers.table,
-        "first": registers.first,
-        "size": registers.size,
-        "high_first": registers.word_order == "high first",
-        "period": registers.period_s,
-        "counter": registers.counter,
-        "written": written,
-        "prepare": [list(each.model_dump().values()) for each in registers.prepare],
-        "values": [[v.name, v.at, v.kind, v.scale, v.low, v.high] for v in registers.values],
-    }
+def _polled_block(name: str, registers: Registers, written: bool) -> PolledBlock:
+    values = tuple(RegisterValue(*value.model_dump().values()) for value in registers.values)
+    setup = tuple(RegisterPreset(**each.model_dump()) for each in registers.prepare)
+    unit, table, first, size = registers.unit, registers.table, registers.first, registers.size
+    return PolledBlock(
+        name,
+        RegisterBlock(unit, table, first, size, values),
+        registers.word_order == "high first",
+        registers.period_s,
+        setup,
+        written,
+        registers.counter,
+    )

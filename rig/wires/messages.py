@@ -77,7 +77,7 @@ class NodeHealth(NamedTuple):
 
 
 class EncodersMessage(NamedTuple):
-    """Counts of both encoders of a bench, latched by one edge."""
+    """Counts of the encoders at motor and shaft, latched by one edge."""
 
     motor: Count  # turns included, positive as the gearbox output's angle
     shaft: Count
@@ -103,7 +103,7 @@ class SetPointMessage(NamedTuple):
 
 
 class WrenchMessage(NamedTuple):
-    """Values of the six-axis load cell, z along the shaft, with the bench's signs."""
+    """Values of the six-axis load cell, z along the shaft, with the rig's signs."""
 
     fx: Newton
     fy: Newton
@@ -122,7 +122,7 @@ class BrakeCurrentMessage(NamedTuple):
 
 
 class AnalogOutputsMessage(NamedTuple):
-    """Analog outputs of a bench, commanded by the loop."""
+    """Analog outputs to servo drive and brake, commanded by the loop."""
 
     servo: Volt
     brake: Ampere

@@ -219,24 +219,12 @@ def setup_blocks(polled: PolledBlock) -> list[tuple[RegisterBlock, RegisterPrese
 
 def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
     """Yield the blocks of a line from its configuration (`rig.wires.job`)."""
-    for settings in config["blocks"]:
-        values = tuple(RegisterValue(*value) for value in settings["values"])
-        block = registers.validated(
-            RegisterBlock(
-                settings["unit"], settings["table"], settings["first"], settings["size"], values
-            )
-        )
-        name = settings["name"]
-        setup = tuple(RegisterPreset(*each) for each in settings["prepare"])
-        yield PolledBlock(
-            name,
-            block,
-            settings["high_first"],
-            settings["period"],
-            setup,
-            settings["written"],
-            settings["counter"],
-        )
+    for name, block, high_word_first, period, setup, written, counter in config["blocks"]:
+        unit, table, first, size, values = block
+        decoded = tuple(RegisterValue(*value) for value in values)
+        validated = registers.validated(RegisterBlock(unit, table, first, size, decoded))
+        presets = tuple(RegisterPreset(*each) for each in setup)
+        yield PolledBlock(name, validated, high_word_first, period, presets, written, counter)
 
 
 def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:

@@ -1,4 +1,4 @@
-"""The I/O process that converses with one device of the bench and posts its last message.
+"""The I/O process that converses with one device of its own wire and posts its last message.
 
 When the device falls silent, its values age and the loop stops for that; this process reports why.
 """

@@ -1,4 +1,4 @@
-"""The bench's devices that send by themselves or are addressed byte by byte.
+"""The devices with wires of their own, which send by themselves or are addressed byte by byte.
 
 Each stream is created from the device's part of the rig file, as JSON values, and from the few
 scales that are elsewhere in that file.

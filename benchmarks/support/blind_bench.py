@@ -93,7 +93,7 @@ def _advance() -> Any:
     """The compiled step of a bench; compiled once, the constants are in its array."""
     params = plant({}, braked=True).build()
     start = StepperInputs(params, dynamometer.initial(params), [0.0] * NOISE_LENGTH, DT)
-    return CompiledStepper(start)._array._code.advance
+    return CompiledStepper(start)._compiled.code.advance
 
 
 def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> SessionRun:
@@ -102,7 +102,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     params = plant(values, braked=braked).build()
     normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
     state = dynamometer.initial(params)
-    # The array of a compiled step (rig/kinds/oswec_bench/rehearsal/compiled_plant.py),
+    # The array of a compiled step (rig/compilation/plant_step.py),
     # made anew; the code is one.
     x = np.array([*lifting.flatten(state), DT, *lifting.flatten(params), *normals])
     mode = TORQUE if kind == "torque_constant" else VELOCITY

@@ -19,7 +19,7 @@ from rig.processes import handover
 from rig.processes.io_process import end_condition, report_event, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
-from rig.wires.messages import NodeHealth
+from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, open_mailboxes
 
 _POLL_INTERVAL_S = 0.02  # s between two posts of the nodes' health
 _REPORT_INTERVAL_S = 5.0  # s between two messages about a lost bus
@@ -28,11 +28,10 @@ _REPORT_INTERVAL_S = 5.0  # s between two messages about a lost bus
 def serve(job: dict[str, Any]) -> None:
     """Set up and monitor the nodes until terminated or until the loop has ended."""
     config, ended = job["config"], end_condition(job["lifeline"])
-    slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
+    slots = open_mailboxes(job["mailboxes"])
     if refused := scheduling.acquire_for_io():
         report_event(event="message", text=f"no priority over other work: {refused}")
-    interface, channel, bit_rate, options = config["bus"]
-    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    bus = BusSettings.from_json(config["bus"])
     nodes = config["nodes"]
     try:
         service = Service(bus)
@@ -106,7 +105,7 @@ def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str,
     now = time.monotonic()
     for node in nodes:
         node_health = health[node["node"]]
-        slots[f"{node['name']}_health"].post(
+        slots[f"{node['name']}{HEALTH_SUFFIX}"].post(
             NodeHealth(
                 node_health.nmt,
                 node_health.last_heartbeat,

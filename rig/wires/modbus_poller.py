@@ -25,7 +25,12 @@ from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.processes.io_process import end_condition, report_event, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
-from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES, WriteAcknowledgement
+from rig.wires.messages import (
+    ACKNOWLEDGEMENT_SUFFIX,
+    MESSAGE_TYPES,
+    WriteAcknowledgement,
+    open_mailboxes,
+)
 
 _Answer = TypeVar("_Answer")
 MAX_BACK_OFF_S = 1.0  # s, longest pause between two requests to a unit that does not answer
@@ -213,25 +218,13 @@ def setup_blocks(polled: PolledBlock) -> list[tuple[RegisterBlock, RegisterPrese
 
 
 def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
-    """Yield the blocks of a line from its configuration (`rig.wires.modbus_lines`)."""
-    for settings in config["blocks"]:
-        values = tuple(RegisterValue(*value) for value in settings["values"])
-        block = registers.validated(
-            RegisterBlock(
-                settings["unit"], settings["table"], settings["first"], settings["size"], values
-            )
-        )
-        name = settings["name"]
-        setup = tuple(RegisterPreset(*each) for each in settings["prepare"])
-        yield PolledBlock(
-            name,
-            block,
-            settings["high_first"],
-            settings["period"],
-            setup,
-            settings["written"],
-            settings["counter"],
-        )
+    """Yield the blocks of a line from its configuration (`rig.wires.job`)."""
+    for name, block, high_word_first, period, setup, written, counter in config["blocks"]:
+        unit, table, first, size, values = block
+        decoded = tuple(RegisterValue(*value) for value in values)
+        validated = registers.validated(RegisterBlock(unit, table, first, size, decoded))
+        presets = tuple(RegisterPreset(*each) for each in setup)
+        yield PolledBlock(name, validated, high_word_first, period, presets, written, counter)
 
 
 def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:
@@ -242,17 +235,13 @@ def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:
 
 def poll(job: dict[str, Any]) -> None:
     """Poll one line until terminated or until the loop has ended."""
-    config, slots = job["config"], job["mailboxes"]
-
-    def find_mailbox(name: str) -> Mailbox | None:
-        return Mailbox(slots[name], MESSAGE_TYPES[name]) if name in slots else None
-
+    config, slots = job["config"], open_mailboxes(job["mailboxes"])
     tasks = [
         _BlockTask(
             block,
-            Mailbox(slots[block.name], MESSAGE_TYPES[block.name]),
+            slots[block.name],
             config["expiry"],
-            find_mailbox(f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}"),
+            slots.get(f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}"),
         )
         for block in parse_blocks(config)
     ]

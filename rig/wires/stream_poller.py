@@ -1,4 +1,4 @@
-"""The I/O process that converses with one device of the bench and posts its last message.
+"""The I/O process that converses with one device of its own wire and posts its last message.
 
 When the device falls silent, its values age and the loop stops for that; this process reports why.
 """
@@ -12,7 +12,7 @@ from drivers.errors import CodecError, LinkError
 from rig.processes.io_process import end_condition, report_event, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
-from rig.wires.messages import MESSAGE_TYPES
+from rig.wires.messages import open_mailboxes
 from rig.wires.streams import Stream, create_stream
 
 PAUSE_S = 0.0004  # s between two turns on the line
@@ -27,7 +27,7 @@ EndCondition = Callable[[], bool]
 def converse(job: dict[str, Any]) -> None:
     """Serve one device until terminated or until the loop has ended."""
     config = job["config"]
-    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in job["mailboxes"].items()}
+    slots = open_mailboxes(job["mailboxes"])
     try:
         stream = create_stream(config["kind"], config["settings"], slots)
         stream.link.open()

@@ -19,9 +19,8 @@ from rig.config import load
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.processes import mailbox
 from rig.processes.child import Child
-from rig.processes.mailbox import Mailbox
-from rig.wires.messages import MESSAGE_TYPES
-from rig.wires.modbus_lines import modbus_pollers
+from rig.wires.job import modbus_pollers
+from rig.wires.messages import open_mailboxes
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import Answer, ModbusUnit
@@ -106,19 +105,21 @@ def poll_units(
         wiring = load(CONFIGS / "rigs" / "wavebot_hil.yaml", RigFile)[0].wiring
         assert wiring is not None
         line = wiring.lines["io"].model_copy(update={"port": units.port})
-        blocks = {
+        changes = {
+            "lines": {**wiring.lines, "io": line},
             "analyser": wiring.analyser.model_copy(update={"line": "io", "unit": 1}),
             "inputs": wiring.inputs.model_copy(update={"unit": 2}),
             "outputs": wiring.outputs.model_copy(update={"unit": 2}),
         }
-        (poller,) = modbus_pollers({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
+        pollers = modbus_pollers(wiring.model_copy(update=changes))
+        (poller,) = (each for each in pollers if each.name == "line io")
         fds = {name: mailbox.create() for name in poller.mailboxes}
         lifeline, loop_end = os.pipe()  # as the loop holds it
         job = {"config": poller.config, "mailboxes": fds, "lifeline": lifeline}
         inherited = (lifeline, *fds.values())
         child = Child(poller.module, json.dumps(job), inherited, folder / "stderr")
         try:
-            slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in fds.items()}
+            slots = open_mailboxes(fds)
             oldest, values, events = observe(child, slots, timeout_s)
             return Observation(oldest, values, events, units.refused)
         finally:

@@ -1,28 +1,22 @@
-"""Survey of the devices on a bench's wires.
+"""Survey of the devices that have a wire of their own. It only reads.
 
-The survey only reads. It takes over the load cell's stream for a moment.
+It takes over the load cell's stream for a moment.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from drivers.compax3 import objects
+from drivers.compax3.codec import error_number
+from drivers.compax3.requests import Requests
 from drivers.conversation import Conversation, Exchange
-from drivers.errors import LinkError
+from drivers.errors import CodecError, LinkError
 from drivers.force_torque import net_ft
 from drivers.serial_link import SerialLink
 from drivers.udp_link import UdpLink
-from rig.kinds.oswec_bench.hardware.job import BenchJob
 from rig.wires import streams
-from rig.wires.line_survey import (
-    LineSurvey,
-    SurveyedValue,
-    message_units,
-    survey_line,
-    unit_troubles,
-)
-from rig.wires.servo_survey import ServoIdentification
+from rig.wires.line_survey import SurveyedValue, message_units
 from rig.wires.wire_check import port_problem
 
 SURVEY_TIMEOUT_S = 1.5  # s for each device to answer
@@ -43,38 +37,75 @@ class StreamSurvey(NamedTuple):
     trouble: str
 
 
-class BenchSurvey(NamedTuple):
-    """The survey of all wires of a bench."""
+class _ServoIdentity(NamedTuple):
+    """Identity and state as the drive reports them."""
 
-    streams: tuple[StreamSurvey, ...]
-    lines: tuple[LineSurvey, ...]
-    at: float  # s, monotonic, end of the survey
-
-    @property
-    def trouble(self) -> tuple[str, ...]:
-        """Every device that does not answer or is in error; empty if there is none."""
-        return tuple(self._trouble())
-
-    def _trouble(self) -> Iterator[str]:
-        for stream in self.streams:
-            if stream.trouble:
-                yield f"{stream.name} at {stream.address}: {stream.trouble}"
-        for line in self.lines:
-            yield from unit_troubles(line)
+    name: str
+    status: objects.Status
+    current: float  # A
+    error: int  # its number; `objects.NO_ERROR` for none
 
 
-def survey_bench(job: BenchJob) -> BenchSurvey:
-    """Survey every wire of a bench's job; a wire out of reach is reported, no error is raised."""
-    surveys, lines = [_survey_stream("encoders", job.devices["encoders"])], []
-    for process in job.io_processes:
-        if process.module == "rig.wires.stream_poller":
-            surveys.append(_survey_stream(process.config["kind"], process.config["settings"]))
-        else:
-            lines.append(survey_line(process.name.removeprefix("line "), process.config))
-    return BenchSurvey(tuple(surveys), tuple(lines), time.monotonic())
+class _ServoIdentification:
+    """The conversation of one survey; finished when `identity` is set."""
+
+    def __init__(self, config: dict[str, Any]) -> None:
+        """``config``: as for `rig.wires.streams.servo_stream`.
+
+        CodecError for impossible values.
+        """
+        settings = streams.servo_settings(config)
+        channels = (settings.status, *settings.actual)
+        self.identity: _ServoIdentity | None = None
+        self.requests = Requests(
+            settings.name, settings.address, settings.identity, settings.timing
+        )
+        self._name = settings.name
+        self._channels = (channels, (settings.error,))
+        self._requests = tuple(objects.encode_read(one, settings.address) for one in self._channels)
+        self._values: list[float] = []
+        self._refused = ""
+
+    def on_open(self, now: float) -> None:
+        """Begin with the request for the drive's name."""
+        self.requests.on_open(now)
+        self._values = []
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Process an answer or a part of one."""
+        answer = self.requests.receive(data, now)
+        if answer is None:
+            return
+        if code := error_number(answer):
+            self._refused = f"actual values refused: {objects.error_name(code)}"
+            return
+        try:
+            self._values += objects.decode_actual_values(
+                self._channels[1 if self._values else 0], answer
+            )
+            if len(self._values) == 3:
+                status_word, current, error = self._values
+                status = objects.decode_status(status_word)
+                self.identity = _ServoIdentity(self.requests.name, status, current, int(error))
+        except CodecError as error:
+            self._values = []
+            self.requests.distrust(now, str(error))
+
+    def next_message(self, now: float) -> bytes:
+        """Return the next request."""
+        data = self.requests.recovery_message(now, b"")
+        if data or not self.requests.is_ready or self.identity is not None or self._refused:
+            return data
+        return self.requests.begin_request(self._requests[1 if self._values else 0], now)
+
+    def explain(self, now: float) -> str:
+        """Return why there is no identity; empty if nothing is wrong."""
+        trouble = self.requests.problem or self._refused
+        return f"{self._name}: {trouble}" if trouble else ""
 
 
-def _survey_stream(kind: str, settings: dict[str, Any]) -> StreamSurvey:
+def survey_stream(kind: str, settings: dict[str, Any]) -> StreamSurvey:
+    """Survey a device of its own wire; a wire out of reach is reported, no error is raised."""
     address = f"{settings['host']}:{settings['port']}" if "host" in settings else settings["port"]
     survey = StreamSurvey(kind, address, False, "", None, (), "")
     if "host" not in settings and (why := port_problem(address)):
@@ -86,7 +117,7 @@ def _survey_stream(kind: str, settings: dict[str, Any]) -> StreamSurvey:
         return survey._replace(trouble=str(error).removeprefix(f"{stream.link.name}: "))
     try:
         if kind == "servo":
-            return _survey_servo(survey, stream.link, ServoIdentification(settings))
+            return _survey_servo(survey, stream.link, _ServoIdentification(settings))
         return _survey_sending_device(survey, stream)
     finally:
         if kind == "load_cell":
@@ -115,7 +146,7 @@ def _survey_sending_device(survey: StreamSurvey, stream: streams.Stream) -> Stre
 
 
 def _survey_servo(
-    survey: StreamSurvey, link: SerialLink | UdpLink, query: ServoIdentification
+    survey: StreamSurvey, link: SerialLink | UdpLink, query: _ServoIdentification
 ) -> StreamSurvey:
     began = time.monotonic()
     now = _converse_until(link, query, lambda now: query.identity is not None)

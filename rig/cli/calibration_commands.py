@@ -10,7 +10,7 @@ from typing import Any
 from rig import cli
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.problems import format_number
-from rig.interop.legacy.testlog import read_log
+from rig.interop.legacy.testlog import read_log, values_in_log
 from rig.recording.calibration import (
     CalibratedValue,
     CalibrationVersion,
@@ -21,7 +21,7 @@ from rig.recording.calibration import (
     open_history,
 )
 from rig.recording.calibration.diff import CalibrationDifference, ChangedValue, compare_calibrations
-from rig.recording.calibration.sources import RecordedValue, values_in_log, values_in_runs
+from rig.recording.calibration.sources import RecordedValue, values_in_runs
 
 
 def find_calibration(name: str, folder: Path) -> CalibrationVersion:

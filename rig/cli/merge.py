@@ -114,7 +114,7 @@ def main(
 def _parse_sources(file_options: MergeOptions) -> "list[MergeSource]":
     """Return the files with the options of each; ValueError for a malformed argument."""
     from rig.interop.basin.merge import MergeSource
-    from rig.interop.basin.recording import METRES_PER_UNIT
+    from rig.recording.channel_file import METRES_PER_UNIT
 
     sources: dict[str, MergeSource] = {}
     for argument in file_options.files:

@@ -139,8 +139,8 @@ def _analyse(ended: RunResult, *, quiet: bool) -> tuple[list[Path], dict[str, An
 def _print_result(
     ended: RunResult, summary: dict[str, Any], products: list[Path], failure: str
 ) -> None:
-    from rig.analysis import phrases
     from rig.analysis.stop_reason import ENDINGS
+    from rig.presentation import phrases
 
     summary_file = ended.folder / "summary.txt"
     if summary_file.exists():

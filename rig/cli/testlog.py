@@ -77,8 +77,8 @@ def corrected_spring(
     entry: "Entry", known: "CalibrationVersion | None"
 ) -> "CalibratedValue | None":
     """Return an entry's spring rate, corrected by a calibration."""
+    from rig.interop.legacy.testlog import recording_time
     from rig.recording.calibration import apply_calibration
-    from rig.recording.calibration.sources import recording_time
 
     if entry.spring is None or known is None:
         return None

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.identification.periods import Complexes, Floats
 from rig.identification.report import JSON
 from rig.recording.runs import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.spectra.periods import Complexes, Floats
 
 AMPLITUDE_TOLERANCE = 0.1  # relative difference of amplitude up to which two models are a pair
 RESPONSES = ("Z_i", "Z_id", "Z_d")

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.identification.experiments import LCB, VELOCITY, Experiment
-from rig.identification.periods import Complexes, Floats, analyse, synthesise
+from rig.spectra.periods import Complexes, Floats, analyse, synthesise
 
 MIN_SIGNIFICANCE = 3.0  # standard deviations above which a quadratic drag is significant
 

@@ -26,7 +26,7 @@ from rig.identification.drag import Drag, drag_spectrum
 from rig.identification.experiments import LCB, VELOCITY, Experiment
 from rig.identification.frf import band_factor
 from rig.identification.impedances import Model
-from rig.identification.periods import Complexes, Flags, Floats
+from rig.spectra.periods import Complexes, Flags, Floats
 
 GUARD = 0.05  # share of the median of S_eta below which a line is marked
 

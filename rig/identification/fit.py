@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from rig.identification.periods import Complexes, Floats
+from rig.spectra.periods import Complexes, Floats
 
 ORDERS = (2, 4, 6, 8)
 """Allowed orders of a model; every two above the second add a section."""

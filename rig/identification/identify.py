@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis import wave_calibration
 from rig.identification.bem import Bem
 from rig.identification.drag import identify_drag
 from rig.identification.excitation import Excitation, Sea, excitation, is_same_sea
@@ -16,6 +15,7 @@ from rig.identification.fit import FittedImpedance, fit
 from rig.identification.impedances import Model, models
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info
+from rig.spectra import wave_calibration
 
 FITTED = ("Z_i", "Z_id")
 SIMULATED_ELEVATION = "elevation"  # elevation of a simulated sea at the device's position

@@ -20,7 +20,7 @@ import numpy as np
 from rig.identification import frf
 from rig.identification.experiments import COMMAND, CURRENT, LCB, TRS, VELOCITY, Experiment
 from rig.identification.frf import Channel, Response
-from rig.identification.periods import Complexes, Flags, Floats
+from rig.spectra.periods import Complexes, Flags, Floats
 
 PEAK_TOLERANCE = 0.02  # relative difference of peaks up to which experiments have one amplitude
 REFERENCE_TOLERANCE = 1e-6  # relative difference of references up to which they are one realisation

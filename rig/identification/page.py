@@ -8,8 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import phrases, picture
-from rig.analysis.page import A4
 from rig.identification import report
 from rig.identification.identify import Identification
 from rig.identification.pictures import (
@@ -22,6 +20,7 @@ from rig.identification.pictures import (
     inverse,
     largest,
 )
+from rig.presentation import phrases, picture
 
 _LEFT, _RIGHT, _LINE = 0.06, 0.94, 0.0145
 _MAX_ROWS = 12  # rows of a table; further rows are only in the JSON file
@@ -30,7 +29,7 @@ _MAX_NOTES = 4
 
 def write_page(identification: Identification, folder: Path) -> list[Path]:
     """Write ``identification.pdf`` and the same page as ``identification.png``."""
-    figure = Figure(figsize=A4, layout="constrained")
+    figure = Figure(figsize=picture.A4, layout="constrained")
     _header(figure, identification)
     cells = report.model_cells(identification)
     y = _table(figure, "Models of the impedance", report.MODEL_HEADS, cells, 0.9)

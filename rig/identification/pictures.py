@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.figure import SubFigure
 
-from rig.analysis import picture
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.fit import impedance
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model
-from rig.identification.periods import Complexes, Floats
+from rig.presentation import picture
+from rig.spectra.periods import Complexes, Floats
 
 if TYPE_CHECKING:
     from rig.identification.comparison import Comparison

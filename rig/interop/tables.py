@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from rig.analysis.windows import find_incomplete_windows
 from rig.recording.runs import RunError, open_run
+from rig.recording.runs.windows import find_incomplete_windows
 
 CSV_FIELDS = (
     *("plan.row", "plan.phase", "heave.estimate", "heave.command.force", "load", "power.*"),

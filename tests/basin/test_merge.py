@@ -14,9 +14,9 @@ from command_here import rig
 from rig.config import ConfigError
 from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
 from rig.interop.basin.products import row_means, write_products
-from rig.interop.basin.recording import read_recording
 from rig.interop.basin.resample import interpolate_cubic
 from rig.interop.basin.sync import rising_edge
+from rig.recording.channel_file import read_recording
 
 CLOCK = SyncChannels(run_sine="clock")
 

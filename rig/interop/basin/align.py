@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.interop.basin.clock import Clock, constant_clock, fit_clock
-from rig.interop.basin.recording import Floats, Recording
 from rig.interop.basin.sync import Edge, PhaseTrack, correlation_lag, phase_track, rising_edge
+from rig.recording.channel_file import Floats, Recording
 
 MAX_EDGE_DIFFERENCE = (
     0.025  # s, between edge and sine; half a step at 50 Hz on both sides explains 20 ms

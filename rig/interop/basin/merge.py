@@ -14,15 +14,15 @@ import numpy as np
 import xarray
 
 from rig.interop.basin.align import Alignment, MatchedChannel, SyncReference, align
-from rig.interop.basin.recording import (
+from rig.interop.basin.resample import interpolate_cubic
+from rig.interop.basin.sync import Edge, ideal_sine, phase_track, rising_edge
+from rig.recording.channel_file import (
     METRES_PER_UNIT,
     Floats,
     Recording,
     read_recording,
     record_error,
 )
-from rig.interop.basin.resample import interpolate_cubic
-from rig.interop.basin.sync import Edge, ideal_sine, phase_track, rising_edge
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import run_info
 from rig.regular_file import MAX_RECORD_BYTES, read_regular

@@ -9,11 +9,11 @@ import numpy as np
 import xarray
 from matplotlib.axes import Axes
 
-from rig.analysis import picture
 from rig.interop.basin.align import MAX_EDGE_DIFFERENCE, Alignment, format_alignment
 from rig.interop.basin.merge import MergedRecords, to_json
-from rig.interop.basin.recording import Recording
+from rig.presentation import picture
 from rig.realtime.sequence import Phase
+from rig.recording.channel_file import Recording
 
 LINE_COLOUR, EDGE_COLOUR = "#0b6e99", picture.ACCENT
 _SMOOTHING_LAGS = 30  # window of the moving average through the residuals

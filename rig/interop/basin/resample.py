@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.interop.basin.recording import Floats
+from rig.recording.channel_file import Floats
 
 
 def interpolate_cubic(time: Floats, value: Floats, at: Floats) -> Floats:

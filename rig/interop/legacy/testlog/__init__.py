@@ -19,6 +19,7 @@ from rig.interop.legacy.testlog.entry import (
     WaveKind,
 )
 from rig.interop.legacy.testlog.read import RunLog, read_log
+from rig.interop.legacy.testlog.recorded_values import recording_time, values_in_log
 from rig.interop.legacy.testlog.relations import Links, Repeat, find_links
 
 __all__ = [
@@ -39,4 +40,6 @@ __all__ = [
     "WaveKind",
     "find_links",
     "read_log",
+    "recording_time",
+    "values_in_log",
 ]

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.analysis import picture
 from rig.analysis.stop_reason import Ending, LostTicks, describe_ending, find_stop
 from rig.kinds.oswec_bench.products import (
     brake_report,
@@ -27,6 +26,7 @@ from rig.kinds.oswec_bench.products.page import page_notes, write_page
 from rig.kinds.oswec_bench.products.points import SessionRun, open_session, session_config
 from rig.kinds.oswec_bench.products.result import FigureSpec, Result, format_estimate
 from rig.kinds.oswec_bench.products.tables import result_as_dict, write_tables
+from rig.presentation import picture
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import RunInfo, list_runs, run_info
 from rig.recording.runs.state import RecordState

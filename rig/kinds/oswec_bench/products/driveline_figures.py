@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import SubFigure
 
-from rig.analysis.picture import ACCENT, DARK, MUTED
 from rig.kinds.oswec_bench.products import periods, regressions, torque_map
 from rig.kinds.oswec_bench.products.deflection import ShaftLag
 from rig.kinds.oswec_bench.products.drawing import (
@@ -26,6 +25,7 @@ from rig.kinds.oswec_bench.products.driveline import (
 )
 from rig.kinds.oswec_bench.products.linear_fit import Line
 from rig.kinds.oswec_bench.products.result import FigureSpec
+from rig.presentation.picture import ACCENT, DARK, MUTED
 
 FIGURE_SIZE = (7.2, 4.4)
 

@@ -5,9 +5,7 @@ import html
 from pathlib import Path
 from typing import Any
 
-from rig.analysis.phrases import format_utc, mode_stamp
 from rig.analysis.stop_reason import ENDINGS, Ending
-from rig.analysis.windows import ALL_TICKS_MISSING
 from rig.kinds.oswec_bench.products.points import SessionRun
 from rig.kinds.oswec_bench.products.result import (
     Column,
@@ -17,7 +15,9 @@ from rig.kinds.oswec_bench.products.result import (
     format_estimate,
     format_number,
 )
+from rig.presentation.phrases import format_utc, mode_stamp
 from rig.recording.runs.state import COMPLETE, RECOVERED
+from rig.recording.runs.windows import ALL_TICKS_MISSING
 
 FILE = "session.html"
 _STYLE = """

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.windows import find_incomplete_windows
 from rig.interop.basin.merge import SINE_FREQUENCY
 from rig.kinds.wavebot.mask4.fields import (
     FIELDS,
@@ -20,6 +19,7 @@ from rig.kinds.wavebot.mask4.fields import (
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import find_incomplete_windows
 
 Structure = dict[str, dict[str, Any]]
 

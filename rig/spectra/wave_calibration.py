@@ -15,7 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis.wave_lines import (
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import run_info
+from rig.recording.runs.mcap_file import Records
+from rig.recording.runs.windows import Window, lost_between_rows, read_windows
+from rig.spectra.wave_lines import (
     Floats,
     LineEstimates,
     Samples,
@@ -26,10 +30,6 @@ from rig.analysis.wave_lines import (
     significant_height,
     split_periods,
 )
-from rig.analysis.windows import Window, lost_between_rows, read_windows
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import run_info
-from rig.recording.runs.mcap_file import Records
 
 PROBE_FIELDS = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
 AGE_FIELDS = ("probes.probe_age", "probes.age")  # s, of the probe values

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.config.problems import ConfigError, Problem, display_path
+from rig.interop.legacy.table import read_bytes
 from rig.interop.legacy.testlog.entry import (
     Condition,
     Entry,
@@ -19,7 +20,6 @@ from rig.interop.legacy.testlog.notes import read_bias, read_notes
 from rig.interop.legacy.testlog.settings import read_settings
 from rig.interop.legacy.testlog.sheet import SheetRow, read_sheet
 from rig.interop.legacy.testlog.waves import read_waves
-from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 _RUN = re.compile(r"\s*([A-Za-z][A-Za-z0-9]*)_(\d{1,6})\s*")
 _FILE = re.compile(r"\w+?_(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
@@ -62,13 +62,7 @@ def read_log(path: Path) -> RunLog:
     repeated run IDs. Every other irregularity becomes a remark of its entry.
     """
     path = Path(path)
-    try:
-        data = read_regular(path, MAX_TABLE_BYTES)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise ConfigError(
-            [Problem(display_path(path), 1, "", None, f"cannot be read: {reason}")]
-        ) from None
+    data = read_bytes(path)
     rows = read_sheet(path, data)
     run_ids = _run_ids(path, rows)
     entries: list[Entry] = []

@@ -1,19 +1,13 @@
 """Read the spreadsheet of a test log: its rows as text, and the meaning of their colours."""
 
-import io
 import re
-import warnings
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree.ElementTree import ParseError
 
-from rig.config.problems import ConfigError, Problem, display_path
+from rig.interop.legacy.table import MAX_ROWS, file_error, open_workbook
 from rig.interop.legacy.testlog.entry import Condition
 
 COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
-MAX_ROWS = 10_000
 
 _LEGEND = (
     ("slightly unusual", Condition.UNUSUAL),
@@ -46,30 +40,18 @@ def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
 
     Raises `ConfigError` if the file is not a workbook, or if no sheet has the columns of a log.
     """
-    import openpyxl  # noqa: PLC0415 - a third of a second; only this function needs it
-    from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # openpyxl warns of unknown styles and extensions
-            book = openpyxl.load_workbook(io.BytesIO(data), data_only=True)
-    except (
-        *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
-        *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
-    ) as error:
-        raise _file_error(path, 1, f"not readable as a workbook: {error}") from None
-    for sheet in book.worksheets:
+    with open_workbook(path, data) as book:
+        sheets = book.worksheets
+    for sheet in sheets:
         columns_at = _find_columns(sheet)
         if columns_at is not None:
             break
     else:
-        columns = ", ".join(COLUMNS)
-        raise _file_error(path, 1, f"no sheet has the columns of a test log: {columns}")
+        raise file_error(path, f"no sheet has the columns of a test log: {', '.join(COLUMNS)}")
     if sheet.max_row > MAX_ROWS:
-        raise _file_error(path, 1, f"{sheet.max_row} rows; allowed at most {MAX_ROWS}")
+        raise file_error(path, f"{sheet.max_row} rows; allowed at most {MAX_ROWS}")
     theme = _theme_colours(book.loaded_theme)
-    others = [other for other in book.worksheets if other is not sheet]
-    legend = _read_legend(others, theme)
+    legend = _read_legend([other for other in sheets if other is not sheet], theme)
     rows = []
     for line in sheet.iter_rows(min_row=2):
         cells = [line[i] for i in columns_at]
@@ -79,10 +61,6 @@ def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
             condition = _condition(_fill_colour(cells[0], theme), legend)
             rows.append(SheetRow(cells[0].row, texts, names, condition))
     return tuple(rows)
-
-
-def _file_error(path: Path, line: int, message: str) -> ConfigError:
-    return ConfigError([Problem(display_path(path), line, "", None, message)])
 
 
 def _find_columns(sheet: Any) -> tuple[int, ...] | None:

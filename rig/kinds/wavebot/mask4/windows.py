@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.config.columns import END_MARK
-from rig.interop.legacy.mask4_rows import RowRoles, classify_rows
+from rig.interop.legacy.mask4 import RowRoles, classify_rows
 from rig.kinds.wavebot.mask4.fields import RIG_BUS
 from rig.realtime.sequence import NO_ROW, Phase
 

@@ -149,10 +149,9 @@ def convert(source: SteppedMatrix, rig: SourceRig) -> GainMatrix:
     """
     if problems := _rig_problems(source, rig):
         raise ConfigError(problems)
-    lupa = source.style == "lupa"
-    stiffness, damping = (
-        ("stiffness", "damping") if lupa else (f"{rig.flap}Stiff", f"{rig.flap}Damp")
-    )
+    stiffness, damping = "stiffness", "damping"
+    if source.style == "foswec":
+        stiffness, damping = f"{rig.flap}Stiff", f"{rig.flap}Damp"
     scale = force_per_gain(source.style, rig)
     sign = -scale if rig.positive_damping == "absorbs" else scale
     rows = tuple(
@@ -171,8 +170,8 @@ def convert(source: SteppedMatrix, rig: SourceRig) -> GainMatrix:
             continue
         line, own_name = source.active[row], damping if name == KP else stiffness
         value = source.value(line, own_name)
-        message = f"{format_number(value)} becomes {name} {message}"
-        problems.append(source.file.problem(line, own_name, value, message))
+        becomes = f"{format_number(value)} becomes {name} {message}"
+        problems.append(source.file.problem(line, own_name, value, becomes))
     if problems:
         raise ConfigError(problems)
     return matrix

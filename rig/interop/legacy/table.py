@@ -136,9 +136,8 @@ def read_bytes(path: Path) -> bytes:
     try:
         return read_regular(path, MAX_TABLE_BYTES)
     except OSError as error:
-        raise file_error(
-            path, f"cannot be read: {error.strerror or type(error).__name__}"
-        ) from None
+        reason = error.strerror or type(error).__name__
+        raise file_error(path, f"cannot be read: {reason}") from None
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.interop.legacy.table import MAX_ROWS, file_error, open_workbook
-from rig.interop.legacy.testlog.entry import Condition
+from rig.interop.legacy.testlog.entry import Cell, Condition
 
 COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
 
@@ -30,8 +30,7 @@ class SheetRow(NamedTuple):
     """A row of the log as text."""
 
     row: int
-    texts: tuple[str, ...]  # one for each of `COLUMNS`; numbers as text, blank cells empty
-    cells: tuple[str, ...]  # their names, such as A54
+    cells: tuple[Cell, ...]  # one for each of `COLUMNS`
     condition: Condition
 
 
@@ -54,12 +53,12 @@ def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
     legend = _read_legend([other for other in sheets if other is not sheet], theme)
     rows = []
     for line in sheet.iter_rows(min_row=2):
-        cells = [line[i] for i in columns_at]
-        texts = tuple(_cell_text(cell.value) for cell in cells)
-        if any(text.strip() for text in texts):
-            names = tuple(str(cell.coordinate) for cell in cells)
-            condition = _condition(_fill_colour(cells[0], theme), legend)
-            rows.append(SheetRow(cells[0].row, texts, names, condition))
+        first = line[columns_at[0]]
+        cells = tuple(Cell(line[i].coordinate, _cell_text(line[i].value)) for i in columns_at)
+        if any(cell.text.strip() for cell in cells):
+            colour = _fill_colour(first, theme)
+            condition = Condition.PLAIN if colour is None else legend.get(colour, Condition.UNKNOWN)
+            rows.append(SheetRow(first.row, cells, condition))
     return tuple(rows)
 
 
@@ -110,9 +109,3 @@ def _read_legend(sheets: list[Any], theme: dict[int, str]) -> dict[Colour, Condi
                 if colour is not None and label.lower() in text.lower():
                     legend[colour] = condition
     return legend
-
-
-def _condition(colour: Colour | None, legend: dict[Colour, Condition]) -> Condition:
-    if colour is None:
-        return Condition.PLAIN
-    return legend.get(colour, Condition.UNKNOWN)

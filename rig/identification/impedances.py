@@ -71,6 +71,18 @@ def ratio(model: Model) -> Complexes | None:
     return model.responses["Z_id"].value / model.responses["Z_i"].value
 
 
+def interpolate_impedance(frequency: Floats, z: Complexes, at: Floats) -> tuple[Complexes, Flags]:
+    """Return Z interpolated at frequencies (Hz), and True where they are within its range.
+
+    Im Z varies as 1/omega, so omega Im Z is interpolated linearly.
+    """
+    imaginary = np.interp(at, frequency, z.imag * frequency) / at
+    value = np.interp(at, frequency, z.real) + 1j * imaginary
+    tolerance = 1e-9
+    inside = (at >= frequency[0] * (1 - tolerance)) & (at <= frequency[-1] * (1 + tolerance))
+    return np.asarray(value, dtype=np.complex128), inside
+
+
 def combine_realisations(
     group: Sequence[Experiment],
 ) -> tuple[list[Complexes], dict[str, Channel]]:

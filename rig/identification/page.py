@@ -11,13 +11,12 @@ from matplotlib.patches import Rectangle
 from rig.identification import report
 from rig.identification.identify import Identification
 from rig.identification.pictures import (
-    COLOURS,
     PER_KILONEWTON,
     Curve,
     admittances,
+    by_colour,
     excitation_curves,
     four_panels,
-    inverse,
     largest,
 )
 from rig.presentation import phrases, picture
@@ -33,13 +32,8 @@ def write_page(identification: Identification, folder: Path) -> list[Path]:
     _header(figure, identification)
     cells = report.model_cells(identification)
     y = _table(figure, "Models of the impedance", report.MODEL_HEADS, cells, 0.9)
-    y = _table(
-        figure,
-        "With amplitude",
-        report.FAMILY_HEADS,
-        report.family_cells(identification.family),
-        y - 0.01,
-    )
+    cells = report.family_cells(identification.family)
+    y = _table(figure, "With amplitude", report.FAMILY_HEADS, cells, y - 0.01)
     bottom = _notes(figure, identification)
     _pictures(figure, identification, bottom, y - 0.01)
     out = [folder / "identification.pdf", folder / "identification.png"]
@@ -120,8 +114,7 @@ def _pictures(figure: Figure, identification: Identification, bottom: float, top
             for model in identification.models
             if (model.axis, model.spring_rate) == (largest_model.axis, largest_model.spring_rate)
         ]
-        pairs = zip(family, COLOURS * 4, strict=False)
-        curves = [inverse(model, "Z_d", f"{model.peak_a:.3g} A", colour) for model, colour in pairs]
+        curves = by_colour(family, "Z_d", "{0.peak_a:.3g} A")
         figures.append(("Drivetrain admittance by amplitude", curves, "Y_d", PER_KILONEWTON))
     heights = [1.0 - top, *[(top - bottom) / len(figures)] * len(figures), bottom]
     bands: Any = figure.subfigures(

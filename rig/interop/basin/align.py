@@ -96,44 +96,42 @@ def align(
     """
     remarks: list[str] = []
     edge = rising_edge(record.time, record.channels[ttl]) if ttl else None
-    initial = _initial_clock(edge, reference.edge, stated_offset, ttl, remarks)
-    offset_source = "stated" if stated_offset is not None else "edge"
-    edge_offset = reference.edge.time - edge.time if edge and reference.edge else None
+    clock = initial = _initial_clock(edge, reference.edge, stated_offset, ttl, remarks)
+    method = "stated" if stated_offset is not None else "edge"
     lags = (
         match_lags(record, match, initial)
         if match is not None
         else _sine_lags(record, sine, reference.sine, initial, remarks)
     )
-    clock, residuals = (initial, None) if lags is None else fit_clock(lags.time, lags.lag)
-    edge_residual = None
-    if edge_offset is not None and edge is not None:
+    residuals = np.zeros(0)
+    if lags is not None:
+        clock, residuals = fit_clock(lags.time, lags.lag)
+        method = f"{method} and {lags.source}"
+    else:
+        remarks.append("drift is not known: the sine is not on both sides")
+    edge_offset = edge_residual = correlation_residual = None
+    if edge is not None and reference.edge is not None:
+        edge_offset = reference.edge.time - edge.time
         edge_residual = edge_offset - (float(clock.to_run(edge.time)) - edge.time)
+    correlation_offset = lags.correlation_offset if lags is not None else None
+    if correlation_offset is not None:
+        fitted_offset = float(clock.to_run(clock.middle)) - clock.middle
+        correlation_residual = correlation_offset - fitted_offset
     alignment = Alignment(
-        offset_source,
+        method,
         clock,
         edge.time if edge else None,
         edge_offset,
         edge_residual,
         tuple(remarks),
+        (),
+        correlation_offset,
+        correlation_residual,
+        lags.snr_db if lags is not None else None,
+        lags.time if lags is not None else np.zeros(0),
+        residuals,
     )
-    if lags is None or residuals is None:
-        return alignment._replace(
-            remarks=(*remarks, "drift is not known: the sine is not on both sides")
-        )
-    correlation_offset = lags.correlation_offset
-    correlation_residual = None
-    if correlation_offset is not None:
-        fitted_offset = float(clock.to_run(clock.middle)) - clock.middle
-        correlation_residual = correlation_offset - fitted_offset
-    return alignment._replace(
-        method=f"{offset_source} and {lags.source}",
-        alarms=tuple(_alarms(clock, lags.snr_db, edge_residual, correlation_residual)),
-        correlation_offset=correlation_offset,
-        correlation_residual=correlation_residual,
-        snr_db=lags.snr_db,
-        lag_times=lags.time,
-        residuals=residuals,
-    )
+    return alignment._replace(alarms=tuple(_alarms(alignment))) if lags is not None else alignment
 
 
 def _sine_lags(
@@ -255,10 +253,10 @@ def _correlation_offset(
     return initial.offset - lag
 
 
-def _alarms(
-    clock: Clock, snr: float | None, edge_residual: float | None, correlation_residual: float | None
-) -> list[str]:
-    """Return a message for each failed consistency check."""
+def _alarms(alignment: Alignment) -> list[str]:
+    """Return a message for each failed consistency check of an alignment by lags."""
+    clock, edge_residual = alignment.clock, alignment.edge_residual
+    correlation_residual, snr = alignment.correlation_residual, alignment.snr_db
     alarms = []
     if edge_residual is not None and abs(edge_residual) > MAX_EDGE_DIFFERENCE:
         alarms.append(

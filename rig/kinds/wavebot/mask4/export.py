@@ -36,8 +36,8 @@ class Mask4Export(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def export_structure(run: Path, rate: float = SAMPLE_RATE) -> Mask4Export:
-    """Return the buses of a run, each field a column over samples at ``rate`` (Hz).
+def export_structure(run: Path, rate: float | None = None) -> Mask4Export:
+    """Return the buses of a run, each field a column at ``rate`` (Hz; None: that of MASK4).
 
     The function takes every n-th tick, as a slow scope does. Raises RunError for a rate that does
     not divide the run's, and for a run of another kind of rig. ``rigSignals.incomplete`` is 1 in
@@ -53,7 +53,8 @@ def export_structure(run: Path, rate: float = SAMPLE_RATE) -> Mask4Export:
     ticks = data["tick"]
     # By ticks, because rows may be missing in between.
     run_rate = float(ticks[-1] - ticks[0]) / float(data["time"][-1] - data["time"][0])
-    samples = np.flatnonzero((ticks - ticks[0]) % ticks_per_sample(run, run_rate, rate) == 0)
+    step = ticks_per_sample(run, run_rate, rate or SAMPLE_RATE)
+    samples = np.flatnonzero((ticks - ticks[0]) % step == 0)
     data = {name: values[samples] for name, values in data.items()}
     exported = _build_structure(data, run_facts)
     gaps = find_incomplete_windows(run)

@@ -16,7 +16,6 @@ from rig.recording.calibration import (
     CalibrationVersion,
     RecordingTime,
     apply_calibration,
-    invert_calibration,
     open_calibration,
     open_history,
 )
@@ -110,8 +109,7 @@ def apply_to_values(
         if not values:
             raise ValueError("nothing to correct; give --value or --testlog")
         at = recording_time(known, *recorded_in)
-        convert = invert_calibration if invert else apply_calibration
-        applied = [convert(known.file, value, at) for value in values]
+        applied = [apply_calibration(known.file, value, at, invert=invert) for value in values]
     except INPUT_ERRORS as error:
         return refuse("calibration apply", error, as_json=as_json)
     if as_json:

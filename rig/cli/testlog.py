@@ -95,8 +95,9 @@ def _as_dict(
     whole_log: bool,
 ) -> dict[str, Any]:
     from rig.interop.legacy.testlog import find_links
+    from rig.presentation.json_values import json_value
 
-    runs = [_plain(entry) for entry in entries]
+    runs = [json_value(entry) for entry in entries]
     for run in runs:
         if applied := corrections.get(run["run"]):
             run["spring"] |= {
@@ -109,19 +110,8 @@ def _as_dict(
         "runs": runs,
     }
     if whole_log:
-        out |= {"separators": _plain(log.separators), "links": _plain(find_links(log))}
+        out |= {"separators": json_value(log.separators), "links": json_value(find_links(log))}
     return out
-
-
-def _plain(value: Any) -> Any:
-    """Convert NamedTuples to dictionaries, at every depth."""
-    if hasattr(value, "_asdict"):
-        return {name: _plain(inner) for name, inner in value._asdict().items()}
-    if isinstance(value, dict):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(inner) for inner in value]
-    return value
 
 
 def _print_table(log: "RunLog", corrections: "Corrections") -> None:

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.identification.impedances import interpolate_impedance
-from rig.identification.report import JSON, json_value
+from rig.identification.report import JSON
+from rig.presentation.json_values import json_value
 from rig.recording.runs import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 from rig.spectra.periods import Complexes, Floats
@@ -147,7 +148,7 @@ def as_dict(comparison: Comparison) -> dict[str, Any]:
         {
             "a": comparison.a,
             "b": comparison.b,
-            "unpaired": list(comparison.unpaired),
+            "unpaired": comparison.unpaired,
             "differences": [
                 {
                     "response": difference.response,

@@ -19,6 +19,7 @@ from rig.identification.fit import FittedImpedance, zero_crossing
 from rig.identification.frf import Response
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model, ratio
+from rig.presentation.json_values import json_value
 from rig.spectra.periods import Floats
 
 JSON, NETCDF = "identification.json", "identification.nc"
@@ -35,19 +36,19 @@ def as_dict(identification: Identification) -> dict[str, Any]:
     """Return the identification as JSON values."""
     content: dict[str, Any] = json_value(
         {
-            "runs": list(identification.runs),
+            "runs": identification.runs,
             **{key: identification.attributes.get(key, "") for key in ("mode", "campaign")},
             "convention": CONVENTION,
             "models": [
                 _model_as_dict(model, fits)
                 for model, fits in zip(identification.models, identification.fits, strict=True)
             ],
-            "family": [member._asdict() for member in identification.family],
+            "family": identification.family,
             "excitation": [
                 _excitation_as_dict(excitation, identification.bem)
                 for excitation in identification.excitations
             ],
-            "notes": list(identification.notes),
+            "notes": identification.notes,
         }
     )
     return content
@@ -63,7 +64,7 @@ def _model_as_dict(model: Model, fits: dict[str, tuple[FittedImpedance, ...]]) -
         "peak_a": model.peak_a,
         "realisations": model.realisations,
         "periods": model.periods,
-        "rows": list(model.row_labels),
+        "rows": model.row_labels,
         "frequency_hz": model.frequency.tolist(),
         "responses": {
             name: {"unit": unit(name)}
@@ -99,7 +100,7 @@ def _fit_as_dict(fitted: FittedImpedance) -> dict[str, Any]:
         "damping_n_s_per_m": fitted.damping,
         "stiffness_n_per_m": fitted.stiffness,
         "natural_frequency_hz": fitted.natural_frequency,
-        "sections": [section._asdict() for section in fitted.sections],
+        "sections": fitted.sections,
         "fit_percent": fitted.fit_percent,
         "worst": fitted.worst,
     }
@@ -112,7 +113,7 @@ def _excitation_as_dict(excitation: Excitation, bem: bem_file.Bem | None) -> dic
         "eta": excitation.probe,
         "seas": excitation.seas,
         "experiments": excitation.experiments,
-        "rows": list(excitation.row_labels),
+        "rows": excitation.row_labels,
         "frequency_hz": excitation.frequency.tolist(),
         "unit": "N/m",
         "re": excitation.value.real.tolist(),
@@ -140,17 +141,6 @@ def _errors_against(bem: bem_file.Bem, excitation: Excitation) -> Floats:
     expected = bem_file.excitation_at(bem, excitation.frequency)
     errors = np.abs(excitation.value - expected) / np.abs(expected)
     return np.asarray(errors[excitation.good], dtype=np.float64)
-
-
-def json_value(value: Any) -> Any:
-    """Return the value with None for NaN and infinity, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: json_value(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [json_value(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def dataset(identification: Identification) -> xarray.Dataset:

@@ -15,6 +15,7 @@ import xarray
 
 from rig.interop.basin.align import Alignment, MatchedChannel, SyncReference, align
 from rig.interop.basin.sync import Edge, ideal_sine, phase_track, rising_edge
+from rig.presentation.json_values import json_value
 from rig.recording.channel_file import (
     METRES_PER_UNIT,
     Floats,
@@ -235,11 +236,7 @@ def interpolate_cubic(time: Floats, value: Floats, at: Floats) -> Floats:
 
 
 def to_json(merged: MergedRecords) -> list[dict[str, Any]]:
-    """Return each file's clock as plain data for JSON; unknown numbers are null."""
-
-    def finite_or_none(value: float | None) -> float | None:
-        return float(value) if value is not None and np.isfinite(value) else None
-
+    """Return each file's clock as JSON values; unknown numbers are null."""
     entries = []
     for source, recording, alignment in merged.records:
         clock, ends = alignment.clock, recording.time[[0, -1]]
@@ -250,23 +247,24 @@ def to_json(merged: MergedRecords) -> list[dict[str, Any]]:
                 "sha256": hashlib.sha256(read_regular(source.path, MAX_RECORD_BYTES)).hexdigest(),
                 "rate_hz": recording.rate,
                 "samples": len(recording.time),
-                "run_time_s": [float(t) for t in clock.to_run(ends)],
+                "run_time_s": clock.to_run(ends).tolist(),
                 "method": alignment.method,
                 "offset_s": clock.offset,
-                "offset_error_s": finite_or_none(clock.offset_error),
+                "offset_error_s": clock.offset_error,
                 "at_s": clock.middle,
                 "drift_ppm": 1e6 * clock.drift if alignment.drift_known else None,
                 "drift_error_ppm": 1e6 * clock.drift_error if alignment.drift_known else None,
-                "error_at_ends_s": [finite_or_none(float(e)) for e in clock.error(ends)],
-                "by_edge_s": finite_or_none(alignment.edge_offset),
-                "by_correlation_s": finite_or_none(alignment.correlation_offset),
-                "edge_less_fit_s": finite_or_none(alignment.edge_residual),
-                "correlation_less_fit_s": finite_or_none(alignment.correlation_residual),
-                "sine_snr_db": finite_or_none(alignment.snr_db),
+                "error_at_ends_s": clock.error(ends).tolist(),
+                "by_edge_s": alignment.edge_offset,
+                "by_correlation_s": alignment.correlation_offset,
+                "edge_less_fit_s": alignment.edge_residual,
+                "correlation_less_fit_s": alignment.correlation_residual,
+                "sine_snr_db": alignment.snr_db,
                 "slip_s": clock.slip or None,
-                "slip_at_s": finite_or_none(clock.slip_at),
-                "alarms": list(alignment.alarms),
-                "remarks": list(alignment.remarks),
+                "slip_at_s": clock.slip_at,
+                "alarms": alignment.alarms,
+                "remarks": alignment.remarks,
             }
         )
-    return entries
+    values: list[dict[str, Any]] = json_value(entries)
+    return values

@@ -239,7 +239,7 @@ def to_json(merged: MergedRecords) -> list[dict[str, Any]]:
     """Return each file's clock as JSON values; unknown numbers are null."""
     entries = []
     for source, recording, alignment in merged.records:
-        clock, ends = alignment.clock, recording.time[[0, -1]]
+        clock, lags, ends = alignment.clock, alignment.lags, recording.time[[0, -1]]
         entries.append(
             {
                 "name": source.name,
@@ -252,14 +252,14 @@ def to_json(merged: MergedRecords) -> list[dict[str, Any]]:
                 "offset_s": clock.offset,
                 "offset_error_s": clock.offset_error,
                 "at_s": clock.middle,
-                "drift_ppm": 1e6 * clock.drift if alignment.drift_known else None,
-                "drift_error_ppm": 1e6 * clock.drift_error if alignment.drift_known else None,
+                "drift_ppm": 1e6 * clock.drift if lags else None,
+                "drift_error_ppm": 1e6 * clock.drift_error if lags else None,
                 "error_at_ends_s": clock.error(ends).tolist(),
                 "by_edge_s": alignment.edge_offset,
-                "by_correlation_s": alignment.correlation_offset,
+                "by_correlation_s": lags and lags.correlation_offset,
                 "edge_less_fit_s": alignment.edge_residual,
                 "correlation_less_fit_s": alignment.correlation_residual,
-                "sine_snr_db": alignment.snr_db,
+                "sine_snr_db": lags and lags.snr_db,
                 "slip_s": clock.slip or None,
                 "slip_at_s": clock.slip_at,
                 "alarms": alignment.alarms,

@@ -85,17 +85,18 @@ def write_picture(merged: MergedRecords, path: Path) -> Path:
 
 
 def _plot_residuals(axes: Axes, record: Recording, alignment: Alignment) -> None:
-    if len(alignment.lag_times):
-        width = min(_SMOOTHING_LAGS, len(alignment.lag_times))
+    if alignment.lags is not None:
+        time = alignment.lags.time
+        width = min(_SMOOTHING_LAGS, len(time))
         weights = np.full(width, 1.0 / width)
-        middle = np.convolve(alignment.lag_times, weights, "valid")
+        middle = np.convolve(time, weights, "valid")
         smooth = _residuals_ms(
             alignment, middle, np.convolve(alignment.residuals, weights, "valid")
         )
-        size = 3.0 if len(alignment.lag_times) < 300 else 1.5
-        values = _residuals_ms(alignment, alignment.lag_times, alignment.residuals)
+        size = 3.0 if len(time) < 300 else 1.5
+        values = _residuals_ms(alignment, time, alignment.residuals)
         axes.plot(
-            alignment.lag_times, values, ".", ms=size, color=LINE_COLOUR, alpha=0.45,
+            time, values, ".", ms=size, color=LINE_COLOUR, alpha=0.45,
             label="each lag",
         )  # fmt: skip
         axes.plot(middle, smooth, color=LINE_COLOUR, lw=1.2, label=f"mean of {width}")

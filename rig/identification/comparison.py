@@ -70,20 +70,16 @@ def compare(a: SavedIdentification, b: SavedIdentification) -> Comparison:
     """Compare all pairs of models; raises RunError if there is none."""
     differences: list[Difference] = []
     unpaired = []
-    models_b = b.content["models"]
     for model_a in a.content["models"]:
+        spring_rate, peak = model_a["spring_n_per_m"], model_a["peak_a"]
         candidates = [
-            candidate
-            for candidate in models_b
-            if candidate["axis"] == model_a["axis"]
-            and abs(candidate["peak_a"] - model_a["peak_a"])
-            <= AMPLITUDE_TOLERANCE * model_a["peak_a"]
+            model
+            for model in b.content["models"]
+            if model["axis"] == model_a["axis"]
+            and abs(model["peak_a"] - peak) <= AMPLITUDE_TOLERANCE * peak
         ]
-        partner = min(
-            candidates,
-            key=lambda candidate: abs(candidate["spring_n_per_m"] - model_a["spring_n_per_m"]),
-            default=None,
-        )
+        distances = [abs(model["spring_n_per_m"] - spring_rate) for model in candidates]
+        partner = candidates[int(np.argmin(distances))] if candidates else None
         if partner is None:
             unpaired.append(model_a["name"])
             continue

@@ -73,9 +73,8 @@ def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
     calm = [
         experiment
         for experiment in experiments
-        if experiment.sea is None and experiment.axis == "heave"
+        if experiment.sea is None and experiment.axis == "heave" and LCB in experiment.channels
     ]
-    calm = [experiment for experiment in calm if LCB in experiment.channels]
     by_lines: dict[tuple[float, tuple[int, ...]], list[Experiment]] = {}
     for experiment in calm:
         by_lines.setdefault((experiment.period, experiment.lines), []).append(experiment)

@@ -90,15 +90,9 @@ def combine_realisations(
     references: list[Complexes] = []
     blocks: list[dict[str, list[Complexes]]] = []
     for experiment in group:
-        magnitude = np.abs(experiment.reference).max()
-        index = next(
-            (
-                i
-                for i, r in enumerate(references)
-                if np.abs(r - experiment.reference).max() < REFERENCE_TOLERANCE * magnitude
-            ),
-            len(references),
-        )
+        tolerance = REFERENCE_TOLERANCE * np.abs(experiment.reference).max()
+        known = [np.abs(r - experiment.reference).max() < tolerance for r in references]
+        index = known.index(True) if True in known else len(references)
         if index == len(references):
             references.append(experiment.reference)
             blocks.append({})

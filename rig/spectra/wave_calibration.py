@@ -19,8 +19,8 @@ from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.windows import Window, lost_between_rows, read_windows
+from rig.spectra.periods import Floats
 from rig.spectra.wave_lines import (
-    Floats,
     Samples,
     estimate_lines,
     finite_samples,

@@ -49,28 +49,16 @@ def values_in_runs(folder: Path, quantity: str) -> tuple[RecordedValue, ...]:
 def _of_run(path: Path, info: RunInfo, quantity: str) -> list[RecordedValue]:
     at = RecordingTime.from_utc(info.started_utc)
     products = tuple(name for name in PRODUCTS if (path / name).is_file())
-    if quantity == "spring_rate":
+    # The spring map converts the stator's position.
+    if key := {"spring_rate": "spring_rate", "spring_map": "stator"}.get(quantity):
         return [
-            RecordedValue(
-                info.run, f"row {row['row']}", at, float(row["spring_rate"]), "", products
-            )
+            RecordedValue(info.run, f"row {row['row']}", at, float(row[key]), "", products)
             for row in info.plan.get("rows", [])
         ]
-    if quantity == "spring_map":  # the map converts the stator's position
-        return [
-            RecordedValue(info.run, f"row {row['row']}", at, float(row["stator"]), "", products)
-            for row in info.plan.get("rows", [])
-        ]
-    if quantity == "torque_constant":
-        return _in_config(info, at, products)
-    return _in_table(path, info, at, products)
-
-
-def _in_config(info: RunInfo, at: RecordingTime, products: tuple[str, ...]) -> list[RecordedValue]:
-    value = info.config_number(*TORQUE_CONSTANT_KEY)
-    if value is None:
-        return []
-    return [RecordedValue(info.run, ".".join(TORQUE_CONSTANT_KEY), at, value, "", products)]
+    if quantity != "torque_constant":
+        return _in_table(path, info, at, products)
+    value, name = info.config_number(*TORQUE_CONSTANT_KEY), ".".join(TORQUE_CONSTANT_KEY)
+    return [] if value is None else [RecordedValue(info.run, name, at, value, "", products)]
 
 
 def _in_table(

@@ -17,7 +17,7 @@ from rig.config.columns import COLUMNS
 from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
 from rig.interop.basin.products import write_products
 from rig.interop.tables import write_columns
-from rig.kinds.wavebot.mask4.signals import Floats, Mask4Signals, read_signals
+from rig.kinds.wavebot.mask4.signals import Mask4Signals, read_signals
 from rig.kinds.wavebot.mask4.windows import RowTiming, RowWindows, find_by_time, from_labels
 from rig.kinds.wavebot.tick.signals import WaveBotRow
 from rig.kinds.wavebot.tick.stations import STATIONS
@@ -29,6 +29,7 @@ from rig.recording.runs import create
 from rig.recording.runs.folder import CONFIG, MCAP, STATUS
 from rig.recording.runs.mcap_file import Records, row_dtype
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
+from rig.spectra.periods import Floats
 
 ZeroReference = Literal["window", "run", "none"]
 

@@ -4,13 +4,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from rig.interop.legacy import matlab
 from rig.interop.legacy.table import file_error
 from rig.kinds.wavebot.mask4.fields import ALTERNATIVE_PATHS, FIELDS, REQUIRED, FieldMapping
-
-Floats = npt.NDArray[np.float64]
+from rig.spectra.periods import Floats
 
 DRIVE_BY_CHANNEL = {"hbmSignals.heaveDriveInP": "cots", "hbmSignals.expDriveInP": "custom"}
 """Drive of each channel of DC power: the custom drive has its own channel."""

@@ -82,12 +82,12 @@ def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
     if len(group) < 2:
         return None
     lines = np.flatnonzero(np.all([experiment.excited for experiment in group], axis=0))
+    if lines.size == 0:
+        return None
     motions = [experiment.channels[VELOCITY].mean(axis=0) for experiment in group]
     velocity = np.array([motion[lines] for motion in motions])
     force = np.array([experiment.channels[LCB].mean(axis=0)[lines] for experiment in group])
     drag = np.array([drag_spectrum(motion)[lines] for motion in motions])
-    if lines.size == 0:
-        return None
     estimate = estimate_drag(velocity, force, drag)
     if estimate.value == 0.0:
         return None

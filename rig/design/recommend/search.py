@@ -14,9 +14,9 @@ from scipy.optimize import minimize
 
 from rig.design.predictions import PREDICTED_STATIONS
 from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
-from rig.identification.periods import Floats
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.planning.campaign.stability import largest_ki
+from rig.spectra.periods import Floats
 from rig.stations import Station, shown
 
 Law = Literal["P", "PI", "PI and spring"]

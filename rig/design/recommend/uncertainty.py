@@ -12,8 +12,8 @@ import numpy as np
 
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
-from rig.identification.periods import Floats
 from rig.kinds.wavebot.twin.estimate import Twin
+from rig.spectra.periods import Floats
 from rig.stations import find, station_names
 
 COVERAGE_FACTOR = 1.96  # standard deviations of a 95 % interval

@@ -8,11 +8,11 @@ from rig.design.twoport.network import Motor, linear_drivetrain
 from rig.design.twoport.transfer import transfers, write_transfer
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model
-from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
 from rig.kinds.wavebot.twin.records import Record
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import RunInfo
+from rig.spectra.periods import Complexes, Floats
 
 
 class MeasuredDevice(NamedTuple):

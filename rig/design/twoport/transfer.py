@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis import picture
 from rig.design.twoport.figures import COLOURS, SUBTITLE, Case
 from rig.design.twoport.network import (
     Complexes,
@@ -27,6 +26,7 @@ from rig.design.twoport.network import (
     two_port,
 )
 from rig.design.twoport.power import available_power, flow
+from rig.presentation import picture
 
 
 class Transfer(NamedTuple):

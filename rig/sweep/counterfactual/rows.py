@@ -17,7 +17,6 @@ from scipy.stats import t as student
 
 from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
-from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import build_device_model
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
@@ -28,6 +27,7 @@ from rig.planning.campaign.recorded import logged_campaign
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import Window, read_windows
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
 from rig.sweep.counterfactual.waves import FIELDS, RecoveredWaves, recover_waves, wave_maker_lines

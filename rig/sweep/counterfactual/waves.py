@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window
 from rig.design.predictions.device import DeviceModel
-from rig.identification.periods import (
+from rig.recording.runs.windows import Window
+from rig.spectra.periods import (
     Complexes,
     Floats,
     amplitudes,

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.analysis.picture import ACCENT, DARK, MUTED
 from rig.kinds.oswec_bench.products import figures, periods, torque_map
 from rig.kinds.oswec_bench.products.deflection import (
     DEGREE,
@@ -37,6 +36,7 @@ from rig.kinds.oswec_bench.products.result import (
     table,
 )
 from rig.kinds.oswec_bench.products.torque_map import TorqueMap
+from rig.presentation.picture import ACCENT, DARK, MUTED
 
 SAMPLE_HOLD_UNCERTAINTY = 0.0005
 """Relative uncertainty of a velocity constant due to commands that are constant during a tick."""

@@ -14,9 +14,9 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 
-from rig.analysis import picture
-from rig.analysis.picture import DARK, style_axes
 from rig.kinds.oswec_bench.products.estimate import Estimate, Line
+from rig.presentation import picture
+from rig.presentation.picture import DARK, style_axes
 
 BLUE, RED, GREEN = "#0b6e99", "#d1495b", "#2e933c"
 CLOCKWISE, COUNTER = "#16222c", "#8f9aa3"  # black and grey, the thesis's colours of the directions

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window, missing_rows, read_windows
 from rig.kinds.oswec_bench.products import periods
 from rig.kinds.oswec_bench.products.deflection import Motion, trim_motion
 from rig.kinds.oswec_bench.products.estimate import Floats
@@ -17,6 +16,7 @@ from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordCheck, RecordState
+from rig.recording.runs.windows import Window, missing_rows, read_windows
 
 FIELDS = (
     *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),

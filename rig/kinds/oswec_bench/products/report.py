@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import xarray
 
-from rig.analysis.phrases import format_utc, mode_stamp
 from rig.analysis.stop_reason import ENDINGS, Ending
-from rig.analysis.windows import ALL_TICKS_MISSING
 from rig.kinds.oswec_bench.products.estimate import format_number
 from rig.kinds.oswec_bench.products.points import SessionRun
 from rig.kinds.oswec_bench.products.result import Result, Table
+from rig.presentation.phrases import format_utc, mode_stamp
 from rig.recording.runs.state import COMPLETE, RECOVERED
+from rig.recording.runs.windows import ALL_TICKS_MISSING
 
 PAGE, JSON = "session.html", "session.json"
 _VERDICTS = {True: ("✓", "yes"), False: ("✗", "no"), None: ("", "")}

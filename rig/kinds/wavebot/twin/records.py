@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window, read_windows
-from rig.identification import periods
-from rig.identification.periods import (
+from rig.recording.runs import reader
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import Window, read_windows
+from rig.spectra import periods
+from rig.spectra.periods import (
     Complexes,
     Flags,
     Floats,
@@ -20,8 +22,6 @@ from rig.identification.periods import (
     common_period_ticks,
     fill_lost_ticks,
 )
-from rig.recording.runs import reader
-from rig.recording.runs.folder import RunInfo, run_info
 
 MAX_FREQUENCY = 2.5  # Hz, highest line kept: five times the usual wave frequency
 BLOCK = 0.1  # s, over which power and current are averaged

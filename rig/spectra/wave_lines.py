@@ -10,10 +10,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Complexes = npt.NDArray[np.complex128]
+from rig.spectra.periods import Complexes, Floats
 
 MIN_SAMPLE_SHARE = 0.9  # of the samples of a period; a period with fewer is not used
 _EVEN_TOLERANCE = 1e-3  # of a sample step; time stamps within it are even

@@ -15,9 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis.wave_lines import (
-    Floats,
-    LineEstimates,
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import run_info
+from rig.recording.runs.mcap_file import Records
+from rig.recording.runs.windows import Window, lost_between_rows, read_windows
+from rig.spectra.periods import Floats
+from rig.spectra.wave_lines import (
     Samples,
     estimate_lines,
     finite_samples,
@@ -26,10 +29,6 @@ from rig.analysis.wave_lines import (
     significant_height,
     split_periods,
 )
-from rig.analysis.windows import Window, lost_between_rows, read_windows
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import run_info
-from rig.recording.runs.mcap_file import Records
 
 PROBE_FIELDS = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
 AGE_FIELDS = ("probes.probe_age", "probes.age")  # s, of the probe values
@@ -72,42 +71,33 @@ def calibrate_waves(
     if not is_calibration(run_facts.plan):
         raise RunError(f"{run}: no wave calibration (its plan has no device: absent)")
     target = _target_lines(run_facts.plan)
-    by_probe: dict[str, tuple[LineEstimates, list[Samples], float]] = {}
     # A run without the device has no rows: one window, from the lead-in to its end.
     fields = [_CLOCK, *_wave_fields(source)]
     window = next(read_windows(source, fields, run_facts.plan, incomplete_rows=True), None)
     channels = _channels(window.data) if window else []
-    incomplete = (
-        _incomplete_periods(window, channels, target.repeat)
-        if window and not incomplete_rows
-        else set()
-    )
-    for name, samples, start in channels:
-        periods = split_periods(samples, target.repeat, start, incomplete)
-        if periods:
-            estimates = estimate_lines(periods, target.repeat, target.cycles)
-            by_probe[name] = (
-                estimates,
-                periods,
-                4.0 * float(np.std(np.concatenate([p.value for p in periods]))),
-            )
-    withheld = ""
+    incomplete, withheld = set[int](), ""
+    if window and not incomplete_rows:
+        incomplete = _incomplete_periods(window, channels, target.repeat)
     if window and incomplete:
         numbers = ", ".join(str(i + 1) for i in sorted(incomplete))
         withheld = f"repeat period{'s' if len(incomplete) > 1 else ''} {numbers} withheld: "
         withheld += f"{window.missing_text} (--incomplete-rows uses the remaining ticks)"
+    by_probe = {
+        name: periods
+        for name, samples, start in channels
+        if (periods := split_periods(samples, target.repeat, start, incomplete))
+    }
     if not by_probe:
         reason = "no whole repeat period was measured"
         raise RunError(f"{run}: {'; '.join(filter(None, [reason, withheld]))}")
     return _build_dataset(by_probe, target).assign_attrs(
         run_facts.attributes()
-        | {"repeat_s": target.repeat, "sea": str(_sea_text(run_facts.plan))}
+        | {
+            "repeat_s": target.repeat,
+            "sea": str((run_facts.plan.get("sea") or {}).get("words", "")),
+        }
         | ({"withheld": withheld} if withheld else {})
     )
-
-
-def _sea_text(plan: dict[str, Any]) -> str:
-    return str((plan.get("sea") or {}).get("words", ""))
 
 
 def _target_lines(plan: dict[str, Any]) -> WaveMakerLines:
@@ -193,70 +183,60 @@ def _incomplete_periods(
     return {number for number in incomplete if number < period_count}
 
 
-def _build_dataset(
-    results: dict[str, tuple[LineEstimates, list[Samples], float]], target: WaveMakerLines
-) -> xarray.Dataset:
+def _build_dataset(by_probe: dict[str, list[Samples]], target: WaveMakerLines) -> xarray.Dataset:
     count = round(target.repeat / STEP)
-    estimates = [each for each, _, _ in results.values()]
-    mean_periods = [
-        mean_period(periods, target.repeat, count) for _, periods, _ in results.values()
+    estimates = [
+        estimate_lines(periods, target.repeat, target.cycles) for periods in by_probe.values()
     ]
-    totals = np.array([total for _, _, total in results.values()])
-    most = max(len(each.periods) for each in estimates)
-    frequency = target.cycles / target.repeat
+    means, mean_errors = np.swapaxes(
+        [mean_period(periods, target.repeat, count) for periods in by_probe.values()], 0, 1
+    )
+    values = [np.concatenate([p.value for p in periods]) for periods in by_probe.values()]
+    heights = np.full((len(estimates), max(len(each.periods) for each in estimates)), np.nan)
+    for i, each in enumerate(estimates):
+        heights[i, : len(each.periods)] = [significant_height(period) for period in each.periods]
     mean = np.array([each.mean for each in estimates])
     error = np.array([each.standard_error for each in estimates])
-    heights = np.array(
-        [
-            [
-                significant_height(each.periods[i]) if i < len(each.periods) else np.nan
-                for i in range(most)
-            ]
-            for each in estimates
-        ]
-    )
-    hm0 = np.array([significant_height(each.mean) for each in estimates])
     size = np.abs(mean)
     weak = (size < MIN_TARGET_SHARE * target.amplitude) | (size < MIN_SIGNAL_TO_ERROR * error)
     weak |= size < MIN_LINE_SHARE * size.max(axis=1, keepdims=True)
-    by_line, by_probe = ("probe", "line"), ("probe",)
-    metres, radians = {"units": "m"}, {"units": "rad"}
+
+    def variable(dimensions: str, data: Any, units: str = "", name: str = "") -> Any:
+        attributes = {"units": units, "long_name": name}
+        return dimensions.split(), data, {key: text for key, text in attributes.items() if text}
+
     return xarray.Dataset(
         {
-            "cycles": ("line", target.cycles, {"long_name": "wave cycles in a repeat period"}),
-            "asked_amplitude": ("line", target.amplitude, metres),
-            "asked_phase": ("line", target.phase, radians),
-            "amplitude": (by_line, size, metres),
-            "phase": (by_line, np.angle(mean), radians),
-            "amplitude_se": (by_line, error, metres),
-            "weak": (
-                by_line,
-                weak.astype(np.int64),
-                {"long_name": "1: too weak for identification"},
+            "cycles": variable("line", target.cycles, name="wave cycles in a repeat period"),
+            "asked_amplitude": variable("line", target.amplitude, "m"),
+            "asked_phase": variable("line", target.phase, "rad"),
+            "amplitude": variable("probe line", size, "m"),
+            "phase": variable("probe line", np.angle(mean), "rad"),
+            "amplitude_se": variable("probe line", error, "m"),
+            "weak": variable(
+                "probe line", weak.astype(np.int64), name="1: too weak for identification"
             ),
-            "mean_period": (
-                ("probe", "time"),
-                np.array([value for value, _ in mean_periods]),
-                metres,
+            "mean_period": variable("probe time", means, "m"),
+            "mean_period_se": variable("probe time", mean_errors, "m"),
+            "periods": variable("probe", np.array([len(each.periods) for each in estimates])),
+            "hm0": variable(
+                "probe",
+                np.array([significant_height(each.mean) for each in estimates]),
+                "m",
+                "of the mean lines",
             ),
-            "mean_period_se": (
-                ("probe", "time"),
-                np.array([value for _, value in mean_periods]),
-                metres,
-            ),
-            "periods": (by_probe, np.array([len(each.periods) for each in estimates])),
-            "hm0": (by_probe, hm0, {**metres, "long_name": "of the mean lines"}),
-            "hm0_by_period": (("probe", "period"), heights, metres),
-            "hm0_total": (
-                by_probe,
-                totals,
-                {**metres, "long_name": "of all that was measured, 4 standard deviations"},
+            "hm0_by_period": variable("probe period", heights, "m"),
+            "hm0_total": variable(
+                "probe",
+                np.array([4.0 * float(np.std(each)) for each in values]),
+                "m",
+                "of all that was measured, 4 standard deviations",
             ),
         },
         {
-            "probe": ("probe", np.array(list(results))),
-            "frequency": ("line", frequency, {"units": "Hz"}),
-            "time": ("time", np.arange(count) * (target.repeat / count), {"units": "s"}),
+            "probe": variable("probe", np.array(list(by_probe))),
+            "frequency": variable("line", target.cycles / target.repeat, "Hz"),
+            "time": variable("time", np.arange(count) * (target.repeat / count), "s"),
         },
         {
             "hm0_asked_m": significant_height(target.amplitude),

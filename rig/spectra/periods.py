@@ -17,9 +17,7 @@ Flags = npt.NDArray[np.bool_]
 Ticks = npt.NDArray[np.int64]
 
 MAX_LOST_SHARE = 0.01  # share of missing ticks above which a window is not used
-EXCITED_SHARE = (
-    0.1  # share of the largest amplitude of a reference above which a line counts as excited
-)
+EXCITED_SHARE = 0.1  # of a reference's largest amplitude, above which a line counts as excited
 _TICK_TOLERANCE = 1e-6  # ticks
 
 
@@ -33,11 +31,9 @@ def common_period_ticks(periods: list[float], dt: float, max_ticks: int) -> int:
     for period in periods:
         period_ticks = period / dt
         for repeats in range(1, int(max_ticks / period_ticks + _TICK_TOLERANCE) + 1):
-            if (
-                abs(repeats * period_ticks - round(repeats * period_ticks))
-                < _TICK_TOLERANCE * repeats
-            ):
-                ticks.append(round(repeats * period_ticks))
+            whole = repeats * period_ticks
+            if abs(whole - round(whole)) < _TICK_TOLERANCE * repeats:
+                ticks.append(round(whole))
                 break
         else:
             raise ValueError(f"a period of {period:.6g} s ends on no tick of the window")

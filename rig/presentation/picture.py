@@ -10,10 +10,11 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.textpath import TextPath
 
-from rig.analysis import phrases
+from rig.presentation import phrases
 
 DARK, MUTED, ACCENT, HIGHLIGHT = "#22303c", "#66727d", "#d1495b", "#ffb703"
 FRAME, TICK = "#b8c0c7", "#8a949d"
+A4 = (8.27, 11.69)  # in, portrait
 _HEADING_HEIGHT = 0.55  # in
 _WARNING_LETTERS = 11.5  # per inch, of a warning
 _SUBTITLE_LETTERS = 14.5  # per inch, of a subtitle

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rig.config.wiring import RtuLine, TcpLine
-from rig.processes.io_process import report_event
+from rig.processes.messages import IoJob, Notice, Refused, report
 from rig.realtime import scheduling
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
@@ -31,13 +31,13 @@ DeviceFactory = Callable[[dict[str, Any], asyncio.AbstractEventLoop], EmulatedDe
 SHUTDOWN_GRACE_S = 2.0  # s after the loop's end in which I/O processes may still use the devices
 
 
-def serve_devices(job: dict[str, Any], make: DeviceFactory) -> None:
+def serve_devices(job: IoJob, make: DeviceFactory) -> None:
     """Serve until terminated, or until some time after the loop's end.
 
     An OSError of the devices is reported as a refusal.
     """
     with asyncio.Runner(loop_factory=precise_loop) as runner:
-        runner.run(_serve_devices(job["config"], job["lifeline"], make))
+        runner.run(_serve_devices(job.config, job.lifeline, make))
 
 
 async def _serve_devices(config: dict[str, Any], lifeline: int, make: DeviceFactory) -> None:
@@ -52,10 +52,10 @@ async def _serve_devices(config: dict[str, Any], lifeline: int, make: DeviceFact
     try:
         devices = make(config, loop)
         if refused := scheduling.acquire_for_emulator():
-            report_event(event="message", text=f"no priority over other work: {refused}")
+            report(Notice(f"no priority over other work: {refused}"))
         await devices.serve(ended)
     except OSError as error:  # an address is taken by another run or another rig's devices
-        report_event(event="refused", why=str(error))
+        report(Refused(str(error)))
 
 
 def modbus_line(line: TcpLine | RtuLine, units: dict[int, ModbusUnit]) -> Emulator:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from rig.host.finding import ALL_USES, REALTIME, Finding, Host, Verdict, forbidden_uses, grade
 from rig.kinds import KINDS
 from rig.processes import supervisor
+from rig.processes.logger import FLUSH_INTERVAL
 from rig.recording import mcap_writer, row_layout
-from rig.recording.logger import FLUSH_INTERVAL
 
 AREA = "disk"
 INDEX_BYTES = 16  # of a message in a chunk's index

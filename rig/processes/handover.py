@@ -1,4 +1,4 @@
-"""Serialisation of frozen parameters as JSON text, for the way from the supervisor to the loop.
+"""Serialisation of frozen values as JSON text, for the way from one process to another.
 
 NamedTuples become lists in field order. Reading builds them again from the type hints, so a float
 that was written as an int comes back as a float. Python's JSON keeps every float to the bit.
@@ -15,16 +15,21 @@ class HandoverError(ValueError):
 
 
 def dumps(value: Any) -> str:
-    """Return the JSON text of a NamedTuple tree of floats, ints, strings and tuples."""
+    """Return the JSON text of a NamedTuple tree of floats, ints, strings, tuples and dicts."""
     return json.dumps(value)
 
 
 def loads(kind: Any, text: str, **any_fields: type) -> Any:
     """Build a ``kind`` from the text of `dumps`; ``any_fields`` types the fields annotated `Any`.
 
-    Raises HandoverError path the text does not fit the type.
+    Raises HandoverError if the text does not fit the type.
     """
-    return _build(kind, json.loads(text), kind.__name__, any_fields)
+    return build(kind, json.loads(text), **any_fields)
+
+
+def build(kind: Any, data: Any, **any_fields: type) -> Any:
+    """Build a ``kind`` from the JSON values of its text, as `loads` does."""
+    return _build(kind, data, kind.__name__, any_fields)
 
 
 def read_field(kind: Any, text: str, name: str) -> Any:
@@ -46,6 +51,11 @@ def _build(hint: Any, data: Any, path: str, any_fields: dict[str, type]) -> Any:
         if rest != [...]:
             raise HandoverError(f"{path}: only tuples of one item type are supported")
         return tuple(_build(item, d, f"{path}[{i}]", any_fields) for i, d in enumerate(data))
+    if get_origin(hint) is dict and isinstance(data, dict):
+        _, item = get_args(hint)
+        if item is Any:  # plain JSON values
+            return data
+        return {key: _build(item, d, f"{path}[{key!r}]", any_fields) for key, d in data.items()}
     fields = getattr(hint, "_fields", None)
     if fields is None or not isinstance(data, list) or len(data) != len(fields):
         raise HandoverError(f"{path}: {type(data).__name__} does not fit {hint}")

@@ -1,7 +1,7 @@
 """The part that all loop processes share: read the job, run the loop, report its end.
 
-The supervisor sends a job on standard input and inherited file descriptors. The process reports one
-JSON line before the first tick and one at the end. It ignores Ctrl-C, to which the supervisor
+The supervisor sends a job on standard input and inherited file descriptors. The process reports
+before the first tick and at the end. It ignores Ctrl-C, to which the supervisor
 reacts, and treats a termination signal as an abort. The loop stops when the supervisor is gone, or
 on the real clock when its heartbeat is too old (suspended, hung): nobody could request a stop any
 more. On the virtual clock nothing moves, and a suspended rehearsal waits.
@@ -17,9 +17,10 @@ from typing import Any, NamedTuple, NoReturn
 
 from rig import laws
 from rig.processes import handover
-from rig.processes.io_process import ignore_terminal_signals, report_event
+from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
+from rig.processes.messages import LoggerJob, LoopEnded, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
@@ -39,7 +40,7 @@ class LoopJob(NamedTuple):
     devices: str  # JSON for the function that connects the devices
     supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
     law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
-    last_logger: str = ""  # JSON for `rig.processes.last_logger`; empty: unsaved rows are lost
+    last_logger: str = ""  # text of a `LoggerJob`; empty: unsaved rows are lost
 
 
 EXIT_ORPHANED = 76  # exit code: the supervisor was gone before the first tick
@@ -59,7 +60,8 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
     ignore_terminal_signals()
     kind, job = _read_job(find_kind, sys.stdin.read())
     mailbox = Mailbox(job.mailbox, Request)
-    last_logger = LastLogger(job.last_logger, job.supervisor)
+    logger_job = handover.loads(LoggerJob, job.last_logger) if job.last_logger else None
+    last_logger = LastLogger(logger_job, job.supervisor)
     terminated = False
 
     def abort(*_: object) -> None:
@@ -97,14 +99,13 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             _refuse(error)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
-            report_event(event="refused", privileges=granted._asdict())
-            sys.exit(EXIT_NO_PRIVILEGES)
+            report(LoopPrivileges((granted,)))
+            _refuse(f"the host did not grant {', '.join(granted.refused)}", EXIT_NO_PRIVILEGES)
         if external_request() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices started
             devices.stop(safety.Reason.SUPERVISOR_LOST.value)
             devices.close()
             # A supervisor that was only suspended reads this later.
-            report_event(event="refused", why=_ORPHANED_MESSAGE)
-            sys.exit(EXIT_ORPHANED)
+            _refuse(_ORPHANED_MESSAGE, EXIT_ORPHANED)
         try:
             devices.warm_up(job.dt)  # the last slow step before the first tick
         except OSError as error:
@@ -112,7 +113,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             _refuse(error)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
-        report_event(event="start", privileges=granted and granted._asdict())
+        report(LoopPrivileges((granted,) if granted is not None else ()))
         end = loop.run(
             kind,
             job.params,
@@ -123,7 +124,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             external_request,
             measure_work=job.real_clock == 1,
         )
-        report_event(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
+        report(LoopEnded(*end))
     finally:
         ring.finish()  # otherwise the logger would wait for rows that never come
         last_logger.save_remaining_rows(ring, end)
@@ -138,10 +139,10 @@ def _read_job(find_kind: Callable[[str], cycle.Kind], text: str) -> tuple[cycle.
     return kind, handover.loads(LoopJob, text, rig=kind.params_type, **dict(kind.any_types))
 
 
-def _refuse(error: Exception) -> NoReturn:
-    """Report the error and exit before the first tick."""
-    report_event(event="refused", why=str(error))
-    sys.exit(EXIT_NOT_READY)
+def _refuse(why: object, code: int = EXIT_NOT_READY) -> NoReturn:
+    """Report the reason and exit before the first tick."""
+    report(Refused(str(why)))
+    sys.exit(code)
 
 
 def _privileges(job: LoopJob) -> scheduling.Privileges | None:

@@ -18,18 +18,27 @@ from pathlib import Path
 from typing import Any
 
 from rig.processes import handover, mailbox
+from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
 from rig.processes.display import Display
 from rig.processes.io_processes import IoProcessError, IoProcesses
 from rig.processes.loop_process import LoopJob
 from rig.processes.mailbox import Mailbox, Request
+from rig.processes.messages import (
+    DiskState,
+    LoggerJob,
+    LoopEnded,
+    LoopPrivileges,
+    RecordLost,
+    RecordMoved,
+    Refused,
+)
 from rig.processes.run_types import Outcome, Setup, Snapshot
 from rig.realtime import safety
 from rig.realtime.safety import Reason
-from rig.recording import logger as log_process
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
-from rig.recording.row_layout import layout, leaves
+from rig.recording.row_layout import layout, leaves, schema
 from rig.recording.runs.create import end_status, write_json
 from rig.recording.runs.folder import MCAP
 
@@ -57,7 +66,7 @@ class SupervisedRun:
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
         self._problem = ""
-        self._end: dict[str, Any] | None = None
+        self._end: LoopEnded | None = None
         self._refused = ""
         self._died = ""
         self._log_abandoned = False  # the rest of the log is abandoned
@@ -101,7 +110,7 @@ class SupervisedRun:
             loop = self._start_loop()
             self._io_processes.release_lifeline()
             while loop.alive() or logger.alive() or self._logger_failed(logger):
-                self._read_loop_events(loop)
+                self._read_loop_reports(loop)
                 if not loop.alive():
                     self._ring.mark_finished()
                 self._set_request(get_request())
@@ -153,8 +162,8 @@ class SupervisedRun:
             loop.process.kill()
 
     def _supervise_logger(self, logger: Child, loop: Child) -> Child:
-        """Read the logger's events; restart a dead or hanging logger, give up after too many."""
-        self._read_logger_events(logger)
+        """Read the logger's reports; restart a dead or hanging logger, give up after too many."""
+        self._read_logger_reports(logger)
         unsaved = self._ring.head - self._ring.tail
         ending_late = not loop.alive() and logger.alive()
         if unsaved == 0 and not ending_late:
@@ -182,13 +191,15 @@ class SupervisedRun:
             self._set_request(safety.REQUEST_LOGGER_LOST)
         return logger if self._log_abandoned else self._start_logger()
 
-    def _read_logger_events(self, logger: Child) -> None:
+    def _read_logger_reports(self, logger: Child) -> None:
         self._whereabouts.open_part(f"{MCAP}.part{self._parts - 1}")
-        for event in logger.read_events():
-            self._problem = event.get("error") or event.get("why") or ""
-            if event["event"] == "place":
-                self._whereabouts.relocate(Path(event["folder"]), event["why"])
-                self._problem = self._whereabouts.problem
+        for report in logger.read_reports():
+            match report:
+                case DiskState(problem) | RecordLost(problem):
+                    self._problem = problem
+                case RecordMoved(folder, why):
+                    self._whereabouts.relocate(Path(folder), why)
+                    self._problem = self._whereabouts.problem
             if self._problem:
                 self._set_request(safety.REQUEST_LOGGER_LOST)
 
@@ -198,12 +209,12 @@ class SupervisedRun:
             if loop.alive():
                 loop.process.terminate()  # the loop treats it as an abort
             loop.end(ABORT_TIMEOUT_S)
-            self._read_loop_events(loop)
+            self._read_loop_reports(loop)
         self._io_processes.end(ABORT_TIMEOUT_S)  # after the loop, which needs them until its end
         self._ring.mark_finished()
         if logger is not None:
             logger.end(STALL_TIMEOUT_S)
-            self._read_logger_events(logger)
+            self._read_logger_reports(logger)
             try:
                 folder = self._whereabouts.locate_record()
                 if self._parts == 1 and logger.process.returncode == 0:
@@ -219,15 +230,16 @@ class SupervisedRun:
         self._parts += 1
         fds = (self._ring_fd, *_open_descriptors(self._setup.folder_lock))
         errors = self.folder / "logger.stderr"
-        return Child("rig.recording.logger", handover.dumps(job), fds, errors)
+        return Child("rig.processes.logger", handover.dumps(job), fds, errors)
 
-    def _logger_job(self) -> log_process.LoggerJob:
+    def _logger_job(self) -> LoggerJob:
         setup = self._setup
-        return log_process.LoggerJob(
-            kind=setup.kind_name,
+        return LoggerJob(
             ring=self._ring_fd,
+            rows=schema(setup.kind.row_type),
             supervisor=os.getpid(),
             folder=str(self.folder),
+            folder_lock=setup.folder_lock,
             part=f"{MCAP}.part{self._parts}",
             attachments=setup.attachments,
             run=setup.folder.name,
@@ -239,7 +251,6 @@ class SupervisedRun:
 
     def _start_loop(self) -> Child:
         setup = self._setup
-        log = {"job": self._logger_job()._asdict(), "ring": self._ring_fd}
         job = LoopJob(
             real_clock=int(setup.real_clock),
             realtime_required=int(setup.realtime_required),
@@ -251,7 +262,7 @@ class SupervisedRun:
             devices=json.dumps(self._device_config()),
             supervisor_timeout=setup.supervisor_timeout,
             law=setup.law,
-            last_logger=json.dumps(log | {"folder": setup.folder_lock}),
+            last_logger=handover.dumps(self._logger_job()),
         )
         locks = (*_open_descriptors(setup.folder_lock), *setup.wire_locks)
         slots = self._io_processes.slots.values()
@@ -265,18 +276,17 @@ class SupervisedRun:
         shared = {"facts": self._io_processes.facts, "mailboxes": self._io_processes.slots}
         return self._setup.devices | shared
 
-    def _read_loop_events(self, loop: Child) -> None:
-        for event in loop.read_events():
-            if "privileges" in event:
-                with suppress(OSError):
-                    write_json(self.folder, log_process.PRIVILEGES, event["privileges"])
-            if event["event"] == "refused" and "why" in event:
-                self._refused = event["why"]
-            elif event["event"] == "refused":
-                denied = [f"{name} ({why})" for name, why in event["privileges"].items() if why]
-                self._refused = f"the host did not grant {', '.join(denied)}"
-            if event["event"] == "end":
-                self._end = event
+    def _read_loop_reports(self, loop: Child) -> None:
+        for report in loop.read_reports():
+            match report:
+                case LoopPrivileges(found):
+                    granted = found[0]._asdict() if found else None
+                    with suppress(OSError):
+                        write_json(self.folder, log_process.PRIVILEGES, granted)
+                case Refused(why):
+                    self._refused = why
+                case LoopEnded():
+                    self._end = report
 
     def _logger_failed(self, logger: Child) -> bool:
         """Return whether the logger has ended without finishing its file."""
@@ -301,7 +311,7 @@ class SupervisedRun:
     def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest_row()
         if end is not None:
-            reason = Reason(end["reason"])
+            reason = Reason(end.reason)
             status, cause = end_status(reason), reason.name
         elif self._refused:
             status, cause = "refused", self._refused
@@ -310,20 +320,18 @@ class SupervisedRun:
                 "crashed",
                 self._problem or (f"loop: {loop.last_message()}" if loop else ""),
             )
-        ticks = self._ring.head + self._ring.dropped
-        counts = end or {"ticks": ticks, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(
-            status,
-            cause,
-            counts["ticks"],
-            counts["skipped"],
-            self._ring.dropped,
-            self._ring.head - self._ring.tail,
-            max(0, self._parts - 1),
-            row,
-            self._died,
-            tuple(self._io_processes.messages),
-            self._whereabouts.problem,
+            status=status,
+            reason=cause,
+            ticks=end.ticks if end else self._ring.head + self._ring.dropped,
+            skipped=end.skipped if end else int(row.get("timing.skipped", 0)),
+            dropped=self._ring.dropped,
+            unsaved=self._ring.head - self._ring.tail,
+            logger_restarts=max(0, self._parts - 1),
+            last_row=row,
+            died=self._died,
+            messages=tuple(self._io_processes.messages),
+            moved=self._whereabouts.problem,
         )
 
 

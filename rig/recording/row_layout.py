@@ -112,13 +112,20 @@ def packer(row_type: type) -> Callable[[Any, int, Any], None]:
     return pack
 
 
-def schema_name(row_type: type) -> str:
-    """Return the name of the row type as a ROS 2 message."""
-    return f"{PACKAGE}/msg/{row_type.__name__}"
+class RowSchema(NamedTuple):
+    """A row as a ROS 2 message: its whole layout, for processes and files without its type."""
+
+    name: str
+    text: str  # ros2msg, with units in the comments
+
+    @property
+    def leaves(self) -> tuple[Leaf, ...]:
+        """The numbers of a row in storage order; RowError or KeyError for an invalid text."""
+        return _leaves_of_text(self.text)
 
 
-def schema(row_type: type) -> str:
-    """Return the row type as a ros2msg schema, with units in the comments."""
+def schema(row_type: type) -> RowSchema:
+    """Return the schema of a row type; raise RowError naming a field that cannot be stored."""
     seen: dict[str, str] = {}
 
     def define(kind: type) -> str:
@@ -138,14 +145,13 @@ def schema(row_type: type) -> str:
     text = define(row_type)
     for name, body in seen.items():
         text += f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{body}"
-    return text
+    return RowSchema(f"{PACKAGE}/msg/{row_type.__name__}", text)
 
 
 _SCHEMA_FIELD = re.compile(r"(?P<type>\S+) (?P<name>\S+)(?:\s+# \[(?P<unit>.*)\])?")
 
 
-def leaves_of_schema(text: str) -> tuple[Leaf, ...]:
-    """Return the leaves of a schema written by `schema`, to read a file by its own description."""
+def _leaves_of_text(text: str) -> tuple[Leaf, ...]:
     sections = re.split(r"=+\nMSG: ", text)
     bodies = {"": sections[0]}
     for section in sections[1:]:

@@ -31,7 +31,7 @@ def rows(count: int, first: int = 0, dt: float = 1e-3) -> Any:
 def writer(path: Path, **attachments: bytes) -> RowWriter:
     """Return a writer of WaveBot rows with the common start."""
     metadata = {"run": {"run": "test"}}
-    return RowWriter(path, WaveBotRow, attachments, metadata, start_utc_ns=START)
+    return RowWriter(path, row_layout.schema(WaveBotRow), attachments, metadata, start_utc_ns=START)
 
 
 def write(path: Path, data: Any, flush_every: int = 500, finish: bool = True) -> Path:

@@ -17,7 +17,6 @@ from mcap.writer import Writer
 
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout, runs
-from rig.recording import row_schema as row_form
 from rig.recording.runs import RunError, mcap_records
 from rig.recording.runs.mcap_file import blocks, scan
 
@@ -202,10 +201,10 @@ def test_without_metadata_the_start_comes_from_a_row(tmp_path: Path, loose: bool
 
 def write_loose(file: BinaryIO, rows: Any) -> None:
     """Write a file like another writer: messages without chunks, no metadata."""
-    form = row_form.message_schema(WaveBotRow)
+    form = row_layout.schema(WaveBotRow)
     out = Writer(file, use_chunking=False)
     out.start("ros2", "another")
-    schema = out.register_schema(form.name, "ros2msg", form.schema.encode())
+    schema = out.register_schema(form.name, "ros2msg", form.text.encode())
     channel = out.register_channel("/row", "cdr", schema)
     for row in rows:
         at = files.START + int(row["time"] * 1e9 + 0.5)

@@ -135,9 +135,9 @@ class NoTime(NamedTuple):
 
 def test_a_row_needs_tick_and_time(tmp_path: Path) -> None:
     with pytest.raises(row_layout.RowError, match="first field of a row is its tick, not position"):
-        RowWriter(tmp_path / "a", NoTick, {}, {}, start_utc_ns=0)
+        RowWriter(tmp_path / "a", row_layout.schema(NoTick), {}, {}, start_utc_ns=0)
     with pytest.raises(row_layout.RowError, match="needs a field time"):
-        RowWriter(tmp_path / "b", NoTime, {}, {}, start_utc_ns=0)
+        RowWriter(tmp_path / "b", row_layout.schema(NoTime), {}, {}, start_utc_ns=0)
     assert not list(tmp_path.iterdir())
 
 

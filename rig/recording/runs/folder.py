@@ -13,9 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.recording import process_identity
-from rig.recording.row_schema import CLOCK_RECORD, START_KEY
+from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, RunError, scan
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 from rig.stations import Station, from_records
@@ -26,6 +25,14 @@ STATUS = "run.json"
 CONFIG = "config.json"
 LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
+_MASK4_STATIONS = (  # of runs recorded before 2027, whose plans list none
+    Station("mechanical_1", "lcb * velocity", "mechanical (column load cell)", "mechanical",
+            "mech 1", alias="mechanical", running_mean=True, force="load.lcb", shown=True),
+    Station("mechanical_2", "trs * velocity", "mechanical (shaft torque sensor)",
+            "mechanical (shaft)", "mech 2", alias="shaft", force="load.trs"),
+    Station("ac", "ac", "electrical AC", "electrical AC", "AC", running_mean=True, shown=True),
+    Station("dc", "dc", "electrical DC", "electrical DC", "DC", running_mean=True, shown=True),
+)  # fmt: skip
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 
 
@@ -104,12 +111,9 @@ class RunInfo(NamedTuple):
 
     @property
     def stations(self) -> tuple[Station, ...]:
-        """The power stations in the plan, in the order of the flow of power.
-
-        Runs recorded before 2027 do not list them: they have those of the WaveBot.
-        """
+        """The power stations in the plan, in the order of the flow of power."""
         listed = self.plan.get("stations")
-        return STATIONS if listed is None else from_records(listed)
+        return _MASK4_STATIONS if listed is None else from_records(listed)
 
     def config_number(self, *keys: str) -> float | None:
         """Return a number of the configuration by its keys, outermost first; None without one."""

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_schema import CLOCK_RECORD, START_KEY, MessageSchema
+from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY, RowWriter
 from rig.recording.runs import mcap_file
 from rig.recording.runs.mcap_file import FileContents, Records, RunError
 from rig.recording.runs.state import RECOVERY
@@ -103,8 +102,7 @@ def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
     start = _start(parts)
     temporary = out.with_name(out.name + ".joining")
     temporary.unlink(missing_ok=True)
-    form = MessageSchema(first.schema_name, first.schema)
-    writer = RowWriter(temporary, form, attachments, metadata, start_utc_ns=start)
+    writer = RowWriter(temporary, first.schema, attachments, metadata, start_utc_ns=start)
     try:
         joined = _copy(parts, writer, out, damage)
         writer.attach(RECOVERY, _recovery_record(parts, joined))

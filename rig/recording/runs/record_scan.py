@@ -22,12 +22,12 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from rig.recording import row_layout
-from rig.recording.mcap_writer import MESSAGE_BYTES
-from rig.recording.row_schema import (
+from rig.recording.mcap_writer import (
+    CHANNEL,
     CHECKSUM_KEY,
+    MESSAGE_BYTES,
     SCHEMA_RECORD,
     TOPIC,
-    channel_record,
     metadata_checksum,
     schema_checksum,
 )
@@ -50,9 +50,8 @@ class FileContents(NamedTuple):
     """A file's records; the rows remain in the file."""
 
     path: Path
-    schema: str  # ros2msg text
-    schema_name: str
-    leaves: tuple[row_layout.Leaf, ...]
+    schema: row_layout.RowSchema
+    leaves: tuple[row_layout.Leaf, ...]  # with the names of today
     channel: int
     metadata: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
@@ -135,7 +134,7 @@ class _ScanResult:
         every = (*self.schemas, *self.indexed)
         copies = [s for s in every if s.id == channel.schema_id and s.encoding == "ros2msg"]
         written = self.metadata.get(SCHEMA_RECORD, {}).get("sum")
-        if written is not None and channel == channel_record():
+        if written is not None and channel == CHANNEL:
             texts = [(each, each.data.decode(errors="replace")) for each in copies]
             good = (each for each, text in texts if schema_checksum(each.name, text) == written)
             return next(good, None)
@@ -151,18 +150,22 @@ def _with_current_name(leaf: row_layout.Leaf) -> row_layout.Leaf:
     return leaf._replace(path=tuple(_RENAMED_FIELDS.get(leaf.name, leaf.name).split(".")))
 
 
-def _row_channel(found: _ScanResult) -> tuple[Schema, Channel, tuple[row_layout.Leaf, ...]]:
-    """Return the channel of rows: ours, else one named `TOPIC`, else one with a valid schema."""
-    ours = channel_record()
-    for channel in sorted(found.channels, key=lambda c: (c != ours, c.topic != TOPIC)):
+def _row_channel(
+    found: _ScanResult,
+) -> tuple[row_layout.RowSchema, tuple[row_layout.Leaf, ...], int]:
+    """Return schema, leaves and number of the channel of rows.
+
+    It is ours, else one named `TOPIC`, else one with a valid schema.
+    """
+    for channel in sorted(found.channels, key=lambda c: (c != CHANNEL, c.topic != TOPIC)):
         if channel.message_encoding != "cdr":
             continue
         try:
-            schema = found.schema_of(channel)
-            if schema is None:
+            record = found.schema_of(channel)
+            if record is None:
                 continue
-            leaves = row_layout.leaves_of_schema(schema.data.decode())
-            return schema, channel, tuple(_with_current_name(leaf) for leaf in leaves)
+            schema = row_layout.RowSchema(record.name, record.data.decode())
+            return schema, tuple(map(_with_current_name, schema.leaves)), channel.id
         except (row_layout.RowError, KeyError, ValueError):
             continue
     raise RunError(f"{found.path}: no channel of log rows in this file")
@@ -188,17 +191,16 @@ def scan(path: str | os.PathLike[str]) -> FileContents:
             raise RunError(f"{path}: not an MCAP file")
     if not magic:
         found.damage.insert(0, f"{path}: its first bytes are not those of an MCAP file")
-    schema, channel, leaves = _row_channel(found)
+    schema, leaves, channel = _row_channel(found)
     if found.metadata.pop(SCHEMA_RECORD, None) is not None:
         for name in found.unsummed:
             found.damage.append(f"{path}: metadata {name!r} is damaged and left out")
             found.metadata.pop(name, None)
     return FileContents(
         path,
-        schema.data.decode(),
-        schema.name,
+        schema,
         leaves,
-        channel.id,
+        channel,
         found.metadata,
         found.attachments,
         tuple(found.chunks),

@@ -25,8 +25,9 @@ from rig.kinds.oswec_bench.rehearsal.emulators import (
 )
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
-from rig.processes.io_process import report_event, run_io_process
+from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
+from rig.processes.messages import IoJob, Ready, report
 from sim_plant.bench.world import BenchWorld
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.modbus_unit import ModbusUnit
@@ -158,7 +159,7 @@ class EmulatedBench:
             async with running(self.lines) as addresses:
                 await self.control.start()
                 ticking = asyncio.create_task(self._tick())
-                report_event(event="ready", facts={"control": self.control.address, **addresses})
+                report(Ready({"control": self.control.address, **addresses}))
                 while not (ended.is_set() or ticking.done()):
                     with suppress(TimeoutError):
                         await asyncio.wait_for(ended.wait(), 0.1)
@@ -214,7 +215,7 @@ def _create_devices(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> 
     return EmulatedBench(rig, world, create_world, config["loop"], config["locked"])
 
 
-def serve(job: dict[str, Any]) -> None:
+def serve(job: IoJob) -> None:
     """Serve until terminated, or until the loop and the I/O processes have ended."""
     serve_devices(job, _create_devices)
 

@@ -18,8 +18,9 @@ from rig.emulation.addresses import occupied_addresses, unreachable_addresses
 from rig.emulation.control import ControlServer, FaultTargets
 from rig.emulation.process import modbus_line, serve_devices, without_delay
 from rig.kinds.wavebot.rehearsal.devices import build_world
-from rig.processes.io_process import report_event, run_io_process
+from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
+from rig.processes.messages import IoJob, Ready, report
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
@@ -140,7 +141,7 @@ class EmulatedWaveBot:
             async with running(self.lines) as addresses:
                 await self.control.start()
                 fixed = {"can": f"socketcand {host}:{port}", "control": self.control.address}
-                report_event(event="ready", facts={**fixed, **addresses})
+                report(Ready({**fixed, **addresses}))
                 while not ended.is_set():
                     self._world.catch_up()
                     self.hub.poll()
@@ -245,7 +246,7 @@ def _create_devices(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> 
     return EmulatedWaveBot(rig, SharedWorld(create_world(), dt, loop.time), loop, create_world)
 
 
-def serve(job: dict[str, Any]) -> None:
+def serve(job: IoJob) -> None:
     """Serve until terminated, or until the loop and the I/O processes have ended."""
     serve_devices(job, _create_devices)
 

@@ -16,12 +16,12 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from numpy.lib.recfunctions import repack_fields
 
-from rig.kinds import KINDS
 from rig.processes import handover
+from rig.processes.messages import DiskState, LoggerJob, RecordLost, RecordMoved, report
 from rig.realtime.safety import Reason
 from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
 from rig.recording.mcap_writer import RowWriter
@@ -36,39 +36,20 @@ RETRY_INTERVAL = 0.5  # s between attempts on a full disk
 ORPHAN_TIMEOUT = 5.0  # s without a row and without a supervisor after which the log ends
 IDLE_INTERVAL = 0.02  # s to sleep without a row; longer blocks cost less per row
 _PERMANENT_ERRORS = {errno.EROFS, errno.EIO, errno.ESTALE, errno.EACCES, errno.EPERM, errno.ENODEV}
-EXIT_ROWS_LOST = 74  # exit code: rows were lost to the disk
-
-
-class LoggerJob(NamedTuple):
-    """The supervisor's request to the logger."""
-
-    kind: str
-    ring: int  # file descriptor
-    supervisor: int  # process id
-    folder: str  # folder of the run
-    part: str  # name of the file to create
-    attachments: tuple[str, ...]  # files of the folder to attach to it
-    run: str  # run id
-    mode: str
-    clock: str  # "virtual" or "real"
-    rate_hz: float
-    disk_timeout_s: float  # s of disk errors after which the remaining rows are lost
-
-
 PRIVILEGES = "privileges.json"  # written by the supervisor when the loop reports
+EXIT_ROWS_LOST = 74  # exit code: rows were lost to the disk
 
 
 class RunLogger:
     """Writes one part of the run's record."""
 
     def __init__(self, job: LoggerJob) -> None:
-        kind = KINDS[job.kind]
         self._job = job
         self._folder = Path(job.folder)
         self._folder_fd = open_folder(self._folder)
         self._lock = lock_consumer(job.ring)  # before reading the tail: its consumer may move it
         self._reader = RingReader(job.ring)
-        self._certificate = TimingCertificate(kind.row_type)
+        self._certificate = TimingCertificate(job.rows.leaves)
         self._flushed = self._moved = time.monotonic()
         self._failing_since: float | None = None
         self._abandoned_folders: set[Path] = set()  # folders that the record had to leave
@@ -81,7 +62,7 @@ class RunLogger:
         attached = {name: text for name, text in self._texts.items() if name != STATUS}
         self._writer = RowWriter(
             self._folder / job.part,
-            kind.row_type,
+            job.rows,
             attached,
             {"run": {"run": job.run, "mode": job.mode}},
             start_utc_ns=self._wait_start(),
@@ -204,7 +185,7 @@ class RunLogger:
         if moved is not None and refers_to(moved / part, fd):
             self._folder = moved
             self._writer.path = moved / part
-            _report(event="place", folder=str(moved), why="the run's folder was moved")
+            report(RecordMoved(str(moved), "the run's folder was moved"))
         else:
             cause = "the run's folder was deleted" if moved is None else f"{part} was taken away"
             self._rescue(cause)
@@ -212,7 +193,7 @@ class RunLogger:
     def _rescue(self, why: str) -> None:
         if self._folder not in self._abandoned_folders:
             self._abandoned_folders.add(self._folder)
-            _report(event="lost", why=why)  # before the copying, so that the rig stops at once
+            report(RecordLost(why))  # before the copying, so that the rig stops at once
         part = self._job.part
         saved = save_to_rescue_folder(
             self._folder, self._texts, {part: self._writer.descriptor}, self._abandoned_folders
@@ -222,7 +203,7 @@ class RunLogger:
         self._folder, self._folder_fd = saved, open_folder(saved)
         with suppress(OSError):  # the lock of a run's folder, against a recovery meanwhile
             fcntl.flock(self._folder_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _report(event="place", folder=str(saved), why=why)
+        report(RecordMoved(str(saved), why))
 
     def _rescue_from_failed_disk(self, error: OSError) -> bool:
         """Save the record from a disk that fails for good; a full disk first gets its timeout."""
@@ -237,12 +218,12 @@ class RunLogger:
     def _report_disk_error(self, error: OSError) -> None:
         if self._failing_since is None:
             self._failing_since = time.monotonic()
-            _report(event="disk", error=error.strerror or str(error))
+            report(DiskState(error.strerror or str(error)))
 
     def _report_disk_recovered(self) -> None:
         if self._failing_since is not None:
             self._failing_since = None
-            _report(event="disk", error="")
+            report(DiskState(""))
 
     def _disk_timed_out(self) -> bool:
         since = self._failing_since
@@ -255,11 +236,6 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)
     job: LoggerJob = handover.loads(LoggerJob, sys.stdin.read())
     sys.exit(RunLogger(job).run())
-
-
-def _report(**event: Any) -> None:
-    with suppress(OSError):  # the supervisor may be gone
-        os.write(1, f"{json.dumps(event)}\n".encode())
 
 
 if __name__ == "__main__":

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from ipaddress import ip_address
 from pathlib import Path
-from typing import NamedTuple
 
 from drivers.canopen.bus_settings import BusSettings
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.wiring import RtuLine, TcpLine, Wiring
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
+from rig.host.finding import REALTIME, Check, Finding, Host, Verdict
 from rig.host.wires import DIALOUT, backend_trouble
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
@@ -21,17 +20,6 @@ from rig.wires.locks import Wire, acquire, can_wire, network_wire
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
 
 
-class _WireCheck(NamedTuple):
-    """State of a wire of the rig."""
-
-    check: str
-    value: str  # address
-    trouble: str
-    limit: str
-    advice: str
-    emulated: bool  # its address is on this host's loopback, or no device file
-
-
 def area(rig: AnyRigFile) -> str:
     """Return the heading of a rig's findings."""
     return f"wires of {rig.name}"
@@ -39,94 +27,83 @@ def area(rig: AnyRigFile) -> str:
 
 def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
     """Return the findings on the wiring, then on every wire: hardware, and an answering device."""
-    area_name = area(rig)
+    place = area(rig)
+    wiring_check = Check(place, "wiring", "", REALTIME)
     if rig.wiring is None:
-        value = "none: the rig can only be rehearsed"
-        return [Finding(area_name, "wiring", value, "", Verdict.NOTE)]
+        return [wiring_check.finding("none: the rig can only be rehearsed", Verdict.NOTE)]
     try:
         if isinstance(rig, BenchRigFile):
-            return _bench_findings(area_name, host, rig, rig.wiring)
+            return _bench_findings(place, rig, rig.wiring)
         load = build_job(rig).load.total
     except WiringError as error:
-        advice = "correct the rig file"
         text = "; ".join(str(error).splitlines())
-        return [Finding(area_name, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
+        return [wiring_check.finding(text, Verdict.BAD, "correct the rig file")]
     assert isinstance(rig.wiring, Wiring)
     can = rig.wiring.can
     bus = BusSettings(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
     limit = "at most 80 % in the worst case: the rest is for messages that do not come every tick"
-    found = [
-        Finding(area_name, "load of the CAN bus", f"{100 * load:.0f} %", limit, Verdict.GOOD),
-        _backend(area_name, can.interface),
-        _finding(area_name, _can(host, bus)),
+    return [
+        Check(place, "load of the CAN bus", limit).finding(f"{100 * load:.0f} %"),
+        _backend(place, can.interface),
+        _can(place, host, bus),
+        *(_line(place, name, line) for name, line in rig.wiring.lines.items()),
     ]
-    for name, line in rig.wiring.lines.items():
-        found.append(_finding(area_name, _line(host, name, line)))
-    return found
 
 
-def _bench_findings(
-    area_name: str, host: Host, rig: BenchRigFile, wiring: BenchWiring
-) -> list[Finding]:
+def _bench_findings(place: str, rig: BenchRigFile, wiring: BenchWiring) -> list[Finding]:
     """Return the findings on the bench's serial ports and lines.
 
     A load cell on UDP shows its presence only by an answer, so the finding only names its address.
     """
     build_bench_job(rig)
-    ports = {"encoder bridge": wiring.encoders.port, "servo drive": wiring.servo.port}
-    found = [_finding(area_name, _port(check, port)) for check, port in ports.items()]
-    found += [_finding(area_name, _line(host, name, line)) for name, line in wiring.lines.items()]
-    cell, limit = wiring.load_cell, "use `rig devices` to query it"
-    address = f"{cell.host}:{cell.port}"
-    return [*found, Finding(area_name, "load cell", address, limit, Verdict.NOTE)]
+    cell = Check(place, "load cell", "use `rig devices` to query it")
+    return [
+        _port(place, "encoder bridge", wiring.encoders.port),
+        _port(place, "servo drive", wiring.servo.port),
+        *(_line(place, name, line) for name, line in wiring.lines.items()),
+        cell.finding(f"{wiring.load_cell.host}:{wiring.load_cell.port}", Verdict.NOTE),
+    ]
 
 
-def _backend(area_name: str, interface: str) -> Finding:
-    check, limit = (
-        f"python-can on {interface}",
-        "can be imported, with the library of the adapter's manufacturer",
-    )
+def _backend(place: str, interface: str) -> Finding:
+    limit = "can be imported, with the library of the adapter's manufacturer"
+    check = Check(place, f"python-can on {interface}", limit, REALTIME)
     trouble = backend_trouble(interface)
     if not trouble:
-        return Finding(area_name, check, "installed", limit, Verdict.GOOD)
+        return check.finding("installed")
     advice = (
         "install the missing part: see the page of this interface in python-can's documentation"
     )
-    return Finding(area_name, check, trouble, limit, Verdict.BAD, advice, REALTIME)
+    return check.finding(trouble, Verdict.BAD, advice)
 
 
-def _can(host: Host, bus: BusSettings) -> _WireCheck:
+def _can(place: str, host: Host, bus: BusSettings) -> Finding:
     value = f"{bus.interface} {bus.channel}"
     if bus.interface == "socketcan":
-        trouble = wire_check.network_problem(bus.channel, host.root)
+        check = Check(place, "CAN bus", "the interface exists and is up", REALTIME)
         advice = (
             f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
             "no such interface, plug in the adapter and load its driver"
         )
-        return _WireCheck(
-            "CAN bus", value, trouble, "the interface exists and is up", advice, False
-        )
+        return _wire(check, value, wire_check.network_problem(bus.channel, host.root), advice)
     if bus.interface == "socketcand":
+        check = Check(place, "CAN bus", "a server listens there", REALTIME)
         address = str(dict(bus.options).get("host", "127.0.0.1"))
         wire = can_wire(bus.interface, bus.channel, dict(bus.options))
         trouble, used = _check_unless_in_use(wire, lambda: wire_check.bus_problem(bus))
-        limit, advice = "a server listens there", "start socketcand there"
-        return _WireCheck("CAN bus", value + used, trouble, limit, advice, _loopback(address))
-    limit = "use `rig scan can` to open it"
-    return _WireCheck("CAN bus", value, "", limit, "", False)
+        return _wire(check, value + used, trouble, "start socketcand there", _loopback(address))
+    return Check(place, "CAN bus", "use `rig scan can` to open it").finding(value)
 
 
-def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _WireCheck:
-    check = f"line {name}"
-    if isinstance(line, TcpLine):
-        wire = network_wire(check, "tcp", line.host, line.port)
-        trouble, used = _check_unless_in_use(
-            wire, lambda: wire_check.tcp_problem(line.host, line.port)
-        )
-        advice = "check its power, its address, and that this host is in its network"
-        value, limit = f"{line.host}:{line.port}{used}", "a server listens there"
-        return _WireCheck(check, value, trouble, limit, advice, _loopback(line.host))
-    return _port(check, line.port)
+def _line(place: str, name: str, line: TcpLine | RtuLine) -> Finding:
+    label = f"line {name}"
+    if not isinstance(line, TcpLine):
+        return _port(place, label, line.port)
+    check = Check(place, label, "a server listens there", REALTIME)
+    wire = network_wire(label, "tcp", line.host, line.port)
+    trouble, used = _check_unless_in_use(wire, lambda: wire_check.tcp_problem(line.host, line.port))
+    advice = "check its power, its address, and that this host is in its network"
+    return _wire(check, f"{line.host}:{line.port}{used}", trouble, advice, _loopback(line.host))
 
 
 def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str]:
@@ -142,23 +119,22 @@ def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str
         return "", " (in use by another program, so not tested)"
 
 
-def _port(check: str, port: str) -> _WireCheck:
+def _port(place: str, label: str, port: str) -> Finding:
     trouble = wire_check.port_problem(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
     emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
-    limit = "exists, and this user may open it"
-    return _WireCheck(check, port, trouble, limit, advice, emulated)
+    check = Check(place, label, "exists, and this user may open it", REALTIME)
+    return _wire(check, port, trouble, advice, emulated)
 
 
-def _finding(area_name: str, wire: _WireCheck) -> Finding:
-    value = f"{wire.value}: {wire.trouble}" if wire.trouble else wire.value
-    if not wire.trouble:
-        return Finding(area_name, wire.check, value, wire.limit, Verdict.GOOD)
-    if wire.emulated:
-        return Finding(area_name, wire.check, value, wire.limit, Verdict.WARNING, _EMULATED)
-    verdict = Verdict.BAD
-    forbids = forbidden_uses(verdict, *REALTIME)
-    return Finding(area_name, wire.check, value, wire.limit, verdict, wire.advice, forbids)
+def _wire(check: Check, value: str, trouble: str, advice: str, emulated: bool = False) -> Finding:
+    """Return the finding on a wire; ``emulated``: it is on this host, or no device file."""
+    if not trouble:
+        return check.finding(value)
+    value = f"{value}: {trouble}"
+    if emulated:
+        return check.finding(value, Verdict.WARNING, _EMULATED)
+    return check.finding(value, Verdict.BAD, advice)
 
 
 def _loopback(host: str) -> bool:

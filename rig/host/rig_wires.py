@@ -5,13 +5,14 @@ from ipaddress import ip_address
 from pathlib import Path
 
 from drivers.canopen.bus_settings import BusSettings
-from rig.config.any_rig_file import AnyRigFile
+from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import RtuLine, TcpLine, Wiring
 from rig.host.finding import REALTIME, Check, Finding, Host, Verdict
 from rig.host.wires import DIALOUT, backend_trouble
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
 from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import WiringError, build_job
 from rig.recording.runs.create import BusyError
 from rig.wires import wire_check
@@ -20,12 +21,12 @@ from rig.wires.locks import Wire, acquire, can_wire, network_wire
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
 
 
-def area(rig: AnyRigFile) -> str:
+def area(rig: BaseRigFile) -> str:
     """Return the heading of a rig's findings."""
     return f"wires of {rig.name}"
 
 
-def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
+def findings(host: Host, rig: BaseRigFile) -> list[Finding]:
     """Return the findings on the wiring, then on every wire: hardware, and an answering device."""
     place = area(rig)
     wiring_check = Check(place, "wiring", "", REALTIME)
@@ -34,6 +35,7 @@ def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
     try:
         if isinstance(rig, BenchRigFile):
             return _bench_findings(place, rig, rig.wiring)
+        assert isinstance(rig, RigFile)
         load = build_job(rig).load.total
     except WiringError as error:
         text = "; ".join(str(error).splitlines())

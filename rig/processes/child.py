@@ -16,13 +16,15 @@ from rig.processes.messages import Report, read_report
 class Child:
     """A child process of the supervisor. Its standard error goes to a file in the run's folder."""
 
-    def __init__(self, module: str, job: str, fds: tuple[int, ...], errors: Path) -> None:
+    def __init__(
+        self, module: str, job: str, fds: tuple[int, ...], errors: Path, *arguments: str
+    ) -> None:
         """Start ``python -m module`` with inherited file descriptors and send it the job."""
         self._reports: queue.SimpleQueue[Report] = queue.SimpleQueue()
         self._errors = errors
         with errors.open("ab") as sink:
             self.process = subprocess.Popen(
-                module_command(module),
+                module_command(module, *arguments),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=sink,

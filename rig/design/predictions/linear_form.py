@@ -36,7 +36,7 @@ def row_gains(campaign: CampaignFile, setting: RowSetting, ramp: float, dt: floa
         return Gains(setting.kp, setting.ki, setting.km)
     if law.linear is None:
         raise NotLinearError(f"the law {law.name} has no linear form")
-    set_point = law.module.SetPoint(*(getattr(setting, one.name) for one in law.columns))
+    set_point = law.set_point(setting)
     params: Any = law_params(law, campaign.law, ramp, dt)
     response = np.array([law.linear(params, set_point, float(omega)) for omega in _OMEGA])
     kp = float(response.real.mean())

@@ -15,7 +15,7 @@ class HandoverError(ValueError):
 
 
 def dumps(value: Any) -> str:
-    """Return the JSON text of a NamedTuple tree of floats, ints, strings, tuples and dicts."""
+    """Return the JSON text of a NamedTuple tree of numbers, strings, tuples and dicts."""
     return json.dumps(value)
 
 
@@ -44,7 +44,7 @@ def _build(hint: Any, data: Any, path: str, any_fields: dict[str, type]) -> Any:
         raise HandoverError(f"{path}: unions are not supported")
     if hint is float and isinstance(data, int | float) and not isinstance(data, bool):
         return float(data)
-    if hint in (int, str) and type(data) is hint:
+    if hint in (int, str, bool) and type(data) is hint:
         return data
     if get_origin(hint) is tuple and isinstance(data, list):
         item, *rest = get_args(hint)

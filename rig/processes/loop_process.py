@@ -10,41 +10,23 @@ more. On the virtual clock nothing moves, and a suspended rehearsal waits.
 """
 
 import importlib
-import json
 import os
 import signal
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 from rig import laws
 from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
-from rig.processes.messages import LoggerJob, LoopEnded, LoopPrivileges, Refused, report
+from rig.processes.messages import LoopEnded, LoopJob, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
 from rig.recording.ring import RingWriter
-
-
-class LoopJob(NamedTuple):
-    """The job that the supervisor sends to the loop process."""
-
-    real_clock: int  # 1: real time, 0: virtual
-    realtime_required: int  # 1: refuse to run without every privilege
-    dt: float  # s
-    ring: int  # file descriptor
-    mailbox: int  # file descriptor
-    supervisor: int  # process id
-    params: cycle.Params
-    devices: str  # JSON for the function that connects the devices
-    supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
-    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
-    last_logger: str = ""  # text of a `LoggerJob`; empty: unsaved rows are lost
-
 
 EXIT_ORPHANED = 76  # exit code: the supervisor was gone before the first tick
 EXIT_NOT_READY = 78  # exit code: the devices do not answer
@@ -63,8 +45,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
     ignore_terminal_signals()
     kind, job = _read_job(find_kind, sys.stdin.read())
     mailbox = Mailbox(job.mailbox, Request)
-    logger_job = handover.loads(LoggerJob, job.last_logger) if job.last_logger else None
-    last_logger = LastLogger(logger_job, job.supervisor)
+    last_logger = LastLogger(job.logger[0] if job.logger else None, job.supervisor)
     terminated = False
 
     def abort(*_: object) -> None:
@@ -74,7 +55,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
     def external_request() -> int:
         if terminated:
             return safety.REQUEST_ABORT
-        if os.getppid() != job.supervisor or (job.real_clock == 1 and supervisor_timed_out()):
+        if os.getppid() != job.supervisor or (job.real_clock and supervisor_timed_out()):
             return safety.REQUEST_SUPERVISOR_LOST
         return safety.REQUEST_NONE
 
@@ -92,16 +73,16 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
 
     signal.signal(signal.SIGTERM, abort)
     ring = RingWriter(
-        job.ring, kind.row_type, wait=job.real_clock == 0, stop_requested=must_not_wait
+        job.ring, kind.row_type, wait=not job.real_clock, stop_requested=must_not_wait
     )
     end: loop.LoopResult | None = None
     try:
         try:
-            devices = connect(json.loads(job.devices), job.dt)
+            devices = connect(job.devices, job.dt)
         except OSError as error:
             _refuse(error)
         granted = _privileges(job)
-        if granted is not None and granted.refused and job.realtime_required == 1:
+        if granted is not None and granted.refused and job.realtime_required:
             report(LoopPrivileges((granted,)))
             _refuse(f"the host did not grant {', '.join(granted.refused)}", EXIT_NO_PRIVILEGES)
         if external_request() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices started
@@ -114,7 +95,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
         except OSError as error:
             devices.close()
             _refuse(error)
-        clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
+        clock: Clock = RealClock(job.dt) if job.real_clock else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
         report(LoopPrivileges((granted,) if granted is not None else ()))
         end = loop.run(
@@ -125,7 +106,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             ring,
             mailbox,
             external_request,
-            measure_work=job.real_clock == 1,
+            measure_work=job.real_clock,
         )
         report(LoopEnded(*end))
     finally:
@@ -150,7 +131,7 @@ def _refuse(why: object, code: int = EXIT_NOT_READY) -> NoReturn:
 
 def _privileges(job: LoopJob) -> scheduling.Privileges | None:
     """Acquire real-time privileges; return None on the virtual clock, which must run without."""
-    if job.real_clock == 1:
+    if job.real_clock:
         return scheduling.acquire()
     scheduling.freeze_garbage_collector()
     return None

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, get_args
 
 from rig.processes import handover
 from rig.processes.handover import HandoverError
+from rig.realtime import cycle
 from rig.realtime.scheduling import Privileges
 from rig.recording.row_layout import RowSchema
 
@@ -30,6 +31,22 @@ class LoggerJob(NamedTuple):
     clock: str  # "virtual" or "real"
     rate_hz: float
     disk_timeout_s: float  # s of disk errors after which the remaining rows are lost
+
+
+class LoopJob(NamedTuple):
+    """The supervisor's request to the loop process."""
+
+    real_clock: bool
+    realtime_required: bool  # refuse to run without every privilege
+    dt: float  # s
+    ring: int  # file descriptor
+    mailbox: int  # file descriptor
+    supervisor: int  # process id
+    params: cycle.Params
+    devices: dict[str, Any]  # JSON values for the function that connects the devices
+    supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
+    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
+    logger: tuple[LoggerJob, ...] = ()  # the present logger's; none: unsaved rows are lost
 
 
 class IoJob(NamedTuple):

@@ -9,7 +9,6 @@ The thread that posts the heartbeat waits neither for a terminal nor for a disk:
 longer than the loop's heartbeat time-out. Another thread draws (`rig.processes.display`).
 """
 
-import json
 import os
 import time
 from collections.abc import Callable
@@ -22,12 +21,12 @@ from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
 from rig.processes.display import Display
 from rig.processes.io_processes import IoProcessError, IoProcesses
-from rig.processes.loop_process import LoopJob
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.messages import (
     DiskState,
     LoggerJob,
     LoopEnded,
+    LoopJob,
     LoopPrivileges,
     RecordLost,
     RecordMoved,
@@ -253,17 +252,17 @@ class SupervisedRun:
     def _start_loop(self) -> Child:
         setup, task, mode = self._setup, self._setup.task, self._setup.mode
         job = LoopJob(
-            real_clock=int(mode.real_clock),
-            realtime_required=int(task.realtime_required and mode.real_clock),
+            real_clock=mode.real_clock,
+            realtime_required=task.realtime_required and mode.real_clock,
             dt=task.dt,
             ring=self._ring_fd,
             mailbox=self._mailbox_fd,
             supervisor=os.getpid(),
             params=task.params,
-            devices=json.dumps(self._device_config()),
+            devices=self._device_config(),
             supervisor_timeout=task.supervisor_timeout,
             law=task.law,
-            last_logger=handover.dumps(self._logger_job()),
+            logger=(self._logger_job(),),
         )
         locks = (*_open_descriptors(setup.folder_lock), *setup.wire_locks)
         slots = self._io_processes.slots.values()

@@ -45,7 +45,7 @@ def privileges(job):
 loop_process.VirtualClock, loop_process._privileges = Clock, privileges
 loop_process.ignore_terminal_signals = lambda: None
 rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
-job = loop_process.LoopJob(0, 0, DT, rows, mail, os.getppid(), bench_params(), "{}", 1.0)
+job = loop_process.LoopJob(False, False, DT, rows, mail, os.getppid(), bench_params(), {}, 1.0)
 sys.stdin = io.StringIO(handover.dumps(job))
 code = 0
 try:
@@ -72,7 +72,7 @@ rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
 devices = bench()
 devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monotonic()))
 params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stall
-job = loop_process.LoopJob(1, 0, DT, rows, mail, os.getppid(), params, "{}", TIMEOUT)
+job = loop_process.LoopJob(True, False, DT, rows, mail, os.getppid(), params, {}, TIMEOUT)
 sys.stdin = io.StringIO(handover.dumps(job))
 loop_process.main(lambda law: BENCH, lambda config, dt: devices)
 reader, modes = ring.RingReader(rows), []

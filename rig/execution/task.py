@@ -60,7 +60,7 @@ def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResu
                 mode,
                 folder,
                 (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else [])),
-                folder_lock.fd,
+                folder_lock,
                 taken_locks.fds,
             )
         )

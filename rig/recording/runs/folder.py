@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 from rig.recording import process_identity
 from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
-from rig.recording.runs.mcap_file import FileContents, RunError, scan
+from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
+from rig.recording.runs.mcap_records import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 from rig.stations import Station, from_records
 
@@ -64,39 +65,30 @@ def mcap_parts(folder: Path) -> list[Path]:
 
 def attachments(run: str | os.PathLike[str]) -> dict[str, bytes]:
     """Return all attachments of a run's MCAP file(s) by name; the latest of a name counts."""
-    found: dict[str, bytes] = {}
-    for each in _scanned(run):
-        found.update(each.attachments)
-    return found
+    return merge_descriptions(_scanned(run))[0]
 
 
 def _scanned(run: str | os.PathLike[str]) -> list[FileContents]:
     """Scan the run's files; raise RunError if none of them can be read."""
-    found: list[FileContents] = []
-    failure: RunError | None = None
-    for path in mcap_files(run):
-        try:
-            found.append(scan(path))
-        except RunError as error:
-            failure = error
-    if failure is not None and not found:
-        raise failure
-    return found
+    contents, damage = scan_all(mcap_files(run))
+    if not contents:
+        raise RunError("; ".join(damage))
+    return contents
 
 
 class RunInfo(NamedTuple):
     """Description of a run from its files; an empty text or dict where they lack it."""
 
     run: str  # run id
-    mode: str
-    campaign: str
-    status: dict[str, Any]
-    config: dict[str, Any]
-    plan: dict[str, Any]
-    code: dict[str, Any]
-    host: dict[str, Any]
-    timing: dict[str, Any]
-    metadata: dict[str, dict[str, str]]
+    mode: str = ""
+    campaign: str = ""
+    status: dict[str, Any] = {}  # noqa: RUF012
+    config: dict[str, Any] = {}  # noqa: RUF012
+    plan: dict[str, Any] = {}  # noqa: RUF012
+    code: dict[str, Any] = {}  # noqa: RUF012
+    host: dict[str, Any] = {}  # noqa: RUF012
+    timing: dict[str, Any] = {}  # noqa: RUF012
+    metadata: dict[str, dict[str, str]] = {}  # noqa: RUF012
     law_source: bytes = b""  # of a law that was given by its file
 
     @property
@@ -137,18 +129,22 @@ class RunInfo(NamedTuple):
         return {key: value for key, value in flat.items() if value}
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    return _parse_json(read_regular(path, MAX_TABLE_BYTES))
-
-
-def _parse_json(data: bytes | None) -> dict[str, Any]:
-    if data is None:
-        return {}
-    try:
+def parse_json(data: bytes) -> dict[str, Any]:
+    """Return a JSON mapping; empty for any other text."""
+    with contextlib.suppress(ValueError):
         value = json.loads(data)
-    except ValueError:
-        return {}
-    return value if isinstance(value, dict) else {}
+        return value if isinstance(value, dict) else {}
+    return {}
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """Return a small JSON file; empty if it does not exist or is no mapping."""
+    return parse_json(_read_bytes(path))
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Return the bytes of a file; none if there is no such file."""
+    return read_regular(path, MAX_TABLE_BYTES) if path.is_file() else b""
 
 
 def _campaign(config: dict[str, Any]) -> str:
@@ -162,19 +158,12 @@ def run_info(
 ) -> RunInfo:
     """Return the description of a run; ``contents``: its scanned files if they exist already."""
     path = Path(run)
-    scanned = list(contents) if contents is not None else _scanned(run)
-    attached: dict[str, bytes] = {}
-    metadata: dict[str, dict[str, str]] = {}
-    for each in scanned:
-        attached.update(each.attachments)
-        metadata.update(each.metadata)
+    attached, metadata = merge_descriptions(_scanned(run) if contents is None else contents)
 
     def read(*names: str) -> dict[str, Any]:
         for name in names:
-            file = path / name
-            if path.is_dir() and file.is_file() and (found := _read_json(file)):
-                return found
-            if found := _parse_json(attached.get(name)):
+            found = _read_json(path / name) or parse_json(attached.get(name, b""))
+            if found:
                 return found
         return {}
 
@@ -194,11 +183,6 @@ def run_info(
         metadata=metadata,
         law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
     )
-
-
-def _read_bytes(path: Path) -> bytes:
-    """Return the bytes of a file; none if there is no such file."""
-    return read_regular(path, MAX_TABLE_BYTES) if path.is_file() else b""
 
 
 class RunListEntry(NamedTuple):
@@ -255,17 +239,11 @@ def _quick_info(path: Path) -> RunInfo:
         mode=_mode(status),
         campaign=str(status.get("campaign") or _campaign(_read_json(path / CONFIG))),
         status=status,
-        config={},
-        plan={},
-        code={},
-        host={},
-        timing={},
-        metadata={},
     )
 
 
 def _list_entry(path: Path) -> RunListEntry:
-    found = RunInfo(path.name, "", "", {}, {}, {}, {}, {}, {}, {})
+    found = RunInfo(path.name)
     problem, size = "", 0
     mcaps: list[Path] = []
     try:

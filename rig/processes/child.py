@@ -5,12 +5,42 @@ import signal
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 from rig.module_process import module_command
 from rig.processes.handover import HandoverError
 from rig.processes.messages import Report, read_report
+
+
+def start_process(
+    module: str,
+    job: str,
+    fds: tuple[int, ...],
+    errors: Path,
+    *arguments: str,
+    stdout: int = subprocess.DEVNULL,
+) -> "subprocess.Popen[str]":
+    """Start ``python -m module`` with inherited file descriptors and send it the job.
+
+    Its standard error is appended to the file ``errors``.
+    """
+    with errors.open("ab") as sink:
+        process = subprocess.Popen(
+            module_command(module, *arguments),
+            stdin=subprocess.PIPE,
+            stdout=stdout,
+            stderr=sink,
+            pass_fds=fds,
+            text=True,
+            process_group=0,  # Ctrl-C on the terminal reaches the supervisor only
+        )
+    assert process.stdin is not None
+    with suppress(BrokenPipeError):  # it died at once; `Child.last_message` gives the reason
+        process.stdin.write(job)
+        process.stdin.close()
+    return process
 
 
 class Child:
@@ -22,22 +52,7 @@ class Child:
         """Start ``python -m module`` with inherited file descriptors and send it the job."""
         self._reports: queue.SimpleQueue[Report] = queue.SimpleQueue()
         self._errors = errors
-        with errors.open("ab") as sink:
-            self.process = subprocess.Popen(
-                module_command(module, *arguments),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=sink,
-                pass_fds=fds,
-                text=True,
-                process_group=0,  # Ctrl-C on the terminal reaches the supervisor only
-            )
-        assert self.process.stdin is not None
-        try:
-            self.process.stdin.write(job)
-            self.process.stdin.close()
-        except BrokenPipeError:
-            pass  # the process died at once; `last_message` gives the reason
+        self.process = start_process(module, job, fds, errors, *arguments, stdout=subprocess.PIPE)
         self._listener = threading.Thread(
             target=self._listen, args=(self.process.stdout,), daemon=True
         )

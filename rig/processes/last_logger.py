@@ -11,8 +11,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from rig.module_process import module_command
 from rig.processes import handover
+from rig.processes.child import start_process
 from rig.processes.messages import LoggerJob
 from rig.realtime.loop import LoopResult
 from rig.realtime.safety import Reason
@@ -124,21 +124,9 @@ class LastLogger:
         number = max((int(text) for text in parts if text.isdigit()), default=-1) + 1
         job = job._replace(supervisor=os.getpid(), folder=str(folder), part=f"{stem}{number}")
         fds = tuple(fd for fd in (job.ring, job.folder_lock) if fd >= 0)
-        with (folder / "logger.stderr").open("ab") as errors:
-            process = subprocess.Popen(
-                module_command("rig.processes.logger"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=errors,
-                pass_fds=fds,
-                text=True,
-                process_group=0,
-            )
-        assert process.stdin is not None
-        with suppress(BrokenPipeError):
-            process.stdin.write(handover.dumps(job))
-            process.stdin.close()
-        return process
+        return start_process(
+            "rig.processes.logger", handover.dumps(job), fds, folder / "logger.stderr"
+        )
 
 
 def _folder(job: LoggerJob) -> Path:

@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -78,16 +79,16 @@ class RunLogger:
                 self._certificate.add(block)
             waited = time.monotonic() - self._flushed
             if self._reader.uncommitted >= quarter or waited >= FLUSH_INTERVAL:
-                if not self._flush():
+                self._flushed = time.monotonic()
+                if not self._save(self._writer.flush) and not self._may_retry():
                     return EXIT_ROWS_LOST
             elif not block:
                 time.sleep(IDLE_INTERVAL)
         for name, value in (("timing.json", self._timing()), ("status.json", self._status())):
             self._writer.attach(name, json.dumps(value, indent=2).encode())
-        while not self._finish():
-            if self._disk_timed_out():
+        while not self._save(self._writer.finish):
+            if not self._may_retry():
                 return EXIT_ROWS_LOST
-            time.sleep(RETRY_INTERVAL)
         return 0
 
     def _wait_start(self) -> int:
@@ -146,32 +147,15 @@ class RunLogger:
             self._job.clock, self._job.rate_hz, self._reader.dropped, granted
         )
 
-    def _flush(self) -> bool:
-        """Write the rows taken so far to disk; return False after `disk_timeout_s` of errors."""
-        self._flushed = time.monotonic()
+    def _save(self, write: Callable[[], object]) -> bool:
+        """Write to the record where it can be found; return False after a disk error."""
         try:
             self._follow_file()
-            self._writer.flush()
+            write()
         except OSError as error:
             self._report_disk_error(error)
-            if self._rescue_from_failed_disk(error):
-                return True  # the next flush writes to the rescue folder
-            if self._disk_timed_out():
-                return False
-            time.sleep(RETRY_INTERVAL)
-            return True
-        self._reader.commit()
-        self._report_disk_recovered()
-        return True
-
-    def _finish(self) -> bool:
-        try:
-            self._follow_file()
-            self._writer.finish()
-        except OSError as error:
-            self._report_disk_error(error)
-            self._rescue_from_failed_disk(error)
-            return False
+            # A rescue folder is tried at once: the rows are not safe before.
+            return self._rescue_from_failed_disk(error) and self._save(write)
         self._reader.commit()
         self._report_disk_recovered()
         return True
@@ -224,6 +208,13 @@ class RunLogger:
         if self._failing_since is not None:
             self._failing_since = None
             report(DiskState(""))
+
+    def _may_retry(self) -> bool:
+        """Wait for the next attempt on a failing disk; return False after `disk_timeout_s`."""
+        if self._disk_timed_out():
+            return False
+        time.sleep(RETRY_INTERVAL)
+        return True
 
     def _disk_timed_out(self) -> bool:
         since = self._failing_since

@@ -116,58 +116,33 @@ class Reason(IntEnum):
 
 NO_REASON = int(Reason.NONE)
 
-# The stop category of each reason. A controlled stop is impossible after a fault in something that
-# the damping itself needs (encoder, drive, arithmetic, time).
-CATEGORY: tuple[int, ...] = (
-    1,  # NONE (never used)
-    1,  # PLAN_END
-    1,  # OPERATOR_STOP
-    0,  # OPERATOR_ABORT
-    1,  # SUPERVISOR_LOST
-    1,  # LOGGER_LOST
-    0,  # NOT_FINITE
-    0,  # STALE_ENCODER
-    0,  # STALE_DRIVE
-    1,  # STALE_LOAD_CELL
-    1,  # STALE_ANALYSER
-    1,  # STALE_STATOR
-    0,  # LOST_TICKS
-    0,  # DRIVE_FAULT
-    0,  # DRIVE_DROPPED
-    0,  # DRIVE_NOT_ON
-    1,  # POSITION
-    1,  # VELOCITY
-    1,  # ROTOR_TRAVEL
-    0,  # POSITION_DISAGREES
-    1,  # STATOR_LATE
-    1,  # NOT_CALM
-    0,  # EXCEPTION
-    0,  # ENCODER_JUMP
-    1,  # SPRING_STROKE
-    0,  # BUS_UNDERVOLTAGE
-    0,  # BUS_OVERVOLTAGE
-    0,  # SURGE_STALE_ENCODER
-    0,  # SURGE_STALE_DRIVE
-    0,  # SURGE_DRIVE_FAULT
-    0,  # SURGE_DRIVE_DROPPED
-    1,  # SURGE_POSITION
-    1,  # SURGE_VELOCITY
-    0,  # SURGE_ENCODER_JUMP
-    0,  # EMERGENCY_STOP
-    1,  # LIMIT_SWITCH
-    1,  # STALE_PANEL
-    1,  # BRAKE_LOST
-    1,  # STALE_BRAKE
-    0,  # COUPLING_SLIP
-    0,  # LOAD_CELL_OVERLOAD
-    0,  # SHAFT_ENCODER_JUMP
-    0,  # CURRENT_DISAGREES
-    0,  # SURGE_CURRENT_DISAGREES
-    0,  # VELOCITY_DISAGREES
-    0,  # FORCE_DISAGREES
-    0,  # POWER_SIGN
-    1,  # POWER_BALANCE
-)
+# A controlled stop is impossible after a fault in something that the damping itself needs (encoder,
+# drive, arithmetic, time). So every reason that is not listed here removes the power at once.
+_CONTROLLED_STOP = {
+    Reason.NONE,
+    Reason.PLAN_END,
+    Reason.OPERATOR_STOP,
+    Reason.SUPERVISOR_LOST,
+    Reason.LOGGER_LOST,
+    Reason.STALE_LOAD_CELL,
+    Reason.STALE_ANALYSER,
+    Reason.STALE_STATOR,
+    Reason.POSITION,
+    Reason.VELOCITY,
+    Reason.ROTOR_TRAVEL,
+    Reason.STATOR_LATE,
+    Reason.NOT_CALM,
+    Reason.SPRING_STROKE,
+    Reason.SURGE_POSITION,
+    Reason.SURGE_VELOCITY,
+    Reason.LIMIT_SWITCH,
+    Reason.STALE_PANEL,
+    Reason.BRAKE_LOST,
+    Reason.STALE_BRAKE,
+    Reason.POWER_BALANCE,
+}
+CATEGORY: tuple[int, ...] = tuple(int(reason in _CONTROLLED_STOP) for reason in Reason)
+"""The stop category of each reason; that of NONE is never used."""
 
 # Requests of the operator and of the supervisor, from the mailbox.
 REQUEST_NONE = 0

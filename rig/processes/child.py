@@ -37,9 +37,9 @@ def start_process(
             process_group=0,  # Ctrl-C on the terminal reaches the supervisor only
         )
     assert process.stdin is not None
-    with suppress(BrokenPipeError):  # it died at once; `Child.last_message` gives the reason
+    # A process that died at once breaks the pipe; `Child.last_message` gives the reason.
+    with suppress(BrokenPipeError), process.stdin:
         process.stdin.write(job)
-        process.stdin.close()
     return process
 
 

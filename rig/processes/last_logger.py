@@ -123,7 +123,7 @@ class LastLogger:
         parts = (path.name.removeprefix(stem) for path in folder.glob(f"{stem}*"))
         number = max((int(text) for text in parts if text.isdigit()), default=-1) + 1
         job = job._replace(supervisor=os.getpid(), folder=str(folder), part=f"{stem}{number}")
-        fds = tuple(fd for fd in (job.ring, job.folder_lock) if fd >= 0)
+        fds = (job.ring, job.folder_lock)
         return start_process(
             "rig.processes.logger", handover.dumps(job), fds, folder / "logger.stderr"
         )
@@ -131,7 +131,4 @@ class LastLogger:
 
 def _folder(job: LoggerJob) -> Path:
     """Return the present path of the run's folder; of a rescue folder if it was deleted."""
-    folder = Path(job.folder)
-    if job.folder_lock < 0:
-        return folder
-    return current_folder(job.folder_lock) or save_to_rescue_folder(folder, {}, {})
+    return current_folder(job.folder_lock) or save_to_rescue_folder(Path(job.folder), {}, {})

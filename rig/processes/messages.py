@@ -23,7 +23,7 @@ class LoggerJob(NamedTuple):
     rows: RowSchema  # of the ring's rows
     supervisor: int  # process id
     folder: str  # folder of the run
-    folder_lock: int  # file descriptor of that folder; -1: none
+    folder_lock: int  # file descriptor of that folder
     part: str  # name of the file to create
     attachments: tuple[str, ...]  # files of the folder to attach to it
     run: str  # run id

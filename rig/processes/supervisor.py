@@ -32,7 +32,7 @@ from rig.processes.messages import (
     RecordMoved,
     Refused,
 )
-from rig.processes.run_types import Outcome, Setup, Snapshot
+from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.realtime import safety
 from rig.realtime.safety import Reason
 from rig.recording import ring
@@ -51,17 +51,33 @@ ABORT_TIMEOUT_S = 5.0  # s that the loop may take to carry out an abort
 
 
 class SupervisedRun:
-    """One run and its supervision; call `supervise` once."""
+    """One run and its supervision; call `supervise` once.
 
-    def __init__(self, setup: Setup) -> None:
-        self._setup = setup
-        self._ring_fd = ring.create(setup.task.kind.row_type)
+    ``attachments``: JSON files of the folder that go into the MCAP file; ``folder_lock``: file
+    descriptor, held as long as a process of the run lives; ``wire_locks``: file descriptors, held
+    by all that use wires or real time.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        mode: ExecutionMode,
+        folder: Path,
+        attachments: tuple[str, ...],
+        *,
+        folder_lock: int,
+        wire_locks: tuple[int, ...],
+    ) -> None:
+        self._task, self._mode = task, mode
+        self._run, self._attachments = folder.name, attachments
+        self._folder_lock, self._wire_locks = folder_lock, wire_locks
+        self._ring_fd = ring.create(task.kind.row_type)
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
         self._mailbox = Mailbox(self._mailbox_fd, Request)
-        self._layout = layout(setup.task.kind.row_type)
-        self._names = [leaf.name for leaf in leaves(setup.task.kind.row_type)]
-        self._io_processes = IoProcesses(setup.mode.io_processes, setup.folder, setup.wire_locks)
+        self._layout = layout(task.kind.row_type)
+        self._names = [leaf.name for leaf in leaves(task.kind.row_type)]
+        self._io_processes = IoProcesses(mode.io_processes, folder, wire_locks)
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
@@ -72,7 +88,7 @@ class SupervisedRun:
         self._log_abandoned = False  # the rest of the log is abandoned
         self._loop_progress = StallTimer()
         self._log_progress = StallTimer()
-        self._whereabouts = FolderTracker(setup.folder)
+        self._whereabouts = FolderTracker(folder)
 
     @property
     def folder(self) -> Path:
@@ -226,31 +242,29 @@ class SupervisedRun:
         os.close(self._mailbox_fd)
 
     def _start_logger(self) -> Child:
-        job = self._logger_job()
+        job = handover.dumps(self._logger_job())
         self._parts += 1
-        fds = (self._ring_fd, *_open_descriptors(self._setup.folder_lock))
-        errors = self.folder / "logger.stderr"
-        return Child("rig.processes.logger", handover.dumps(job), fds, errors)
+        fds = (self._ring_fd, self._folder_lock)
+        return Child("rig.processes.logger", job, fds, self.folder / "logger.stderr")
 
     def _logger_job(self) -> LoggerJob:
-        setup, task, mode = self._setup, self._setup.task, self._setup.mode
         return LoggerJob(
             ring=self._ring_fd,
-            rows=schema(task.kind.row_type),
+            rows=schema(self._task.kind.row_type),
             supervisor=os.getpid(),
             folder=str(self.folder),
-            folder_lock=setup.folder_lock,
+            folder_lock=self._folder_lock,
             part=f"{MCAP}.part{self._parts}",
-            attachments=setup.attachments,
-            run=setup.folder.name,
-            mode=mode.name,
-            clock="real" if mode.real_clock else "virtual",
-            rate_hz=1.0 / task.dt,
+            attachments=self._attachments,
+            run=self._run,
+            mode=self._mode.name,
+            clock="real" if self._mode.real_clock else "virtual",
+            rate_hz=1.0 / self._task.dt,
             disk_timeout_s=DISK_TIMEOUT_S,
         )
 
     def _start_loop(self) -> Child:
-        setup, task, mode = self._setup, self._setup.task, self._setup.mode
+        task, mode = self._task, self._mode
         job = LoopJob(
             real_clock=mode.real_clock,
             realtime_required=task.realtime_required and mode.real_clock,
@@ -264,18 +278,18 @@ class SupervisedRun:
             law=task.law,
             logger=(self._logger_job(),),
         )
-        locks = (*_open_descriptors(setup.folder_lock), *setup.wire_locks)
         slots = self._io_processes.slots.values()
+        locks = (self._folder_lock, *self._wire_locks)
         fds = (self._ring_fd, self._mailbox_fd, *slots, self._io_processes.loop_end, *locks)
-        errors = setup.folder / "loop.stderr"
+        errors = self.folder / "loop.stderr"
         return Child(LOOP_MODULE, handover.dumps(job), fds, errors, task.tick, mode.device_module)
 
     def _device_config(self) -> dict[str, Any]:
         """Return the devices' configuration for the loop; I/O processes add facts and mailboxes."""
-        if not self._setup.mode.io_processes:
-            return self._setup.mode.devices
+        if not self._mode.io_processes:
+            return self._mode.devices
         shared = {"facts": self._io_processes.facts, "mailboxes": self._io_processes.slots}
-        return self._setup.mode.devices | shared
+        return self._mode.devices | shared
 
     def _read_loop_reports(self, loop: Child) -> None:
         for report in loop.read_reports():
@@ -337,7 +351,3 @@ class SupervisedRun:
 
 
 _REQUEST_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
-
-
-def _open_descriptors(*locks: int) -> tuple[int, ...]:
-    return tuple(fd for fd in locks if fd >= 0)

@@ -22,6 +22,7 @@ from rig.processes.messages import LoggerJob
 from rig.realtime.loop import LoopResult
 from rig.realtime.safety import Reason
 from rig.recording import ring
+from rig.recording.folder_watch import open_folder
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.row_layout import leaves, schema
 from rig.recording.runs import create, mcap_file
@@ -60,7 +61,11 @@ def rows() -> tuple[int, ring.RingWriter]:
 def job_of(run: Path, fd: int) -> LoggerJob:
     return LoggerJob(
         **{"ring": fd, "rows": schema(WaveBotRow), "supervisor": GONE, "folder": str(run)},
-        **{"folder_lock": -1, "part": "run.mcap.part0", "attachments": ("config.json",)},
+        **{
+            "folder_lock": open_folder(run),
+            "part": "run.mcap.part0",
+            "attachments": ("config.json",),
+        },
         **{"run": "a", "mode": "rehearsal", "clock": "virtual"},
         **{"rate_hz": 1000.0, "disk_timeout_s": 1.0},
     )

@@ -22,7 +22,7 @@ class EmulatedDevices(Protocol):
     """All emulated devices of a rig."""
 
     async def serve(self, ended: asyncio.Event) -> None:
-        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
+        """Serve the devices until ``ended``; report their addresses when ready."""
         ...
 
 

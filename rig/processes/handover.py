@@ -6,6 +6,7 @@ Pickle is not used.
 """
 
 import json
+from collections.abc import Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
@@ -24,12 +25,7 @@ def loads(kind: Any, text: str, **any_fields: type) -> Any:
 
     Raises HandoverError if the text does not fit the type.
     """
-    return build(kind, json.loads(text), **any_fields)
-
-
-def build(kind: Any, data: Any, **any_fields: type) -> Any:
-    """Build a ``kind`` from the JSON values of its text, as `loads` does."""
-    return _build(kind, data, kind.__name__, any_fields)
+    return build(kind, json.loads(text), kind.__name__, any_fields)
 
 
 def read_field(kind: Any, text: str, name: str) -> Any:
@@ -37,7 +33,8 @@ def read_field(kind: Any, text: str, name: str) -> Any:
     return json.loads(text)[kind._fields.index(name)]
 
 
-def _build(hint: Any, data: Any, path: str, any_fields: dict[str, type]) -> Any:
+def build(hint: Any, data: Any, path: str, any_fields: Mapping[str, type]) -> Any:
+    """Build a value of a type from JSON values; ``path``: its name in the message of an error."""
     if get_origin(hint) is Annotated:
         hint = get_args(hint)[0]
     if get_origin(hint) in (Union, UnionType):
@@ -50,12 +47,12 @@ def _build(hint: Any, data: Any, path: str, any_fields: dict[str, type]) -> Any:
         item, *rest = get_args(hint)
         if rest != [...]:
             raise HandoverError(f"{path}: only tuples of one item type are supported")
-        return tuple(_build(item, d, f"{path}[{i}]", any_fields) for i, d in enumerate(data))
+        return tuple(build(item, d, f"{path}[{i}]", any_fields) for i, d in enumerate(data))
     if get_origin(hint) is dict and isinstance(data, dict):
         _, item = get_args(hint)
         if item is Any:  # plain JSON values
             return data
-        return {key: _build(item, d, f"{path}[{key!r}]", any_fields) for key, d in data.items()}
+        return {key: build(item, d, f"{path}[{key!r}]", any_fields) for key, d in data.items()}
     fields = getattr(hint, "_fields", None)
     if fields is None or not isinstance(data, list) or len(data) != len(fields):
         raise HandoverError(f"{path}: {type(data).__name__} does not fit {hint}")
@@ -65,5 +62,5 @@ def _build(hint: Any, data: Any, path: str, any_fields: dict[str, type]) -> Any:
         kind = any_fields.get(name) if hints[name] is Any else hints[name]
         if kind is None:
             raise HandoverError(f"{path}.{name}: no type was given for this field")
-        values.append(_build(kind, item, f"{path}.{name}", any_fields))
+        values.append(build(kind, item, f"{path}.{name}", any_fields))
     return hint(*values)

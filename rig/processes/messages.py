@@ -137,5 +137,5 @@ def read_report(line: str) -> Report | None:
     name, fields = value
     if name not in _REPORTS:
         raise HandoverError(f"{name}: no such report; known are {', '.join(_REPORTS)}")
-    found: Report = handover.build(_REPORTS[name], fields)
+    found: Report = handover.build(_REPORTS[name], fields, name, {})
     return found

@@ -19,7 +19,7 @@ from typing import Any
 from rig.processes import handover, mailbox
 from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
-from rig.processes.display import Display
+from rig.processes.display import drawing_thread
 from rig.processes.io_processes import IoProcessError, IoProcesses
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.messages import (
@@ -106,11 +106,11 @@ class SupervisedRun:
         left behind.
         """
         # Two threads: a terminal that blocks must not delay the progress file on the disk.
-        with Display(on_snapshot) as display, Display(self._write_progress) as progress:
+        with drawing_thread(on_snapshot) as draw, drawing_thread(self._write_progress) as save:
 
             def show(snapshot: Snapshot) -> None:
-                display.show(snapshot)
-                progress.show(snapshot)
+                draw(snapshot)
+                save(snapshot)
 
             return self._run_to_end(show, get_request)
 
@@ -193,7 +193,7 @@ class SupervisedRun:
             return logger
         self._log_progress = StallTimer()
         if not refers_to(self.folder, self._whereabouts.descriptor):
-            # Before `settled`, which may copy the whole record.
+            # Before `can_locate_record`, which may copy the whole record.
             self._set_request(safety.REQUEST_LOGGER_LOST)
         failed = (
             self._parts > MAX_LOGGER_RESTARTS

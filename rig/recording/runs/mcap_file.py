@@ -149,12 +149,10 @@ class _ScanResult:
             texts = [(each, each.data.decode(errors="replace")) for each in copies]
             good = (each for each, text in texts if schema_checksum(each.name, text) == written)
             return next(good, None)
-        counts = Counter((s.name, s.encoding, s.data) for s in copies)
-        if len(counts) > 1 and counts.most_common(1)[0][1] == 1:
-            copies = [s for s in copies if s in self.indexed]
-        best = counts.most_common(1)[0][0] if counts else None
-        best_of = [s for s in copies if len(counts) == 1 or (s.name, s.encoding, s.data) == best]
-        return next(iter(best_of or copies), None)
+        counts = Counter((s.name, s.data) for s in copies)
+        if len(counts) > 1 and max(counts.values()) == 1:  # no two agree
+            return next((s for s in copies if s in self.indexed), None)
+        return max(copies, key=lambda s: counts[s.name, s.data], default=None)
 
 
 def _with_current_name(leaf: Leaf) -> Leaf:

@@ -152,7 +152,7 @@ class EmulatedBench:
         )
 
     async def serve(self, ended: asyncio.Event) -> None:
-        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
+        """Serve the devices until ``ended``; report their addresses when ready."""
         self._world.actuate(mode=self._mode, locked=self._locked)
         ticking = None
         try:

@@ -131,7 +131,7 @@ class EmulatedWaveBot:
         )
 
     async def serve(self, ended: asyncio.Event) -> None:
-        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
+        """Serve the devices until ``ended``; report their addresses when ready."""
         can = self._wiring.can
         host, port = can.options.get("host", "127.0.0.1"), int(can.options.get("port", 0))
         host, port = await self.hub.serve(host, port)

@@ -66,7 +66,8 @@ class Child:
                 try:
                     report = read_report(line)
                 except HandoverError as error:
-                    with self._errors.open("a") as sink:  # so that `last_message` gives it
+                    # So that `last_message` gives it; the folder may be deleted, the disk full.
+                    with suppress(OSError), self._errors.open("a") as sink:
                         sink.write(f"its report cannot be read: {error}\n")
                 else:
                     if report is not None:

@@ -48,16 +48,12 @@ class IoProcesses:
         self._processes = processes
         self._locks = locks
         self._folder = folder
-        self._slots = {name: mailbox.create() for each in processes for name in each.mailboxes}
+        # The file descriptors of the mailboxes by name.
+        self.slots = {name: mailbox.create() for each in processes for name in each.mailboxes}
         self._lifeline, self.loop_end = os.pipe()  # the loop inherits `loop_end`
         self._children: list[tuple[IoProcess, Child]] = []
         self.facts: dict[str, Any] = {}  # by I/O process: values read from devices, for the loop
         self.messages: list[str] = []  # for people, in the order in which they came
-
-    @property
-    def slots(self) -> dict[str, int]:
-        """The file descriptors of the mailboxes by name."""
-        return dict(self._slots)
 
     def start(self) -> None:
         """Start the processes that others need, then all others at once; wait until all are ready.
@@ -75,7 +71,7 @@ class IoProcesses:
             write_json(self._folder, FACTS_FILE, self.facts)
 
     def _start_child(self, process: IoProcess) -> Child:
-        slots = {name: self._slots[name] for name in process.mailboxes}
+        slots = {name: self.slots[name] for name in process.mailboxes}
         job = handover.dumps(IoJob(process.config, slots, self._lifeline))
         fds = (self._lifeline, *slots.values(), *self._locks)
         child = Child(process.module, job, fds, self._folder / f"{process.name}.stderr")
@@ -129,6 +125,6 @@ class IoProcesses:
                 child.process.terminate()
             child.end(timeout_s)
         self.release_lifeline()
-        for fd in (self._lifeline, *self._slots.values()):
+        for fd in (self._lifeline, *self.slots.values()):
             os.close(fd)
-        self._slots = {}
+        self.slots = {}

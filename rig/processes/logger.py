@@ -153,11 +153,11 @@ class RunLogger:
             self._follow_file()
             write()
         except OSError as error:
-            self._report_disk_error(error)
+            self._set_disk_state(error.strerror or repr(error))
             # A rescue folder is tried at once: the rows are not safe before.
             return self._rescue_from_failed_disk(error) and self._save(write)
         self._reader.commit()
-        self._report_disk_recovered()
+        self._set_disk_state("")
         return True
 
     def _follow_file(self) -> None:
@@ -199,15 +199,11 @@ class RunLogger:
             return True
         return False
 
-    def _report_disk_error(self, error: OSError) -> None:
-        if self._failing_since is None:
-            self._failing_since = time.monotonic()
-            report(DiskState(error.strerror or str(error)))
-
-    def _report_disk_recovered(self) -> None:
-        if self._failing_since is not None:
-            self._failing_since = None
-            report(DiskState(""))
+    def _set_disk_state(self, error: str) -> None:
+        """Report a disk that begins to fail or works again (empty error)."""
+        if bool(error) != (self._failing_since is not None):
+            self._failing_since = time.monotonic() if error else None
+            report(DiskState(error))
 
     def _may_retry(self) -> bool:
         """Wait for the next attempt on a failing disk; return False after `disk_timeout_s`."""

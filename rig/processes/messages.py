@@ -108,10 +108,9 @@ class RecordMoved(NamedTuple):
     why: str
 
 
-LoopReport = LoopPrivileges | LoopEnded | Refused
-IoReport = Ready | Notice | Refused
-LoggerReport = DiskState | RecordLost | RecordMoved
-Report = LoopReport | IoReport | LoggerReport
+Report = (
+    LoopPrivileges | LoopEnded | Refused | Ready | Notice | DiskState | RecordLost | RecordMoved
+)
 _REPORTS: dict[str, type] = {kind.__name__: kind for kind in get_args(Report)}
 
 

@@ -22,7 +22,7 @@ from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
-from rig.processes.messages import LoopEnded, LoopJob, LoopPrivileges, Refused, report
+from rig.processes.messages import LoopJob, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
@@ -108,7 +108,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             external_request,
             measure_work=job.real_clock,
         )
-        report(LoopEnded(*end))
+        report(end)
     finally:
         ring.finish()  # otherwise the logger would wait for rows that never come
         last_logger.save_remaining_rows(ring, end)

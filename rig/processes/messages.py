@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, get_args
 from rig.processes import handover
 from rig.processes.handover import HandoverError
 from rig.realtime import cycle
+from rig.realtime.loop import LoopResult
 from rig.realtime.scheduling import Privileges
 from rig.recording.row_layout import RowSchema
 
@@ -63,14 +64,6 @@ class LoopPrivileges(NamedTuple):
     privileges: tuple[Privileges, ...]
 
 
-class LoopEnded(NamedTuple):
-    """The loop has ended, and its devices are stopped."""
-
-    ticks: int  # executed
-    skipped: int  # periods lost
-    reason: int  # rig.realtime.safety.Reason
-
-
 class Refused(NamedTuple):
     """A process cannot begin its work, or go on with it."""
 
@@ -109,7 +102,7 @@ class RecordMoved(NamedTuple):
 
 
 Report = (
-    LoopPrivileges | LoopEnded | Refused | Ready | Notice | DiskState | RecordLost | RecordMoved
+    LoopPrivileges | LoopResult | Refused | Ready | Notice | DiskState | RecordLost | RecordMoved
 )
 _REPORTS: dict[str, type] = {kind.__name__: kind for kind in get_args(Report)}
 

@@ -25,7 +25,6 @@ from rig.processes.mailbox import Mailbox, Request
 from rig.processes.messages import (
     DiskState,
     LoggerJob,
-    LoopEnded,
     LoopJob,
     LoopPrivileges,
     RecordLost,
@@ -34,6 +33,7 @@ from rig.processes.messages import (
 )
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.realtime import safety
+from rig.realtime.loop import LoopResult
 from rig.realtime.safety import Reason
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
@@ -82,7 +82,7 @@ class SupervisedRun:
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
         self._problem = ""
-        self._end: LoopEnded | None = None
+        self._end: LoopResult | None = None
         self._refused = ""
         self._died = ""
         self._log_abandoned = False  # the rest of the log is abandoned
@@ -300,7 +300,7 @@ class SupervisedRun:
                         write_json(self.folder, log_process.PRIVILEGES, granted)
                 case Refused(why):
                     self._refused = why
-                case LoopEnded():
+                case LoopResult():
                     self._end = report
 
     def _logger_failed(self, logger: Child) -> bool:

@@ -105,7 +105,7 @@ def test_the_wires_are_warmed_up_last_before_the_first_tick() -> None:
         "connect", "privileges", "warm up 0.001", "clock", "first tick",
     ]  # fmt: skip
     assert order[-1] == "close"
-    assert found["LoopEnded"].ticks > 400
+    assert found["LoopResult"].ticks > 400
 
 
 @pytest.mark.parametrize("why", ["no process data from surge in 3 s"])
@@ -122,7 +122,7 @@ def silent(timeout: float) -> dict[str, Any]:
 
 def test_a_silent_supervisor_is_a_controlled_stop_on_the_real_clock() -> None:
     found = silent(0.2)
-    assert found["LoopEnded"].reason == Reason.SUPERVISOR_LOST
+    assert found["LoopResult"].reason == Reason.SUPERVISOR_LOST
     (rows,) = found["rows"]
     first = next(tick for tick, _, why in rows if why == Reason.SUPERVISOR_LOST)
     # Posted while the wires warm up, read every 50 ms; a busy host only delays it.
@@ -133,4 +133,4 @@ def test_a_silent_supervisor_is_a_controlled_stop_on_the_real_clock() -> None:
 
 
 def test_a_supervisor_within_its_timeout_stops_nothing() -> None:
-    assert silent(30.0)["LoopEnded"].reason == Reason.PLAN_END
+    assert silent(30.0)["LoopResult"].reason == Reason.PLAN_END

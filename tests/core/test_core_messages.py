@@ -14,7 +14,6 @@ from rig.processes.handover import HandoverError
 from rig.processes.messages import (
     DiskState,
     IoJob,
-    LoopEnded,
     LoopPrivileges,
     Notice,
     Ready,
@@ -24,6 +23,7 @@ from rig.processes.messages import (
     read_report,
     report,
 )
+from rig.realtime.loop import LoopResult
 from rig.realtime.scheduling import Privileges
 
 
@@ -32,7 +32,7 @@ from rig.realtime.scheduling import Privileges
     [
         LoopPrivileges(()),
         LoopPrivileges((Privileges("", "not permitted", "", ""),)),
-        LoopEnded(1200, 3, 7),
+        LoopResult(1200, 3, 7),
         Refused("no process data from surge in 3 s\nor stator"),
         Ready(),
         Ready({"heave": {"amc_peak_current": 60.0, "ids": [1, None]}}),
@@ -59,9 +59,9 @@ def test_the_text_of_a_library_is_no_report(line: str) -> None:
     ("line", "message"),
     [
         ('["LoopEnd", [1, 2, 3]]', "LoopEnd: no such report"),
-        ('["LoopEnded", [1, 2]]', "LoopEnded: list does not fit"),
-        ('["LoopEnded", [1, 2, "x"]]', "LoopEnded.reason: str does not fit"),
-        ('["LoopEnded", {"ticks": 1}]', "LoopEnded: dict does not fit"),
+        ('["LoopResult", [1, 2]]', "LoopResult: list does not fit"),
+        ('["LoopResult", [1, 2, "x"]]', "LoopResult.reason: str does not fit"),
+        ('["LoopResult", {"ticks": 1}]', "LoopResult: dict does not fit"),
         ('["Ready", [["heave"]]]', "Ready.facts: list does not fit"),
         ('["LoopPrivileges", [[["", "", ""]]]]', r"LoopPrivileges.privileges\[0\]: list does not"),
     ],
@@ -85,7 +85,7 @@ def test_a_child_with_a_faulty_report_says_so_in_its_last_message(
     code = """
 print("a library")
 print('["Ready", [{}]]')
-print('["LoopEnded", [1, 2]]')
+print('["LoopResult", [1, 2]]')
 print('["Notice", ["cut o', end="")
 """
     (tmp_path / "faulty.py").write_text(code)
@@ -93,4 +93,4 @@ print('["Notice", ["cut o', end="")
     child = Child("faulty", "", (), tmp_path / "faulty.stderr")
     child.end(30.0)
     assert child.read_reports() == [Ready({})]
-    assert child.last_message().startswith("its report cannot be read: LoopEnded: list does not")
+    assert child.last_message().startswith("its report cannot be read: LoopResult: list does not")

@@ -15,7 +15,6 @@ from rig.processes import handover
 from rig.processes.child import start_process
 from rig.processes.messages import LoggerJob
 from rig.realtime.loop import LoopResult
-from rig.realtime.safety import Reason
 from rig.recording.folder_watch import (
     current_folder,
     open_folder,
@@ -111,7 +110,7 @@ class LastLogger:
         progress |= {"dropped": ring.dropped, "saved": ring.tail}
         if end is not None:
             progress |= {"last_tick": end.ticks + end.skipped - 1, "skipped": end.skipped}
-            progress |= {"reason": Reason(end.reason).name}
+            progress |= {"reason": end.reason}
         with suppress(OSError):
             fd = open_folder(_folder(job))
             write_progress(fd, **progress)

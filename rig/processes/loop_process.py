@@ -26,6 +26,7 @@ from rig.processes.messages import LoopJob, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
+from rig.realtime.reasons import Reason
 from rig.recording.ring import RingWriter
 
 EXIT_ORPHANED = 76  # exit code: the supervisor was gone before the first tick
@@ -86,7 +87,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             report(LoopPrivileges((granted,)))
             _refuse(f"the host did not grant {', '.join(granted.refused)}", EXIT_NO_PRIVILEGES)
         if external_request() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices started
-            devices.stop(safety.Reason.SUPERVISOR_LOST.value)
+            devices.stop(Reason.SUPERVISOR_LOST.value)
             devices.close()
             # A supervisor that was only suspended reads this later.
             _refuse(_ORPHANED_MESSAGE, EXIT_ORPHANED)

@@ -34,7 +34,7 @@ from rig.processes.messages import (
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.realtime import safety
 from rig.realtime.loop import LoopResult
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import NO_REASON
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
 from rig.recording.row_layout import layout, leaves, schema
@@ -71,6 +71,7 @@ class SupervisedRun:
         self._task, self._mode = task, mode
         self._run, self._attachments = folder.name, attachments
         self._folder_lock, self._wire_locks = folder_lock, wire_locks
+        self._reasons = task.kind.reason_table
         self._ring_fd = ring.create(task.kind.row_type)
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
@@ -315,7 +316,9 @@ class SupervisedRun:
 
     def _snapshot(self) -> Snapshot:
         unsaved = self._ring.head - self._ring.tail
-        return Snapshot(self._latest_row(), self._ring.dropped, unsaved, self._problem)
+        row = self._latest_row()
+        reason = self._reasons.name(int(row.get("safety.reason", NO_REASON)))
+        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason)
 
     def _latest_row(self) -> dict[str, float | int]:
         packed = self._ring.latest()
@@ -326,8 +329,7 @@ class SupervisedRun:
     def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest_row()
         if end is not None:
-            reason = Reason(end.reason)
-            status, cause = end_status(reason), reason.name
+            status, cause = end_status(end.reason), self._reasons.name(end.reason)
         elif self._refused:
             status, cause = "refused", self._refused
         else:

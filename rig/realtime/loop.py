@@ -8,7 +8,8 @@ from typing import Any, NamedTuple, Protocol
 from rig.realtime import cycle
 from rig.realtime.clock import Clock
 from rig.realtime.devices import Devices
-from rig.realtime.safety import STOP_0, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_0
 
 STOP_REPEATS = 5  # repetitions of the stop at the end, so that one lost frame does not matter
 LINGER_TICKS = 20  # ticks logged after power was removed, so that the record shows it
@@ -40,7 +41,7 @@ class LoopResult(NamedTuple):
 
     ticks: int  # executed
     skipped: int  # periods lost
-    reason: int  # rig.realtime.safety.Reason
+    reason: int  # `rig.realtime.reasons`
 
 
 def run(

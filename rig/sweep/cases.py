@@ -155,7 +155,7 @@ def row_results(
         results[window.row] = reduce_window(
             window, period_ticks, STATIONS
         )  # the last attempt counts
-    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
+    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
     return [
         own_settings(results.get(row.row, not_run), ())
         | {"stator": row.stator_position, **row.setting._asdict()}

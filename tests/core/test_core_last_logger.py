@@ -20,7 +20,7 @@ from rig.processes import handover, last_logger
 from rig.processes.last_logger import LastLogger
 from rig.processes.messages import LoggerJob
 from rig.realtime.loop import LoopResult
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
 from rig.recording import ring
 from rig.recording.folder_watch import open_folder
 from rig.recording.mcap_writer import RowWriter

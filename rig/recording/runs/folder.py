@@ -10,9 +10,13 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.realtime import reasons
+from rig.realtime.reasons import ReasonTable
 from rig.recording import process_identity
 from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
@@ -107,6 +111,11 @@ class RunInfo(NamedTuple):
         listed = self.plan.get("stations")
         return _MASK4_STATIONS if listed is None else from_records(listed)
 
+    @property
+    def reasons(self) -> ReasonTable:
+        """The reasons of a stop in the plan."""
+        return recorded_reasons(self.plan)
+
     def config_number(self, *keys: str) -> float | None:
         """Return a number of the configuration by its keys, outermost first; None without one."""
         value: Any = self.config
@@ -129,10 +138,10 @@ class RunInfo(NamedTuple):
         return {key: value for key, value in flat.items() if value}
 
 
-def parse_json(data: bytes) -> dict[str, Any]:
-    """Return a JSON mapping; empty for any other text."""
+def parse_json(data: bytes | None) -> dict[str, Any]:
+    """Return a JSON file as a mapping; empty if it is missing or no mapping."""
     with contextlib.suppress(ValueError):
-        value = json.loads(data)
+        value = json.loads(data or b"")
         return value if isinstance(value, dict) else {}
     return {}
 
@@ -162,7 +171,7 @@ def run_info(
 
     def read(*names: str) -> dict[str, Any]:
         for name in names:
-            found = _read_json(path / name) or parse_json(attached.get(name, b""))
+            found = _read_json(path / name) or parse_json(attached.get(name))
             if found:
                 return found
         return {}
@@ -303,3 +312,16 @@ def list_runs(folder: str | os.PathLike[str]) -> list[RunListEntry]:
         if path.is_dir() and not path.name.startswith(".")
     ]
     return sorted(found, key=_sort_key)
+
+
+def recorded_reasons(plan: Mapping[str, Any]) -> ReasonTable:
+    """Return the reasons of a stop in a run's plan; runs before 2027 do not list them."""
+    listed = plan.get("reasons")
+    return earlier_reasons() if listed is None else reasons.from_records(listed)
+
+
+@cache
+def earlier_reasons() -> ReasonTable:
+    """Return the reasons of runs recorded before 2027."""
+    text = resources.files(__package__).joinpath("earlier_reasons.json").read_text()
+    return reasons.from_records(json.loads(text))

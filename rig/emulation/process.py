@@ -15,8 +15,8 @@ from rig.config.rig_file import BaseRigFile
 from rig.emulation.addresses import occupied_addresses, unreachable_addresses
 from rig.emulation.control import ControlServer
 from rig.emulation.devices import EmulatedDevices
-from rig.processes.io_process import report_event
 from rig.processes.io_processes import IoProcess
+from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
 from sim_plant.emulators.running import running
 from sim_plant.emulators.schedule import precise_loop
@@ -37,13 +37,13 @@ def emulation_process(module: str, rig: BaseRigFile, **config: Any) -> IoProcess
     return IoProcess(PROCESS_NAME, module, config, (), READY_TIMEOUT_S, starts_first=True)
 
 
-def serve_devices(job: dict[str, Any], model: type[R], build: Build[R]) -> None:
+def serve_devices(job: IoJob, model: type[R], build: Build[R]) -> None:
     """Serve until terminated, or until some time after the loop's end.
 
     An OSError of the devices is reported as a refusal.
     """
     with asyncio.Runner(loop_factory=precise_loop) as runner:
-        runner.run(_serve_job(job["config"], job["lifeline"], model, build))
+        runner.run(_serve_job(job.config, job.lifeline, model, build))
 
 
 async def _serve_job(
@@ -65,10 +65,10 @@ async def _serve_job(
             raise OSError("\n".join(problems))
         devices = build(rig, config, loop)
         if refused := scheduling.acquire_for_emulator():
-            report_event(event="message", text=f"no priority over other work: {refused}")
+            report(Notice(f"no priority over other work: {refused}"))
         await _serve(devices, ended)
     except OSError as error:  # an address is taken by another run or another rig's devices
-        report_event(event="refused", why=str(error))
+        report(Refused(str(error)))
 
 
 async def _serve(devices: EmulatedDevices, ended: asyncio.Event) -> None:
@@ -78,7 +78,7 @@ async def _serve(devices: EmulatedDevices, ended: asyncio.Event) -> None:
         async with running(devices.wires) as addresses:
             await control.start()
             stepping = asyncio.create_task(_step(devices, control))
-            report_event(event="ready", facts={"control": control.address, **addresses})
+            report(Ready({"control": control.address, **addresses}))
             while not (ended.is_set() or stepping.done()):
                 with suppress(TimeoutError):
                     await asyncio.wait_for(ended.wait(), _CHECK_INTERVAL_S)

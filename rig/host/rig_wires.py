@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
+from rig.host.finding import REALTIME, Check, Finding, Host, Verdict
 from rig.host.wires import DIALOUT, backend_trouble
 from rig.kinds import find
 from rig.recording.runs.create import BusyError
@@ -17,17 +16,6 @@ from rig.wires.locks import acquire, lockable
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
 
 
-class _WireCheck(NamedTuple):
-    """State of a wire of the rig."""
-
-    check: str
-    value: str  # address
-    trouble: str
-    limit: str
-    advice: str
-    emulated: bool  # its address is on this host's loopback, or no device file
-
-
 def area(rig: BaseRigFile) -> str:
     """Return the heading of a rig's findings."""
     return f"wires of {rig.name}"
@@ -35,78 +23,72 @@ def area(rig: BaseRigFile) -> str:
 
 def findings(host: Host, rig: BaseRigFile) -> list[Finding]:
     """Return the findings on the wiring, then on every wire: hardware, and an answering device."""
-    area_name = area(rig)
+    place = area(rig)
+    wiring_check = Check(place, "wiring", "", REALTIME)
     if rig.wiring is None:
-        value = "none: the rig can only be rehearsed"
-        return [Finding(area_name, "wiring", value, "", Verdict.NOTE)]
+        return [wiring_check.finding("none: the rig can only be rehearsed", Verdict.NOTE)]
     try:
         load = find(rig.kind).room("hardware.job").build_job(rig).bus_load
     except WiringError as error:
-        advice = "correct the rig file"
         text = "; ".join(str(error).splitlines())
-        return [Finding(area_name, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
+        return [wiring_check.finding(text, Verdict.BAD, "correct the rig file")]
     found = []
     if load is not None:
-        check, value = "load of the CAN bus", f"{100 * load.total:.0f} %"
         limit = (
             "at most 80 % in the worst case: the rest is for messages that do not come every tick"
         )
-        found.append(Finding(area_name, check, value, limit, Verdict.GOOD))
+        check = Check(place, "load of the CAN bus", limit)
+        found.append(check.finding(f"{100 * load.total:.0f} %"))
     for wire in rig.wiring.wires():
         part = wire.part
         if isinstance(part, CanBus):
-            found.append(_backend(area_name, part.interface))
-            found.append(_finding(area_name, _can(host, wire, part)))
+            found += [_backend(place, part.interface), _can(place, host, wire, part)]
         elif isinstance(part, TcpLine):
-            found.append(_finding(area_name, _tcp(wire, part)))
+            found.append(_tcp(place, wire, part))
         elif isinstance(part, SerialPort | RtuLine):
-            found.append(_finding(area_name, _port(wire.name, part.port)))
+            found.append(_port(place, wire.name, part.port))
         else:  # a device on UDP shows its presence only by an answer
-            limit = "use `rig devices` to query it"
-            found.append(Finding(area_name, wire.name, wire.address, limit, Verdict.NOTE))
+            check = Check(place, wire.name, "use `rig devices` to query it")
+            found.append(check.finding(wire.address, Verdict.NOTE))
     return found
 
 
-def _backend(area_name: str, interface: str) -> Finding:
-    check, limit = (
-        f"python-can on {interface}",
-        "can be imported, with the library of the adapter's manufacturer",
-    )
+def _backend(place: str, interface: str) -> Finding:
+    limit = "can be imported, with the library of the adapter's manufacturer"
+    check = Check(place, f"python-can on {interface}", limit, REALTIME)
     trouble = backend_trouble(interface)
     if not trouble:
-        return Finding(area_name, check, "installed", limit, Verdict.GOOD)
+        return check.finding("installed")
     advice = (
         "install the missing part: see the page of this interface in python-can's documentation"
     )
-    return Finding(area_name, check, trouble, limit, Verdict.BAD, advice, REALTIME)
+    return check.finding(trouble, Verdict.BAD, advice)
 
 
-def _can(host: Host, wire: Wire, can: CanBus) -> _WireCheck:
-    bus, value = can.settings(), wire.address
+def _can(place: str, host: Host, wire: Wire, can: CanBus) -> Finding:
+    bus = can.settings()
     if bus.interface == "socketcan":
-        trouble = wire_check.network_problem(bus.channel, host.root)
+        check = Check(place, "CAN bus", "the interface exists and is up", REALTIME)
         advice = (
             f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
             "no such interface, plug in the adapter and load its driver"
         )
-        return _WireCheck(
-            "CAN bus", value, trouble, "the interface exists and is up", advice, False
-        )
+        trouble = wire_check.network_problem(bus.channel, host.root)
+        return _wire(check, wire.address, trouble, advice)
     if bus.interface == "socketcand":
+        check = Check(place, "CAN bus", "a server listens there", REALTIME)
         trouble, used = _check_unless_in_use(wire, lambda: wire_check.bus_problem(bus))
-        limit, advice = "a server listens there", "start socketcand there"
         emulated = wire_check.is_loopback(bus.endpoint[0])
-        return _WireCheck("CAN bus", value + used, trouble, limit, advice, emulated)
-    limit = "use `rig scan can` to open it"
-    return _WireCheck("CAN bus", value, "", limit, "", False)
+        return _wire(check, wire.address + used, trouble, "start socketcand there", emulated)
+    return Check(place, "CAN bus", "use `rig scan can` to open it").finding(wire.address)
 
 
-def _tcp(wire: Wire, line: TcpLine) -> _WireCheck:
+def _tcp(place: str, wire: Wire, line: TcpLine) -> Finding:
+    check = Check(place, wire.name, "a server listens there", REALTIME)
     trouble, used = _check_unless_in_use(wire, lambda: wire_check.tcp_problem(line.host, line.port))
     advice = "check its power, its address, and that this host is in its network"
-    value, limit = f"{wire.address}{used}", "a server listens there"
     emulated = wire_check.is_loopback(line.host)
-    return _WireCheck(wire.name, value, trouble, limit, advice, emulated)
+    return _wire(check, f"{wire.address}{used}", trouble, advice, emulated)
 
 
 def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str]:
@@ -122,20 +104,19 @@ def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str
         return "", " (in use by another program, so not tested)"
 
 
-def _port(check: str, port: str) -> _WireCheck:
+def _port(place: str, label: str, port: str) -> Finding:
     trouble = wire_check.port_problem(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
     emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
-    limit = "exists, and this user may open it"
-    return _WireCheck(check, port, trouble, limit, advice, emulated)
+    check = Check(place, label, "exists, and this user may open it", REALTIME)
+    return _wire(check, port, trouble, advice, emulated)
 
 
-def _finding(area_name: str, wire: _WireCheck) -> Finding:
-    value = f"{wire.value}: {wire.trouble}" if wire.trouble else wire.value
-    if not wire.trouble:
-        return Finding(area_name, wire.check, value, wire.limit, Verdict.GOOD)
-    if wire.emulated:
-        return Finding(area_name, wire.check, value, wire.limit, Verdict.WARNING, _EMULATED)
-    verdict = Verdict.BAD
-    forbids = forbidden_uses(verdict, *REALTIME)
-    return Finding(area_name, wire.check, value, wire.limit, verdict, wire.advice, forbids)
+def _wire(check: Check, value: str, trouble: str, advice: str, emulated: bool = False) -> Finding:
+    """Return the finding on a wire; ``emulated``: it is on this host, or no device file."""
+    if not trouble:
+        return check.finding(value)
+    value = f"{value}: {trouble}"
+    if emulated:
+        return check.finding(value, Verdict.WARNING, _EMULATED)
+    return check.finding(value, Verdict.BAD, advice)

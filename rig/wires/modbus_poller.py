@@ -22,8 +22,9 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import ExceptionResponseError, Line, LineError, RtuSettings, TcpSettings
 from drivers.modbus.registers import RegisterBlock, RegisterValue
-from rig.processes.io_process import end_condition, report_event, run_io_process
+from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
+from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
 from rig.wires.messages import (
     ACKNOWLEDGEMENT_SUFFIX,
@@ -233,9 +234,9 @@ def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:
     return Line(TcpSettings(**settings) if kind == "tcp" else RtuSettings(**settings), writable)
 
 
-def poll(job: dict[str, Any]) -> None:
+def poll(job: IoJob) -> None:
     """Poll one line until terminated or until the loop has ended."""
-    config, slots = job["config"], open_mailboxes(job["mailboxes"])
+    config, slots = job.config, open_mailboxes(job.mailboxes)
     tasks = [
         _BlockTask(
             block,
@@ -249,8 +250,8 @@ def poll(job: dict[str, Any]) -> None:
     writable += [block for t in tasks for block, setup in setup_blocks(t.polled) if setup.write]
     line = create_line(config, writable)
     if refused := scheduling.acquire_for_io():
-        report_event(event="message", text=f"no priority over other work: {refused}")
-    ended = end_condition(job["lifeline"])
+        report(Notice(f"no priority over other work: {refused}"))
+    ended = end_condition(job.lifeline)
     began, ready = time.monotonic(), False
     try:
         while not ended():
@@ -260,13 +261,13 @@ def poll(job: dict[str, Any]) -> None:
                 time.sleep(min(pause, 0.1))
                 continue
             if text := task.turn(line):
-                report_event(event="message", text=text)
+                report(Notice(text))
             if not ready and all(each.answered for each in tasks):
                 ready = True
-                report_event(event="ready")
+                report(Ready())
             if not ready and time.monotonic() - began > READY_TIMEOUT_S:
                 silent = [f"{t.polled.name} ({t.trouble})" for t in tasks if not t.answered]
-                report_event(event="refused", why="; ".join(silent))
+                report(Refused("; ".join(silent)))
                 return
     finally:
         for task in tasks:  # write zeros; the module's own watchdog is the second safeguard

@@ -249,7 +249,7 @@ def _write_folder(
     texts = {CONFIG: config, "plan.json": plan, "code.json": provenance.describe_code()}
     writer = RowWriter(
         folder / MCAP,
-        WaveBotRow,
+        row_layout.schema(WaveBotRow),
         {name: json.dumps(value).encode() for name, value in texts.items()},
         {"run": {"run": folder.name, "mode": IMPORTED_MODE}},
         start_utc_ns=round(description.started.timestamp() * 1e9),

@@ -14,14 +14,15 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from numpy.lib.recfunctions import repack_fields
 
-from rig import kinds
 from rig.processes import handover
+from rig.processes.messages import DiskState, LoggerJob, RecordLost, RecordMoved, report
 from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.ring import ProducerState, RingReader, lock_consumer
@@ -35,39 +36,20 @@ RETRY_INTERVAL = 0.5  # s between attempts on a full disk
 ORPHAN_TIMEOUT = 5.0  # s without a row and without a supervisor after which the log ends
 IDLE_INTERVAL = 0.02  # s to sleep without a row; longer blocks cost less per row
 _PERMANENT_ERRORS = {errno.EROFS, errno.EIO, errno.ESTALE, errno.EACCES, errno.EPERM, errno.ENODEV}
-EXIT_ROWS_LOST = 74  # exit code: rows were lost to the disk
-
-
-class LoggerJob(NamedTuple):
-    """The supervisor's request to the logger."""
-
-    kind: str
-    ring: int  # file descriptor
-    supervisor: int  # process id
-    folder: str  # folder of the run
-    part: str  # name of the file to create
-    attachments: tuple[str, ...]  # files of the folder to attach to it
-    run: str  # run id
-    mode: str
-    clock: str  # "virtual" or "real"
-    rate_hz: float
-    disk_timeout_s: float  # s of disk errors after which the remaining rows are lost
-
-
 PRIVILEGES = "privileges.json"  # written by the supervisor when the loop reports
+EXIT_ROWS_LOST = 74  # exit code: rows were lost to the disk
 
 
 class RunLogger:
     """Writes one part of the run's record."""
 
     def __init__(self, job: LoggerJob) -> None:
-        kind = kinds.find(job.kind).room("tick").find_kind("")
         self._job = job
         self._folder = Path(job.folder)
         self._folder_fd = open_folder(self._folder)
         self._lock = lock_consumer(job.ring)  # before reading the tail: its consumer may move it
         self._reader = RingReader(job.ring)
-        self._certificate = TimingCertificate(kind.row_type)
+        self._certificate = TimingCertificate(job.rows.leaves)
         self._flushed = self._moved = time.monotonic()
         self._failing_since: float | None = None
         self._abandoned_folders: set[Path] = set()  # folders that the record had to leave
@@ -80,7 +62,7 @@ class RunLogger:
         attached = {name: text for name, text in self._texts.items() if name != STATUS}
         self._writer = RowWriter(
             self._folder / job.part,
-            kind.row_type,
+            job.rows,
             attached,
             {"run": {"run": job.run, "mode": job.mode}},
             start_utc_ns=self._wait_start(),
@@ -96,16 +78,16 @@ class RunLogger:
                 self._certificate.add(block)
             waited = time.monotonic() - self._flushed
             if self._reader.uncommitted >= quarter or waited >= FLUSH_INTERVAL:
-                if not self._flush():
+                self._flushed = time.monotonic()
+                if not self._save(self._writer.flush) and not self._may_retry():
                     return EXIT_ROWS_LOST
             elif not block:
                 time.sleep(IDLE_INTERVAL)
         for name, value in (("timing.json", self._timing()), ("status.json", self._status())):
             self._writer.attach(name, json.dumps(value, indent=2).encode())
-        while not self._finish():
-            if self._disk_timed_out():
+        while not self._save(self._writer.finish):
+            if not self._may_retry():
                 return EXIT_ROWS_LOST
-            time.sleep(RETRY_INTERVAL)
         return 0
 
     def _wait_start(self) -> int:
@@ -167,34 +149,17 @@ class RunLogger:
             self._job.clock, self._job.rate_hz, self._reader.dropped, granted
         )
 
-    def _flush(self) -> bool:
-        """Write the rows taken so far to disk; return False after `disk_timeout_s` of errors."""
-        self._flushed = time.monotonic()
+    def _save(self, write: Callable[[], object]) -> bool:
+        """Write to the record where it can be found; return False after a disk error."""
         try:
             self._follow_file()
-            self._writer.flush()
+            write()
         except OSError as error:
-            self._report_disk_error(error)
-            if self._rescue_from_failed_disk(error):
-                return True  # the next flush writes to the rescue folder
-            if self._disk_timed_out():
-                return False
-            time.sleep(RETRY_INTERVAL)
-            return True
+            self._set_disk_state(error.strerror or repr(error))
+            # A rescue folder is tried at once: the rows are not safe before.
+            return self._rescue_from_failed_disk(error) and self._save(write)
         self._reader.commit()
-        self._report_disk_recovered()
-        return True
-
-    def _finish(self) -> bool:
-        try:
-            self._follow_file()
-            self._writer.finish()
-        except OSError as error:
-            self._report_disk_error(error)
-            self._rescue_from_failed_disk(error)
-            return False
-        self._reader.commit()
-        self._report_disk_recovered()
+        self._set_disk_state("")
         return True
 
     def _follow_file(self) -> None:
@@ -206,7 +171,7 @@ class RunLogger:
         if moved is not None and refers_to(moved / part, fd):
             self._folder = moved
             self._writer.path = moved / part
-            _report(event="place", folder=str(moved), why="the run's folder was moved")
+            report(RecordMoved(str(moved), "the run's folder was moved"))
         else:
             cause = "the run's folder was deleted" if moved is None else f"{part} was taken away"
             self._rescue(cause)
@@ -214,7 +179,7 @@ class RunLogger:
     def _rescue(self, why: str) -> None:
         if self._folder not in self._abandoned_folders:
             self._abandoned_folders.add(self._folder)
-            _report(event="lost", why=why)  # before the copying, so that the rig stops at once
+            report(RecordLost(why))  # before the copying, so that the rig stops at once
         part = self._job.part
         saved = save_to_rescue_folder(
             self._folder, self._texts, {part: self._writer.descriptor}, self._abandoned_folders
@@ -224,7 +189,7 @@ class RunLogger:
         self._folder, self._folder_fd = saved, open_folder(saved)
         with suppress(OSError):  # the lock of a run's folder, against a recovery meanwhile
             fcntl.flock(self._folder_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _report(event="place", folder=str(saved), why=why)
+        report(RecordMoved(str(saved), why))
 
     def _rescue_from_failed_disk(self, error: OSError) -> bool:
         """Save the record from a disk that fails for good; a full disk first gets its timeout."""
@@ -236,15 +201,18 @@ class RunLogger:
             return True
         return False
 
-    def _report_disk_error(self, error: OSError) -> None:
-        if self._failing_since is None:
-            self._failing_since = time.monotonic()
-            _report(event="disk", error=error.strerror or str(error))
+    def _set_disk_state(self, error: str) -> None:
+        """Report a disk that begins to fail or works again (empty error)."""
+        if bool(error) != (self._failing_since is not None):
+            self._failing_since = time.monotonic() if error else None
+            report(DiskState(error))
 
-    def _report_disk_recovered(self) -> None:
-        if self._failing_since is not None:
-            self._failing_since = None
-            _report(event="disk", error="")
+    def _may_retry(self) -> bool:
+        """Wait for the next attempt on a failing disk; return False after `disk_timeout_s`."""
+        if self._disk_timed_out():
+            return False
+        time.sleep(RETRY_INTERVAL)
+        return True
 
     def _disk_timed_out(self) -> bool:
         since = self._failing_since
@@ -257,11 +225,6 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)
     job: LoggerJob = handover.loads(LoggerJob, sys.stdin.read())
     sys.exit(RunLogger(job).run())
-
-
-def _report(**event: Any) -> None:
-    with suppress(OSError):  # the supervisor may be gone
-        os.write(1, f"{json.dumps(event)}\n".encode())
 
 
 if __name__ == "__main__":

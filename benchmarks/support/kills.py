@@ -29,6 +29,7 @@ from benchmarks.support.live import (
 )
 from benchmarks.support.recorded import campaign_file
 from rig.kinds.wavebot.tick import WaveBotRow
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime.safety import STOP_0
 from rig.recording.ring import RingReader
 from rig.recording.row_layout import leaves
@@ -36,7 +37,6 @@ from rig.recording.runs import RunError, create, mcap_file
 from rig.recording.runs.account import TickAccount
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.recover import Recovery, recover
-from rig.wires.locks import REALTIME_WIRE, acquire
 
 SUPERVISOR, ALL = "supervisor", "all"
 PAIRS = {  # killed one right after the other

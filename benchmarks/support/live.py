@@ -18,9 +18,9 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from benchmarks.support.recorded import ROOT
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.ring import ProducerState, RingReader
 from rig.recording.runs.create import BusyError
-from rig.wires.locks import REALTIME_WIRE, acquire
 
 LOOP, LOGGER = "rig.processes.loop_process", "rig.processes.logger"
 TIMEOUT = 60.0  # s

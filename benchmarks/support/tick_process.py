@@ -19,10 +19,10 @@ from benchmarks.support.seams import PARTS, Stamps, TimedDevices, TimedWriter
 from rig.kinds.wavebot.tick import KIND
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox, Request
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime import loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock
 from rig.recording import ring
-from rig.wires.locks import REALTIME_WIRE, acquire
 
 
 def tick(

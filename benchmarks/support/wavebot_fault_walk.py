@@ -16,7 +16,7 @@ from rig.kinds.wavebot.rehearsal import emulation
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.child import Child
 from rig.processes.run_types import ExecutionMode
-from rig.wires.locks import wires_in
+from rig.processes.wire_locks import wires_in
 
 FAST = 0.05  # m/s of the body in heave
 LONG = 40.0  # s of a run whose powers are averaged over 30 s

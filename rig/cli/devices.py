@@ -14,8 +14,8 @@ from rig.cli.devices_view import as_dict, heard_as_dict, render, render_heard
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import RIGS, input_file
 from rig.kinds.rig_file import load_rig
+from rig.processes import wire_locks
 from rig.recording.runs.create import BusyError
-from rig.wires import locks as wire_locks
 from rig.wires.listen import listen
 from rig.wires.survey import survey
 

@@ -14,9 +14,9 @@ from drivers.modbus.line import RtuSettings, TcpSettings
 from rig import cli
 from rig.cli.command_error import fail
 from rig.cli.console import table_console
+from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire, serial_wire
 from rig.recording.runs.create import BusyError
 from rig.wires import scan
-from rig.wires.locks import Wire, acquire, can_wire, network_wire, serial_wire
 
 _LATE_ANSWER_S = 0.1  # wait for a late answer after a timeout on a serial line
 

@@ -10,16 +10,16 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
+from rig.processes import wire_locks
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.supervisor import SupervisedRun
+from rig.processes.wire_locks import REALTIME_WIRE
 from rig.realtime import safety
 from rig.realtime.reasons import ReasonTable, reason_table
 from rig.recording import process_identity, provenance
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import JoinResult, RunError, create, join, reader
 from rig.recording.runs.folder import LAW_SOURCE, MCAP, STATUS, mcap_parts
-from rig.wires import locks as wire_locks
-from rig.wires.locks import REALTIME_WIRE
 
 ATTACHED_FILES = ("config.json", "plan.json", "code.json", "host.json")
 

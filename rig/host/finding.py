@@ -5,7 +5,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.wires.wire_check import file_owner
+from rig.user_names import file_owner
 
 
 class Verdict(StrEnum):

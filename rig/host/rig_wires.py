@@ -8,10 +8,10 @@ from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire
 from rig.host.finding import REALTIME, Check, Finding, Host, Verdict
 from rig.host.wires import DIALOUT, backend_trouble
 from rig.kinds import find
+from rig.processes.wire_locks import acquire, lockable
 from rig.recording.runs.create import BusyError
 from rig.wires import wire_check
 from rig.wires.job import WiringError
-from rig.wires.locks import acquire, lockable
 
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from rig.host.finding import ALL_USES, REALTIME, Check, Finding, Verdict, grade
 from rig.module_process import module_command
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
-from rig.wires.locks import REALTIME_WIRE, acquire
 
 AREA = "timing"
 P99_GOOD, P99_BAD = 0.10, 0.30  # of the period

@@ -3,8 +3,8 @@
 from typing import Any, NamedTuple
 
 from rig.processes.io_processes import IoProcess
+from rig.processes.wire_locks import Wire
 from rig.realtime import cycle
-from rig.wires.locks import Wire
 
 
 class Task(NamedTuple):

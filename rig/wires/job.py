@@ -10,8 +10,8 @@ from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import Registers, Wiring
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode
+from rig.processes.wire_locks import wires_in
 from rig.wires import streams
-from rig.wires.locks import wires_in
 from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
 from rig.wires.modbus_poller import PolledBlock, RegisterPreset
 

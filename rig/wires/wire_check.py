@@ -1,14 +1,13 @@
 """Quick checks why a wire cannot be opened, with messages on which a person can act."""
 
-import grp
 import os
-import pwd
 import socket
 from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
 
 from drivers.canopen.bus_settings import BusSettings
+from rig.user_names import current_user, file_owner
 
 _TCP_TIMEOUT_S = 1.0  # s for a TCP connection
 
@@ -78,32 +77,3 @@ def port_problem(path: str) -> str:
     if os.access(port, os.R_OK | os.W_OK):
         return ""
     return f"may not be opened by {current_user()}: it belongs to {file_owner(port)}"
-
-
-def current_user() -> str:
-    """Return the name of this process's user."""
-    return user_name(os.geteuid())
-
-
-def file_owner(port: Path) -> str:
-    """Return user, group and rights of a file, as `root:dialout rw-rw----`."""
-    status = port.stat()
-    rights = "".join(
-        letter if status.st_mode >> shift & 1 else "-"
-        for shift, letter in zip(range(8, -1, -1), "rwxrwxrwx", strict=True)
-    )
-    return f"{user_name(status.st_uid)}:{group_name(status.st_gid)} {rights}"
-
-
-def group_name(number: int) -> str:
-    """Return the name of a group, or its number."""
-    with suppress(KeyError):
-        return grp.getgrgid(number).gr_name
-    return str(number)
-
-
-def user_name(number: int) -> str:
-    """Return the name of a user, or its number."""
-    with suppress(KeyError):
-        return pwd.getpwuid(number).pw_name
-    return str(number)

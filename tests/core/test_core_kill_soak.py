@@ -17,8 +17,8 @@ import pytest
 from benchmarks.support.kills import PAIRS, SUPERVISOR, Fate, plans, soak
 from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
-from rig.wires.locks import REALTIME_WIRE, acquire
 
 pytestmark = pytest.mark.realtime
 

@@ -23,8 +23,7 @@ from rig.execution.campaign import run_campaign
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.tasks import wired_mode
 from rig.planning.campaign import check_campaign
-from rig.recording.runs.create import BusyError
-from rig.wires.locks import (
+from rig.processes.wire_locks import (
     REALTIME_WIRE,
     Wire,
     acquire,
@@ -33,11 +32,12 @@ from rig.wires.locks import (
     serial_wire,
     wires_in,
 )
+from rig.recording.runs.create import BusyError
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HOLDER = """
 import os, subprocess, sys, time
-from rig.wires.locks import acquire, network_wire
+from rig.processes.wire_locks import acquire, network_wire
 uid, port = int(sys.argv[1]), int(sys.argv[2])
 wire = network_wire("line io", "tcp", "127.0.0.1", port)
 if uid: os.setuid(uid)  # last: the interpreter's files may be root's alone
@@ -139,7 +139,7 @@ def test_a_name_taken_without_listening_is_refused_too(port: int) -> None:
 
 def test_any_number_of_lock_queries_is_refused(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every refusal connects to the holder once, which never accepts the connections."""
-    monkeypatch.setattr("rig.wires.locks._BACKLOG", 3)
+    monkeypatch.setattr("rig.processes.wire_locks._BACKLOG", 3)
     with acquire(line(port), "campaign first"):
         for _ in range(10):
             with pytest.raises(BusyError, match="taken by"):

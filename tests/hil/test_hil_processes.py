@@ -26,12 +26,12 @@ from rig.execution.task import RunResult
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.tasks import wired_mode
 from rig.kinds.wavebot.tick import WaveBotRow
+from rig.processes.wire_locks import REALTIME_WIRE, acquire, wires_in
 from rig.realtime.safety import RUN
 from rig.recording.row_layout import leaves
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.mcap_file import row_dtype
 from rig.wires.listen import BusActivity, listen
-from rig.wires.locks import REALTIME_WIRE, acquire, wires_in
 
 pytestmark = pytest.mark.realtime
 

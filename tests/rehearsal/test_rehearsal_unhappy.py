@@ -21,13 +21,13 @@ from rig.cli import LOST
 from rig.cli.run_end import exit_code
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0, STOP_1
 from rig.recording.runs import attachments, open_run
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.folder import MCAP
 from rig.recording.runs.mcap_file import scan
-from rig.wires.locks import REALTIME_WIRE, acquire
 
 FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave.command.force"]
 

@@ -28,7 +28,7 @@ from rig.config import wiring
 from rig.config.rig_file import BaseRigFile
 from rig.recording import process_identity
 from rig.recording.runs.create import BusyError
-from rig.wires.wire_check import user_name
+from rig.user_names import user_name
 
 _PREFIX = "wec-rig/"
 _MAX_NAME_BYTES = 100  # bytes of a name; the kernel takes 107

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.config import CampaignFile, SourceLocation, load
-from rig.config.campaign_file import Timing
 from rig.config.columns import REQUIRED_COLUMNS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
+from rig.config.task_file import Timing
 from rig.kinds.wavebot.config import RigFile
 from rig.planning.campaign import (
     Plan,

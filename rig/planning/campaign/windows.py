@@ -13,10 +13,10 @@ A wave calibration has no rows, but one window of whole periods after the lead-i
 import math
 from typing import NamedTuple, Protocol
 
-from rig.config.campaign_file import Timing
 from rig.config.problems import format_number
 from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
+from rig.config.task_file import Timing
 from rig.config.yaml_source import KeyPath
 
 _ROUNDING = 1e-9  # periods; a window that is shorter than whole periods only by rounding fits

@@ -15,11 +15,11 @@ from pydantic import (
     model_serializer,
 )
 
-from rig.config.campaign_file import FolderName, Tare, TareOrNone
 from rig.config.columns import Column
 from rig.config.matrix import ExpandValues
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
+from rig.config.task_file import FolderName, Tare, TareOrNone
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS, SessionRequirements
 
 Amplitude = Annotated[float, Field(ge=0.1, le=90)]

@@ -12,7 +12,7 @@ from rich.text import Text
 from controllers.law import Column as LawColumn
 from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
-from rig.design.predictions import (
+from rig.kinds.wavebot.predictions import (
     PREDICTED_STATIONS,
     Prediction,
     RowPrediction,

@@ -51,8 +51,8 @@ def command(
     Run this campaign and add its run to RUNS: the next recommendation then
     uses its rows.
     """
-    from rig.design.recommend import search
-    from rig.design.recommend.recommendation import RecommendOptions
+    from rig.kinds.wavebot.recommend import search
+    from rig.kinds.wavebot.recommend.recommendation import RecommendOptions
 
     try:
         station = find(search.STATIONS, best)
@@ -77,8 +77,8 @@ def main(
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.cli.input_files import CAMPAIGNS, input_file
-    from rig.design.recommend import report
-    from rig.design.recommend.recommendation import RecommendOptions, recommend
+    from rig.kinds.wavebot.recommend import report
+    from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
 
     assert isinstance(options, RecommendOptions)
     try:
@@ -90,7 +90,7 @@ def main(
         recommendation = recommend(paths, options, folder)
         written = report.write(recommendation, folder, output)
         if pictures:
-            from rig.design.recommend.picture import write_surfaces
+            from rig.kinds.wavebot.recommend.picture import write_surfaces
 
             written.append(write_surfaces(recommendation, folder / "recommendation.png"))
     except INPUT_ERRORS as error:

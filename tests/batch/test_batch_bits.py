@@ -333,7 +333,7 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
 
 
 PRINT_CACHE_FOLDER = """
-from rig.sweep import lifting
+from rig.compilation import lifting
 from rig.config.law_settings import IMPEDANCE
 from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
 LIFTED = lifted_modules(IMPEDANCE)

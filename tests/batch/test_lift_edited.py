@@ -13,7 +13,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import edited_law
 from pathlib import Path
-from rig.sweep import lifting
+from rig.compilation import lifting
 
 SOURCE = "from numba import njit\\nimport edited_law\\n\\n\\n@njit(cache=True)\\n" \
          "def run(x):\\n    return edited_law.step(x)\\n"

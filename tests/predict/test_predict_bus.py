@@ -10,9 +10,15 @@ from predicting import CONFIGS
 
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
-from rig.design.predictions import plant
-from rig.design.predictions.bus import SUPPLY_RISE_TIME, Bus, BusInterval, block_means, simulate
-from rig.design.predictions.grid import build_grid
+from rig.design.grid import build_grid
+from rig.kinds.wavebot.predictions import plant
+from rig.kinds.wavebot.predictions.bus import (
+    SUPPLY_RISE_TIME,
+    Bus,
+    BusInterval,
+    block_means,
+    simulate,
+)
 from rig.planning.campaign.set_points import zero_setting
 from sim_plant import bus
 

@@ -8,7 +8,7 @@ from predicting import CONFIGS
 
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
-from rig.design.predictions import electrics, passive, plant
+from rig.kinds.wavebot.predictions import electrics, passive, plant
 from rig.planning.campaign.set_points import zero_setting
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
 

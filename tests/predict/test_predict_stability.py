@@ -13,10 +13,11 @@ from controllers import estimator, impedance
 from controllers.biquads import Biquad
 from controllers.signals import Estimate, Gains
 from rig.config.yaml_source import load_mapping
+from rig.design import sampled_loop as sampled
 from rig.design.estimator import design
 from rig.design.impedance import design as design_zc
-from rig.design.predictions import plant, sampled
-from rig.design.predictions.loop import Law, Timing
+from rig.design.loop import Law, Timing
+from rig.kinds.wavebot.predictions import plant
 from sim_plant.bem import read_bem
 from sim_plant.waves import calm
 from sim_plant.world import OFF, World

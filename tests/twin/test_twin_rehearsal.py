@@ -15,8 +15,8 @@ from rig_command import rig_here
 
 from rig.analysis.rows import row_table
 from rig.config.yaml_source import load_mapping
-from rig.design.recommend import report
-from rig.design.recommend.recommendation import RecommendOptions, recommend
+from rig.kinds.wavebot.recommend import report
+from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
 from rig.kinds.wavebot.twin.plant_file import identified_range
 
 pytestmark = pytest.mark.slow

@@ -18,8 +18,8 @@ from scipy.stats import t as student
 from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
 from rig.analysis.windows import Window, read_windows
-from rig.design.predictions.device import build_device_model
 from rig.execution.replay import logged_campaign
+from rig.kinds.wavebot.predictions.device import build_device_model
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis.windows import Window
-from rig.design.predictions.device import DeviceModel
 from rig.identification.periods import (
     Complexes,
     Floats,
@@ -27,6 +26,7 @@ from rig.identification.periods import (
     common_period_ticks,
     fill_lost_ticks,
 )
+from rig.kinds.wavebot.predictions.device import DeviceModel
 
 ELEVATION, FORCES = "elevation", "forces"
 WAVE_CLOCK, COUNTS, ENCODER_AGE = "plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age"

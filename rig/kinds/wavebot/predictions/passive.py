@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions.grid import Floats
+from rig.design.grid import Floats
 
 
 class Spring(NamedTuple):

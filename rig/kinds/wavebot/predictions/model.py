@@ -11,17 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.signals import Gains
-from rig.design.predictions import electrics, loop, plant
-from rig.design.predictions.axis import Axis
-from rig.design.predictions.grid import (
-    MIN_RATE,
-    Complexes,
-    Grid,
-    build_grid,
-    spectrum_from_amplitudes,
-)
-from rig.design.predictions.linear_form import row_gains
-from rig.design.predictions.loop import Law, Timing
+from rig.design import loop
+from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
+from rig.design.loop import Law, Timing
 from rig.kinds.wavebot.build import (
     estimator_params,
     list_realisations,
@@ -31,6 +23,9 @@ from rig.kinds.wavebot.build import (
 from rig.kinds.wavebot.config.limits_file import AxisLimits
 from rig.kinds.wavebot.config.rig_file import Axis as Motor
 from rig.kinds.wavebot.law_params import zc_sections
+from rig.kinds.wavebot.predictions import electrics, plant
+from rig.kinds.wavebot.predictions.axis import Axis
+from rig.kinds.wavebot.predictions.linear_form import row_gains
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.planning.campaign import Campaign

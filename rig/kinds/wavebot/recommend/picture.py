@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from scipy.interpolate import RectBivariateSpline
 
 from rig.analysis import picture
-from rig.design.recommend.recommendation import Recommendation
-from rig.design.recommend.search import STATIONS
-from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
+from rig.kinds.wavebot.recommend.recommendation import Recommendation
+from rig.kinds.wavebot.recommend.search import STATIONS
+from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.planning.campaign.stability import largest_ki
 
 _SIDE = 15  # points of the surface along each axis

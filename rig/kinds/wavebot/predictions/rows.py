@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.design.predictions import bus, electrics, plant
-from rig.design.predictions.grid import Floats
-from rig.design.predictions.heave import HeaveResponse, heave_poles, predict_heave
-from rig.design.predictions.linear_form import missing_reason, row_gains
-from rig.design.predictions.margins import Margin, compute_margins
-from rig.design.predictions.model import CampaignModel, build_model, drive_switching
-from rig.design.predictions.prediction import Prediction, RowPrediction
-from rig.design.predictions.row_prediction import RowPredictions
-from rig.design.predictions.sampled import Poles
-from rig.design.predictions.surge import SurgeResponse, predict_surge
-from rig.design.predictions.travel import compare_orders, time_to_first_row
-from rig.design.predictions.verdict import find_refusals, find_warnings
+from rig.design.grid import Floats
+from rig.design.sampled_loop import Poles
+from rig.kinds.wavebot.predictions import bus, electrics, plant
+from rig.kinds.wavebot.predictions.heave import HeaveResponse, heave_poles, predict_heave
+from rig.kinds.wavebot.predictions.linear_form import missing_reason, row_gains
+from rig.kinds.wavebot.predictions.margins import Margin, compute_margins
+from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, drive_switching
+from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction
+from rig.kinds.wavebot.predictions.row_prediction import RowPredictions
+from rig.kinds.wavebot.predictions.surge import SurgeResponse, predict_surge
+from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
+from rig.kinds.wavebot.predictions.verdict import find_refusals, find_warnings
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
 from rig.planning.campaign.set_points import RowSetting

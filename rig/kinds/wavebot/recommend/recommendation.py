@@ -4,10 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.design.recommend import matrix
-from rig.design.recommend.search import STATIONS, Optimum, find_optima, search_space
-from rig.design.recommend.trial import SetPointPrediction, SetPointPredictor, open_on_twin
-from rig.design.recommend.uncertainty import RowComparison, compare_rows, half_widths
+from rig.kinds.wavebot.recommend import matrix
+from rig.kinds.wavebot.recommend.search import STATIONS, Optimum, find_optima, search_space
+from rig.kinds.wavebot.recommend.trial import (
+    SetPointPrediction,
+    SetPointPredictor,
+    open_on_twin,
+)
+from rig.kinds.wavebot.recommend.uncertainty import RowComparison, compare_rows, half_widths
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import Twin, identify_twin
 from rig.planning.campaign import Campaign

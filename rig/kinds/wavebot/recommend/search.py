@@ -12,10 +12,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from rig.design.predictions import PREDICTED_STATIONS
-from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.identification.periods import Floats
 from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.predictions import PREDICTED_STATIONS
+from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.planning.campaign.stability import largest_ki
 from rig.stations import Station, shown
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions.grid import (
+from rig.design.grid import (
     Complexes,
     Floats,
     Grid,

@@ -8,14 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.config.campaign_file import CampaignFile
-from rig.design.predictions import loop, passive, plant, sampled
-from rig.design.predictions.axis import body_dynamic_stiffness, peak
-from rig.design.predictions.electrics import limiter_rms_peak
-from rig.design.predictions.grid import Floats, samples_from_spectrum
-from rig.design.predictions.model import CampaignModel, open_loop_force
-from rig.design.predictions.sampled import Poles
-from rig.design.predictions.steady import System, solve_steady_motion
+from rig.design import loop
+from rig.design import sampled_loop as sampled
+from rig.design.grid import Floats, samples_from_spectrum
+from rig.design.sampled_loop import Poles
+from rig.design.steady_motion import System, solve_steady_motion
 from rig.kinds.wavebot.config.rig_file import RigFile, StationKeeping
+from rig.kinds.wavebot.predictions import passive, plant
+from rig.kinds.wavebot.predictions.axis import body_dynamic_stiffness, peak
+from rig.kinds.wavebot.predictions.electrics import limiter_rms_peak
+from rig.kinds.wavebot.predictions.model import CampaignModel, open_loop_force
 from rig.planning.campaign.set_points import RowSetting
 
 

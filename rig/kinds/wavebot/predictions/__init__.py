@@ -1,17 +1,17 @@
 """Prediction of a campaign before it runs: motion, power, margins and stability of every row.
 
 The prediction works in the frequency domain, in the campaign's sea, with the parameters of the
-simulated plant; `rig.design.predictions.steady` describes the method. It covers the steady state
+simulated plant; `rig.design.steady_motion` describes the method. It covers the steady state
 that repeats with the sea. Transients (waves building up, gain changes, stator moves) come on top.
 """
 
 from __future__ import annotations
 
-from rig.design.predictions.margins import Margin, tightest
-from rig.design.predictions.prediction import Prediction, RowPrediction
-from rig.design.predictions.row_prediction import PREDICTED_STATIONS, RowPredictions
-from rig.design.predictions.rows import predict, unpredicted_reason
-from rig.design.predictions.travel import Travel
+from rig.kinds.wavebot.predictions.margins import Margin, tightest
+from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction
+from rig.kinds.wavebot.predictions.row_prediction import PREDICTED_STATIONS, RowPredictions
+from rig.kinds.wavebot.predictions.rows import predict, unpredicted_reason
+from rig.kinds.wavebot.predictions.travel import Travel
 
 __all__ = [
     "PREDICTED_STATIONS",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rig.design.predictions import plant
+from rig.kinds.wavebot.predictions import plant
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import Plan, build_plan
 from rig.realtime.sequence import NO_ROW, WAIT_STATOR, Phase

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.biquads import Biquad
-from rig.design.predictions.grid import Flags, Floats
-from rig.design.predictions.loop import Law, Timing, correction, transition
+from rig.design.grid import Flags, Floats
+from rig.design.loop import Law, Timing, correction, transition
 
 MAX_DECAY_TIME = 1e9  # s, reported instead of infinity
 MAX_GAIN = 32.0  # factor at which the search for the margin stops

@@ -8,7 +8,7 @@ from itertools import groupby
 
 from rig.config.problems import Problem, display_path, format_key, format_number
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
-from rig.design.predictions.margins import (
+from rig.kinds.wavebot.predictions.margins import (
     LOOP,
     MODULATION,
     STROKE,
@@ -18,7 +18,7 @@ from rig.design.predictions.margins import (
     blocking_margins,
     warning_margins,
 )
-from rig.design.predictions.prediction import RowPrediction
+from rig.kinds.wavebot.predictions.prediction import RowPrediction
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow
 from rig.planning.campaign.windows import row_windows

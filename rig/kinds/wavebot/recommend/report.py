@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from rig.config.problems import display_path
-from rig.design.recommend.matrix import campaign_text
-from rig.design.recommend.recommendation import Recommendation
-from rig.design.recommend.search import STATIONS
-from rig.design.recommend.trial import SetPointPrediction
-from rig.design.recommend.uncertainty import STROKE
+from rig.kinds.wavebot.recommend.matrix import campaign_text
+from rig.kinds.wavebot.recommend.recommendation import Recommendation
+from rig.kinds.wavebot.recommend.search import STATIONS
+from rig.kinds.wavebot.recommend.trial import SetPointPrediction
+from rig.kinds.wavebot.recommend.uncertainty import STROKE
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
 _HEADINGS = [station.heading for station in STATIONS]

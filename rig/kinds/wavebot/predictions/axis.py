@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions.grid import Complexes, Floats, Grid
-from rig.design.predictions.loop import Timing
+from rig.design.grid import Complexes, Floats, Grid
+from rig.design.loop import Timing
 from sim_plant.body import BodyParams
 
 

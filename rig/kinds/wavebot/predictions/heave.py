@@ -7,12 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions import electrics, loop, passive, plant, sampled
-from rig.design.predictions.axis import body_dynamic_stiffness, peak
-from rig.design.predictions.grid import Floats, samples_from_spectrum
-from rig.design.predictions.model import CampaignModel, drive_switching, heave_law, open_loop_force
-from rig.design.predictions.sampled import Poles
-from rig.design.predictions.steady import CONVERGED, System, solve_steady_motion
+from rig.design import loop
+from rig.design import sampled_loop as sampled
+from rig.design.grid import Floats, samples_from_spectrum
+from rig.design.sampled_loop import Poles
+from rig.design.steady_motion import CONVERGED, System, solve_steady_motion
+from rig.kinds.wavebot.predictions import electrics, passive, plant
+from rig.kinds.wavebot.predictions.axis import body_dynamic_stiffness, peak
+from rig.kinds.wavebot.predictions.model import (
+    CampaignModel,
+    drive_switching,
+    heave_law,
+    open_loop_force,
+)
 from rig.planning.campaign.set_points import RowSetting
 
 

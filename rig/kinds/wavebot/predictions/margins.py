@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from rig.config.yaml_source import KeyPath
-from rig.design.predictions.bus import Bus
-from rig.design.predictions.row_prediction import RowPredictions
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.predictions.bus import Bus
+from rig.kinds.wavebot.predictions.row_prediction import RowPredictions
 from rig.planning.campaign.set_points import RowSetting
 
 Role = Literal["limits", "rig", "plant", "campaign"]

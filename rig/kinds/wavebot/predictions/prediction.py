@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, format_key
-from rig.design.predictions.margins import Margin, blocking_margins
-from rig.design.predictions.row_prediction import RowPredictions
-from rig.design.predictions.travel import Travel
+from rig.kinds.wavebot.predictions.margins import Margin, blocking_margins
+from rig.kinds.wavebot.predictions.row_prediction import RowPredictions
+from rig.kinds.wavebot.predictions.travel import Travel
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
 

@@ -10,7 +10,7 @@ import numpy as np
 from controllers import estimator
 from controllers.biquads import Biquad
 from rig.design import impedance
-from rig.design.predictions.grid import Complexes, Floats, Grid
+from rig.design.grid import Complexes, Floats, Grid
 
 
 class Timing(NamedTuple):

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions import electrics
-from rig.design.predictions.bus import Bus
-from rig.design.predictions.grid import Floats
-from rig.design.predictions.passive import Friction, Spring
-from rig.design.predictions.sampled import Body
+from rig.design.grid import Floats
+from rig.design.sampled_loop import Body
+from rig.kinds.wavebot.predictions import electrics
+from rig.kinds.wavebot.predictions.bus import Bus
+from rig.kinds.wavebot.predictions.passive import Friction, Spring
 from rig.planning.campaign.set_points import RowSetting
 from sim_plant import building, magnetic_spring
 from sim_plant.body import BodyParams

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions.grid import Floats
+from rig.design.grid import Floats
 
 NO_VOLTAGE_LIMIT = 1e9  # V
 

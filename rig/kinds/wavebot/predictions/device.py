@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions.axis import hull_dynamic_stiffness
 from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.build import metres_per_count
+from rig.kinds.wavebot.predictions.axis import hull_dynamic_stiffness
 from rig.planning.campaign import Campaign
 from sim_plant import bem
 from sim_plant.body import BodyParams

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.recommend.search import STATIONS
-from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.identification.periods import Floats
+from rig.kinds.wavebot.recommend.search import STATIONS
+from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.kinds.wavebot.twin.estimate import Twin
 from rig.stations import find, station_names
 
 COVERAGE_FACTOR = 1.96  # standard deviations of a 95 % interval
 STROKE = "stroke"
 COLUMNS = (*station_names(STATIONS), STROKE)
-MIN_DEVIATION = 0.15  # W, error of rig.design.predictions with a bus (docs/predictions.md)
+MIN_DEVIATION = 0.15  # W, error of rig.kinds.wavebot.predictions with a bus (docs/predictions.md)
 
 
 class RowComparison(NamedTuple):

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.config.yaml_source import load_mapping
-from rig.design.recommend.search import Optimum, SearchSpace
-from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
+from rig.kinds.wavebot.recommend.search import Optimum, SearchSpace
+from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.planning.campaign.stability import largest_ki
 from rig.stations import Station
 

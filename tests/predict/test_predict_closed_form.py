@@ -1,9 +1,9 @@
 """The prediction of the linear plant against its closed form.
 
 The oracle (tests/sim_plant/closed_form.py) shares no code with `rig.kinds.wavebot.predictions`: it
-uses impedances and no records. Here it uses the same sampled controller. Its mean |i| is that of a sine,
-or for many waves that of a Gaussian current, which the current in a sea of 300 s is within a few
-per cent.
+uses impedances and no records. Here it uses the same sampled controller. Its mean |i| is that of a
+sine, or for many waves that of a Gaussian current, which the current in a sea of 300 s is within a
+few per cent.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import numpy as np
 from controllers import estimator
 from controllers.biquads import Biquad
 from rig.design import impedance
+from rig.design.estimator import response
 from rig.design.grid import Complexes, Floats, Grid
 
 
@@ -31,38 +32,9 @@ class Law(NamedTuple):
     sections: tuple[Biquad, ...]  # of Z_c, shared by all rows
 
 
-class EstimatorResponse(NamedTuple):
-    """Estimates per metre of the measured position, by line."""
-
-    position: Complexes
-    velocity: Complexes  # 1/s
-    acceleration: Complexes  # 1/s^2
-
-
-def transition(dt: float) -> Floats:
-    """Return the estimator's transition matrix over one tick: constant acceleration."""
-    return np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-
-
-def correction(params: estimator.Params) -> tuple[Floats, Floats]:
-    """Return gain G and matrix I - G H of the estimator, which measures position only."""
-    gain = np.array([params.gain_position, params.gain_velocity, params.gain_acceleration])
-    return gain, np.eye(3) - np.outer(gain, [1.0, 0.0, 0.0])
-
-
-def estimator_response(timing: Timing, omega: Floats) -> EstimatorResponse:
-    """Return the response of the estimator to its measured position (already delayed)."""
-    gain, correction_matrix = correction(timing.estimator)
-    error_dynamics = correction_matrix @ transition(timing.dt)
-    z_inv = np.exp(-1j * omega * timing.dt)
-    system = np.eye(3) - z_inv[:, None, None] * error_dynamics
-    states = np.linalg.solve(system, np.broadcast_to(gain, (omega.size, 3))[..., None])[..., 0]
-    return EstimatorResponse(states[:, 0], states[:, 1], states[:, 2])
-
-
 def demand_response(timing: Timing, law: Law, omega: Floats) -> Complexes:
     """Return the demanded force per metre of true position, N/m; rows by lines."""
-    estimate = estimator_response(timing, omega)
+    estimate = response(timing.estimator, omega, timing.dt)
     f_hz = omega / (2.0 * np.pi)
     zc_force = impedance.response(law.sections, f_hz, timing.dt) * estimate.velocity
     force = (
@@ -72,8 +44,8 @@ def demand_response(timing: Timing, law: Law, omega: Floats) -> Complexes:
         + zc_force
     )
     delay = np.exp(-1j * omega * timing.dt * timing.delay_ticks)
-    response: Complexes = force * delay
-    return response
+    delayed: Complexes = force * delay
+    return delayed
 
 
 def reference_spectrum(grid: Grid, repeats: int, table: Sequence[float]) -> Complexes:
@@ -95,5 +67,5 @@ def drive_response(timing: Timing, omega: Floats) -> Complexes:
     """Return motor force per commanded force: zero-order hold over a tick, then current loop."""
     half_angle = 0.5 * omega * timing.dt
     hold = np.sinc(half_angle / np.pi) * np.exp(-1j * half_angle)
-    response: Complexes = hold / (1.0 + 1j * omega * timing.lag)
-    return response
+    motor_force: Complexes = hold / (1.0 + 1j * omega * timing.lag)
+    return motor_force

@@ -18,23 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.biquads import Biquad
+from rig.design.axis import Body
+from rig.design.estimator import correction, transition
 from rig.design.grid import Flags, Floats
-from rig.design.loop import Law, Timing, correction, transition
+from rig.design.loop import Law, Timing
 
 MAX_DECAY_TIME = 1e9  # s, reported instead of infinity
 MAX_GAIN = 32.0  # factor at which the search for the margin stops
 _RATIO = 2.0**0.25  # between successive trial factors
 _HALVINGS = 5  # of the last ratio: resolution 0.5 %
-
-
-class Body(NamedTuple):
-    """One axis about rest; radiation is (b4 s4 + .. + b1 s)/(s5 + a4 s4 + .. + a0)."""
-
-    inertia: float  # kg, including the added mass at infinite frequency
-    damping: float  # N*s/m
-    stiffness: float  # N/m
-    radiation_a: tuple[float, ...]  # a0 .. a4
-    radiation_b: tuple[float, ...]  # b1 .. b4
 
 
 class Poles(NamedTuple):

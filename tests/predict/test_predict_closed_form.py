@@ -48,7 +48,7 @@ def sampled_controller(plant: Plant, kp: float, ki: float) -> Callable[[Any], An
 
     def controller(f_hz: Any) -> Any:
         s = 2j * np.pi * np.atleast_1d(np.asarray(f_hz, dtype=float))
-        position, velocity = response(estimator_params, s.imag / (2 * np.pi), DT)
+        position, velocity, _ = response(estimator_params, s.imag, DT)
         law = (kp * velocity + ki * position) / s
         return law * np.exp(-s * 1.5 * DT) / (1.0 + s * lag)
 

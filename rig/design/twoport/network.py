@@ -23,6 +23,11 @@ class Motor(NamedTuple):
     inductance: float = 0.0  # H, L_w
 
     @property
+    def newtons_per_ampere(self) -> float:
+        """Kt N: newtons per ampere of drive current."""
+        return self.torque_constant * self.gear
+
+    @property
     def transduction(self) -> float:
         """g = sqrt(3/2) Kt N: newtons per ampere of the two-port, volts per m/s."""
         return float(np.sqrt(1.5)) * self.torque_constant * self.gear

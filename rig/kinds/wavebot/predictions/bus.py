@@ -6,8 +6,6 @@ capacitor exactly for constant power. The supply has a shorter time constant and
 analytical solution of its circuit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.design.grid import Floats, Grid
+from sim_plant.bus import BusParams
 
 STEP = 0.02  # s; the dump resistors need 0.5 s or more to move the bus
 # s, initial part of an interval in which the supply follows a raised set point; extremes in it do
@@ -22,25 +21,10 @@ STEP = 0.02  # s; the dump resistors need 0.5 s or more to move the bus
 SUPPLY_RISE_TIME = 0.1
 
 
-class Bus(NamedTuple):
-    """Bus parameters at one row's settings."""
-
-    capacitance: float  # F
-    set_voltage: float  # V
-    connected: int  # 1: the supply is on the bus; it only delivers power
-    supply_voltage: float  # V
-    supply_resistance: float  # ohm
-    dump_on: float  # V
-    dump_off: float  # V
-    dump_conductance: float  # S, of the connected resistors
-    undervoltage: float  # V, the drive trips below it
-    overvoltage: float  # V, the drive trips above it
-
-
 class BusInterval(NamedTuple):
     """An interval of the plan with constant settings."""
 
-    bus: Bus
+    bus: BusParams
     power: tuple[float, ...]  # W into the drive, periodic, one value per step
     step: float  # s
     seconds: float
@@ -101,7 +85,7 @@ def _simulate_interval(interval: BusInterval, voltage: float) -> tuple[BusVoltag
         dump_total += dump_power
         voltage_squared = max(voltage_squared - per_joule * step * (load_power + dump_power), 0.0)
         new_voltage = math.sqrt(voltage_squared)
-        if bus.connected == 1 and new_voltage < supply:
+        if bus.supply_connected == 1 and new_voltage < supply:
             # V (Vs - V) / R = P where the supply carries the whole load of the drive.
             discriminant = supply * supply - 4.0 * resistance * max(load_power, 0.0)
             equilibrium = 0.5 * (supply + math.sqrt(max(discriminant, 0.0)))

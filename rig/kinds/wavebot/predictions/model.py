@@ -1,41 +1,41 @@
 """Plant, sea and loop of a campaign, in the form that predictions need."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controllers.signals import Gains
-from rig.design import loop
+from rig.design.axis import Axis, Body
 from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
-from rig.design.loop import Law, Timing
+from rig.design.linear_form import linear_gains
+from rig.design.loop import Law, Timing, reference_spectrum
 from rig.kinds.wavebot.build import (
+    MODULATIONS,
     estimator_params,
     list_realisations,
     newtons_per_ampere,
     reference_table,
 )
-from rig.kinds.wavebot.config.limits_file import AxisLimits
-from rig.kinds.wavebot.config.rig_file import Axis as Motor
-from rig.kinds.wavebot.law_params import zc_sections
-from rig.kinds.wavebot.predictions import electrics, plant
-from rig.kinds.wavebot.predictions.axis import Axis
-from rig.kinds.wavebot.predictions.linear_form import row_gains
+from rig.kinds.wavebot.law_params import law_params, zc_sections
+from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
 from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
+from sim_plant.body import BodyParams
+from sim_plant.drive import DriveParams
+from sim_plant.electrics import ElectricsParams
+from sim_plant.parameters import Plant
+from sim_plant.wavebot import WaveBotParams
 from sim_plant.waves import Sea
 
 MAX_PERIOD = 3600.0  # s, of the common repeat period of sea and reference
-_SCHEMES = ("svpwm", "sine-triangle", "dpwm", "hysteresis")
 
 
 class Reference(NamedTuple):
@@ -50,12 +50,23 @@ class CampaignModel(NamedTuple):
     """Everything that the rows of a campaign share."""
 
     campaign: Campaign
-    plant: plant.PlantModel
+    plant: Plant
+    params: WaveBotParams
     grid: Grid
     heave: Axis
     surge: Axis
-    motor: electrics.Motor  # of heave
     reference: Reference
+    scheme: int  # of the custom drive's modulation
+    gating_current: float  # A
+
+    @property
+    def has_custom_drive(self) -> bool:
+        """True if the heave drive is the custom drive with its own DC bus."""
+        return self.params.electrics.custom == 1
+
+    def electrics(self, setting: RowSetting) -> ElectricsParams:
+        """Return drive and bus at a set point."""
+        return electrics_at(self.plant, setting, self.scheme)
 
 
 def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
@@ -64,51 +75,56 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
     ``rate`` (Hz) is the minimum sampling rate of a period; there is no excitation above 2 Hz.
     """
     devices = plant_settings(campaign)
-    plant_model = plant.build_plant_model(devices["plant"])
+    plant = Plant.model_validate(devices["plant"])
+    params = plant.build()
+    rig, bounds, dt = campaign.rig, campaign.limits, 1.0 / campaign.rig.rate_hz
     sea = build_sea(devices["sea"])
-    settings = point_settings(campaign)
+    settings = (row_setting(campaign.file, rig, point) for point in campaign.points)
     realisations = list_realisations(one.realisation for one in settings)
-    tables = [
-        reference_table(campaign.file, campaign.rig, (one,), campaign.record)
-        for one in realisations
-    ]
-    common = _common_period(sea, tables[0], 1.0 / campaign.rig.rate_hz)
+    tables = [reference_table(campaign.file, rig, (one,), campaign.record) for one in realisations]
+    common = _common_period(sea, tables[0], dt)
     grid = build_grid(common.period, rate)
-    path = Path(devices["bem"])
-    rig, bounds = campaign.rig, campaign.limits
+    spectra = [reference_spectrum(grid, common.reference, table) for table in tables]
 
-    def axis(name: str, bem: Bem, motor: Motor, limits: AxisLimits) -> Axis:
-        current_loop = plant.current_loop(plant_model, name)
-        dt = 1.0 / rig.rate_hz
-        timing = Timing(
-            dt, plant.delay_ticks(plant_model), current_loop.lag, estimator_params(motor, dt)
-        )
+    def axis(hull: BodyParams, damping: float, drive: DriveParams, name: str, bem: Path) -> Axis:
+        motor = getattr(rig, name)
+        lag = drive.time_constant
         return Axis(
-            *plant.hull(plant_model, name),
-            _excitation_spectrum(grid, common.sea, sea, bem),
-            timing,
+            linear_body(hull, damping),
+            hull.quadratic,
+            _excitation_spectrum(grid, common.sea, sea, read_bem(bem)),
+            Timing(dt, int(plant.sensors.delay_ticks.value), lag, estimator_params(motor, dt)),
             newtons_per_ampere(motor),
-            min(limits.current_peak_a, current_loop.current_limit),
+            min(getattr(bounds, name).current_peak_a, drive.current_limit),
         )
 
+    bem, drive = Path(devices["bem"]), drive_settings(campaign.file, rig)
     return CampaignModel(
         campaign,
-        plant_model,
+        plant,
+        params,
         grid,
-        axis("heave", read_bem(path), rig.heave, bounds.heave),
-        axis("surge", read_bem(plant.surge_bem(plant_model, path)), rig.surge, bounds.surge),
-        plant.motor(plant_model),
+        axis(params.body, params.pto.viscous, params.electrics.drive, "heave", bem),
+        axis(params.surge.body, 0.0, params.surge.drive, "surge", bem.with_name(plant.surge.bem)),
         Reference(
             campaign.file.reference.axis if campaign.file.reference else "heave",
             realisations,
-            np.array([loop.reference_spectrum(grid, common.reference, table) for table in tables]),
+            np.array(spectra),
         ),
+        int(MODULATIONS[drive.modulation]) if drive else 0,
+        drive.current_threshold_a if drive else 0.0,
     )
 
 
-def point_settings(campaign: Campaign) -> list[RowSetting]:
-    """Return the set point of every point of the matrix."""
-    return [row_setting(campaign.file, campaign.rig, point) for point in campaign.points]
+def linear_body(hull: BodyParams, damping: float) -> Body:
+    """Return a hull linearised about rest, with a linear ``damping`` (N*s/m) in addition."""
+    return Body(
+        hull.inertia,
+        hull.viscous + damping,
+        hull.hydrostatic,
+        (hull.a0, hull.a1, hull.a2, hull.a3, hull.a4),
+        (hull.b1, hull.b2, hull.b3, hull.b4),
+    )
 
 
 def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetting]) -> Complexes:
@@ -126,23 +142,21 @@ def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetti
     return forces
 
 
+def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:
+    """Return the gains of a row's set point; NotLinearError if its law has none."""
+    law = campaign.law
+    if campaign.file.zc_law is not None:
+        return Gains(setting.kp, setting.ki, setting.km)
+    set_point = law.module.SetPoint(*(getattr(setting, one.name) for one in law.columns))
+    params: Any = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
+    return linear_gains(law, params, set_point)
+
+
 def heave_law(model: CampaignModel, settings: Sequence[RowSetting]) -> Law:
     """Return the heave law of each setting."""
-    file, dt = model.campaign.file, model.heave.timing.dt
-    ramp = model.campaign.rig.heave.gain_ramp_s
-    gains = [row_gains(file, one, ramp, dt) for one in settings]
-    kp, ki, km = (np.array([getattr(one, name) for one in gains]) for name in Gains._fields)
-    return Law(kp, ki, km, zc_sections(file.law, dt))
-
-
-def drive_switching(model: CampaignModel) -> tuple[int, float]:
-    """Return the custom drive's modulation scheme and its gating current, A."""
-    settings = drive_settings(model.campaign.file, model.campaign.rig)
-    return (
-        (_SCHEMES.index(settings.modulation), settings.current_threshold_a)
-        if settings
-        else (0, 0.0)
-    )
+    dt = model.heave.timing.dt
+    kp, ki, km = np.array([row_gains(model.campaign, one, dt) for one in settings]).T
+    return Law(kp, ki, km, zc_sections(model.campaign.file.law, dt))
 
 
 class _CommonPeriod(NamedTuple):
@@ -159,14 +173,14 @@ def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod
     If that is longer than `MAX_PERIOD`, the period is the largest whole number of sea periods that
     fits, and the reference frequency is shifted to repeat with it, by 1.4e-4 Hz at most.
     """
-    cycles_divisor = int(np.gcd.reduce(sea.cycles)) if sea.cycles.size else 1
     calm = not sea.cycles.size
+    cycles_divisor = 1 if calm else int(np.gcd.reduce(sea.cycles))
     if not table:
         return _CommonPeriod(sea.repeat / cycles_divisor, Fraction(1, cycles_divisor), 1)
     if calm:
         return _CommonPeriod(len(table) * dt, Fraction(1), 1)
-    sea_ticks = Fraction(round(sea.repeat / dt), cycles_divisor)  # ticks
-    common_ticks = sea_ticks * len(table) / fraction_gcd(sea_ticks, Fraction(len(table)))
+    sea_ticks = Fraction(round(sea.repeat / dt), cycles_divisor)
+    common_ticks = sea_ticks * len(table) / _fraction_gcd(sea_ticks, Fraction(len(table)))
     if common_ticks * dt <= MAX_PERIOD:
         return _CommonPeriod(
             float(common_ticks) * dt,
@@ -180,7 +194,7 @@ def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod
     )
 
 
-def fraction_gcd(a: Fraction, b: Fraction) -> Fraction:
+def _fraction_gcd(a: Fraction, b: Fraction) -> Fraction:
     """Return the greatest common divisor of two fractions."""
     denominator = math.lcm(a.denominator, b.denominator)
     return Fraction(math.gcd(int(a * denominator), int(b * denominator)), denominator)

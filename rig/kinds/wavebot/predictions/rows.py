@@ -1,22 +1,25 @@
 """Prediction of every row of a campaign in its sea, in the order of the plan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rig.design.grid import Floats
-from rig.design.sampled_loop import Poles
-from rig.kinds.wavebot.predictions import bus, electrics, plant
-from rig.kinds.wavebot.predictions.heave import HeaveResponse, heave_poles, predict_heave
-from rig.kinds.wavebot.predictions.linear_form import missing_reason, row_gains
-from rig.kinds.wavebot.predictions.margins import Margin, compute_margins
-from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, drive_switching
-from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction
-from rig.kinds.wavebot.predictions.row_prediction import RowPredictions
-from rig.kinds.wavebot.predictions.surge import SurgeResponse, predict_surge
+from rig.design.linear_form import NotLinearError
+from rig.design.loop import Law
+from rig.design.margin import Margin
+from rig.kinds.wavebot.predictions import bus
+from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
+from rig.kinds.wavebot.predictions.limits import compute_margins
+from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, heave_law, row_gains
+from rig.kinds.wavebot.predictions.motion import (
+    Columns,
+    heave_poles,
+    predict_heave,
+    predict_surge,
+)
+from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
 from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
 from rig.kinds.wavebot.predictions.verdict import find_refusals, find_warnings
 from rig.planning.campaign import Campaign
@@ -24,6 +27,7 @@ from rig.planning.campaign.plan import CampaignRow, Plan
 from rig.planning.campaign.set_points import RowSetting
 from rig.planning.campaign.stability import total_stiffness
 from rig.realtime.sequence import NO_ROW, Phase
+from sim_plant.bus import BusParams
 
 MAX_SAMPLES = 500_000  # per batch, so that the arrays fit a processor cache
 PASSES = 2  # over motion and bus, which depend on each other
@@ -31,220 +35,7 @@ PASSES = 2  # over motion and bus, which depend on each other
 SettingAndStator = tuple[RowSetting, float]
 """A setting and the stator position (%)."""
 
-Margins = tuple[Margin, ...]
-
-
-def predict_rows(
-    model: CampaignModel, plan: Plan, rows: Sequence[CampaignRow]
-) -> list[RowPredictions]:
-    """Return the predicted values of each of ``rows``, given in the order of the plan.
-
-    Equal settings are computed once.
-    """
-    pairs: list[SettingAndStator] = [(row.setting, row.stator_position) for row in rows]
-    unique = list(dict.fromkeys(pairs))
-    batch_size = max(1, MAX_SAMPLES // model.grid.samples)
-    batches = [unique[i : i + batch_size] for i in range(0, len(unique), batch_size)]
-    if not model.plant.has_custom_drive:
-        predictions = [
-            item
-            for batch in batches
-            for item in _predict_columns(
-                model, batch, np.zeros(len(batch)), _predict_bus_independent(model, batch)
-            )[0]
-        ]
-        by_pair = dict(zip(unique, predictions, strict=True))
-        return [RowPredictions(**by_pair[pair]) for pair in pairs]
-    buses = {pair: bus_of(model, pair[0]) for pair in unique}
-    mean_voltages = {pair: item.supply_voltage if item.connected else item.set_voltage
-             for pair, item in buses.items()}  # fmt: skip
-    voltages: list[bus.BusVoltage] = []
-    by_pair = {}
-    bus_independent = [_predict_bus_independent(model, batch) for batch in batches]
-    for _ in range(PASSES):
-        powers: dict[SettingAndStator, tuple[tuple[float, ...], float]] = {}
-        for batch, independent in zip(batches, bus_independent, strict=True):
-            columns, heave = _predict_columns(
-                model, batch, np.array([mean_voltages[pair] for pair in batch]), independent
-            )
-            by_pair |= dict(zip(batch, columns, strict=True))
-            for pair, power in zip(batch, heave.dc_power, strict=True):
-                powers[pair] = bus.block_means(model.grid, power)
-        voltages = _simulate_bus(model, plan, rows, buses, powers)
-        for pair in unique:
-            means = [
-                item.mean for item, other in zip(voltages, pairs, strict=True) if other == pair
-            ]
-            mean_voltages[pair] = sum(means) / len(means)
-    return [
-        RowPredictions(**{**by_pair[pair], **_voltage_fields(item)})
-        for pair, item in zip(pairs, voltages, strict=True)
-    ]
-
-
-def predict_set_points(
-    model: CampaignModel, rows: Sequence[SettingAndStator], seconds: float
-) -> list[tuple[RowPredictions, Margins]]:
-    """Predict independent set points, each held for ``seconds``.
-
-    The custom drive's bus starts at its supply voltage, or at its set voltage if the supply is
-    off. The bus is simulated once only: a second pass at the mean voltage changes power by little.
-    """
-    batch_size = max(1, MAX_SAMPLES // model.grid.samples)
-    batches = [rows[i : i + batch_size] for i in range(0, len(rows), batch_size)]
-    return [one for batch in batches for one in _predict_batch(model, batch, seconds)]
-
-
-def _predict_batch(
-    model: CampaignModel, rows: Sequence[SettingAndStator], seconds: float
-) -> list[tuple[RowPredictions, Margins]]:
-    independent = _predict_bus_independent(model, rows)
-    bounds, rig = model.campaign.limits, model.campaign.rig
-    rest_voltages = [plant.bus_at_rest(model.plant, one) for one, _ in rows]
-    if not model.plant.has_custom_drive:
-        columns, _ = _predict_columns(model, rows, np.zeros(len(rows)), independent)
-        predictions = [RowPredictions(**each) for each in columns]
-        return [
-            (one, compute_margins(bounds, rig, row[0], one, None, rest_voltage))
-            for one, row, rest_voltage in zip(predictions, rows, rest_voltages, strict=True)
-        ]
-    buses = [bus_of(model, one) for one, _ in rows]
-    start_voltages = [one.supply_voltage if one.connected else one.set_voltage for one in buses]
-    _, heave = _predict_columns(model, rows, np.array(start_voltages), independent)
-    voltages = [
-        bus.simulate([bus.BusInterval(bus_, *bus.block_means(model.grid, power), seconds)])[0]
-        for bus_, power in zip(buses, heave.dc_power, strict=True)
-    ]
-    columns, _ = _predict_columns(
-        model, rows, np.array([one.mean for one in voltages]), independent
-    )
-    predictions = [
-        RowPredictions(**{**each, **_voltage_fields(one)})
-        for each, one in zip(columns, voltages, strict=True)
-    ]
-    return [
-        (one, compute_margins(bounds, rig, row[0], one, bus_, rest_voltage))
-        for one, row, bus_, rest_voltage in zip(
-            predictions, rows, buses, rest_voltages, strict=True
-        )
-    ]
-
-
-def bus_of(model: CampaignModel, setting: RowSetting) -> bus.Bus:
-    """Return the custom drive's bus; its supply needs both plant and campaign to connect it."""
-    scheme, _ = drive_switching(model)
-    bus_ = plant.bus(model.plant, setting, scheme)
-    if model.campaign.file.drive.supply == "disconnected":
-        return bus_._replace(connected=0)
-    return bus_
-
-
-def _voltage_fields(voltage: bus.BusVoltage) -> dict[str, float]:
-    return {
-        "voltage_lowest": voltage.lowest,
-        "voltage_highest": voltage.highest,
-        "dump_power": voltage.dump_power,
-    }
-
-
-class _BusIndependent(NamedTuple):
-    """Results of some rows that do not depend on the bus."""
-
-    surge: SurgeResponse
-    poles: Poles
-
-
-def _predict_bus_independent(
-    model: CampaignModel, rows: Sequence[SettingAndStator]
-) -> _BusIndependent:
-    settings, stator = [one for one, _ in rows], [position for _, position in rows]
-    return _BusIndependent(predict_surge(model, settings), heave_poles(model, settings, stator))
-
-
-def _predict_columns(
-    model: CampaignModel,
-    rows: Sequence[SettingAndStator],
-    voltage: Floats,
-    independent: _BusIndependent,
-) -> tuple[list[dict[str, Any]], HeaveResponse]:
-    """Return the fields of `RowPredictions` for some rows, before the bus simulation, and heave."""
-    settings, stator = [one for one, _ in rows], [position for _, position in rows]
-    campaign = model.campaign
-    rig = campaign.rig
-    surge, poles = independent
-    heave = predict_heave(model, settings, stator, surge.lateral_force, voltage)
-    bus_voltage = plant.commercial_bus_voltage(model.plant, heave.dc_power)
-    columns: dict[str, Floats] = {
-        **heave.columns,
-        "voltage_lowest": bus_voltage.min(axis=1),
-        "voltage_highest": bus_voltage.max(axis=1),
-        "surge_position_peak": surge.position_peak,
-        "surge_velocity_peak": surge.velocity_peak,
-        "surge_force_peak": surge.force_peak,
-        "surge_force_rms": surge.force_rms,
-        "surge_current_peak": surge.current_peak,
-        "surge_current_rms_peak": surge.current_rms_peak,
-        "spectral_radius": poles.radius,
-        "gain_margin": poles.gain_margin,
-        "decay_time": poles.decay_time,
-    }
-    if surge.poles is not None:
-        columns["surge_spectral_radius"] = surge.poles.radius
-        columns["surge_gain_margin"] = surge.poles.gain_margin
-    dt, ramp = model.heave.timing.dt, rig.heave.gain_ramp_s
-    gains = [row_gains(campaign.file, setting, ramp, dt) for setting in settings]
-    predictions = []
-    for i, setting in enumerate(settings):
-        values: dict[str, Any] = {name: float(column[i]) for name, column in columns.items()}
-        values.setdefault("surge_spectral_radius", None)
-        values.setdefault("surge_gain_margin", None)
-        limited = values["voltage_available"] < electrics.NO_VOLTAGE_LIMIT
-        values |= {
-            "voltage_available": values["voltage_available"] if limited else None,
-            "dump_power": None,
-            "stiffness": total_stiffness(rig.stability, setting.spring_rate, gains[i].ki),
-            "converged": heave.converged[i],
-        }
-        predictions.append(values)
-    return predictions, heave
-
-
-def _simulate_bus(
-    model: CampaignModel,
-    plan: Plan,
-    rows: Sequence[CampaignRow],
-    buses: dict[SettingAndStator, bus.Bus],
-    powers: dict[SettingAndStator, tuple[tuple[float, ...], float]],
-) -> list[bus.BusVoltage]:
-    """Simulate the bus through the plan; return one entry for each of ``rows``."""
-    segments = plan.segments
-    seconds: dict[int, float] = {}
-    for row_number, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
-        without_waves = phase in (Phase.TARE, Phase.DONE) or (
-            row_number == NO_ROW and phase == Phase.MOVING
-        )
-        if not without_waves:
-            seconds[row_number] = seconds.get(row_number, 0.0) + ticks * plan.dt
-    first = rows[0]
-    pair = (first.setting, first.stator_position)
-    idle = plant.idle_power(model.plant)
-    tare = bus.BusInterval(buses[pair], (idle,), bus.STEP, plan.phases.tare)
-    standby = plant.standby_power(model.plant, rows[0].setting, drive_switching(model)[0])
-    move_seconds = time_to_first_row(plan, model.plant)
-    intervals = [tare, bus.BusInterval(buses[pair], (standby,), bus.STEP, move_seconds)]
-    if first.row != NO_ROW:
-        intervals.append(bus.BusInterval(buses[pair], *powers[pair], seconds.get(NO_ROW, 0.0)))
-    for row in rows:
-        pair = (row.setting, row.stator_position)
-        intervals.append(bus.BusInterval(buses[pair], *powers[pair], seconds[row.row]))
-    voltages = bus.simulate(intervals)
-    row_voltages = voltages[-len(rows) :]
-    for earlier in voltages[: -len(rows)]:  # intervals before the first row count for it
-        first_voltage = row_voltages[0]
-        low = min(first_voltage.lowest, earlier.lowest)
-        high = max(first_voltage.highest, earlier.highest)
-        row_voltages[0] = first_voltage._replace(lowest=low, highest=high)
-    return row_voltages
+_Power = tuple[tuple[float, ...], float]  # W into the drive, one value per step, and the step, s
 
 
 def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
@@ -253,20 +44,14 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     None without the device in the water, for a campaign in which a hoist moves it, and for a law
     without a linear form.
     """
-    if not planned.rows or campaign.file.hoist is not None:
-        return None
-    if unpredicted_reason(campaign, planned):
+    if not _has_free_body(campaign, planned) or unpredicted_reason(campaign, planned):
         return None
     model = build_model(campaign)
     rows = [*_lead_in(planned), *planned.rows]
-    predictions = []
-    for row, values in zip(rows, predict_rows(model, planned, rows), strict=True):
-        bus_ = bus_of(model, row.setting) if model.plant.has_custom_drive else None
-        rest_voltage = plant.bus_at_rest(model.plant, row.setting)
-        margins = compute_margins(
-            campaign.limits, campaign.rig, row.setting, values, bus_, rest_voltage
-        )
-        predictions.append(RowPrediction(row, values, margins))
+    predictions = [
+        RowPrediction(row, values, _margins(model, row.setting, values))
+        for row, values in zip(rows, predict_rows(model, planned, rows), strict=True)
+    ]
     lead_in = predictions[0] if predictions[0].row.row == NO_ROW else None
     return Prediction(
         campaign,
@@ -275,16 +60,24 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
         lead_in,
         find_refusals(campaign, predictions),
         find_warnings(campaign, predictions),
-        compare_orders(campaign, planned, model.plant),
+        compare_orders(campaign, planned, model),
     )
 
 
 def unpredicted_reason(campaign: Campaign, planned: Plan) -> str:
     """Return why the law of a campaign with rows cannot be predicted; empty if it can."""
-    if not planned.rows or campaign.file.hoist is not None:
+    if not _has_free_body(campaign, planned):
         return ""
-    ramp = campaign.rig.heave.gain_ramp_s
-    return missing_reason(campaign.file, planned.rows[0].setting, ramp, planned.dt)
+    try:
+        row_gains(campaign, planned.rows[0].setting, planned.dt)
+    except NotLinearError as error:
+        return str(error)
+    return ""
+
+
+def _has_free_body(campaign: Campaign, planned: Plan) -> bool:
+    """Return whether the campaign has rows in which no hoist moves the body."""
+    return bool(planned.rows) and campaign.file.hoist is None
 
 
 def _lead_in(planned: Plan) -> list[CampaignRow]:
@@ -298,3 +91,198 @@ def _lead_in(planned: Plan) -> list[CampaignRow]:
             )
             return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
     return []
+
+
+def predict_rows(
+    model: CampaignModel, plan: Plan, rows: Sequence[CampaignRow]
+) -> list[RowPredictions]:
+    """Return the predicted values of each of ``rows``, given in the order of the plan.
+
+    Equal settings are computed once.
+    """
+    pairs: list[SettingAndStator] = [(row.setting, row.stator_position) for row in rows]
+    unique = list(dict.fromkeys(pairs))
+    index_of = {pair: index for index, pair in enumerate(unique)}
+    indices = [index_of[pair] for pair in pairs]
+    batches = _Batches(model, unique)
+    if not model.has_custom_drive:
+        columns, _ = batches.predict(np.zeros(len(unique)))
+        return [RowPredictions(**columns[index]) for index in indices]
+    buses = [_bus(model, setting) for setting, _ in unique]
+    voltage = np.array([_start_voltage(one) for one in buses])
+    for _ in range(PASSES):
+        columns, powers = batches.predict(voltage)
+        voltages = _simulate_bus(
+            model, plan, rows, [(buses[index], powers[index]) for index in indices]
+        )
+        means = np.bincount(indices, [one.mean for one in voltages])
+        voltage = means / np.bincount(indices)
+    return [
+        _with_voltage(columns[index], one) for index, one in zip(indices, voltages, strict=True)
+    ]
+
+
+def predict_set_points(
+    model: CampaignModel, rows: Sequence[SettingAndStator], seconds: float
+) -> list[tuple[RowPredictions, tuple[Margin, ...]]]:
+    """Predict independent set points, each held for ``seconds``.
+
+    The custom drive's bus starts at its supply voltage, or at its set voltage if the supply is
+    off. The bus is simulated once only: a second pass at the mean voltage changes power by little.
+    """
+    batches = _Batches(model, rows)
+    if model.has_custom_drive:
+        buses = [_bus(model, setting) for setting, _ in rows]
+        _, powers = batches.predict(np.array([_start_voltage(one) for one in buses]))
+        voltages = [
+            bus.simulate([bus.BusInterval(one, *power, seconds)])[0]
+            for one, power in zip(buses, powers, strict=True)
+        ]
+        columns, _ = batches.predict(np.array([one.mean for one in voltages]))
+        predictions = [
+            _with_voltage(each, one) for each, one in zip(columns, voltages, strict=True)
+        ]
+    else:
+        columns, _ = batches.predict(np.zeros(len(rows)))
+        predictions = [RowPredictions(**each) for each in columns]
+    return [
+        (one, _margins(model, setting, one))
+        for one, (setting, _) in zip(predictions, rows, strict=True)
+    ]
+
+
+def _bus(model: CampaignModel, setting: RowSetting) -> BusParams:
+    return model.electrics(setting).bus
+
+
+def _start_voltage(one: BusParams) -> float:
+    return one.supply_voltage if one.supply_connected else one.set_voltage
+
+
+def _with_voltage(columns: dict[str, Any], voltage: bus.BusVoltage) -> RowPredictions:
+    simulated = {
+        "voltage_lowest": voltage.lowest,
+        "voltage_highest": voltage.highest,
+        "dump_power": voltage.dump_power,
+    }
+    return RowPredictions(**columns | simulated)
+
+
+def _margins(
+    model: CampaignModel, setting: RowSetting, values: RowPredictions
+) -> tuple[Margin, ...]:
+    bounds, rig = model.campaign.limits, model.campaign.rig
+    electrics = model.electrics(setting)
+    if electrics.custom == 0:
+        return compute_margins(bounds, rig, setting, values, None, electrics.cots.bus_voltage)
+    return compute_margins(bounds, rig, setting, values, electrics.bus, setting.bus_voltage)
+
+
+class _Batch(NamedTuple):
+    """Some rows, and their results that do not depend on the bus."""
+
+    settings: list[RowSetting]
+    stator: list[float]  # %
+    law: Law
+    columns: Columns
+    lateral_force: Floats  # N, on the heave guide
+
+
+class _Batches:
+    """Rows in batches; each may be predicted repeatedly at other voltages of the bus."""
+
+    def __init__(self, model: CampaignModel, rows: Sequence[SettingAndStator]) -> None:
+        self._model = model
+        size = max(1, MAX_SAMPLES // model.grid.samples)
+        self._batches = [self._batch(rows[i : i + size]) for i in range(0, len(rows), size)]
+
+    def _batch(self, rows: Sequence[SettingAndStator]) -> _Batch:
+        settings, stator = [one for one, _ in rows], [position for _, position in rows]
+        law, surge = heave_law(self._model, settings), predict_surge(self._model, settings)
+        columns = surge.columns | heave_poles(self._model, stator, law)
+        return _Batch(settings, stator, law, columns, surge.lateral_force)
+
+    def predict(self, voltage: Floats) -> tuple[list[dict[str, Any]], list[_Power]]:
+        """Return the fields of `RowPredictions` before the bus simulation, and the power.
+
+        ``voltage`` (V, one per row) is that of the custom drive's bus.
+        """
+        fields: list[dict[str, Any]] = []
+        powers: list[_Power] = []
+        for batch in self._batches:
+            count = len(batch.settings)
+            fields += self._predict_batch(batch, voltage[len(fields) : len(fields) + count], powers)
+        return fields, powers
+
+    def _predict_batch(
+        self, batch: _Batch, voltage: Floats, powers: list[_Power]
+    ) -> list[dict[str, Any]]:
+        model, stability = self._model, self._model.campaign.rig.stability
+        heave = predict_heave(
+            model, batch.settings, batch.stator, batch.law, batch.lateral_force, voltage
+        )
+        columns = heave.columns | batch.columns
+        if model.has_custom_drive:
+            powers += [bus.block_means(model.grid, power) for power in heave.dc_power]
+        else:
+            bus_voltage = commercial_bus_voltage(model.params.electrics.cots, heave.dc_power)
+            columns["voltage_lowest"] = bus_voltage.min(axis=1)
+            columns["voltage_highest"] = bus_voltage.max(axis=1)
+        fields = []
+        for i, setting in enumerate(batch.settings):
+            values: dict[str, Any] = {"surge_spectral_radius": None, "surge_gain_margin": None}
+            values |= {name: float(column[i]) for name, column in columns.items()}
+            if not values["voltage_available"] < NO_VOLTAGE_LIMIT:
+                values["voltage_available"] = None
+            ki = float(batch.law.ki[i])
+            fields.append(
+                values
+                | {
+                    "dump_power": None,
+                    "stiffness": total_stiffness(stability, setting.spring_rate, ki),
+                    "converged": heave.converged[i],
+                }
+            )
+        return fields
+
+
+def _simulate_bus(
+    model: CampaignModel,
+    plan: Plan,
+    rows: Sequence[CampaignRow],
+    loads: Sequence[tuple[BusParams, _Power]],
+) -> list[bus.BusVoltage]:
+    """Simulate the bus through the plan; return one entry for each of ``rows``.
+
+    ``loads`` are the bus and the power into the drive of each row.
+    """
+    segments = plan.segments
+    seconds: dict[int, float] = {}
+    for row_number, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
+        without_waves = phase in (Phase.TARE, Phase.DONE) or (
+            row_number == NO_ROW and phase == Phase.MOVING
+        )
+        if not without_waves:
+            seconds[row_number] = seconds.get(row_number, 0.0) + ticks * plan.dt
+    first, (first_bus, first_power) = rows[0], loads[0]
+    # Standby: the drive is on at rest, at the set voltage.
+    fixed, active, *_ = losses(model.electrics(first.setting), first_bus.set_voltage)
+    standby = fixed if first.setting.velocity_threshold > 0.0 else fixed + active
+    move_seconds = time_to_first_row(plan, model)
+    intervals = [
+        bus.BusInterval(first_bus, (fixed,), bus.STEP, plan.phases.tare),
+        bus.BusInterval(first_bus, (standby,), bus.STEP, move_seconds),
+    ]
+    if first.row != NO_ROW:
+        intervals.append(bus.BusInterval(first_bus, *first_power, seconds.get(NO_ROW, 0.0)))
+    intervals += [
+        bus.BusInterval(row_bus, *power, seconds[row.row])
+        for row, (row_bus, power) in zip(rows, loads, strict=True)
+    ]
+    voltages = bus.simulate(intervals)
+    row_voltages = voltages[-len(rows) :]
+    for earlier in voltages[: -len(rows)]:  # intervals before the first row count for it
+        low = min(row_voltages[0].lowest, earlier.lowest)
+        high = max(row_voltages[0].highest, earlier.highest)
+        row_voltages[0] = row_voltages[0]._replace(lowest=low, highest=high)
+    return row_voltages

@@ -4,11 +4,9 @@ The plan has the minimum time of every segment; the stator's speed is that of th
 A move that takes longer than its segment makes the plan wait.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
-from rig.kinds.wavebot.predictions import plant
+from rig.kinds.wavebot.predictions.model import CampaignModel
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import Plan, build_plan
 from rig.realtime.sequence import NO_ROW, WAIT_STATOR, Phase
@@ -25,9 +23,9 @@ class Travel(NamedTuple):
     duration: float  # s, of the whole campaign, including waiting
 
 
-def compute_travel(order: str, planned: Plan, plant_model: plant.PlantModel) -> Travel:
+def compute_travel(order: str, planned: Plan, model: CampaignModel) -> Travel:
     """Return the stator travel of a plan."""
-    speed, position = plant.stator_speed(plant_model), plant.stator_start(plant_model)
+    speed, position = model.params.spring.speed, float(model.plant.stator.start.value)
     distance = moving_time = waiting_time = 0.0
     segments = planned.segments
     positions = {row.row: row.stator_position for row in planned.rows}
@@ -50,7 +48,7 @@ def compute_travel(order: str, planned: Plan, plant_model: plant.PlantModel) -> 
     )
 
 
-def time_to_first_row(planned: Plan, plant_model: plant.PlantModel) -> float:
+def time_to_first_row(planned: Plan, model: CampaignModel) -> float:
     """Return the seconds that the drive is on before the first wave (stator move to row 0)."""
     segments = planned.segments
     ticks = sum(
@@ -58,21 +56,16 @@ def time_to_first_row(planned: Plan, plant_model: plant.PlantModel) -> float:
         for row, phase, tick_count in zip(segments.row, segments.phase, segments.ticks, strict=True)
         if row == NO_ROW and phase == Phase.MOVING
     )
-    distance = abs(planned.rows[0].stator_position - plant.stator_start(plant_model))
-    return max(ticks * planned.dt, distance / plant.stator_speed(plant_model))
+    distance = abs(planned.rows[0].stator_position - model.plant.stator.start.value)
+    return max(ticks * planned.dt, distance / model.params.spring.speed)
 
 
-def compare_orders(
-    campaign: Campaign, planned: Plan, plant_model: plant.PlantModel
-) -> tuple[Travel, ...]:
+def compare_orders(campaign: Campaign, planned: Plan, model: CampaignModel) -> tuple[Travel, ...]:
     """Return the travel of the planned order, then of "as given" and "fewest spring moves"."""
-    travels = [compute_travel(campaign.file.order, planned, plant_model)]
+    travels = [compute_travel(campaign.file.order, planned, model)]
     for alternative in ("as given", "fewest spring moves"):
         if alternative != campaign.file.order:
             file = campaign.file.model_copy(update={"order": alternative})
-            travels.append(
-                compute_travel(
-                    alternative, build_plan(file, campaign.rig, campaign.points), plant_model
-                )
-            )
+            reordered = build_plan(file, campaign.rig, campaign.points)
+            travels.append(compute_travel(alternative, reordered, model))
     return tuple(travels)

@@ -1,23 +1,13 @@
 """Refusals and warnings of a prediction, each with its row and the file and line of its limit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
 from rig.config.problems import Problem, display_path, format_key, format_number
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
-from rig.kinds.wavebot.predictions.margins import (
-    LOOP,
-    MODULATION,
-    STROKE,
-    SURGE_LOOP,
-    Limit,
-    Margin,
-    blocking_margins,
-    warning_margins,
-)
+from rig.design.margin import Limit, Margin, blocking_margins
+from rig.kinds.wavebot.predictions.limits import MODULATION, STROKE, SURGE_LOOP
 from rig.kinds.wavebot.predictions.prediction import RowPrediction
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow
@@ -78,7 +68,7 @@ def find_warnings(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Pr
         if any(blocking_margins(first.margins)):
             continue
         messages = [
-            *_margin_messages(warning_margins(first.margins), locations, first.row),
+            *_margin_messages((each for each in first.margins if each.warns), locations, first.row),
             *_reliability_warnings(first, settle),
         ]
         if messages:
@@ -124,7 +114,7 @@ def _margin_messages(
     messages = []
     for quantity, group in groupby(margins, key=lambda margin: margin.limit.quantity):
         limits = list(group)
-        if limits[0].limit in (LOOP, SURGE_LOOP):
+        if limits[0].limit.of_own_gains:
             messages.append(_stability_message(limits[0]))
             continue
         bounds = " and ".join(_bound_text(margin, locations, row) for margin in limits)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from controllers import magnetic_spring
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
+from rig.design.margin import Margin, blocking_margins
 from rig.kinds.wavebot.predictions import RowPredictions
-from rig.kinds.wavebot.predictions.margins import Margin, blocking_margins
 from rig.kinds.wavebot.predictions.model import CampaignModel, build_model
 from rig.kinds.wavebot.predictions.rows import predict_set_points
 from rig.kinds.wavebot.rehearsal.job import problems, requested_sea

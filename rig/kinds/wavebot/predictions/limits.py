@@ -1,67 +1,11 @@
-"""Predicted use of each limit by each row."""
+"""The limits that a predicted row is compared with, and its use of each."""
 
-from __future__ import annotations
-
-import math
-from collections.abc import Iterator
-from typing import Literal, NamedTuple
-
-from rig.config.yaml_source import KeyPath
+from rig.design.margin import Effect, Limit, Margin, Role
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
-from rig.kinds.wavebot.predictions.bus import Bus
-from rig.kinds.wavebot.predictions.row_prediction import RowPredictions
+from rig.kinds.wavebot.predictions.prediction import RowPredictions
 from rig.planning.campaign.set_points import RowSetting
-
-Role = Literal["limits", "rig", "plant", "campaign"]
-"""The file that defines a limit; "campaign" for the stability of the row's own gains."""
-
-Effect = Literal["stop", "cut", "warn", "unstable"]
-"""Effect beyond a limit: the rig trips, it cuts force, it warns, or the motion grows."""
-
-NEAR = 0.9  # share of a stop limit that counts as near: the motion overshoots after a change of row
-
-
-class Limit(NamedTuple):
-    """One limit and the key that defines it."""
-
-    name: str  # as in the table of `rig check`
-    role: Role
-    key: KeyPath
-    effect: Effect
-    unit: str
-    quantity: str  # predicted quantity
-    is_lower_bound: bool = False
-
-
-class Margin(NamedTuple):
-    """A predicted value and its limit."""
-
-    limit: Limit
-    predicted: float
-    allowed: float
-    at_rest: float = 0.0  # value without waves
-
-    @property
-    def used(self) -> float:
-        """Used share of the limit, counted from the value at rest; above 1 it is exceeded."""
-        if self.limit.is_lower_bound and self.at_rest == 0.0:
-            return self.allowed / self.predicted if self.predicted > 0.0 else math.inf
-        span = self.allowed - self.at_rest
-        if (span > 0.0) == self.limit.is_lower_bound or not math.isfinite(self.predicted):
-            return math.inf  # limit exceeded at rest, or not a number
-        return (self.predicted - self.at_rest) / span
-
-    @property
-    def exceeded(self) -> bool:
-        """True beyond the limit and for a prediction that is not a number."""
-        return not self.used <= 1.0
-
-    @property
-    def near(self) -> bool:
-        """True within the limit but close to a stop or to instability."""
-        matters = self.limit.effect == "stop" or self.limit in (LOOP, SURGE_LOOP)
-        return not self.exceeded and matters and self.used >= NEAR
+from sim_plant.bus import BusParams
 
 
 def _limit(
@@ -117,7 +61,7 @@ def compute_margins(
     rig: RigFile,
     setting: RowSetting,
     predictions: RowPredictions,
-    bus: Bus | None,
+    bus: BusParams | None,
     bus_at_rest: float,
 ) -> tuple[Margin, ...]:
     """Return a row's use of each limit.
@@ -126,7 +70,6 @@ def compute_margins(
     """
     heave, surge = bounds.heave, bounds.surge
     x = predictions.position_peak
-    rest_voltage = bus_at_rest
     pairs: list[tuple[Limit, float | None, float]] = [
         (POSITION_WARN, x, heave.position_warn_m),
         (POSITION, x, heave.position_stop_m),
@@ -152,22 +95,7 @@ def compute_margins(
             (MODULATION, predictions.voltage_required, predictions.voltage_available),
         ]
     return tuple(
-        Margin(limit, predicted, allowed, rest_voltage if limit in _RELATIVE_TO_REST else 0.0)
+        Margin(limit, predicted, allowed, bus_at_rest if limit in _RELATIVE_TO_REST else 0.0)
         for limit, predicted, allowed in pairs
         if predicted is not None
     )
-
-
-def blocking_margins(margins: tuple[Margin, ...]) -> Iterator[Margin]:
-    """Yield the exceeded limits that refuse a row: the rig would trip or be unstable."""
-    return (m for m in margins if m.exceeded and m.limit.effect in ("stop", "unstable"))
-
-
-def warning_margins(margins: tuple[Margin, ...]) -> Iterator[Margin]:
-    """Yield the limits that give a warning: force is cut, a warning is due or a stop is near."""
-    return (m for m in margins if (m.exceeded and m.limit.effect in ("cut", "warn")) or m.near)
-
-
-def tightest(margins: tuple[Margin, ...]) -> Margin:
-    """Return the limit with the highest use, warning limits excluded."""
-    return max((m for m in margins if m.limit.effect != "warn"), key=lambda m: m.used)

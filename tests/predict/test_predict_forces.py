@@ -33,7 +33,8 @@ def test_passive_forces(name: str, stator: float) -> None:
     forces = (
         (passive.spring_force(sim_params.spring, rates, X[None, :])[0],
          [magnetic_spring.force(sim_params.spring, rate, x) for x in X]),
-        (passive.friction_force(sim_params.pto, friction, V[None, :])[0] - sim_params.pto.viscous * V,
+        (passive.friction_force(sim_params.pto, friction, V[None, :])[0]
+         - sim_params.pto.viscous * V,
          [pto.friction(sim_params.pto, v, f) for v, f in zip(V, F, strict=True)]),
         (drag_force(sim_params.body.quadratic, V) - sim_params.body.viscous * V,
          [body.drag(sim_params.body, v) for v in V]),

@@ -1,18 +1,15 @@
 """Search for the best P, PI, and PI-and-spring settings of a sea, for each power station.
 
 Power depends on Ki and spring rate mostly through their difference, the effective stiffness, so the
-search uses that difference as a coordinate. A coarse grid locates the valley. From its best point,
-each iteration fits a quadratic to a few points around the centre, moves the centre to the minimum
-of the quadratic, and reduces the distance of the points.
+search uses that difference as a coordinate. A coarse grid locates the valley, from whose best point
+the search descends (`rig.design.descent`).
 """
 
-from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
-from rig.identification.periods import Floats
+from rig.design.descent import Floats, descend
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.predictions import PREDICTED_STATIONS
 from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
@@ -27,10 +24,7 @@ KP_RANGE = (-6000.0, -100.0)  # N s/m
 STIFFNESS_RANGE = (-12_000.0, 22_000.0)  # N/m, range of Ki minus spring rate
 _STEPS = (0.35, 2500.0, 3000.0)  # log Kp, N/m, N/m: initial distance of the points
 _ITERATIONS = 5
-_SHRINK = 0.55  # factor on the distance per iteration
 _PENALTY = 100.0  # W per relative excess over a limit
-
-Predict = Callable[[Sequence[Gains]], list[SetPointPrediction]]
 
 
 class Optimum(NamedTuple):
@@ -94,9 +88,8 @@ def find_optima(
         for station in STATIONS:
             candidates = [one for one in grid if _has_law(one.gains, law, spring_rate)]
             start = min(candidates, key=lambda one: cost(one, station))
-            best = descend(quick_predictor.predict, space, start, station, law)
-            optima.append((station, law, best.gains))
-    predictions = predictor.predict([gains for _, _, gains in optima])
+            optima.append((station, law, _descend(quick_predictor, space, start, station, law)))
+    predictions = predictor.predict([gains for *_, gains in optima])
     return [
         Optimum(station, law, best, _is_at_limit(best, space, law))
         for (station, law, _), best in zip(optima, predictions, strict=True)
@@ -124,49 +117,25 @@ def _has_law(gains: Gains, law: Law, spring_rate: float) -> bool:
     return gains.spring_rate == spring_rate and (law == "PI" or gains.ki == 0.0)
 
 
-def descend(
-    predict: Predict, space: SearchSpace, start: SetPointPrediction, station: Station, law: Law
-) -> SetPointPrediction:
-    """Return the minimum of the cost from a start, in the coordinates that the law varies."""
-    free_count = {"P": 1, "PI": 2, "PI and spring": 3}[law]
-    best, steps = start, np.array(_STEPS)
-    for _ in range(_ITERATIONS):
-        centre = space.to_coordinates(best.gains)
-        offsets = _design_points(free_count)
-        points = centre + offsets * steps
-        predictions = predict([space.to_gains(point) for point in points])
-        costs = np.array([cost(one, station) for one in predictions])
-        minimum = centre + _quadratic_minimum(offsets[:, :free_count], costs) * steps
-        (at_minimum,) = predict([space.to_gains(minimum)])
-        best = min([best, *predictions, at_minimum], key=lambda one: cost(one, station))
-        steps = steps * _SHRINK
-    return best
+def _descend(
+    predictor: SetPointPredictor,
+    space: SearchSpace,
+    start: SetPointPrediction,
+    station: Station,
+    law: Law,
+) -> Gains:
+    """Return the best gains found from a start, in the coordinates that the law varies."""
+    steps = np.where(np.arange(3) <= LAWS.index(law), _STEPS, 0.0)
 
+    def costs(points: Floats) -> Floats:
+        predictions = predictor.predict([space.to_gains(point) for point in points])
+        return np.array([cost(one, station) for one in predictions])
 
-def _design_points(free_count: int) -> Floats:
-    """Return centre, axis ends and corners, in units of a step; fixed coordinates are 0."""
-    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * free_count, indexing="ij"), axis=-1)
-    ends = np.concatenate([np.eye(free_count), -np.eye(free_count)])
-    points = np.concatenate([np.zeros((1, free_count)), ends, corners.reshape(-1, free_count)])
-    points = np.unique(points, axis=0)
-    return np.concatenate([points, np.zeros((len(points), 3 - free_count))], axis=1)
+    def project(point: Floats) -> Floats:
+        return space.to_coordinates(space.to_gains(point))
 
-
-def _quadratic_minimum(points: Floats, costs: Floats) -> Floats:
-    """Return the minimum of the fitted quadratic, within two steps; 0 in fixed coordinates."""
-    free_count = points.shape[1]
-    pairs = [(i, j) for i in range(free_count) for j in range(i, free_count)]
-
-    def terms(x: Floats) -> Floats:
-        products = [x[..., i] * x[..., j] for i, j in pairs]
-        return np.stack([np.ones(x.shape[:-1]), *np.moveaxis(x, -1, 0), *products], axis=-1)
-
-    coefficients = np.linalg.lstsq(terms(points), costs, rcond=None)[0]
-    bounds = [(-2.0, 2.0)] * free_count
-    result = minimize(
-        lambda x: float(terms(np.asarray(x)) @ coefficients), np.zeros(free_count), bounds=bounds
-    )
-    return np.concatenate([result.x, np.zeros(3 - free_count)])
+    first = space.to_coordinates(start.gains)
+    return space.to_gains(descend(costs, first, steps, _ITERATIONS, project))
 
 
 def _is_at_limit(best: SetPointPrediction, space: SearchSpace, law: Law) -> bool:

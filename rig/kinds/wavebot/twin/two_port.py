@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.design.twoport.figures import Case, vary, write_effects
 from rig.design.twoport.network import Motor, linear_drivetrain
-from rig.design.twoport.transfer import transfers, write_transfer
+from rig.design.twoport.pictures import Case, transfers, vary, write_effects, write_transfer
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model
 from rig.identification.periods import Complexes, Floats
@@ -13,6 +12,9 @@ from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
 from rig.kinds.wavebot.twin.records import Record
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import RunInfo
+
+MOTOR = Motor(6.1745, 12.4666, 0.5)
+"""The heave motor (public fbWecCntrl repository, demo_waveBot.m)."""
 
 
 class MeasuredDevice(NamedTuple):

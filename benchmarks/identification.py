@@ -11,12 +11,13 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.result import Figure, Result, figure
 from rig.config.yaml_source import load_mapping
-from rig.execution.campaign import rehearsal_mode, run_campaign
+from rig.execution.campaign import run_campaign
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
 from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
+from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduce_window
-from rig.execution.campaign import rehearsal_mode, run_campaign
+from rig.execution.campaign import run_campaign
 from rig.kinds.wavebot.recommend import report
 from rig.kinds.wavebot.recommend.recommendation import (
     Recommendation,
@@ -26,6 +26,7 @@ from rig.kinds.wavebot.recommend.recommendation import (
 )
 from rig.kinds.wavebot.recommend.trial import Gains
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import build_plan, check_campaign, open_campaign
 from rig.planning.campaign.point import Point

@@ -13,17 +13,17 @@ import json
 import linecache
 import math
 import sys
-import traceback
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from controllers.law import Column, Parameter
+from rig.plug_ins import DISTRIBUTION, Entry, Registry, error_text
 
 GROUP = "wec_rig.laws"
-DISTRIBUTION = "wec-rig"
 
 OWN_MODULES = {
     "impedance": "controllers.impedance",
@@ -32,8 +32,9 @@ OWN_MODULES = {
     "latching": "controllers.latching",
     "declutching": "controllers.declutching",
 }
-"""The laws of this distribution; they are entry points, too. The table spares the loop process the
-search of all installed distributions, and it works in a source tree that is not installed."""
+"""The laws of this distribution; they are entry points, too."""
+
+REGISTRY = Registry(GROUP, "law", OWN_MODULES)
 
 _ARGUMENTS = {"params": 3, "start": 1, "step": 7, "linear": 3}
 _OPTIONAL = ("linear",)
@@ -70,6 +71,10 @@ class Law(NamedTuple):
         """The force per velocity of a linear law; None for a law without a linear form."""
         linear: Callable[..., complex] | None = getattr(self.module, "linear", None)
         return linear
+
+    def set_point(self, values: Any) -> Any:
+        """Return the law's SetPoint from an object with an attribute for each column's name."""
+        return self.module.SetPoint(*(getattr(values, column.name) for column in self.columns))
 
     @property
     def reference(self) -> str:
@@ -108,13 +113,16 @@ def find(text: str, base: str = "") -> Law:
     """
     if is_path(text):
         return load_file(Path(base) / text)
-    entries = [entry for entry in _entries() if entry.name == text]
-    if not entries:
-        known = ", ".join(dict.fromkeys(entry.name for entry in _entries()))
+    entry = REGISTRY.find(text)
+    if entry is None:
+        known = ", ".join(REGISTRY.names())
         raise LawError(f"no law {text!r} is registered; allowed {known}, or the path of a .py file")
-    if len({entry.module for entry in entries}) > 1:
-        raise LawError(_duplicate_text(text, entries))
-    return _load_entry(entries[0])
+    return _load_entry(entry)
+
+
+def own(name: str) -> Law:
+    """Return a law of this distribution without a search of the installed distributions."""
+    return _import_law(Entry(name, OWN_MODULES[name], DISTRIBUTION))
 
 
 def load_file(path: Path) -> Law:
@@ -136,14 +144,10 @@ def load_source(source: bytes, path: Path) -> Law:
 
 def registered() -> tuple[RegisteredLaw, ...]:
     """Return all registered laws, also those that cannot be used, sorted by origin and name."""
-    entries = _entries()
     listed = []
-    for entry in entries:
-        same = [each for each in entries if each.name == entry.name]
+    for entry in REGISTRY.entries():
         law, problem = None, ""
         try:
-            if len({each.module for each in same}) > 1:
-                raise LawError(_duplicate_text(entry.name, same))
             law = _load_entry(entry)
         except LawError as error:
             problem = str(error)
@@ -193,36 +197,15 @@ def helper_modules(law: Law) -> tuple[ModuleType, ...]:
     return tuple(found[name] for name in sorted(found) if hasattr(found[name], "__file__"))
 
 
-class _Entry(NamedTuple):
-    name: str
-    module: str
-    origin: str
+def _load_entry(entry: Entry) -> Law:
+    """Return the law of an entry; LawError if its name is ambiguous or the law unusable."""
+    if duplicates := REGISTRY.duplicates(entry):
+        raise LawError(duplicates)
+    return _import_law(entry)
 
 
 @cache
-def _entries() -> tuple[_Entry, ...]:
-    """Return all registered names; an entry for each module that a name is registered for."""
-    from importlib import metadata  # noqa: PLC0415  (only where laws are looked up by name)
-
-    try:
-        own = f"{DISTRIBUTION} {metadata.version(DISTRIBUTION)}"
-    except metadata.PackageNotFoundError:
-        own = DISTRIBUTION
-    found = dict.fromkeys(OWN_MODULES.items(), own)
-    for point in metadata.entry_points(group=GROUP):
-        distribution = point.dist
-        origin = f"{distribution.name} {distribution.version}" if distribution else "unknown"
-        found.setdefault((point.name, point.value), origin)
-    return tuple(_Entry(*key, origin) for key, origin in found.items())
-
-
-def _duplicate_text(name: str, entries: list[_Entry]) -> str:
-    origins = " and ".join(f"{entry.origin} ({entry.module})" for entry in entries)
-    return f"two distributions register the law {name!r}: {origins}; uninstall one of them"
-
-
-@cache
-def _load_entry(entry: _Entry) -> Law:
+def _import_law(entry: Entry) -> Law:
     try:
         module = importlib.import_module(entry.module)
     except Exception as error:
@@ -254,16 +237,6 @@ def _execute(source: bytes, path: Path, digest: str) -> ModuleType:
 def _failed_text(law: str, error: Exception, path: str) -> str:
     """Return the message for a law that raised, with the line of its file."""
     return f"the law {law} cannot be imported: {error_text(error, path)}"
-
-
-def error_text(error: BaseException, path: str) -> str:
-    """Return an exception with the file and line in ``path``, else with those that raised it."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if frame.filename == path] or frames
-    file, line = (own[-1].filename, own[-1].lineno) if own else (path, 0)
-    if isinstance(error, SyntaxError) and error.filename:
-        file, line = error.filename, error.lineno
-    return f"{file}:{line}: {type(error).__name__}: {error}"
 
 
 # --- the interface
@@ -325,12 +298,9 @@ def _set_point_problems(module: Any) -> Iterator[str]:
     names = tuple(getattr(column, "name", None) for column in columns)
     if fields != names:
         yield f"COLUMNS have the names {_listed(names)}, but SetPoint the fields {_listed(fields)}"
-    hints = get_type_hints(set_point)
-    for field in fields:
-        if hints[field] is not float and hints[field] is not int:
-            continue  # a leaf of another type is a problem already
-        if hints[field] is not float:
-            yield f"SetPoint.{field} is not a float"
+    with suppress(NameError, TypeError):  # an annotation without a meaning is a problem already
+        hints = get_type_hints(set_point)
+        yield from (f"SetPoint.{name} is not a float" for name in fields if hints[name] is int)
 
 
 def _listed(names: Any) -> str:
@@ -357,11 +327,3 @@ def _leaf_problems(path: str, hint: Any, root: str) -> Iterator[str]:
         return
     name = getattr(hint, "__name__", str(hint))
     yield f"{path} is of type {name}; allowed float, int, and NamedTuples or tuples of them"
-
-
-def own(name: str) -> Law:
-    """Return a law of this distribution without a search of the installed distributions."""
-    module = importlib.import_module(OWN_MODULES[name])
-    path = str(module.__file__)
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    return Law(name, module, DISTRIBUTION, path, digest, False)

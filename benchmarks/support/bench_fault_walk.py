@@ -11,11 +11,11 @@ from typing import NamedTuple
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
-from rig.execution.session import session_task, wired_mode
 from rig.execution.task import RunResult, View, run_task
 from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
 from rig.kinds.oswec_bench.rehearsal.job import session_problems
 from rig.kinds.oswec_bench.sessions import Session, SessionPlan, check_session
+from rig.kinds.oswec_bench.tasks import session_task, wired_mode
 from rig.processes.child import Child
 from rig.realtime.sequence import MEASURE
 

@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
-from rig.execution.campaign import ExecutionMode, RunResult, run_campaign
-from rig.execution.task import View
+from rig.execution.campaign import run_campaign
+from rig.execution.task import RunResult, View
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.child import Child
+from rig.processes.run_types import ExecutionMode
 from rig.wires.locks import wires_in
 
 FAST = 0.05  # m/s of the body in heave
@@ -46,7 +47,12 @@ class Stage(NamedTuple):
         made = hardware.build_job(self.campaign.rig)
         wires = wires_in(self.campaign.rig)
         mode = ExecutionMode(
-            "hil", True, "rig.kinds.wavebot.hardware", made.devices, made.io_processes, wires
+            "hil",
+            True,
+            "rig.kinds.wavebot.hardware.devices",
+            made.devices,
+            made.io_processes,
+            wires,
         )
         return run_campaign(campaign, plan, self.folder, view, mode)
 

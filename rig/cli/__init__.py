@@ -280,6 +280,14 @@ def laws(
 
 
 @app.command()
+def kinds(json: Json = False) -> None:
+    """List the kinds of rig, with origin and version."""
+    from rig.cli.kinds import main
+
+    sys.exit(main(as_json=json))
+
+
+@app.command()
 def show(
     run: Run,
     calibration: ReadBy = None,

@@ -11,11 +11,12 @@ from rig.cli.input_files import SESSIONS, input_file, rig_file
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.cli.session_progress import SessionProgress
 from rig.config.shipped_files import UnknownNameError
-from rig.execution.session import rehearsal_mode, session_task, wired_mode
-from rig.execution.task import ExecutionMode, RunResult, run_task
+from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.rehearsal.job import session_problems
 from rig.kinds.oswec_bench.sessions import Session, SessionReport, check_session
+from rig.kinds.oswec_bench.tasks import rehearsal_mode, session_task, wired_mode
 from rig.kinds.wavebot.hardware.job import WiringError
+from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import RunError, create
 
 if TYPE_CHECKING:

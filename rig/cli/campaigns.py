@@ -9,7 +9,6 @@ from rich.text import Text
 
 from rig import cli
 from rig.cli.console import table_console
-from rig.config.any_rig_file import load_rig
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,
@@ -21,6 +20,7 @@ from rig.config.shipped_files import (
     title,
 )
 from rig.kinds.oswec_bench.sessions import check_session
+from rig.kinds.rig_file import load_rig
 from rig.planning.campaign import check_campaign
 from rig.planning.campaign.check import format_duration
 
@@ -83,7 +83,7 @@ def _session_facts(path: Path) -> dict[str, Any]:
 
 
 def _rig_facts(path: Path) -> dict[str, Any]:
-    rig, _ = load_rig(path)
+    rig, _, _ = load_rig(path)
     return {"rig": rig.name, "wired": rig.wiring is not None}
 
 

@@ -15,11 +15,11 @@ from rig.cli.console import table_console
 from rig.cli.devices_view import as_dict, heard_as_dict, render, render_heard
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import RIGS, input_file
-from rig.config.any_rig_file import AnyRigFile, load_rig
+from rig.config.rig_file import BaseRigFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware.job import build_bench_job
 from rig.kinds.oswec_bench.hardware.survey import survey_bench
-from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.hardware.job import build_job
 from rig.recording.runs.create import BusyError
 from rig.wires import locks as wire_locks
@@ -33,7 +33,7 @@ def main(path: Path, *, only_listen: bool, objects: bool, as_json: bool) -> int:
     The code is 0 if all devices answer and agree with the rig file.
     """
     try:
-        rig, _ = load_rig(input_file(path, RIGS))
+        rig, _, _ = load_rig(input_file(path, RIGS))
         survey_wires = (
             _bench_survey(rig) if isinstance(rig, BenchRigFile) else _wavebot_survey(rig, objects)
         )
@@ -69,7 +69,7 @@ class _SurveyOutput(NamedTuple):
     trouble: tuple[str, ...]
 
 
-def _wavebot_survey(rig: RigFile, objects: bool) -> Callable[[], _SurveyOutput]:
+def _wavebot_survey(rig: Any, objects: bool) -> Callable[[], _SurveyOutput]:
     job = build_job(rig)
 
     def run_survey() -> _SurveyOutput:
@@ -92,7 +92,7 @@ def _bench_survey(rig: BenchRigFile) -> Callable[[], _SurveyOutput]:
     return run_survey
 
 
-def _passive_survey(rig: AnyRigFile) -> Callable[[], _SurveyOutput]:
+def _passive_survey(rig: BaseRigFile) -> Callable[[], _SurveyOutput]:
     def run_survey() -> _SurveyOutput:
         heard = listen(rig)
         return _SurveyOutput(

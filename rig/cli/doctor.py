@@ -11,9 +11,9 @@ from rig import cli
 from rig.cli.console import table_console
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import RIGS, input_file
-from rig.config.any_rig_file import load_rig
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import UNPRIVILEGED_S
+from rig.kinds.rig_file import load_rig
 
 DEFAULT_RATE_HZ = 1000.0  # of the loop, without --rate and --rig
 _WIDE_CONSOLE = 110  # columns
@@ -46,7 +46,7 @@ def main(
     rig_config = None
     if rig is not None:
         try:
-            rig_config, _ = load_rig(input_file(rig, RIGS))
+            rig_config, _, _ = load_rig(input_file(rig, RIGS))
         except INPUT_ERRORS as error:
             return refuse("doctor", error, as_json=as_json)
     rate = rate_hz or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)

@@ -14,10 +14,12 @@ from rig.cli.progress import Progress
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.config.problems import Problem
 from rig.config.shipped_files import UnknownNameError
-from rig.execution.campaign import rehearsal_mode, run_campaign, wired_mode
-from rig.execution.task import ExecutionMode, RunResult
+from rig.execution.campaign import run_campaign
+from rig.execution.task import RunResult
 from rig.kinds.wavebot.hardware.job import WiringError
+from rig.kinds.wavebot.tasks import rehearsal_mode, wired_mode
 from rig.planning.campaign import Campaign, Plan
+from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import RunError, create
 
 _MAX_WARNINGS = 5

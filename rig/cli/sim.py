@@ -14,12 +14,13 @@ from rig.cli.command_error import fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.sim_view import emulated_devices, show
-from rig.config.any_rig_file import AnyRigFile
+from rig.config.rig_file import BaseRigFile
 from rig.emulation.addresses import AnyWiring, occupied_addresses, unreachable_addresses
 from rig.emulation.standalone import load_standalone
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware.job import build_bench_job
 from rig.kinds.oswec_bench.sessions.files import is_session
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import WiringError, build_job
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
 
@@ -67,7 +68,7 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
     return cli.OK
 
 
-def _open_devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, str]:
+def _open_devices(path: Path, campaign: Path | None) -> tuple[BaseRigFile, IoProcess, str]:
     """Return the rig, the process that emulates its devices, and their setting in words."""
     path = input_file(path, RIGS)
     if campaign is None:
@@ -93,7 +94,7 @@ def _open_devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProc
     return checked_campaign.rig, emulation.emulator_process(checked_campaign), sea
 
 
-def _checked_wiring(rig: AnyRigFile) -> AnyWiring:
+def _checked_wiring(rig: BaseRigFile) -> AnyWiring:
     """Return the wiring of a rig whose devices can be emulated; WiringError gives the reason."""
     if rig.wiring is None:
         raise WiringError(f"{rig.name} has no wiring, so no devices can be emulated")
@@ -103,8 +104,10 @@ def _checked_wiring(rig: AnyRigFile) -> AnyWiring:
     if isinstance(rig, BenchRigFile):
         build_bench_job(rig)
     else:
+        assert isinstance(rig, RigFile)
         build_job(rig)
-    return rig.wiring
+    wiring: AnyWiring = rig.wiring
+    return wiring
 
 
 def _wait_for_end(io_processes: IoProcesses, stop_requested: Callable[[], bool]) -> str:

@@ -7,15 +7,11 @@ from rig.config.campaign_file import CampaignFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import load, problems_from, validate
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
-from rig.kinds.wavebot.config.limits_file import LimitsFile
-from rig.kinds.wavebot.config.rig_file import RigFile
 
 __all__ = [
     "CampaignFile",
     "ConfigError",
-    "LimitsFile",
     "Problem",
-    "RigFile",
     "SourceLocation",
     "SourceMap",
     "load",

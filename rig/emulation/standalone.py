@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.pydantic_errors import validate
+from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.rehearsal.emulation import emulated_bench_process
+from rig.kinds.rig_file import load_rig
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.rehearsal.emulation import emulated_rig_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.bench.parameters import BenchPlant
@@ -17,7 +19,7 @@ from sim_plant.parameters import Plant
 class StandaloneRig(NamedTuple):
     """A rig and the I/O process of its emulated devices."""
 
-    rig: AnyRigFile
+    rig: BaseRigFile
     io_process: IoProcess
 
 
@@ -26,7 +28,7 @@ def load_standalone(path: Path) -> StandaloneRig:
 
     The WaveBot is in calm water; the bench's servo is set up for velocity, its shaft is free.
     """
-    rig, locate = load_rig(path)
+    rig, locate, _ = load_rig(path)
     plant, locate_plant = load_mapping(
         locate.resolve_path(("plant",), rig.plant), locate(("plant",)), "plant"
     )
@@ -41,4 +43,5 @@ def load_standalone(path: Path) -> StandaloneRig:
         "seed": 0,
         "device": "present",
     }
+    assert isinstance(rig, RigFile)
     return StandaloneRig(rig, emulated_rig_process(rig, devices))

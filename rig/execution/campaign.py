@@ -1,48 +1,11 @@
 """Execution of one campaign, from its checked file to its run folder, as by `rig run`."""
 
 from pathlib import Path
-from typing import Any
 
-from rig import laws, stations
-from rig.config.columns import columns_with_law
-from rig.execution.task import ExecutionMode, RunResult, Task, View, run_task
-from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
-from rig.kinds.wavebot.hardware import job as hardware
-from rig.kinds.wavebot.rehearsal import emulation, job
-from rig.kinds.wavebot.tick import kind_with_law
-from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import Campaign, Plan, resolved_config
-from rig.planning.campaign.windows import repeat_period
-from rig.wires.locks import wires_in
-
-
-def rehearsal_mode(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
-    """Return the mode with the simulated plant in the loop's own process."""
-    return ExecutionMode(
-        "rehearsal", real_clock, "rig.kinds.wavebot.rehearsal", job.plant_settings(campaign)
-    )
-
-
-def wired_mode(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
-    """Return the mode with the devices on the rig's wires, or with emulated ones on the far end.
-
-    WiringError lists all reasons why these wires must not be powered.
-    """
-    wired_job = hardware.build_job(campaign.rig)
-    wires = wires_in(campaign.rig)
-    if not emulated:
-        return ExecutionMode(
-            "hardware",
-            True,
-            "rig.kinds.wavebot.hardware",
-            wired_job.devices,
-            wired_job.io_processes,
-            wires,
-        )
-    io_processes = (emulation.emulator_process(campaign), *wired_job.io_processes)
-    return ExecutionMode(
-        "hil", True, "rig.kinds.wavebot.hardware", wired_job.devices, io_processes, wires
-    )
+from rig.execution.task import RunResult, View, run_task
+from rig.kinds.wavebot.tasks import campaign_task
+from rig.planning.campaign import Campaign, Plan
+from rig.processes.run_types import ExecutionMode
 
 
 def run_campaign(
@@ -50,81 +13,3 @@ def run_campaign(
 ) -> RunResult:
     """Run a campaign to its end and return the result; see `rig.execution.task.run_task`."""
     return run_task(campaign_task(campaign, plan), runs, view, mode)
-
-
-def campaign_task(campaign: Campaign, plan: Plan) -> Task:
-    """Return the task of a campaign."""
-    file, rig = campaign.file, campaign.rig
-    return Task(
-        file.name,
-        rig.kind,
-        kind_with_law(campaign.law.module),
-        wavebot_params(file, rig, campaign.limits, plan.segments, plan.setpoints, campaign.record),
-        plan.dt,
-        len(plan.rows),
-        rig.realtime == "required",
-        rig.supervisor_timeout_s,
-        resolved_config(campaign),
-        _plan_record(campaign, plan),
-        laws.to_request(campaign.law),
-        _law_source(campaign),
-    )
-
-
-def _law_source(campaign: Campaign) -> str:
-    """Return the source of a law that is given by its file; empty for a registered law."""
-    return laws.source_text(campaign.law) if campaign.law.is_file else ""
-
-
-def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
-    sea = campaign.file.sea
-    record: dict[str, Any] = {
-        "dt": plan.dt,
-        "rows": [
-            {
-                "row": r.row,
-                "point": r.point,
-                "repetition": r.repetition,
-                "stator": r.stator_position,
-                **r.setting._asdict(),
-                "periods": r.periods,
-                "measure_s": r.measure,
-            }
-            for r in plan.rows
-        ],
-        "columns": [column._asdict() for column in columns_with_law(campaign.law.columns)],
-        "device": campaign.file.device,
-        "repeat_s": repeat_period(sea),
-        "sea": sea.model_dump(mode="json") | {"words": sea.description()},
-        "reference": _reference_record(campaign),
-        "hoist": _hoist_record(campaign),
-        "stations": stations.as_records(STATIONS),
-        "spring_moves": plan.spring_moves,
-        "duration_s": plan.duration,
-    }
-    if sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
-        record["asked_sea"] = job.requested_sea(campaign)
-    return record
-
-
-def _hoist_record(campaign: Campaign) -> dict[str, Any] | None:
-    """Return the hoist's motion as the spring map's analysis needs it; None without a hoist."""
-    hoist = campaign.file.hoist
-    if hoist is None:
-        return None
-    return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.description()}
-
-
-def _reference_record(campaign: Campaign) -> dict[str, Any] | None:
-    """Return the open-loop reference as identification needs it; None without one."""
-    reference = campaign.file.reference
-    if reference is None:
-        return None
-    motor = campaign.rig.surge if reference.axis == "surge" else campaign.rig.heave
-    return {
-        "axis": reference.axis,
-        "kind": reference.kind,
-        "period_s": reference.period,
-        "newtons_per_ampere": newtons_per_ampere(motor),
-        "words": reference.description(),
-    }

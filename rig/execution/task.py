@@ -10,35 +10,17 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
-from rig.processes.io_processes import IoProcess
-from rig.processes.run_types import Outcome, Setup, Snapshot
+from rig.processes.run_types import ExecutionMode, Outcome, Setup, Snapshot, Task
 from rig.processes.supervisor import SupervisedRun
-from rig.realtime import cycle, safety
+from rig.realtime import safety
 from rig.recording import process_identity, provenance
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import JoinResult, RunError, create, join, reader
 from rig.recording.runs.folder import LAW_SOURCE, MCAP, STATUS, mcap_parts
 from rig.wires import locks as wire_locks
-from rig.wires.locks import REALTIME_WIRE, Wire
+from rig.wires.locks import REALTIME_WIRE
 
 ATTACHED_FILES = ("config.json", "plan.json", "code.json", "host.json")
-
-
-class Task(NamedTuple):
-    """A checked and planned campaign or session."""
-
-    name: str  # of the campaign or session, and so of the run's folder
-    kind_name: str  # in `rig.kinds`
-    kind: cycle.Kind
-    params: cycle.Params
-    dt: float  # s
-    planned_rows: int
-    realtime_required: bool  # on the real clock
-    supervisor_timeout: float  # s, of the rig file
-    config: str  # JSON: the complete resolved configuration
-    plan: dict[str, Any]  # JSON values for `plan.json` in the run's folder
-    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
-    law_source: str = ""  # of a law that is given by its file, for `law.py`
 
 
 class View(Protocol):
@@ -59,17 +41,6 @@ class RunResult(NamedTuple):
     save_error: str  # why files could not be written at the end; empty: all were written
 
 
-class ExecutionMode(NamedTuple):
-    """The processes, devices and clock of a run; nothing else differs between the modes."""
-
-    name: str  # rehearsal, hil, hardware
-    real_clock: bool
-    loop_module: str  # python -m ...: the loop process with its devices
-    devices: dict[str, Any]  # for that module's connect()
-    io_processes: tuple[IoProcess, ...] = ()
-    wires: tuple[Wire, ...] = ()  # on which its processes send
-
-
 def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResult:
     """Run a task to its end and return the result.
 
@@ -85,22 +56,12 @@ def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResu
         _write_start_files(folder, task, started, mode)
         run = SupervisedRun(
             Setup(
-                task.kind_name,
-                task.kind,
-                task.params,
-                mode.loop_module,
-                mode.devices,
-                task.dt,
-                mode.real_clock,
-                task.realtime_required and mode.real_clock,
+                task,
+                mode,
                 folder,
                 (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else [])),
-                mode.name,
-                task.supervisor_timeout,
                 folder_lock.fd,
                 taken_locks.fds,
-                mode.io_processes,
-                task.law,
             )
         )
         outcome = run.supervise(_draw_until_error(view), get_request)

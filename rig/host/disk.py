@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.host.finding import ALL_USES, REALTIME, Finding, Host, Verdict, forbidden_uses, grade
-from rig.kinds import KINDS
+from rig.kinds import row_types
 from rig.processes import supervisor
 from rig.recording import mcap_writer, row_layout
 from rig.recording.logger import FLUSH_INTERVAL
@@ -31,7 +31,7 @@ class WriteSpeed(NamedTuple):
 
 def row_bytes() -> int:
     """Return the size in the log of an incompressible row of the rig kind with the largest row."""
-    rows = (row_layout.layout(kind.row_type).size for kind in KINDS.values())
+    rows = (row_layout.layout(row_type).size for row_type in row_types())
     return mcap_writer.MESSAGE_BYTES + INDEX_BYTES + max(rows)
 
 

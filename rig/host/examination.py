@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.any_rig_file import AnyRigFile
+from rig.config.rig_file import BaseRigFile
 from rig.host import clocks, disk, memory, privileges, processor, rig_wires, software, timing, wires
 from rig.host.finding import REALTIME, Finding, Host, Use, Verdict
 from rig.realtime import scheduling
@@ -22,7 +22,7 @@ class DoctorOptions(NamedTuple):
     seconds: float  # of each of the two measurements of wake-ups
     rate_hz: float  # of the loop
     hours: float  # of logging that must fit on the disk
-    rig: AnyRigFile | None = None  # also check the wires of this rig
+    rig: BaseRigFile | None = None  # also check the wires of this rig
 
 
 class Examination(NamedTuple):
@@ -94,7 +94,7 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
     )
 
 
-def _rig_checks(host: Host, rig: AnyRigFile | None) -> list[AreaCheck]:
+def _rig_checks(host: Host, rig: BaseRigFile | None) -> list[AreaCheck]:
     if rig is None:
         return []
     return [(rig_wires.area(rig), lambda: rig_wires.findings(host, rig))]

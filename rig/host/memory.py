@@ -5,7 +5,7 @@ import os
 import resource
 
 from rig.host.finding import ALL_USES, Finding, Host, Verdict, forbidden_uses, grade
-from rig.kinds import KINDS
+from rig.kinds import row_types
 from rig.recording import ring, row_layout
 
 AREA = "memory"
@@ -71,7 +71,7 @@ def _swap(host: Host) -> Finding:
 
 
 def _shared() -> Finding:
-    size = ring.CAPACITY * max(row_layout.layout(kind.row_type).size for kind in KINDS.values())
+    size = ring.CAPACITY * max(row_layout.layout(row_type).size for row_type in row_types())
     check, limit = (
         "shared memory",
         f"{1e-6 * size:.0f} MB in one piece: the ring between loop and logger",

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers.canopen.bus_settings import BusSettings
-from rig.config.any_rig_file import AnyRigFile
+from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import RtuLine, TcpLine, Wiring
 from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
 from rig.host.wires import DIALOUT, backend_trouble
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
 from rig.kinds.oswec_bench.hardware.job import build_bench_job
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import WiringError, build_job
 from rig.recording.runs.create import BusyError
 from rig.wires import wire_check
@@ -32,12 +33,12 @@ class _WireCheck(NamedTuple):
     emulated: bool  # its address is on this host's loopback, or no device file
 
 
-def area(rig: AnyRigFile) -> str:
+def area(rig: BaseRigFile) -> str:
     """Return the heading of a rig's findings."""
     return f"wires of {rig.name}"
 
 
-def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
+def findings(host: Host, rig: BaseRigFile) -> list[Finding]:
     """Return the findings on the wiring, then on every wire: hardware, and an answering device."""
     area_name = area(rig)
     if rig.wiring is None:
@@ -46,6 +47,7 @@ def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
     try:
         if isinstance(rig, BenchRigFile):
             return _bench_findings(area_name, host, rig, rig.wiring)
+        assert isinstance(rig, RigFile)
         load = build_job(rig).load.total
     except WiringError as error:
         advice = "correct the rig file"

@@ -1,7 +1,124 @@
-"""The registry of rig kinds, by their name in a rig file."""
+"""The kinds of rig: packages that hold all of a kind, found by the name in a rig file.
 
-from rig.kinds.oswec_bench import tick as oswec_bench
-from rig.kinds.wavebot import tick as wavebot
-from rig.realtime.cycle import Kind
+A kind is registered by an entry point of the group ``wec_rig.kinds``, whose name is the `kind` of a
+rig file and whose value is the name of a package. `ROOMS` lists the modules of such a package, its
+rooms, and the names in each; a room is imported when it is first used. The core
+names no kind: it finds one here and calls its rooms.
+"""
 
-KINDS: dict[str, Kind] = {"wavebot": wavebot.KIND, "oswec bench": oswec_bench.KIND}
+import importlib
+from functools import cache
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from rig.plug_ins import Entry, Registry, error_text
+
+GROUP = "wec_rig.kinds"
+
+OWN_PACKAGES = {"wavebot": "rig.kinds.wavebot", "oswec bench": "rig.kinds.oswec_bench"}
+"""The kinds of this distribution; they are entry points, too."""
+
+REGISTRY = Registry(GROUP, "kind of rig", OWN_PACKAGES)
+
+ROOMS = {
+    "tick": ("find_kind", "Sense"),
+    "config": ("RigFile", "LimitsFile"),
+    "tasks": ("rehearsal_mode", "wired_mode"),
+}
+"""The modules of a kind's package and the names that the core uses."""
+
+
+class KindError(ValueError):
+    """A kind of rig that cannot be used; the message gives the reason."""
+
+
+class RigKind(NamedTuple):
+    """A kind of rig and its origin."""
+
+    name: str  # the `kind` of a rig file
+    package: str
+    origin: str  # distribution and version
+
+    @property
+    def summary(self) -> str:
+        """The first line of the package's documentation."""
+        return (self.room("").__doc__ or "").strip().partition("\n")[0]
+
+    def room(self, name: str) -> Any:
+        """Return a module of the package (`ROOMS`); the package itself for an empty name.
+
+        Raises KindError if it cannot be imported.
+        """
+        return import_room(self.package, name)
+
+
+class RegisteredKind(NamedTuple):
+    """An entry of the registry; a kind that cannot be used has a problem."""
+
+    kind: RigKind
+    problem: str  # empty for a usable kind
+
+
+def find(name: str) -> RigKind:
+    """Return the kind of a name.
+
+    Raises KindError if there is none, two distributions register the name, or its package cannot be
+    imported.
+    """
+    if (own := REGISTRY.own(name)) is not None:
+        return _kind(own)
+    entry = REGISTRY.find(name)
+    if entry is None:
+        raise KindError(f"no kind of rig {name!r} is registered; allowed {', '.join(known())}")
+    if duplicates := REGISTRY.duplicates(entry):
+        raise KindError(duplicates)
+    kind = _kind(entry)
+    kind.room("")
+    return kind
+
+
+def known() -> list[str]:
+    """Return the names of all registered kinds."""
+    return REGISTRY.names()
+
+
+def registered() -> tuple[RegisteredKind, ...]:
+    """Return all registered kinds, also those that cannot be used."""
+    listed = []
+    for entry in REGISTRY.entries():
+        problem = REGISTRY.duplicates(entry) or interface_problem(_kind(entry))
+        listed.append(RegisteredKind(_kind(entry), problem))
+    return tuple(listed)
+
+
+def _kind(entry: Entry) -> RigKind:
+    return RigKind(entry.name, entry.module, entry.origin)
+
+
+def interface_problem(kind: RigKind) -> str:
+    """Return the first reason why a package is no kind of rig; empty if it has all rooms."""
+    for room, names in ROOMS.items():
+        try:
+            module = kind.room(room)
+        except KindError as error:
+            return str(error)
+        missing = [name for name in names if not hasattr(module, name)]
+        if missing:
+            return f"{kind.package}.{room} lacks {', '.join(missing)}"
+    return ""
+
+
+@cache
+def import_room(package: str, name: str) -> ModuleType:
+    """Return a module of a kind's package; KindError with file and line if the import fails."""
+    module = f"{package}.{name}" if name else package
+    try:
+        return importlib.import_module(module)
+    except Exception as error:
+        raise KindError(f"the kind of rig {package} is unusable: {error_text(error)}") from error
+
+
+def row_types() -> list[type]:
+    """Return the type of a log row of every usable kind."""
+    usable = (each.kind for each in registered() if not each.problem)
+    return [kind.room("tick").find_kind("").row_type for kind in usable]

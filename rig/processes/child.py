@@ -15,13 +15,15 @@ from rig.module_process import module_command
 class Child:
     """A child process of the supervisor. Its standard error goes to a file in the run's folder."""
 
-    def __init__(self, module: str, job: str, fds: tuple[int, ...], errors: Path) -> None:
+    def __init__(
+        self, module: str, job: str, fds: tuple[int, ...], errors: Path, *arguments: str
+    ) -> None:
         """Start ``python -m module`` with inherited file descriptors and send it the job."""
         self.events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._errors = errors
         with errors.open("ab") as sink:
             self.process = subprocess.Popen(
-                module_command(module),
+                module_command(module, *arguments),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=sink,

@@ -1,12 +1,15 @@
-"""The part that all loop processes share: read the job, run the loop, report its end.
+"""The loop process: read the job, connect the devices, run the loop, report its end.
 
-The supervisor sends a job on standard input and inherited file descriptors. The process reports one
+The command names the package of the kind's tick and the module of its devices, so that this process
+imports no other part of the kind. The supervisor sends a job on standard input and inherited file
+descriptors. The process reports one
 JSON line before the first tick and one at the end. It ignores Ctrl-C, to which the supervisor
 reacts, and treats a termination signal as an abort. The loop stops when the supervisor is gone, or
 on the real clock when its heartbeat is too old (suspended, hung): nobody could request a stop any
 more. On the virtual clock nothing moves, and a suspended rehearsal waits.
 """
 
+import importlib
 import json
 import os
 import signal
@@ -150,3 +153,8 @@ def _privileges(job: LoopJob) -> scheduling.Privileges | None:
         return scheduling.acquire()
     scheduling.freeze_garbage_collector()
     return None
+
+
+if __name__ == "__main__":
+    tick, devices = (importlib.import_module(name) for name in sys.argv[1:])
+    main(tick.find_kind, devices.connect)

@@ -1,31 +1,51 @@
-"""The setup of a run, a snapshot of it, and its outcome."""
+"""A task to run, the mode in which it runs, a snapshot of the run, and its outcome."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.processes.io_processes import IoProcess
 from rig.realtime import cycle
+from rig.wires.locks import Wire
+
+
+class Task(NamedTuple):
+    """A checked and planned campaign or session."""
+
+    name: str  # of the campaign or session, and so of the run's folder
+    kind_name: str  # of the rig, in `rig.kinds`
+    tick: str  # package of the kind's tick, whose find_kind() returns `kind`
+    kind: cycle.Kind
+    params: cycle.Params
+    dt: float  # s
+    planned_rows: int
+    realtime_required: bool  # on the real clock
+    supervisor_timeout: float  # s without a heartbeat of the supervisor until the loop stops
+    config: str  # JSON: the complete resolved configuration
+    plan: dict[str, Any]  # JSON values for `plan.json` in the run's folder
+    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
+    law_source: str = ""  # of a law that is given by its file, for `law.py`
+
+
+class ExecutionMode(NamedTuple):
+    """The processes, devices and clock of a run; nothing else differs between the modes."""
+
+    name: str  # rehearsal, hil, hardware
+    real_clock: bool
+    device_module: str  # whose connect() returns the loop's devices
+    devices: dict[str, Any]  # JSON values for connect()
+    io_processes: tuple[IoProcess, ...] = ()
+    wires: tuple[Wire, ...] = ()  # on which its processes send
 
 
 class Setup(NamedTuple):
     """All that the supervisor needs to start a run."""
 
-    kind_name: str
-    kind: cycle.Kind
-    params: cycle.Params
-    loop_module: str  # python -m ...: the loop process with its devices
-    devices: dict[str, Any]  # for that module's connect()
-    dt: float  # s
-    real_clock: bool
-    realtime_required: bool
+    task: Task
+    mode: ExecutionMode
     folder: Path
     attachments: tuple[str, ...]  # JSON files of the folder that go into the MCAP file
-    mode: str
-    supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
     folder_lock: int = -1  # file descriptor, held as long as a process of the run lives; -1: none
     wire_locks: tuple[int, ...] = ()  # file descriptors, held by all that use wires or real time
-    io_processes: tuple[IoProcess, ...] = ()
-    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
 
 
 class Snapshot(NamedTuple):

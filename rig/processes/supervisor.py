@@ -33,6 +33,7 @@ from rig.recording.row_layout import layout, leaves
 from rig.recording.runs.create import end_status, write_json
 from rig.recording.runs.folder import MCAP
 
+LOOP_MODULE = "rig.processes.loop_process"
 POLL_INTERVAL_S = 0.1  # s between two polls of the processes
 MAX_LOGGER_RESTARTS = 5  # of a killed logger in one run
 DISK_TIMEOUT_S = 20.0  # s of retries on a failing disk before the rest of the log is abandoned
@@ -46,13 +47,13 @@ class SupervisedRun:
 
     def __init__(self, setup: Setup) -> None:
         self._setup = setup
-        self._ring_fd = ring.create(setup.kind.row_type)
+        self._ring_fd = ring.create(setup.task.kind.row_type)
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
         self._mailbox = Mailbox(self._mailbox_fd, Request)
-        self._layout = layout(setup.kind.row_type)
-        self._names = [leaf.name for leaf in leaves(setup.kind.row_type)]
-        self._io_processes = IoProcesses(setup.io_processes, setup.folder, setup.wire_locks)
+        self._layout = layout(setup.task.kind.row_type)
+        self._names = [leaf.name for leaf in leaves(setup.task.kind.row_type)]
+        self._io_processes = IoProcesses(setup.mode.io_processes, setup.folder, setup.wire_locks)
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
@@ -222,48 +223,49 @@ class SupervisedRun:
         return Child("rig.recording.logger", handover.dumps(job), fds, errors)
 
     def _logger_job(self) -> log_process.LoggerJob:
-        setup = self._setup
+        setup, task, mode = self._setup, self._setup.task, self._setup.mode
         return log_process.LoggerJob(
-            kind=setup.kind_name,
+            kind=task.kind_name,
             ring=self._ring_fd,
             supervisor=os.getpid(),
             folder=str(self.folder),
             part=f"{MCAP}.part{self._parts}",
             attachments=setup.attachments,
             run=setup.folder.name,
-            mode=setup.mode,
-            clock="real" if setup.real_clock else "virtual",
-            rate_hz=1.0 / setup.dt,
+            mode=mode.name,
+            clock="real" if mode.real_clock else "virtual",
+            rate_hz=1.0 / task.dt,
             disk_timeout_s=DISK_TIMEOUT_S,
         )
 
     def _start_loop(self) -> Child:
-        setup = self._setup
+        setup, task, mode = self._setup, self._setup.task, self._setup.mode
         log = {"job": self._logger_job()._asdict(), "ring": self._ring_fd}
         job = LoopJob(
-            real_clock=int(setup.real_clock),
-            realtime_required=int(setup.realtime_required),
-            dt=setup.dt,
+            real_clock=int(mode.real_clock),
+            realtime_required=int(task.realtime_required and mode.real_clock),
+            dt=task.dt,
             ring=self._ring_fd,
             mailbox=self._mailbox_fd,
             supervisor=os.getpid(),
-            params=setup.params,
+            params=task.params,
             devices=json.dumps(self._device_config()),
-            supervisor_timeout=setup.supervisor_timeout,
-            law=setup.law,
+            supervisor_timeout=task.supervisor_timeout,
+            law=task.law,
             last_logger=json.dumps(log | {"folder": setup.folder_lock}),
         )
         locks = (*_open_descriptors(setup.folder_lock), *setup.wire_locks)
         slots = self._io_processes.slots.values()
         fds = (self._ring_fd, self._mailbox_fd, *slots, self._io_processes.loop_end, *locks)
-        return Child(setup.loop_module, handover.dumps(job), fds, setup.folder / "loop.stderr")
+        errors = setup.folder / "loop.stderr"
+        return Child(LOOP_MODULE, handover.dumps(job), fds, errors, task.tick, mode.device_module)
 
     def _device_config(self) -> dict[str, Any]:
         """Return the devices' configuration for the loop; I/O processes add facts and mailboxes."""
-        if not self._setup.io_processes:
-            return self._setup.devices
+        if not self._setup.mode.io_processes:
+            return self._setup.mode.devices
         shared = {"facts": self._io_processes.facts, "mailboxes": self._io_processes.slots}
-        return self._setup.devices | shared
+        return self._setup.mode.devices | shared
 
     def _read_loop_events(self, loop: Child) -> None:
         for event in loop.read_events():

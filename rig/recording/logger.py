@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from numpy.lib.recfunctions import repack_fields
 
-from rig.kinds import KINDS
+from rig import kinds
 from rig.processes import handover
 from rig.realtime.safety import Reason
 from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
@@ -62,7 +62,7 @@ class RunLogger:
     """Writes one part of the run's record."""
 
     def __init__(self, job: LoggerJob) -> None:
-        kind = KINDS[job.kind]
+        kind = kinds.find(job.kind).room("tick").find_kind("")
         self._job = job
         self._folder = Path(job.folder)
         self._folder_fd = open_folder(self._folder)

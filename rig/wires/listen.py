@@ -10,7 +10,7 @@ from typing import NamedTuple
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service
-from rig.config.any_rig_file import AnyRigFile
+from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import Wiring
 from rig.wires.wire_check import bus_problem, listening_problem
 
@@ -36,7 +36,7 @@ class BusActivity(NamedTuple):
     trouble: tuple[str, ...]
 
 
-def listen(rig: AnyRigFile) -> BusActivity:
+def listen(rig: BaseRigFile) -> BusActivity:
     """Listen to the rig's CAN bus for `LISTEN_S` seconds; nothing is sent on any wire."""
     wiring = rig.wiring
     if not isinstance(wiring, Wiring):

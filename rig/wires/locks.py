@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from drivers.canopen.bus_settings import SOCKETCAND_PORT
-from rig.config.any_rig_file import AnyRigFile
+from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import AnyLine, TcpLine
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
 from rig.recording import process_identity
@@ -97,7 +97,7 @@ def acquire(wires: Iterable[Wire], holder: str) -> WireLocks:
     return WireLocks(sockets)
 
 
-def wires_in(rig: AnyRigFile) -> tuple[Wire, ...]:
+def wires_in(rig: BaseRigFile) -> tuple[Wire, ...]:
     """Return every wire of a rig file; none if it has no wiring."""
     wiring = rig.wiring
     if wiring is None:

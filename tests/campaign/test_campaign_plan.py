@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.config import CampaignFile, RigFile, SourceLocation, load
+from rig.config import CampaignFile, SourceLocation, load
 from rig.config.campaign_file import Timing
 from rig.config.columns import REQUIRED_COLUMNS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
+from rig.kinds.wavebot.config import RigFile
 from rig.planning.campaign import (
     Plan,
     Point,

@@ -21,7 +21,7 @@ from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
 from rig.config.problems import Problem
-from rig.execution.campaign import RunResult
+from rig.execution.task import RunResult
 from rig.processes.run_types import Outcome, Snapshot
 from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import Mode, Reason

@@ -24,7 +24,8 @@ from rig.cli import BAD_INPUT, FAILED, OK, STOPPED
 from rig.cli.devices import main as devices
 from rig.cli.devices_view import render
 from rig.cli.scan_commands import SerialLine, scan_can, scan_modbus
-from rig.config import RigFile, load
+from rig.config import load
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import build_job
 from rig.wires.can_survey import survey
 from rig.wires.locks import acquire, wires_in

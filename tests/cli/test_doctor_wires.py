@@ -15,9 +15,10 @@ from wired_rig import CONFIGS, Ports, free_ports, rig_file
 
 from rig import cli
 from rig.cli.doctor import main
-from rig.config import RigFile, load
+from rig.config import load
 from rig.emulation import addresses
 from rig.host import DoctorOptions, Host, Use, Verdict, examine, rig_wires, wires
+from rig.kinds.wavebot.config import RigFile
 from rig.wires import wire_check
 
 NET, TTY = "sys__class__net", "sys__class__tty"

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from rig.config import CampaignFile, ConfigError, LimitsFile, RigFile, load, load_mapping
+from rig.config import CampaignFile, ConfigError, load, load_mapping
+from rig.kinds.wavebot.config import LimitsFile, RigFile
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHIPPED: tuple[tuple[type[BaseModel], str], ...] = (

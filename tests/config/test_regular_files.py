@@ -11,14 +11,15 @@ from typing import Any
 
 import pytest
 
-from rig.config import ConfigError, LimitsFile, SourceLocation, load, load_mapping
-from rig.config.any_rig_file import load_rig
+from rig.config import ConfigError, SourceLocation, load, load_mapping
 from rig.config.law_settings import IMPEDANCE
 from rig.identification import bem, comparison
 from rig.interop.basin.recording import read_recording
 from rig.interop.legacy.table import read_table
 from rig.interop.legacy.testlog import read_log
 from rig.kinds.oswec_bench.sessions import open_session
+from rig.kinds.rig_file import load_rig
+from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.mask4.signals import read_signals
 from rig.planning.campaign import matrix_csv
 from rig.recording.calibration.history import open_calibration

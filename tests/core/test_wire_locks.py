@@ -18,8 +18,9 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from rig.config.any_rig_file import load_rig
-from rig.execution.campaign import run_campaign, wired_mode
+from rig.execution.campaign import run_campaign
+from rig.kinds.rig_file import load_rig
+from rig.kinds.wavebot.tasks import wired_mode
 from rig.planning.campaign import check_campaign
 from rig.recording.runs.create import BusyError
 from rig.wires.locks import (

@@ -14,12 +14,13 @@ from rehearsing import CONFIGS, write_yaml
 
 from benchmarks.support.fault_walk import Watcher, free_port, when_free
 from benchmarks.support.host import Busy, others
-from rig.execution.session import rehearsal_mode, session_task, wired_mode
-from rig.execution.task import ExecutionMode, RunResult, run_task
+from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.products.driveline import analyse_driveline
 from rig.kinds.oswec_bench.products.points import open_session
 from rig.kinds.oswec_bench.rehearsal.job import session_problems
 from rig.kinds.oswec_bench.sessions import check_session
+from rig.kinds.oswec_bench.tasks import rehearsal_mode, session_task, wired_mode
+from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.realtime

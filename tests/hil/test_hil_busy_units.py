@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from rig.config import LimitsFile, RigFile, load
+from rig.config import load
+from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.processes import mailbox
 from rig.processes.child import Child
 from rig.processes.mailbox import Mailbox

@@ -14,7 +14,9 @@ from rehearsing import CONFIGS, SilentView, load_rows
 
 from benchmarks.support.host import Busy, others
 from benchmarks.support.wavebot_fault_walk import campaign_file
-from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
+from rig.execution.campaign import run_campaign
+from rig.execution.task import RunResult
+from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.planning.campaign import check_campaign
 from rig.processes.io_processes import FACTS_FILE
 from rig.processes.run_types import Snapshot

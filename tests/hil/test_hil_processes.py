@@ -21,8 +21,10 @@ from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_u
 from benchmarks.support.process_faults import io_process_of
 from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from drivers.canopen.heartbeat import NmtState
-from rig.config.any_rig_file import load_rig
-from rig.execution.campaign import RunResult, run_campaign, wired_mode
+from rig.execution.campaign import run_campaign
+from rig.execution.task import RunResult
+from rig.kinds.rig_file import load_rig
+from rig.kinds.wavebot.tasks import wired_mode
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.safety import RUN
 from rig.recording.row_layout import leaves
@@ -155,7 +157,7 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
     wait_realtime_free()
     with LiveRun(command, tmp_path / "runs") as run:
         run.wait_started()
-        loop = run.pid("rig.kinds.wavebot.hardware")
+        loop = run.pid("rig.processes.loop_process")
         wait_until(lambda: mode_of(run) == RUN, "the motors to have power")
         run.process.kill()
         run.process.wait()

@@ -13,7 +13,7 @@ from rehearsing import CONFIGS
 from rig_command import rig_here
 from test_adding_a_law import blocks, check, write_example
 
-from rig import laws
+from rig import laws, plug_ins
 from rig.kinds.wavebot.tick import KIND, find_kind
 
 GOOD = blocks("python")[0]
@@ -218,10 +218,10 @@ def of_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Call
         (info / "entry_points.txt").write_text(f"[{laws.GROUP}]\n{name} = {module}\n")
         (folder / f"{module}.py").write_text(source)
         monkeypatch.syspath_prepend(str(folder))
-        laws._entries.cache_clear()
+        plug_ins._entries.cache_clear()
 
     yield install
-    laws._entries.cache_clear()
+    plug_ins._entries.cache_clear()
 
 
 def test_registered_law_of_another_distribution(install: Any, write: Write) -> None:

@@ -14,7 +14,9 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, row_table
-from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
+from rig.execution.campaign import run_campaign
+from rig.execution.task import RunResult
+from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot

@@ -11,7 +11,7 @@ import xarray
 from rehearsing import rehearse, write_campaign
 
 from rig.analysis.report import write_products
-from rig.execution.campaign import RunResult
+from rig.execution.task import RunResult
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import open_run

@@ -142,7 +142,7 @@ def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None
         once(snapshot)
         last.append(snapshot)
 
-    once = Once(20.0, lambda: kill("rig.kinds.wavebot.rehearsal"))
+    once = Once(20.0, lambda: kill("rig.processes.loop_process"))
     result = rehearse(campaign, tmp_path / "runs", on_snapshot)
     assert result.outcome.status == "crashed"
     assert result.outcome.reason == "loop: killed by SIGKILL"
@@ -175,7 +175,7 @@ def test_hung_loop_is_ended_and_its_rows_are_kept(
 ) -> None:
     monkeypatch.setattr(supervisor, "HANG_TIMEOUT_S", 3.0)
     result = rehearse(
-        campaign, tmp_path / "runs", Once(20.0, lambda: suspend("rig.kinds.wavebot.rehearsal"))
+        campaign, tmp_path / "runs", Once(20.0, lambda: suspend("rig.processes.loop_process"))
     )
     assert (result.outcome.status, result.outcome.reason) == ("crashed", "the loop hung")
     assert result.outcome.unsaved == 0
@@ -252,7 +252,7 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     runs = tmp_path / "runs"
     process = start_supervisor(campaign, runs)
     folder = wait_for_rows(runs)
-    loops = list(processes("rig.kinds.wavebot.rehearsal", parent=process.pid))
+    loops = list(processes("rig.processes.loop_process", parent=process.pid))
     assert loops
     process.kill()
     for loop in loops:
@@ -269,7 +269,7 @@ def test_a_stalled_host_is_reported_as_the_cause(campaign: Path, tmp_path: Path)
     process = start_rig_run(campaign, tmp_path / "runs", "--realtime", "--json")
     wait_for_rows(tmp_path / "runs", size=20_000)
     time.sleep(4.0)  # past the tare
-    (loop,) = processes("rig.kinds.wavebot.rehearsal", process.pid)
+    (loop,) = processes("rig.processes.loop_process", process.pid)
     os.kill(loop, signal.SIGSTOP)
     time.sleep(0.3)
     os.kill(loop, signal.SIGCONT)

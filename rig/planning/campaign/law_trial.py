@@ -6,7 +6,7 @@ two equal trials must give equal forces.
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from controllers.blocks import finite
 from controllers.signals import Estimate
@@ -15,6 +15,7 @@ from rig.config.problems import Problem
 from rig.kinds.wavebot.law_params import law_params
 from rig.planning.campaign.files import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
+from rig.plug_ins import error_text
 
 SECONDS = 2.0
 AMPLITUDE_M = 0.1
@@ -46,7 +47,7 @@ def trial_problems(campaign: Campaign, planned: Plan) -> Iterator[Problem]:
 
 def _tried_rows(law: laws.Law, planned: Plan) -> list[CampaignRow]:
     """Return a row for each set point of the law, in the order of the plan."""
-    by_set_point = {_set_point(law, row): row for row in reversed(planned.rows)}
+    by_set_point = {law.set_point(row.setting): row for row in reversed(planned.rows)}
     rows = sorted(by_set_point.values(), key=lambda row: row.row)
     if len(rows) <= MAX_SET_POINTS:
         return rows
@@ -83,7 +84,7 @@ def _run(campaign: Campaign, planned: Plan, row: CampaignRow) -> _Trial:
     omega = 2.0 * math.pi * FREQUENCY_HZ
     try:
         params = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
-        state, set_point = law.module.start(params), _set_point(law, row)
+        state, set_point = law.module.start(params), law.set_point(row.setting)
         for tick in range(round(SECONDS / dt)):
             angle = omega * tick * dt
             motion = Estimate(
@@ -94,12 +95,8 @@ def _run(campaign: Campaign, planned: Plan, row: CampaignRow) -> _Trial:
             state, demand = step(params, state, set_point, motion, 0.0, 0.0, dt)
             forces.append(float(demand.force))
     except Exception as error:  # noqa: BLE001  a law may raise anything
-        return _Trial(forces, laws.error_text(error, law.path))
+        return _Trial(forces, error_text(error, law.path))
     return _Trial(forces, "")
-
-
-def _set_point(law: laws.Law, row: CampaignRow) -> Any:
-    return law.module.SetPoint(*(getattr(row.setting, column.name) for column in law.columns))
 
 
 def _text(law: laws.Law, row: CampaignRow) -> str:

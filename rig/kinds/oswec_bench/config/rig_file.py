@@ -10,13 +10,8 @@ from pydantic import Field
 
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
+from rig.config.rig_file import BaseRigFile, BenchRate, StopTiming
 from rig.kinds.oswec_bench.config.wiring import BenchWiring, max_counts
-from rig.kinds.wavebot.config.rig_file import (
-    SUPERVISOR_TIMEOUT,
-    BenchRate,
-    StopTiming,
-    SupervisorTimeout,
-)
 
 
 class Encoder(FileModel):
@@ -98,15 +93,11 @@ class BenchStop(StopTiming):
     damping_n_m_s_per_rad: float = Field(gt=0, le=1000)
 
 
-class BenchRigFile(FileModel):
+class BenchRigFile(BaseRigFile):
     """A rig of kind `oswec bench`."""
 
-    name: str = Field(min_length=1, max_length=64)
     kind: Literal["oswec bench"]
     rate_hz: BenchRate
-    realtime: Literal["best effort", "required"]
-    limits: str = Field(min_length=1)  # file, relative to this one
-    plant: str = Field(min_length=1)  # file, relative to this one; simulates the hardware
     calibrations: TupleOf[str] = Field(default=(), strict=False)  # files, relative to this one
     servo: Servo
     shaft_encoder: Encoder
@@ -114,9 +105,7 @@ class BenchRigFile(FileModel):
     homing: Homing
     torque_feedback: TorqueFeedback
     instant_correction: InstantCorrection
-    drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: BenchStop
-    supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: BenchWiring | None = None  # None: the rig can only be rehearsed
 
     def check_rules(self) -> Iterator[RuleViolation]:

@@ -1,6 +1,6 @@
 """The OSWEC bench as a kind of rig: its signals, its trip checks and its part of the cycle."""
 
-from rig.kinds.oswec_bench.tick.cycle import KIND
+from rig.kinds.oswec_bench.tick.cycle import KIND, find_kind
 from rig.kinds.oswec_bench.tick.signals import (
     BenchRow,
     BrakeSense,
@@ -28,4 +28,5 @@ __all__ = [
     "ServoSense",
     "Setpoints",
     "WrenchSense",
+    "find_kind",
 ]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.columns import (
@@ -18,50 +18,10 @@ from rig.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.config.model import FileModel, Reason, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number
+from rig.config.rig_file import BaseRigFile, Rate, StopTiming
 from rig.config.wiring import Wiring
-
-SupervisorTimeout = Annotated[float, Field(ge=0.3, le=30)]
-"""Time without a heartbeat of `rig run` after which the loop stops the rig (category 1), s.
-
-The heartbeat has a period of 0.1 s; the minimum tolerates a lost heartbeat on a busy host."""
-
-SUPERVISOR_TIMEOUT: SupervisorTimeout = 1.0
-
-_SECOND = 10**9  # ns
-_MAX_RATE = 2000  # Hz
-
-
-def _whole_nanoseconds(min_rate: int) -> AfterValidator:
-    """Return a validator for rates whose tick is a whole number of ns."""
-
-    def check_rate(rate: int) -> int:
-        if _SECOND % rate:
-            allowed = (str(r) for r in range(min_rate, _MAX_RATE + 1) if _SECOND % r == 0)
-            raise rule_error(
-                f"{rate} gives a tick that is not a whole number of ns; "
-                f"allowed {', '.join(allowed)} Hz"
-            )
-        return rate
-
-    return AfterValidator(check_rate)
-
-
-Rate = Annotated[
-    WholeNumber,
-    Field(ge=200, le=_MAX_RATE),
-    Reason("a tick is at most 5 ms and a whole number of ns"),
-    _whole_nanoseconds(200),
-]
-"""Rate of the loop, Hz."""
-BenchRate = Annotated[
-    WholeNumber,
-    Field(ge=500, le=_MAX_RATE),
-    Reason("a bench's tick is at most 2 ms and a whole number of ns"),
-    _whole_nanoseconds(500),
-]
-"""Rate of a bench's loop, Hz; its driveline is stiffer than a body in water."""
 
 
 class Axis(FileModel):
@@ -192,40 +152,19 @@ class Stability(FileModel):
     least_stiffness_n_per_m: float = Field(ge=0, le=1e5)
 
 
-class StopTiming(FileModel):
-    """Duration of a controlled stop, and its transition to pure damping."""
-
-    duration_s: float = Field(ge=0.1, le=60)
-    ramp_s: float = Field(ge=0, le=2)  # from the demand of the run to pure damping
-
-    def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that at least half of a stop is pure damping."""
-        if self.ramp_s > 0.5 * self.duration_s:
-            yield RuleViolation(
-                ("ramp_s",),
-                f"{format_number(self.ramp_s)} leaves too little of the stop to pure damping; "
-                f"allowed up to half of duration_s = {format_number(self.duration_s)} s",
-                self.ramp_s,
-            )
-
-
 class Stop(StopTiming):
     """A controlled stop: passive damping for ``duration_s``, then power off."""
 
     damping_n_s_per_m: float = Field(gt=0, le=20_000)  # of the body; the force is -damping * v
 
 
-class RigFile(FileModel):
+class RigFile(BaseRigFile):
     """A rig of kind `wavebot`."""
 
     inline: ClassVar[tuple[str, ...]] = ("spring_map",)
 
-    name: str = Field(min_length=1, max_length=64)
     kind: Literal["wavebot"]
     rate_hz: Rate
-    realtime: Literal["best effort", "required"]
-    limits: str = Field(min_length=1)  # file, relative to this one
-    plant: str = Field(min_length=1)  # file, relative to this one; simulates the hardware
     heave: Axis
     surge: Axis
     station_keeping: StationKeeping
@@ -234,9 +173,7 @@ class RigFile(FileModel):
     spring_map: CalibrationFile | None = None  # in a file: measured, replaces spring.map
     spring: MagneticSpring
     stability: Stability
-    drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: Stop
-    supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     law: str | dict[str, Any] | None = None  # of campaigns without one; checked with them
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
 

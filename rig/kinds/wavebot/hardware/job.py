@@ -17,8 +17,8 @@ from drivers.canopen.drive_objects import BY_NAME
 from drivers.canopen.position_actuator import ActuatorSettings
 from drivers.canopen.torque_axis import TORQUE_MODE, layouts
 from drivers.canopen.torque_axis import TorqueAxisSettings as AxisSettings
-from rig.config import RigFile
 from rig.config.wiring import SLOT_SIGNALS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess

@@ -147,9 +147,8 @@ def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:
     law = campaign.law
     if campaign.file.zc_law is not None:
         return Gains(setting.kp, setting.ki, setting.km)
-    set_point = law.module.SetPoint(*(getattr(setting, one.name) for one in law.columns))
     params: Any = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
-    return linear_gains(law, params, set_point)
+    return linear_gains(law, params, law.set_point(setting))
 
 
 def heave_law(model: CampaignModel, settings: Sequence[RowSetting]) -> Law:

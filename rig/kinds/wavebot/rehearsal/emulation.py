@@ -11,12 +11,12 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rig.config import RigFile
 from rig.config.shipped_files import shipped_folder
 from rig.config.wiring import Actuator, Registers, TorqueDrive
 from rig.emulation.addresses import occupied_addresses, unreachable_addresses
 from rig.emulation.control import ControlServer, FaultTargets
 from rig.emulation.process import modbus_line, serve_devices, without_delay
+from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.processes.io_process import report_event, run_io_process
 from rig.processes.io_processes import IoProcess

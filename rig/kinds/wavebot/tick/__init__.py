@@ -1,8 +1,7 @@
 """The WaveBot as a kind of rig: its signals, its checks, and its part of the cycle."""
 
 from rig.kinds.wavebot.tick.check import check
-from rig.kinds.wavebot.tick.cycle import KIND, kind_with_law, observe
-from rig.kinds.wavebot.tick.requested import find_kind
+from rig.kinds.wavebot.tick.cycle import KIND, find_kind, kind_with_law, observe
 from rig.kinds.wavebot.tick.signals import (
     Command,
     LoadSense,

@@ -1,6 +1,5 @@
-"""Execution of one session of the bench, from its checked file to its results (`rig bench`)."""
+"""A session of the bench as a task to run, and the modes in which it runs."""
 
-from rig.execution.task import ExecutionMode, Task
 from rig.kinds.oswec_bench.hardware.job import build_bench_job
 from rig.kinds.oswec_bench.rehearsal import emulation as bench_emulation
 from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
@@ -12,13 +11,19 @@ from rig.kinds.oswec_bench.sessions import (
 )
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.tick import KIND
+from rig.processes.run_types import ExecutionMode, Task
 from rig.wires.locks import wires_in
+
+_WIRED_DEVICES = "rig.kinds.oswec_bench.hardware.devices"
 
 
 def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
     """Return the mode with the simulated bench in the loop's own process."""
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.kinds.oswec_bench.rehearsal", session_plant_settings(session)
+        "rehearsal",
+        real_clock,
+        "rig.kinds.oswec_bench.rehearsal.devices",
+        session_plant_settings(session),
     )
 
 
@@ -30,13 +35,9 @@ def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
     job = build_bench_job(session.rig, session.file.loop)
     wires = wires_in(session.rig)
     if not emulated:
-        return ExecutionMode(
-            "hardware", True, "rig.kinds.oswec_bench.hardware", job.devices, job.io_processes, wires
-        )
+        return ExecutionMode("hardware", True, _WIRED_DEVICES, job.devices, job.io_processes, wires)
     io_processes = (bench_emulation.emulator_process(session), *job.io_processes)
-    return ExecutionMode(
-        "hil", True, "rig.kinds.oswec_bench.hardware", job.devices, io_processes, wires
-    )
+    return ExecutionMode("hil", True, _WIRED_DEVICES, job.devices, io_processes, wires)
 
 
 def session_task(session: Session, plan: SessionPlan) -> Task:
@@ -44,6 +45,7 @@ def session_task(session: Session, plan: SessionPlan) -> Task:
     return Task(
         session.file.name,
         session.rig.kind,
+        "rig.kinds.oswec_bench.tick",
         KIND,
         bench_params(session, plan),
         plan.dt,

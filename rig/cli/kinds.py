@@ -1,0 +1,28 @@
+"""`rig kinds`: the kinds of rig that a rig file may name."""
+
+import json
+
+from rig import cli
+from rig.kinds import RegisteredKind, registered
+
+
+def main(*, as_json: bool) -> int:
+    """Print all registered kinds of rig, also unusable ones, and return the exit code."""
+    listed = registered()
+    if as_json:
+        print(json.dumps({"kinds": [_as_dict(each) for each in listed]}, ensure_ascii=False))
+    else:
+        print("\n".join(_text(each) for each in listed))
+    return cli.OK
+
+
+def _as_dict(registered_kind: RegisteredKind) -> dict[str, str]:
+    kind, problem = registered_kind
+    facts = {"name": kind.name, "origin": kind.origin, "package": kind.package}
+    return facts | ({"problem": problem} if problem else {"summary": kind.summary})
+
+
+def _text(registered_kind: RegisteredKind) -> str:
+    kind, problem = registered_kind
+    text = f"cannot be used: {problem}" if problem else kind.summary
+    return f"{kind.name}   ({kind.origin}, {kind.package})\n  {text}"

@@ -1,4 +1,4 @@
-"""Whether a heave law can be compiled, and numba's reason if it cannot."""
+"""Whether a law can be compiled, and numba's reason if it cannot."""
 
 import json
 from contextlib import suppress
@@ -7,13 +7,15 @@ from typing import Any
 from controllers.signals import Demand, Estimate
 from rig.compilation import lifting
 from rig.compilation.cache_folder import write_atomically
-from rig.kinds.wavebot.law_params import law_params
+from rig.design.law_params import law_params
 from rig.laws import helper_modules
 from rig.planning.campaign import Campaign, Plan
 
+_RAMP = 0.1  # s; the compiled code does not depend on it
+
 
 def compilation_problem(campaign: Campaign, planned: Plan) -> str:
-    """Return in one line why the heave law cannot be compiled; empty if it can.
+    """Return in one line why the law cannot be compiled; empty if it can.
 
     The answer is kept for the law's source, because compiling takes seconds.
     """
@@ -31,7 +33,7 @@ def compilation_problem(campaign: Campaign, planned: Plan) -> str:
 
 def _compile(campaign: Campaign, planned: Plan) -> str:
     law, dt = campaign.law, planned.dt
-    params = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
+    params = law_params(law, campaign.file.law, _RAMP, dt)
     state = law.module.start(params)
     set_point = law.module.SetPoint(*(0.0 for _ in law.columns))
     lifting.lift(helper_modules(law))

@@ -20,9 +20,14 @@ from rig.planning.campaign.law_trial import trial_problems
 from rig.recording.runs.create import BusyError, RunLock, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
-from rig.sweep.inputs import campaign_inputs
 from rig.sweep.journal import Journal
-from rig.sweep.parameters import OPTION, CampaignFiles, check_values, parse_parameters
+from rig.sweep.parameters import (
+    OPTION,
+    CampaignFiles,
+    campaign_inputs,
+    check_values,
+    parse_parameters,
+)
 from rig.sweep.result import build_dataset
 
 if TYPE_CHECKING:

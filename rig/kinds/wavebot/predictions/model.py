@@ -11,6 +11,7 @@ import numpy as np
 from controllers.signals import Gains
 from rig.design.axis import Axis, Body
 from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
+from rig.design.law_params import law_params, zc_sections
 from rig.design.linear_form import linear_gains
 from rig.design.loop import Law, Timing, reference_spectrum
 from rig.kinds.wavebot.build import (
@@ -20,7 +21,6 @@ from rig.kinds.wavebot.build import (
     newtons_per_ampere,
     reference_table,
 )
-from rig.kinds.wavebot.law_params import law_params, zc_sections
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings

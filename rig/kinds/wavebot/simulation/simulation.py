@@ -28,7 +28,6 @@ from rig.realtime.safety import Reason
 from rig.realtime.sequence import MEASURE, Segments
 from rig.recording.row_layout import leaves
 from rig.recording.runs.mcap_file import Records
-from rig.sweep import InterruptedSweepError
 from sim_plant import custom_drive, wave_maker, wavebot
 from sim_plant.parameters import Plant
 from sim_plant.signals import OFF
@@ -111,20 +110,20 @@ class CampaignSimulator:
     def simulate(
         self,
         plan: Plan,
-        should_continue: Callable[[], bool] = lambda: True,
+        check: Callable[[], None] = lambda: None,
         stator: float | None = None,
     ) -> "RowSimulation":
         """Return the simulation of a plan from power-on to its end or a trip.
 
         ``stator`` is the stator's position at power-on (%); default is the plant's own start. The
-        simulation calls ``should_continue`` about ten times per second and raises
-        `InterruptedSweepError` when it returns false.
+        simulation calls ``check`` about ten times per second; an exception of it ends the
+        simulation.
         """
-        return RowSimulation(self, plan, should_continue, stator)
+        return RowSimulation(self, plan, check, stator)
 
     def prepare(self, plan: Plan) -> None:
         """Compile the loop for the types of this simulator, or read it from the cache."""
-        RowSimulation(self, plan, lambda: True, None).tick(0)
+        RowSimulation(self, plan, lambda: None, None).tick(0)
 
     def column_params(self, plan: Plan) -> cycle.Params:
         """Return the loop's parameters for a plan, with its tables as `Column`."""
@@ -175,10 +174,10 @@ class RowSimulation:
         self,
         simulator: CampaignSimulator,
         plan: Plan,
-        should_continue: Callable[[], bool],
+        check: Callable[[], None],
         stator: float | None,
     ) -> None:
-        self._simulator, self._should_continue = simulator, should_continue
+        self._simulator, self._check = simulator, check
         self._coupled = simulator.start(stator)
         self._params, self._plant = simulator.column_params(plan), simulator.constants
         self._page = Column(np.empty(len(KEPT_FIELDS) * PAGE_TICKS))
@@ -194,8 +193,7 @@ class RowSimulation:
     def __iter__(self) -> Iterator[Window]:
         filled = 0
         while self._coupled.linger < LINGER_TICKS:
-            if not self._should_continue():
-                raise InterruptedSweepError
+            self._check()
             filled = self.tick(self._coupled.tick + _TICKS_PER_CALL, filled)
             coupled, last = self._coupled, self._columns[_TICK, filled - 1]
             if filled and (coupled.linger == LINGER_TICKS or last != coupled.tick - 1):

@@ -192,7 +192,7 @@ def as_dict(twin: Twin) -> dict[str, Any]:
     }
 
 
-def identified_range(plant: Path) -> dict[str, tuple[float, float]]:
+def amplitude_range(plant: Path) -> dict[str, tuple[float, float]]:
     """Return the range of amplitudes in which a twin was identified; empty for other plant files.
 
     Keys are those of `rig.kinds.wavebot.twin.records.Record.amplitudes`. Raises ValueError for a

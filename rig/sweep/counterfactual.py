@@ -1,4 +1,4 @@
-"""Rows of a campaign in the recovered waves of a run, with an uncertainty.
+"""Counterfactual rows: power of other gains, laws, springs or drives in the waves of a run.
 
 The compiled loop simulates the campaign's rows on the campaign's plant and rig. It also simulates
 the logged rows with their own gains: the difference between model and measurement is the error of
@@ -19,18 +19,32 @@ from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
 from rig.analysis.windows import Window, read_windows
 from rig.execution.replay import logged_campaign
-from rig.kinds.wavebot.predictions.device import build_device_model
-from rig.kinds.wavebot.rehearsal import job
-from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
-from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.kinds.wavebot.twin.plant_file import identified_range
+from rig.identification.incident_waves import (
+    ELEVATION,
+    FORCES,
+    RecoveredWaves,
+    recover_waves,
+    wave_maker_lines,
+)
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
-from rig.sweep.counterfactual.waves import FIELDS, RecoveredWaves, recover_waves, wave_maker_lines
+from rig.sweep.simulator import simulation_of
+
+__all__ = [
+    "ELEVATION",
+    "FORCES",
+    "AmplitudeRange",
+    "CounterfactualResult",
+    "MeasuredRun",
+    "RecoveredWaves",
+    "RowPrediction",
+    "counterfactual_for_run",
+    "counterfactual_rows",
+]
 
 CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
@@ -100,7 +114,7 @@ class MeasuredRun(NamedTuple):
 
     run: str
     rows: tuple[dict[str, Any], ...]  # complete rows, as in the row table
-    windows: Iterable[Window]  # of ``rows``, with the fields of `waves.FIELDS`
+    windows: Iterable[Window]  # of ``rows``, with the fields from which waves are recovered
 
 
 def counterfactual_for_run(
@@ -115,8 +129,9 @@ def counterfactual_for_run(
     """Predict the rows of ``campaign`` in the waves of ``run``.
 
     ``model`` is the campaign whose plant models the rig at the time of the run; default is
-    ``campaign``. ``method`` selects the recovery of the waves (`rig.sweep.counterfactual.waves`).
-    Raises RunError for a run with too little data, ValueError for a campaign in other waves.
+    ``campaign``. ``method`` selects the recovery of the waves
+    (`rig.identification.incident_waves`). Raises RunError for a run with too little data,
+    ValueError for a campaign in other waves.
     """
     source = reader.open_files(run)
     run_facts = run_info(run, source.contents)
@@ -124,8 +139,8 @@ def counterfactual_for_run(
         raise RunError(
             f"{run_facts.run}: a run of a bench, which has no waves; allowed runs of a WaveBot"
         )
-    available = {leaf.name for leaf in source.leaves}
-    if missing := sorted(set(FIELDS) - available):
+    fields = simulation_of(campaign).wave_device(campaign).sensors.fields
+    if missing := sorted(set(fields) - {leaf.name for leaf in source.leaves}):
         raise RunError(f"{run_facts.run}: it did not log {', '.join(missing)}")
     logged_campaign = _logged_campaign(run_facts, model or campaign)
     logged_campaign = logged_campaign._replace(elevation=campaign.elevation)  # the same sea
@@ -137,7 +152,7 @@ def counterfactual_for_run(
         if state == COMPLETE
     )
     complete = {row["row"] for row in rows}
-    measured = (w for w in read_windows(source, list(FIELDS), run_facts.plan) if w.row in complete)
+    measured = (w for w in read_windows(source, list(fields), run_facts.plan) if w.row in complete)
     return counterfactual_rows(
         MeasuredRun(run_facts.run, rows, measured),
         logged_campaign,
@@ -168,12 +183,12 @@ def counterfactual_rows(
         )
     if not measured.rows:
         raise RunError(f"{measured.run}: none of its rows is complete")
+    simulation = simulation_of(logged_campaign)
+    stations = station_names(simulation.STATIONS)
     try:
-        generated = wave_maker_lines(job.requested_sea(logged_campaign))
-        dt = 1.0 / logged_campaign.rig.rate_hz
-        waves = recover_waves(
-            measured.windows, generated, build_device_model(logged_campaign), dt, method
-        )
+        generated = wave_maker_lines(simulation.requested_sea(logged_campaign))
+        device, dt = simulation.wave_device(logged_campaign), 1.0 / logged_campaign.rig.rate_hz
+        waves = recover_waves(measured.windows, generated, device, dt, method)
     except ValueError as error:
         raise RunError(f"{measured.run}: {error}") from None
     sea = waves.description()
@@ -186,8 +201,8 @@ def counterfactual_rows(
         RowComparison(
             row["row"],
             _setting(row),
-            {name: row[f"power_{name}"] for name in station_names(STATIONS)},
-            _powers(modelled[row["point"]]),
+            {name: row[f"power_{name}"] for name in stations},
+            _powers(modelled[row["point"]], stations),
         )
         for row in measured.rows
     )
@@ -199,11 +214,9 @@ def counterfactual_rows(
         for name, unit in AMPLITUDE_UNITS.items()
         for each in ([row[name] for row in measured.rows],)
     }
-    plant = campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
-    identified = identified_range(plant).items()
     identified_ranges = {
         name: AmplitudeRange(*each, AMPLITUDE_UNITS[name])
-        for name, each in identified
+        for name, each in simulation.identified_range(campaign).items()
         if name in AMPLITUDE_UNITS
     }
     rows = []
@@ -227,7 +240,7 @@ def counterfactual_rows(
 def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
     """Return the error of each station over the logged rows, as a share of gross power."""
     shares = {}
-    for name in station_names(STATIONS):
+    for name in comparisons[0].logged:
         errors = np.array(
             [
                 (one.logged[name] - one.modelled[name]) / gross_power(one.modelled, name)
@@ -240,8 +253,11 @@ def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
 
 
 def gross_power(powers: dict[str, float], name: str) -> float:
-    """Return absorbed power plus power lost up to a station, W; at least `MIN_GROSS_POWER`."""
-    absorbed = powers[STATIONS[0].name]
+    """Return absorbed power plus power lost up to a station, W; at least `MIN_GROSS_POWER`.
+
+    The first of the ``powers`` is that absorbed from the body.
+    """
+    absorbed = next(iter(powers.values()))
     return max(abs(absorbed) + abs(powers[name] - absorbed), MIN_GROSS_POWER)
 
 
@@ -265,7 +281,7 @@ def _predict_row(
     logged_ranges: dict[str, AmplitudeRange],
     identified_ranges: dict[str, AmplitudeRange],
 ) -> RowPrediction:
-    value, half_width = correct_powers(_powers(result), shares)
+    value, half_width = correct_powers(_powers(result, shares), shares)
     amplitude = {name: float(result.get(name, math.nan)) for name in AMPLITUDE_UNITS}
 
     def beyond(ranges: dict[str, AmplitudeRange]) -> tuple[str, ...]:
@@ -288,10 +304,10 @@ def _predict_row(
     )
 
 
-def _powers(result: dict[str, Any]) -> dict[str, float]:
+def _powers(result: dict[str, Any], stations: Iterable[str]) -> dict[str, float]:
     if result["state"] != COMPLETE:
-        return dict.fromkeys(station_names(STATIONS), math.nan)
-    return {name: float(result[f"power_{name}"]) for name in station_names(STATIONS)}
+        return dict.fromkeys(stations, math.nan)
+    return {name: float(result[f"power_{name}"]) for name in stations}
 
 
 def _setting(row: dict[str, Any]) -> dict[str, float]:
@@ -307,11 +323,14 @@ def _simulate_points(
     """Yield each point's number and its simulated results in a sea, with names of the row table."""
     file = single_row_campaign(campaign.file, lead_in)
     period = repeat_period(file.sea)
-    simulator = CampaignSimulator(campaign, build_plan(file, campaign.rig, campaign.points), sea)
+    simulation = simulation_of(campaign)
+    whole = build_plan(file, campaign.rig, campaign.points)
+    simulator = simulation.open_simulator(campaign, whole, sea)
     for number, point in enumerate(campaign.points):
         planned: Plan = build_plan(file, campaign.rig, (point,))
-        simulation = simulator.simulate(planned, stator=planned.rows[0].stator_position)
-        (row,) = row_results(simulation, planned, period / planned.dt if period else None)
+        rows = simulator.simulate(planned, stator=planned.rows[0].stator_position)
+        ticks = period / planned.dt if period else None
+        (row,) = row_results(rows, planned, ticks, simulation.STATIONS)
         yield number, row
 
 

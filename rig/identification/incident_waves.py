@@ -3,17 +3,17 @@
 Two methods, both over whole repeat periods and with amplitudes of e^{+i omega t} on the wave clock:
 
     from the undisturbed elevation, if logged (a simulated basin logs it): eta itself
-    from measured forces:   eta = (L X - D - F_LCB) / H,   L(omega) = F/X of the bare hull
+    from measured forces:   eta = (L X - D - F) / H,   L(omega): force/X of the bare hull
 
-(MASK4 report (Sandia), eq. 3.3, solved for the wave). F_LCB is the force of the power take-off on
-the body, D that of quadratic drag at the measured velocity, H the excitation per metre of wave.
+(MASK4 report (Sandia), eq. 3.3, solved for the wave). F is the measured force of the power take-off
+on the body, D that of quadratic drag at the measured velocity, H the excitation per metre of wave.
 All rows had the same waves, so each line is the mean of all periods of all rows. The lines are
 those of the wave maker's command: content between them is harmonics of the body, not sea. A line
 that hardly excites the body is not observable in its forces and keeps its commanded amplitude.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,13 +26,43 @@ from rig.identification.periods import (
     common_period_ticks,
     fill_lost_ticks,
 )
-from rig.kinds.wavebot.predictions.device import DeviceModel
 
 ELEVATION, FORCES = "elevation", "forces"
-WAVE_CLOCK, COUNTS, ENCODER_AGE = "plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age"
-LCB, LOAD_AGE, UNDISTURBED_ELEVATION = "load.lcb", "load.age", "wave.elevation"
-FIELDS = (WAVE_CLOCK, COUNTS, ENCODER_AGE, LCB, LOAD_AGE, UNDISTURBED_ELEVATION)
+WAVE_CLOCK = "plan.wave_clock"
 MIN_EXCITATION_RATIO = 0.02  # of the greatest excitation per metre; weaker lines are not observable
+
+
+class WaveSensors(NamedTuple):
+    """The fields of a log from which waves are recovered."""
+
+    position: str
+    position_age: str
+    metres: float  # per unit of the position
+    force: str  # of the power take-off on the body, N
+    force_age: str
+    elevation: str  # undisturbed, m; finite only in a simulated basin
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """All fields."""
+        numbers = (self.position, self.position_age, self.force, self.force_age, self.elevation)
+        return (WAVE_CLOCK, *numbers)
+
+
+class WaveDevice(Protocol):
+    """The bare hull of a device and its wave excitation; amplitudes of e^{+i omega t}."""
+
+    sensors: WaveSensors
+    quadratic: float
+    """Coefficient of quadratic drag, N s2/m2."""
+
+    def dynamic_stiffness(self, omega: Floats) -> Complexes:
+        """Return the force per position, N/m, at angular frequencies (rad/s)."""
+        ...
+
+    def excitation(self, frequency: Floats) -> Complexes:
+        """Return the force per metre of wave, N/m, at frequencies in Hz."""
+        ...
 
 
 class WaveMakerLines(NamedTuple):
@@ -82,11 +112,11 @@ def wave_maker_lines(sea: dict[str, Any]) -> WaveMakerLines:
 def recover_waves(
     windows: Iterable[Window],
     wave_maker: WaveMakerLines,
-    model: DeviceModel,
+    device: WaveDevice,
     dt: float,
     method: str | None,
 ) -> RecoveredWaves:
-    """Recover the waves from measured windows with the fields of `FIELDS`.
+    """Recover the waves from measured windows with the fields of the device's sensors.
 
     ``method`` is `ELEVATION` or `FORCES`; None selects the elevation if logged. Raises ValueError
     if no row is usable, or if ``method`` is `ELEVATION` and the elevation was not logged.
@@ -96,8 +126,10 @@ def recover_waves(
     rows = 0
     for window in windows:
         try:
-            method = method or (ELEVATION if _has_elevation(window) else FORCES)
-            elevations.append(_window_elevation(window, wave_maker, model, dt, method))
+            method = method or (
+                ELEVATION if _has_elevation(window, device.sensors.elevation) else FORCES
+            )
+            elevations.append(_window_elevation(window, wave_maker, device, dt, method))
             rows += 1
         except ValueError as error:
             skipped_rows.append(f"row {window.row}: {error}")
@@ -116,26 +148,24 @@ def recover_waves(
     )
 
 
-def _has_elevation(window: Window) -> bool:
+def _has_elevation(window: Window, field: str) -> bool:
     names: Sequence[str] = window.data.dtype.names or ()
-    return UNDISTURBED_ELEVATION in names and bool(
-        np.isfinite(window.data[UNDISTURBED_ELEVATION]).all()
-    )
+    return field in names and bool(np.isfinite(window.data[field]).all())
 
 
 def _window_elevation(
-    window: Window, wave_maker: WaveMakerLines, model: DeviceModel, dt: float, method: str
+    window: Window, wave_maker: WaveMakerLines, device: WaveDevice, dt: float, method: str
 ) -> Complexes:
     """Return the elevation in each whole period of a window, periods by lines."""
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
-    if method == ELEVATION and not _has_elevation(window):
+    if method == ELEVATION and not _has_elevation(window, device.sensors.elevation):
         raise ValueError("the undisturbed elevation was not logged")
     period = common_period_ticks([wave_maker.repeat], dt, window.span)
     times = round(period * dt / wave_maker.repeat)
     top = times * max(wave_maker.cycles)
     indices = times * np.array(wave_maker.cycles) - 1
-    data = window.data
+    data, sensors = window.data, device.sensors
     start = float(data[WAVE_CLOCK][0])
     omega = angular_frequencies(period * dt, top)
 
@@ -146,12 +176,12 @@ def _window_elevation(
         return np.asarray(lines_found, dtype=np.complex128)
 
     if method == ELEVATION:
-        return lines(UNDISTURBED_ELEVATION, ENCODER_AGE)[:, indices]
-    position = lines(COUNTS, ENCODER_AGE, model.metres_per_count)
-    force = lines(LCB, LOAD_AGE)
-    drag = _drag(position, omega, period, model.quadratic)
-    excitation = model.dynamic_stiffness(omega) * position - drag - force
-    per_metre = model.excitation(omega[indices] / (2.0 * np.pi))
+        return lines(sensors.elevation, sensors.position_age)[:, indices]
+    position = lines(sensors.position, sensors.position_age, sensors.metres)
+    force = lines(sensors.force, sensors.force_age)
+    drag = _drag(position, omega, period, device.quadratic)
+    excitation = device.dynamic_stiffness(omega) * position - drag - force
+    per_metre = device.excitation(omega[indices] / (2.0 * np.pi))
     strong = np.abs(per_metre) >= MIN_EXCITATION_RATIO * np.abs(per_metre).max()
     elevation = np.broadcast_to(wave_maker.elevation, (len(excitation), indices.size)).copy()
     elevation[:, strong] = excitation[:, indices[strong]] / per_metre[strong]

@@ -24,7 +24,7 @@ from rig.kinds.wavebot.recommend.recommendation import (
     RecommendOptions,
     recommend,
 )
-from rig.kinds.wavebot.recommend.trial import Gains
+from rig.kinds.wavebot.recommend.set_points import Gains
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS

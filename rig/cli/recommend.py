@@ -51,11 +51,11 @@ def command(
     Run this campaign and add its run to RUNS: the next recommendation then
     uses its rows.
     """
-    from rig.kinds.wavebot.recommend import search
     from rig.kinds.wavebot.recommend.recommendation import RecommendOptions
+    from rig.kinds.wavebot.recommend.set_points import STATIONS as PREDICTED
 
     try:
-        station = find(search.STATIONS, best)
+        station = find(PREDICTED, best)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
     options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)

@@ -10,8 +10,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from rig.analysis import picture
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
-from rig.kinds.wavebot.recommend.search import STATIONS
-from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
+from rig.kinds.wavebot.recommend.set_points import STATIONS, Gains, SetPointPrediction
 from rig.planning.campaign.stability import largest_ki
 
 _SIDE = 15  # points of the surface along each axis
@@ -27,7 +26,11 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
         "star: best for that station; dots: recommended rows, hollow at another spring rate; "
         "crosses: measured"
     )
-    attributes = {**_attributes(recommendation), "campaign": recommendation.campaign.file.name}
+    attributes = {
+        "run": ", ".join(run.split("_")[0] for run in recommendation.twin.runs),
+        "mode": "prediction",
+        "campaign": recommendation.campaign.file.name,
+    }
     title = (
         "Predicted on the identified twin, optimised for "
         f"{recommendation.options.station.name_in_text} power"
@@ -66,13 +69,6 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
     return picture.save(figure, path)
 
 
-def _attributes(recommendation: Recommendation) -> dict[str, str]:
-    return {
-        "run": ", ".join(run.split("_")[0] for run in recommendation.twin.runs),
-        "mode": "prediction",
-    }
-
-
 def _predict_surface(
     recommendation: Recommendation, rate: float
 ) -> tuple[Any, Any, list[SetPointPrediction]]:
@@ -87,9 +83,8 @@ def _predict_surface(
     ki_axis = np.linspace(
         low, min(high, largest_ki(recommendation.campaign.rig.stability, rate)), _SIDE
     )
-    quick_predictor = SetPointPredictor(recommendation.campaign, recommendation.twin, quick=True)
     gains = [Gains(min(kp, -100.0), ki, rate) for ki in ki_axis for kp in kp_axis]
-    return np.minimum(kp_axis, -100.0), ki_axis, quick_predictor.predict(gains)
+    return np.minimum(kp_axis, -100.0), ki_axis, recommendation.predictor.quick.predict(gains)
 
 
 def _span(values: Sequence[float], margin: float) -> tuple[float, float]:

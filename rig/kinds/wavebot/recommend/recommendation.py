@@ -4,14 +4,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.kinds.wavebot.recommend import matrix
-from rig.kinds.wavebot.recommend.search import STATIONS, Optimum, find_optima, search_space
-from rig.kinds.wavebot.recommend.trial import (
+from rig.kinds.wavebot.recommend.matrix import RecommendedRow, choose_rows
+from rig.kinds.wavebot.recommend.search import Optimum, best_with_spring, find_optima, search_space
+from rig.kinds.wavebot.recommend.set_points import (
+    STATIONS,
+    RowComparison,
     SetPointPrediction,
     SetPointPredictor,
     open_on_twin,
 )
-from rig.kinds.wavebot.recommend.uncertainty import RowComparison, compare_rows, half_widths
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import Twin, identify_twin
 from rig.planning.campaign import Campaign
@@ -33,29 +34,29 @@ class RecommendOptions(NamedTuple):
 
 
 class Recommendation(NamedTuple):
-    """A recommendation: optima, rows and their confidence intervals."""
+    """A recommendation: optima and rows, with their confidence intervals."""
 
     options: RecommendOptions
     base: Path  # the base campaign
-    campaign: Campaign  # the base campaign on the twin
-    twin: Twin
-    predictor: SetPointPredictor
+    predictor: SetPointPredictor  # of the base campaign on the twin
     optima: tuple[Optimum, ...]
-    optima_intervals: tuple[dict[str, float], ...]  # half widths, W and m
-    rows: tuple[matrix.RecommendedRow, ...]
-    intervals: tuple[dict[str, float], ...]
+    rows: tuple[RecommendedRow, ...]
     measured: tuple[RowComparison, ...]  # measured rows of the same sea, with their prediction
+
+    @property
+    def campaign(self) -> Campaign:
+        """The base campaign on the twin."""
+        return self.predictor.campaign
+
+    @property
+    def twin(self) -> Twin:
+        """The identified twin."""
+        return self.predictor.twin
 
     @property
     def best(self) -> SetPointPrediction:
         """The best setting for the chosen station."""
-        station = self.options.station
-        matching = (
-            optimum
-            for optimum in self.optima
-            if (optimum.station, optimum.law) == (station, "PI and spring")
-        )
-        return next(matching).best
+        return best_with_spring(self.optima, self.options.station)
 
 
 def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> Recommendation:
@@ -64,49 +65,24 @@ def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> 
     Raises RunError, ValueError or `ConfigError`, as `identify_twin` and `open_campaign` do.
     """
     base = options.campaign or _last_campaign_in_waves(runs)
-    identified_twin = identify_twin(
+    twin = identify_twin(
         runs, options.plant, options.probe, incomplete_rows=options.incomplete_rows
     )
-    plant, *_ = plant_file.write(identified_twin, folder / plant_file.FOLDER)
-    campaign = open_on_twin(base, plant)
-    predictor, quick_predictor = (
-        SetPointPredictor(campaign, identified_twin),
-        SetPointPredictor(campaign, identified_twin, quick=True),
-    )
+    plant, *_ = plant_file.write(twin, folder / plant_file.FOLDER)
+    predictor = SetPointPredictor(open_on_twin(base, plant), twin)
     space = search_space(predictor, options.spring)
-    spring_rate = min(max(predictor.first_gains.spring_rate, space.spring[0]), space.spring[1])
-    optima = find_optima(predictor, quick_predictor, space, spring_rate)
-    measured = compare_rows(identified_twin, predictor)
-    optima_intervals = half_widths(
-        identified_twin, quick_predictor, [optimum.best.gains for optimum in optima], measured
-    )
-    chosen = next(i for i, optimum in enumerate(optima)
-              if (optimum.station, optimum.law) == (options.station, "PI and spring"))  # fmt: skip
-    matrix_options = matrix.MatrixOptions(space, options.station, options.rows)
-    rows = matrix.choose_rows(
-        predictor,
-        quick_predictor,
-        optima,
-        matrix_options,
-        optima_intervals[chosen][options.station.name],
-    )
+    optima = find_optima(predictor, space)
+    measured = predictor.compare_rows()
+    with_intervals = predictor.with_intervals([optimum.best for optimum in optima], measured)
+    optima = [
+        optimum._replace(best=best) for optimum, best in zip(optima, with_intervals, strict=True)
+    ]
+    rows = choose_rows(predictor, space, optima, options.station, options.rows)
     if not rows:
         raise RunError("no setting near the best is allowed by the limits of the rig")
-    intervals = half_widths(
-        identified_twin, quick_predictor, [row.prediction.gains for row in rows], measured
-    )
-    return Recommendation(
-        options,
-        base,
-        predictor.campaign,
-        identified_twin,
-        predictor,
-        tuple(optima),
-        tuple(optima_intervals),
-        tuple(rows),
-        tuple(intervals),
-        tuple(measured),
-    )
+    with_intervals = predictor.with_intervals([row.prediction for row in rows], measured)
+    rows = [row._replace(prediction=one) for row, one in zip(rows, with_intervals, strict=True)]
+    return Recommendation(options, base, predictor, tuple(optima), tuple(rows), tuple(measured))
 
 
 def _last_campaign_in_waves(runs: Sequence[Path]) -> Path:

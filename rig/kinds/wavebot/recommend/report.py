@@ -7,9 +7,8 @@ from typing import Any
 from rig.config.problems import display_path
 from rig.kinds.wavebot.recommend.matrix import campaign_text
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
-from rig.kinds.wavebot.recommend.search import STATIONS
-from rig.kinds.wavebot.recommend.trial import SetPointPrediction
-from rig.kinds.wavebot.recommend.uncertainty import STROKE
+from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, SetPointPrediction
+from rig.stations import Station
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
 _HEADINGS = [station.heading for station in STATIONS]
@@ -20,15 +19,14 @@ def write(recommendation: Recommendation, folder: Path, output: Path | None = No
     folder.mkdir(parents=True, exist_ok=True)
     campaign, numbers = output or folder / CAMPAIGN, folder / NUMBERS
     campaign.parent.mkdir(parents=True, exist_ok=True)
-    comments = [
-        f"{row.reason}: {_power_text(row.prediction, half_width)}"
-        for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True)
-    ]
+    comments = {
+        row.prediction.gains: f"{row.reason}: {_power_text(row.prediction)}"
+        for row in recommendation.rows
+    }
     name = recommendation.campaign.file.name
     name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
-    text = campaign_text(
-        campaign, recommendation.base, name, _header(recommendation), recommendation.rows, comments
-    )
+    header = _header(recommendation)
+    text = campaign_text(campaign, recommendation.base, name, header, comments)
     campaign.write_text(text, encoding="utf-8")
     numbers.write_text(json.dumps(as_dict(recommendation), indent=1) + "\n", encoding="utf-8")
     return [campaign, numbers]
@@ -46,7 +44,8 @@ def _header(recommendation: Recommendation) -> list[str]:
     ]
 
 
-def _power_text(prediction: SetPointPrediction, half_width: dict[str, float]) -> str:
+def _power_text(prediction: SetPointPrediction) -> str:
+    half_width = prediction.half_width
     powers = [
         f"{station.heading} {prediction.power(station):.1f} ± {half_width[station.name]:.1f} W"
         for station in STATIONS
@@ -63,21 +62,19 @@ def as_dict(recommendation: Recommendation) -> dict[str, Any]:
         "campaign": display_path(recommendation.base),
         "sea": recommendation.campaign.file.sea.description(),
         "station": recommendation.options.station.name,
-        "best": _prediction_as_dict(recommendation.best),
+        "best": _prediction_as_dict(recommendation.best._replace(half_width={})),
         "optima": [
             {
                 "station": optimum.station.name,
                 "law": optimum.law,
                 "at_limit": optimum.at_limit,
-                **_prediction_as_dict(optimum.best, half_width),
+                **_prediction_as_dict(optimum.best),
             }
-            for optimum, half_width in zip(
-                recommendation.optima, recommendation.optima_intervals, strict=True
-            )
+            for optimum in recommendation.optima
         ],
         "rows": [
-            {"why": row.reason, **_prediction_as_dict(row.prediction, half_width)}
-            for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True)
+            {"why": row.reason, **_prediction_as_dict(row.prediction)}
+            for row in recommendation.rows
         ],
         "measured": [
             {
@@ -92,14 +89,12 @@ def as_dict(recommendation: Recommendation) -> dict[str, Any]:
     }
 
 
-def _prediction_as_dict(
-    prediction: SetPointPrediction, half_width: dict[str, float] | None = None
-) -> dict[str, Any]:
+def _prediction_as_dict(prediction: SetPointPrediction) -> dict[str, Any]:
     entry: dict[str, Any] = prediction.gains._asdict()
     entry |= {f"power_{station.name}_w": prediction.power(station) for station in STATIONS}
     entry |= {"stroke_m": prediction.values.stroke, "current_rms_a": prediction.values.current_rms}
-    if half_width is not None:
-        entry["half_width_95"] = dict(half_width)
+    if prediction.half_width:
+        entry["half_width_95"] = dict(prediction.half_width)
     return entry
 
 
@@ -113,10 +108,7 @@ def as_text(recommendation: Recommendation) -> str:
     ]
     station = recommendation.options.station
     rows: list[tuple[str, ...]] = [("spring", "Kp", "Ki", *_HEADINGS, "±", "stroke m", "reason")]
-    for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True):
-        gains, powers = _gain_cells(row.prediction), _power_cells(row.prediction)
-        stroke = f"{row.prediction.values.stroke:.3f}"
-        rows.append((*gains, *powers, f"{half_width[station.name]:.1f}", stroke, row.reason))
+    rows += [(*_cells(row.prediction, station), row.reason) for row in recommendation.rows]
     lines += ["", f"Rows of the next campaign (± of {station.heading}, 95 %)", *_align(rows)]
     if recommendation.measured:
         lines += [
@@ -132,18 +124,10 @@ def _optima_lines(recommendation: Recommendation) -> list[str]:
     powers = (f"{heading} W" for heading in _HEADINGS)
     gains = ("spring N/m", "Kp N·s/m", "Ki N/m")
     rows: list[tuple[str, ...]] = [("for", "law", *gains, *powers, "±", "x stroke m", "")]
-    for optimum, half_width in zip(
-        recommendation.optima, recommendation.optima_intervals, strict=True
-    ):
-        best = optimum.best
-        rows.append(
-            (
-                *(f"{optimum.station.name_in_text} power", optimum.law),
-                *(*_gain_cells(best), *_power_cells(best)),
-                *(f"{half_width[optimum.station.name]:.1f}", f"{best.values.stroke:.3f}"),
-                "at a limit" if optimum.at_limit else "",
-            )
-        )
+    for optimum in recommendation.optima:
+        name, at_limit = f"{optimum.station.name_in_text} power", optimum.at_limit
+        cells = _cells(optimum.best, optimum.station)
+        rows.append((name, optimum.law, *cells, "at a limit" if at_limit else ""))
     return _align(rows)
 
 
@@ -160,12 +144,15 @@ def _comparison_lines(recommendation: Recommendation) -> list[str]:
     return _align(lines)
 
 
-def _gain_cells(one: SetPointPrediction) -> tuple[str, str, str]:
-    return (f"{one.gains.spring_rate:.0f}", f"{one.gains.kp:.0f}", f"{one.gains.ki:.0f}")
-
-
-def _power_cells(one: SetPointPrediction) -> tuple[str, ...]:
-    return tuple(f"{one.power(station):.1f}" for station in STATIONS)
+def _cells(one: SetPointPrediction, station: Station) -> tuple[str, ...]:
+    """Return gains, powers, the interval of a station's power, and stroke."""
+    kp, ki, spring_rate = one.gains
+    return (
+        *(f"{each:.0f}" for each in (spring_rate, kp, ki)),
+        *(f"{one.power(each):.1f}" for each in STATIONS),
+        f"{one.half_width[station.name]:.1f}",
+        f"{one.values.stroke:.3f}",
+    )
 
 
 def _align(rows: list[tuple[str, ...]]) -> list[str]:

@@ -5,19 +5,23 @@ search uses that difference as a coordinate. A coarse grid locates the valley, f
 the search descends (`rig.design.descent`).
 """
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from rig.design.descent import Floats, descend
 from rig.kinds.wavebot.config.rig_file import RigFile
-from rig.kinds.wavebot.predictions import PREDICTED_STATIONS
-from rig.kinds.wavebot.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
+from rig.kinds.wavebot.recommend.set_points import (
+    STATIONS,
+    Gains,
+    SetPointPrediction,
+    SetPointPredictor,
+)
 from rig.planning.campaign.stability import largest_ki
-from rig.stations import Station, shown
+from rig.stations import Station
 
 Law = Literal["P", "PI", "PI and spring"]
-STATIONS = shown(PREDICTED_STATIONS)
 LAWS: tuple[Law, ...] = ("P", "PI", "PI and spring")
 
 KP_RANGE = (-6000.0, -100.0)  # N s/m
@@ -71,29 +75,30 @@ def cost(prediction: SetPointPrediction, station: Station) -> float:
     return prediction.power(station) + _PENALTY * penalty
 
 
-def find_optima(
-    predictor: SetPointPredictor,
-    quick_predictor: SetPointPredictor,
-    space: SearchSpace,
-    spring_rate: float,
-) -> list[Optimum]:
+def find_optima(predictor: SetPointPredictor, space: SearchSpace) -> list[Optimum]:
     """Return the best setting of each law for each station.
 
-    P and PI use the fixed ``spring_rate`` (N/m). The search uses ``quick_predictor``; the results
-    are predictions of ``predictor``.
+    P and PI use the spring rate of the campaign's first row. The search uses the quick predictor;
+    the results are predictions of ``predictor``.
     """
-    grid = quick_predictor.predict(_grid(space, spring_rate))
+    spring_rate = min(max(predictor.first_gains.spring_rate, space.spring[0]), space.spring[1])
+    grid = predictor.quick.predict(_grid(space, spring_rate))
     optima = []
     for law in LAWS:
         for station in STATIONS:
             candidates = [one for one in grid if _has_law(one.gains, law, spring_rate)]
             start = min(candidates, key=lambda one: cost(one, station))
-            optima.append((station, law, _descend(quick_predictor, space, start, station, law)))
+            optima.append((station, law, _descend(predictor.quick, space, start, station, law)))
     predictions = predictor.predict([gains for *_, gains in optima])
     return [
         Optimum(station, law, best, _is_at_limit(best, space, law))
         for (station, law, _), best in zip(optima, predictions, strict=True)
     ]
+
+
+def best_with_spring(optima: Iterable[Optimum], station: Station) -> SetPointPrediction:
+    """Return the best setting for a station with PI and spring."""
+    return next(one.best for one in optima if (one.station, one.law) == (station, LAWS[-1]))
 
 
 def _grid(space: SearchSpace, spring_rate: float) -> list[Gains]:
@@ -140,11 +145,8 @@ def _descend(
 
 def _is_at_limit(best: SetPointPrediction, space: SearchSpace, law: Law) -> bool:
     """Return True if a limit, not power, determines the optimum."""
-    gains = best.gains
+    _, ki, rate = best.gains
     near_limit = any(m.used > 0.98 for m in best.margins if m.limit.effect in ("stop", "unstable"))
-    at_spring_end = (
-        law == "PI and spring"
-        and min(abs(gains.spring_rate - spring_end) for spring_end in space.spring) < 1.0
-    )
-    at_max_ki = largest_ki(space.rig.stability, gains.spring_rate) - gains.ki < 1.0
-    return near_limit or at_spring_end or (at_max_ki and law != "P")
+    at_spring_end = law == "PI and spring" and min(abs(rate - end) for end in space.spring) < 1.0
+    at_max_ki = law != "P" and largest_ki(space.rig.stability, rate) - ki < 1.0
+    return near_limit or at_spring_end or at_max_ki

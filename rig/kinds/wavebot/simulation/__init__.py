@@ -17,8 +17,8 @@ from rig.planning.campaign.input_files import hash_input_file
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
     from rig.kinds.wavebot.simulation.hull_in_waves import HullInWaves
+    from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 
 __all__ = [
     "MATCHING_KEYS",

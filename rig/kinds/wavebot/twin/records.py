@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.analysis.windows import Window, read_windows
-from rig.identification import periods
 from rig.identification.periods import (
     Complexes,
     Flags,
@@ -19,6 +19,7 @@ from rig.identification.periods import (
     angular_frequencies,
     common_period_ticks,
     fill_lost_ticks,
+    synthesise,
 )
 from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, run_info
@@ -71,7 +72,7 @@ class Record(NamedTuple):
     @property
     def amplitudes(self) -> dict[str, float]:
         """Stroke (m) and rms velocity (m/s), by the names of the row table."""
-        position = synthesise(self, self.velocity / (1j * self.omega))
+        position = synthesise(self.velocity / (1j * self.omega))
         rms = float(np.sqrt(0.5 * np.sum(np.abs(self.velocity) ** 2)))
         return {"velocity_rms": rms, "stroke": float(np.ptp(position))}
 
@@ -117,17 +118,6 @@ def read_records(run: Path, *, incomplete_rows: bool = False) -> RunRecords:
     return RunRecords(run_facts, tuple(records.values()), tuple(excluded.values()))
 
 
-def synthesise(record: Record, lines: Complexes) -> Floats:
-    """Return one repeat period of a signal from as many lines as the record has."""
-    assert len(lines) == len(record.velocity)
-    return periods.synthesise(lines)
-
-
-def analyse(record: Record, samples: Floats) -> Complexes:
-    """Return the record's lines of a signal over one repeat period."""
-    return periods.analyse(samples, len(record.velocity))
-
-
 def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Record:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
@@ -156,7 +146,9 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
     force = lines_of(REFERENCE, "", 1.0) if has_excitation else np.zeros(lines, dtype=np.complex128)
     excited = np.abs(force) > 0.1 * np.abs(force).max(initial=1e-9)
     if sea:
-        excited |= _sea_lines(sea, period * dt, lines)
+        number, amplitude = sea_lines(sea, period * dt, lines)
+        strong = amplitude > 0.1 * max(sea["amplitude_m"], default=1e-9)
+        excited[number[strong] - 1] = True  # lines in which the sea has significant energy
     whole_periods = slice(0, count)
     current = data[CURRENT][whole_periods]
     return Record(
@@ -180,14 +172,11 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
     )
 
 
-def _sea_lines(sea: dict[str, Any], period: float, lines: int) -> Flags:
-    """Return True for each line of a period in which the sea has significant energy."""
-    amplitude = np.array(sea["amplitude_m"])
-    strong = amplitude > 0.1 * amplitude.max(initial=1e-9)
-    number = np.rint(np.array(sea["cycles"])[strong] * period / sea["repeat_s"]).astype(int)
-    is_excited = np.zeros(lines, dtype=np.bool_)
-    is_excited[number[(number >= 1) & (number <= lines)] - 1] = True
-    return is_excited
+def sea_lines(sea: dict[str, Any], period: float, lines: int) -> tuple[NDArray[np.int64], Floats]:
+    """Return number (from 1) and amplitude (m) of the sea's lines among those of a period (s)."""
+    number = np.rint(np.array(sea["cycles"]) * period / sea["repeat_s"]).astype(np.int64)
+    present = (number >= 1) & (number <= lines)
+    return number[present], np.array(sea["amplitude_m"])[present]
 
 
 def _metres_per_count(run_facts: RunInfo) -> float:

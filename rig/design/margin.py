@@ -1,7 +1,7 @@
 """Predicted use of a limit."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from rig.config.yaml_source import KeyPath
@@ -19,6 +19,7 @@ class Limit(NamedTuple):
     """One limit and the key that defines it."""
 
     name: str  # as in the table of `rig check`
+    field: str  # of the predicted value
     role: Role
     key: KeyPath
     effect: Effect
@@ -66,11 +67,6 @@ class Margin(NamedTuple):
         if self.exceeded:
             return self.limit.effect in ("cut", "warn")
         return (self.limit.effect == "stop" or self.limit.of_own_gains) and self.used >= NEAR
-
-
-def blocking_margins(margins: Iterable[Margin]) -> Iterator[Margin]:
-    """Yield the exceeded limits that refuse a row."""
-    return (margin for margin in margins if margin.blocks)
 
 
 def tightest(margins: Iterable[Margin]) -> Margin:

@@ -1,5 +1,7 @@
 """The limits that a predicted row is compared with, and its use of each."""
 
+from functools import reduce
+
 from rig.design.margin import Effect, Limit, Margin, Role
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
@@ -9,51 +11,54 @@ from sim_plant.bus import BusParams
 
 
 def _limit(
-    name: str, key: str, effect: Effect, unit: str, quantity: str, role: Role = "limits",
-    *, is_lower_bound: bool = False,
+    name: str, field: str, key: str, unit: str, effect: Effect = "stop", role: Role = "limits",
+    *, quantity: str = "", is_lower_bound: bool = False,
 ) -> Limit:  # fmt: skip
-    return Limit(name, role, tuple(key.split(".")), effect, unit, quantity, is_lower_bound)
+    """Return the limit of a field of `RowPredictions`."""
+    quantity = quantity or field.replace("_", " ")
+    return Limit(name, field, role, tuple(key.split(".")), effect, unit, quantity, is_lower_bound)
 
 
-POSITION_WARN = _limit("position warn", "heave.position_warn_m", "warn", "m", "position peak")
-POSITION = _limit("position", "heave.position_stop_m", "stop", "m", "position peak")
-STROKE = _limit("spring stroke", "spring.map", "stop", "m", "position peak", "rig")
-ROTOR = _limit("rotor travel", "spring.rotor_travel_stop_m", "stop", "m", "rotor travel")
-VELOCITY = _limit("velocity", "heave.velocity_stop_m_per_s", "stop", "m/s", "velocity peak")
-CURRENT_PEAK = _limit("current peak", "heave.current_peak_a", "cut", "A", "current peak")
-CURRENT_RMS = _limit("current rms", "heave.current_rms_a", "cut", "A", "current rms")
-BUS = _limit("bus voltage", "bus.voltage_stop_v", "stop", "V", "bus voltage")
+POSITION = _limit("position", "position_peak", "heave.position_stop_m", "m")
+STROKE = _limit("spring stroke", "position_peak", "spring.map", "m", role="rig")
+BUS = _limit("bus voltage", "voltage_highest", "bus.voltage_stop_v", "V", quantity="bus voltage")
 OVERVOLTAGE = _limit(
-    "bus overvoltage", "drive.overvoltage_trip.value", "stop", "V", "bus voltage", "plant"
-)
+    "bus overvoltage", "voltage_highest", "drive.overvoltage_trip.value", "V", role="plant",
+    quantity="bus voltage",
+)  # fmt: skip
 UNDERVOLTAGE = _limit(
-    "bus undervoltage", "drive.undervoltage_share.value", "stop", "V", "bus voltage", "plant",
-    is_lower_bound=True,
+    "bus undervoltage", "voltage_lowest", "drive.undervoltage_share.value", "V", role="plant",
+    quantity="bus voltage", is_lower_bound=True,
 )  # fmt: skip
 MODULATION = _limit(
-    "modulation", "drive.scheme_modulation.value", "cut", "V", "voltage need", "plant"
-)
-SURGE_WARN = _limit(
-    "surge position warn", "surge.position_warn_m", "warn", "m", "surge position peak"
-)
-SURGE_POSITION = _limit(
-    "surge position", "surge.position_stop_m", "stop", "m", "surge position peak"
-)
-SURGE_VELOCITY = _limit(
-    "surge velocity", "surge.velocity_stop_m_per_s", "stop", "m/s", "surge velocity peak"
-)
-SURGE_PEAK = _limit("surge current peak", "surge.current_peak_a", "cut", "A", "surge current peak")
-SURGE_RMS = _limit("surge current rms", "surge.current_rms_a", "cut", "A", "surge current rms")
-STIFFNESS = _limit(
-    "stiffness", "stability.least_stiffness_n_per_m", "unstable", "N/m", "stiffness at rest",
-    "rig", is_lower_bound=True,
+    "modulation", "voltage_required", "drive.scheme_modulation.value", "V", "cut", "plant",
+    quantity="voltage need",
 )  # fmt: skip
-LOOP = _limit("loop gain", "", "unstable", "1", "gain margin", "campaign", is_lower_bound=True)
+LOOP = _limit("loop gain", "gain_margin", "", "1", "unstable", "campaign", is_lower_bound=True)
 SURGE_LOOP = _limit(
-    "surge gain", "", "unstable", "1", "surge gain margin", "campaign", is_lower_bound=True
+    "surge gain", "surge_gain_margin", "", "1", "unstable", "campaign", is_lower_bound=True
 )
-
-_RELATIVE_TO_REST = (BUS, OVERVOLTAGE, UNDERVOLTAGE)
+LIMITS = (
+    _limit("position warn", "position_peak", "heave.position_warn_m", "m", "warn"),
+    POSITION,
+    STROKE,
+    _limit("rotor travel", "position_peak", "spring.rotor_travel_stop_m", "m",
+           quantity="rotor travel"),
+    _limit("velocity", "velocity_peak", "heave.velocity_stop_m_per_s", "m/s"),
+    _limit("current peak", "current_peak", "heave.current_peak_a", "A", "cut"),
+    _limit("current rms", "current_rms_peak", "heave.current_rms_a", "A", "cut",
+           quantity="current rms"),
+    BUS,
+    _limit("surge position warn", "surge_position_peak", "surge.position_warn_m", "m", "warn"),
+    _limit("surge position", "surge_position_peak", "surge.position_stop_m", "m"),
+    _limit("surge velocity", "surge_velocity_peak", "surge.velocity_stop_m_per_s", "m/s"),
+    _limit("surge current peak", "surge_current_peak", "surge.current_peak_a", "A", "cut"),
+    _limit("surge current rms", "surge_current_rms_peak", "surge.current_rms_a", "A", "cut",
+           quantity="surge current rms"),
+    _limit("stiffness", "stiffness", "stability.least_stiffness_n_per_m", "N/m", "unstable", "rig",
+           quantity="stiffness at rest", is_lower_bound=True),
+    LOOP, SURGE_LOOP, OVERVOLTAGE, UNDERVOLTAGE, MODULATION,
+)  # fmt: skip
 
 
 def compute_margins(
@@ -68,34 +73,24 @@ def compute_margins(
 
     ``bus`` is that of the custom drive, ``bus_at_rest`` its voltage before any motion (V).
     """
-    heave, surge = bounds.heave, bounds.surge
-    x = predictions.position_peak
-    pairs: list[tuple[Limit, float | None, float]] = [
-        (POSITION_WARN, x, heave.position_warn_m),
-        (POSITION, x, heave.position_stop_m),
-        (STROKE, x, rig.spring.stroke(setting.spring_rate)),
-        (ROTOR, x, bounds.spring.rotor_travel_stop_m),
-        (VELOCITY, predictions.velocity_peak, heave.velocity_stop_m_per_s),
-        (CURRENT_PEAK, predictions.current_peak, heave.current_peak_a),
-        (CURRENT_RMS, predictions.current_rms_peak, heave.current_rms_a),
-        (BUS, predictions.voltage_highest, bounds.bus.voltage_stop_v),
-        (SURGE_WARN, predictions.surge_position_peak, surge.position_warn_m),
-        (SURGE_POSITION, predictions.surge_position_peak, surge.position_stop_m),
-        (SURGE_VELOCITY, predictions.surge_velocity_peak, surge.velocity_stop_m_per_s),
-        (SURGE_PEAK, predictions.surge_current_peak, surge.current_peak_a),
-        (SURGE_RMS, predictions.surge_current_rms_peak, surge.current_rms_a),
-        (STIFFNESS, predictions.stiffness, rig.stability.least_stiffness_n_per_m),
-        (LOOP, predictions.gain_margin, 1.0),
-        (SURGE_LOOP, predictions.surge_gain_margin, 1.0),
-    ]
-    if bus is not None and predictions.voltage_available is not None:
-        pairs += [
-            (OVERVOLTAGE, predictions.voltage_highest, bus.overvoltage),
-            (UNDERVOLTAGE, predictions.voltage_lowest, bus.undervoltage),
-            (MODULATION, predictions.voltage_required, predictions.voltage_available),
-        ]
-    return tuple(
-        Margin(limit, predicted, allowed, bus_at_rest if limit in _RELATIVE_TO_REST else 0.0)
-        for limit, predicted, allowed in pairs
-        if predicted is not None
-    )
+
+    def allowed(limit: Limit) -> float | None:
+        if limit is STROKE:
+            return rig.spring.stroke(setting.spring_rate)
+        if limit.of_own_gains:
+            return 1.0
+        if limit.role != "plant":
+            return float(reduce(getattr, limit.key, rig if limit.role == "rig" else bounds))  # type: ignore[arg-type]
+        if bus is None or predictions.voltage_available is None:
+            return None
+        if limit is MODULATION:
+            return predictions.voltage_available
+        return bus.overvoltage if limit is OVERVOLTAGE else bus.undervoltage
+
+    margins = []
+    for limit in LIMITS:
+        predicted, bound = getattr(predictions, limit.field), allowed(limit)
+        if predicted is not None and bound is not None:
+            at_rest = bus_at_rest if limit.quantity == "bus voltage" else 0.0
+            margins.append(Margin(limit, predicted, bound, at_rest))
+    return tuple(margins)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, format_key
-from rig.design.margin import Margin, blocking_margins
+from rig.design.margin import Margin
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign
@@ -61,7 +61,7 @@ class RowPrediction(NamedTuple):
 
     def blocking(self) -> Iterator[Margin]:
         """Return the limits that refuse this row."""
-        return blocking_margins(self.margins)
+        return (margin for margin in self.margins if margin.blocks)
 
 
 class Prediction(NamedTuple):

@@ -21,7 +21,7 @@ from rig.kinds.wavebot.predictions.motion import (
 )
 from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
 from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
-from rig.kinds.wavebot.predictions.verdict import find_refusals, find_warnings
+from rig.kinds.wavebot.predictions.verdict import judge
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
 from rig.planning.campaign.set_points import RowSetting
@@ -58,8 +58,7 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
         planned,
         tuple(predictions[1:] if lead_in else predictions),
         lead_in,
-        find_refusals(campaign, predictions),
-        find_warnings(campaign, predictions),
+        *judge(campaign, predictions),
         compare_orders(campaign, planned, model),
     )
 

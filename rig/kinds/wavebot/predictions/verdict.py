@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
+from typing import NamedTuple
 
 from rig.config.problems import Problem, display_path, format_key, format_number
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
-from rig.design.margin import Limit, Margin, blocking_margins
+from rig.design.margin import Limit, Margin
 from rig.kinds.wavebot.predictions.limits import MODULATION, STROKE, SURGE_LOOP
 from rig.kinds.wavebot.predictions.prediction import RowPrediction
 from rig.planning.campaign import Campaign
@@ -44,36 +45,30 @@ class LimitLocations:
         return ("spring", "map", index, "stroke_m")
 
 
-def find_refusals(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
-    """Return a problem for every point with a row that would trip the rig or be unstable."""
-    locations = LimitLocations(campaign)
-    return tuple(
-        _problem(
-            campaign,
-            group,
-            _margin_messages(blocking_margins(group[0].margins), locations, group[0].row),
-        )
-        for group in _by_point(rows)
-        if any(blocking_margins(group[0].margins))
-    )
+class Verdict(NamedTuple):
+    """Problems of the rows by point."""
+
+    refused: tuple[Problem, ...]  # a row would trip the rig or be unstable
+    warnings: tuple[Problem, ...]  # the rows may run but come close to a limit
 
 
-def find_warnings(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
-    """Return a warning for every point whose rows may run but come close to a limit."""
+def judge(campaign: Campaign, rows: Sequence[RowPrediction]) -> Verdict:
+    """Return a problem for every point with a row that may not run or needs a warning."""
     locations = LimitLocations(campaign)
     settle = row_windows(campaign.file.sea, campaign.file.timing, campaign.file.reference).settle
-    problems = []
+    refused, warnings = [], []
     for group in _by_point(rows):
         first = group[0]
-        if any(blocking_margins(first.margins)):
+        if blocking := [margin for margin in first.margins if margin.blocks]:
+            messages = _margin_messages(blocking, locations, first.row)
+            refused.append(_problem(campaign, group, messages))
             continue
-        messages = [
-            *_margin_messages((each for each in first.margins if each.warns), locations, first.row),
-            *_reliability_warnings(first, settle),
-        ]
+        near = [margin for margin in first.margins if margin.warns]
+        messages = _margin_messages(near, locations, first.row)
+        messages += _reliability_warnings(first, settle)
         if messages:
-            problems.append(_problem(campaign, group, messages))
-    return tuple(problems)
+            warnings.append(_problem(campaign, group, messages))
+    return Verdict(tuple(refused), tuple(warnings))
 
 
 def _by_point(rows: Sequence[RowPrediction]) -> Iterable[list[RowPrediction]]:
@@ -126,14 +121,11 @@ def _margin_messages(
 
 def _stability_message(margin: Margin) -> str:
     axis = "surge" if margin.limit is SURGE_LOOP else "heave"
-    stable = "not stable at lower gains either"
+    up_to = f"up to {margin.predicted:.3g} times"
     if not margin.exceeded:
-        return (
-            f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times its gains"
-        )
-    if margin.predicted > 0.0:
-        stable = f"stable up to {margin.predicted:.3g} times these gains"
-    return f"the sampled {axis} loop is unstable, {stable}"
+        return f"the sampled {axis} loop is stable only {up_to} its gains"
+    stable = f"stable {up_to} these gains" if margin.predicted > 0.0 else ""
+    return f"the sampled {axis} loop is unstable, {stable or 'not stable at lower gains either'}"
 
 
 def _bound_text(margin: Margin, locations: LimitLocations, row: CampaignRow) -> str:

@@ -18,6 +18,7 @@ from ruamel.yaml import YAML
 
 from benchmarks.support import process_faults
 from benchmarks.support.fault_table import (
+    CATEGORY,
     GOES_ON,
     LOOP_LOST,
     MOTION,
@@ -31,7 +32,8 @@ from rig.execution.task import RunResult, View
 from rig.processes.child import Child
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import Snapshot
-from rig.realtime.safety import CATEGORY, RUN, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN
 from rig.recording.runs.create import BusyError
 
 FREE_TIMEOUT = 120.0  # s for the host's one real-time place
@@ -226,7 +228,7 @@ def judged(on: Scene, ended: RunResult, at: float | None) -> Finding:
     seconds = None if gone is None else max(0.0, gone - at)
     if outcome.status == "crashed":
         return Finding(LOOP_LOST, f"{outcome.reason} {told}", None, seconds, lost, ended)
-    category = CATEGORY[Reason[outcome.reason]]
+    category = CATEGORY[outcome.reason]
     return Finding(outcome.reason, told, category, seconds, lost, ended)
 
 

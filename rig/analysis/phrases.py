@@ -3,7 +3,8 @@
 import math
 from datetime import UTC, datetime
 
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
+from rig.recording.runs.folder import earlier_reasons
 
 _MODE_STAMPS = {
     "batch": "BATCH: simulated plant, no clock",
@@ -13,59 +14,6 @@ _MODE_STAMPS = {
     "imported": "IMPORTED: recorded by another system",
 }
 
-REASONS = {
-    Reason.NONE: "no reason recorded",
-    Reason.PLAN_END: "the plan ran to its end",
-    Reason.OPERATOR_STOP: "the operator stopped the run",
-    Reason.OPERATOR_ABORT: "the operator aborted the run (power off at once)",
-    Reason.SUPERVISOR_LOST: (
-        "`rig run` stopped sending its heartbeat: killed, suspended, or delayed by a busy host"
-    ),
-    Reason.LOGGER_LOST: "the record could not be written: logger, disk or folder was lost",
-    Reason.NOT_FINITE: "a value was NaN or infinite",
-    Reason.STALE_ENCODER: "the encoder's value was too old",
-    Reason.STALE_DRIVE: "the drive's values were too old",
-    Reason.STALE_LOAD_CELL: "the load cells' values were too old",
-    Reason.STALE_ANALYSER: "the power analyser's values were too old",
-    Reason.STALE_STATOR: "the stator's position was too old",
-    Reason.LOST_TICKS: "too many ticks were lost in one gap",
-    Reason.DRIVE_FAULT: "the drive reported a fault",
-    Reason.DRIVE_DROPPED: "the drive switched its power off by itself",
-    Reason.DRIVE_NOT_ON: "the drive did not come up in time",
-    Reason.POSITION: "the position limit was reached",
-    Reason.VELOCITY: "the velocity limit was reached",
-    Reason.ROTOR_TRAVEL: "the magnetic spring's rotor reached its travel limit",
-    Reason.POSITION_DISAGREES: "encoder and string pot disagreed",
-    Reason.STATOR_LATE: "the stator (or the drive) was not ready in time",
-    Reason.NOT_CALM: "the body moved during the tare",
-    Reason.EXCEPTION: "the loop's own code failed",
-    Reason.ENCODER_JUMP: "the encoder jumped: it slipped or lost counts",
-    Reason.SPRING_STROKE: "the stroke at which the magnetic spring's stator force reverses",
-    Reason.BUS_UNDERVOLTAGE: "the drive's DC bus ran out of energy",
-    Reason.BUS_OVERVOLTAGE: "the drive's DC bus took more than the dump resistors burn",
-    Reason.SURGE_STALE_ENCODER: "the surge encoder's value was too old",
-    Reason.SURGE_STALE_DRIVE: "the surge drive's values were too old",
-    Reason.SURGE_DRIVE_FAULT: "the surge drive reported a fault",
-    Reason.SURGE_DRIVE_DROPPED: "the surge drive switched its power off by itself",
-    Reason.SURGE_POSITION: "the position limit of surge was reached",
-    Reason.SURGE_VELOCITY: "the velocity limit of surge was reached",
-    Reason.SURGE_ENCODER_JUMP: "the surge encoder jumped: it slipped or lost counts",
-    Reason.EMERGENCY_STOP: "the emergency stop was pressed",
-    Reason.LIMIT_SWITCH: "a limit switch was hit",
-    Reason.STALE_PANEL: "the emergency stop could not be read any more",
-    Reason.BRAKE_LOST: "the brake's current was not the commanded one",
-    Reason.STALE_BRAKE: "the brake's current was too old",
-    Reason.COUPLING_SLIP: "motor and shaft differed by more than the possible driveline twist",
-    Reason.LOAD_CELL_OVERLOAD: "the load cell was loaded beyond its range",
-    Reason.SHAFT_ENCODER_JUMP: "the shaft's encoder jumped: it slipped or lost counts",
-    Reason.CURRENT_DISAGREES: "the drive's current was not the commanded one",
-    Reason.SURGE_CURRENT_DISAGREES: "the surge drive's current was not the commanded one",
-    Reason.VELOCITY_DISAGREES: "the motor did not turn at the commanded velocity",
-    Reason.FORCE_DISAGREES: "motor current and the force sensor at the motor shaft disagreed",
-    Reason.POWER_SIGN: "the motor fed energy into the body, under a law that can only absorb",
-    Reason.POWER_BALANCE: "two stations reported powers that no loss between them explains",
-}
-
 
 def mode_stamp(mode: str) -> str:
     """Return the stamp of an execution mode, which names the kind of plant."""
@@ -73,11 +21,8 @@ def mode_stamp(mode: str) -> str:
 
 
 def reason_text(reason: str) -> str:
-    """Return the description of a stop reason given by name; an unknown name unchanged."""
-    try:
-        return REASONS[Reason[reason]]
-    except KeyError:
-        return reason or REASONS[Reason.NONE]
+    """Return the text of a stop reason by its name, for a run that did not record it."""
+    return earlier_reasons().text(reason or Reason.NONE.name)
 
 
 def format_signed(value: float, digits: int = 0) -> str:

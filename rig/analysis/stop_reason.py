@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.analysis import phrases
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
 
@@ -73,7 +73,9 @@ def describe_ending(status: Mapping[str, Any], lost: LostTicks | None) -> Ending
     state = str(status.get("status", "running"))
     if state == "running":
         return NO_END
-    reason = reason_text(str(status.get("reason") or ""), lost)
+    name = str(status.get("reason") or "")
+    text = str(status.get("reason_text") or phrases.reason_text(name))
+    reason = describe_reason(name, text, lost)
     if moved := str(status.get("moved") or ""):  # why the log moved, and where it is
         reason = f"{reason}; {moved}"
     return Ending(ENDINGS.get(state, NO_END.title), reason)
@@ -98,9 +100,8 @@ def lost_before_trip(ticks: Counts, skipped: Counts, dt: float) -> LostTicks | N
     return LostTicks(lost, longest, share, min(WINDOW_S, dt * periods))
 
 
-def reason_text(reason: str, lost: LostTicks | None) -> str:
-    """Return the description of a stop reason given by name, after the lost ticks before it."""
-    plain = phrases.reason_text(reason)
+def describe_reason(reason: str, plain: str, lost: LostTicks | None) -> str:
+    """Return the text ``plain`` of a stop reason, after the lost ticks before it."""
     if lost is None:
         return plain
     lost_text = (

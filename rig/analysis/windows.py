@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason, ReasonTable
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
 from rig.recording.runs.account import SKIPPED
-from rig.recording.runs.folder import run_info
+from rig.recording.runs.folder import recorded_reasons, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck, RecordState
 
@@ -116,13 +117,13 @@ def _constant_ranges(block: Records) -> Iterator[tuple[int, int]]:
     yield from pairwise(edges)
 
 
-def _reason_incomplete(row: int, next_tick: Any) -> str:
+def _reason_incomplete(row: int, next_tick: Any, reasons: ReasonTable) -> str:
     """Return why a window followed by this tick is incomplete; empty if it is complete."""
     if next_tick["plan.phase"] == Phase.DONE and next_tick["safety.reason"] not in (
         Reason.NONE,
         Reason.PLAN_END,
     ):
-        return f"run stopped: {Reason(int(next_tick['safety.reason'])).name}"
+        return f"run stopped: {reasons.name(next_tick['safety.reason'])}"
     if next_tick["plan.row"] == row and next_tick["plan.phase"] < Phase.MEASURE:
         return "started over"
     return ""
@@ -147,7 +148,7 @@ def read_windows(
     names = reader.select_fields(run.leaves, [*REQUIRED_FIELDS, *skipped_fields, *fields])
     dtypes = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
     dtype = np.dtype([(name, dtypes[name]) for name in names])
-    for window in split_windows(reader.blocks(run, reading), dtype):
+    for window in split_windows(reader.blocks(run, reading), dtype, recorded_reasons(plan)):
         length = lengths.get(window.row, 0)
         lost_at_edges = window.lost_at_edges
         if length:
@@ -235,10 +236,13 @@ def find_incomplete_windows(run: str | os.PathLike[str]) -> IncompleteWindows:
     return IncompleteWindows(tuple(spans), tuple(messages))
 
 
-def split_windows(blocks: Iterable[Records], dtype: np.dtype[Any]) -> Iterator[Window]:
+def split_windows(
+    blocks: Iterable[Records], dtype: np.dtype[Any], reasons: ReasonTable
+) -> Iterator[Window]:
     """Yield the windows in blocks of ticks.
 
-    ``dtype`` holds the fields of the windows; `REQUIRED_FIELDS` must be among them.
+    ``dtype`` holds the fields of the windows; `REQUIRED_FIELDS` must be among them. ``reasons``
+    are those of the run.
     """
     current: _OpenWindow | None = None
     previous: Any = None  # the previous log row, as an array of length 1
@@ -252,7 +256,7 @@ def split_windows(blocks: Iterable[Records], dtype: np.dtype[Any]) -> Iterator[W
             if has_counts and previous is not None:
                 lost = _count_lost(_boundary(previous, first))
             if current and not (measuring and (row, attempt) == (current.row, current.attempt)):
-                yield current.close(_reason_incomplete(current.row, first), lost)
+                yield current.close(_reason_incomplete(current.row, first, reasons), lost)
                 current = None
             if measuring:
                 current = current or _OpenWindow(row, attempt, lost)

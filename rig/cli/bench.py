@@ -66,7 +66,7 @@ def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int
         outcome = ended.outcome
         record = {
             **outcome._asdict(),
-            "last_row": row_as_json(outcome.last_row),
+            "last_row": row_as_json(outcome.last_row, ended.reasons),
             "results": results,
             "lost_ticks": lost and lost._asdict(),
             "folder": str(ended.folder),
@@ -152,9 +152,14 @@ def _print_result(ended: RunResult, summary_text: str, lost: "LostTicks | None")
     from rig.analysis.stop_reason import describe_ending
 
     outcome = ended.outcome
+    status = {
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "reason_text": ended.reasons.text(outcome.reason),
+    }
     if summary_text:
         print(summary_text)
-    ending = describe_ending({"status": outcome.status, "reason": outcome.reason}, lost).description
+    ending = describe_ending(status, lost).description
     already_printed = ending in summary_text and sys.stdout.isatty()  # not twice on one screen
     if outcome.status != "complete" and not already_printed:
         print(f"\n{ending}.", file=sys.stderr)

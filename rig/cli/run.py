@@ -64,7 +64,7 @@ def main(path: Path, runs: Path, options: RunOptions, *, as_json: bool) -> int:
             json.dumps(
                 {
                     **outcome._asdict(),
-                    "last_row": row_as_json(outcome.last_row),
+                    "last_row": row_as_json(outcome.last_row, ended.reasons),
                     "optima": summary.get("optima", []),
                     "lost_ticks": summary.get("lost_ticks"),
                     "folder": str(ended.folder),
@@ -141,7 +141,6 @@ def _analyse(ended: RunResult, *, quiet: bool) -> tuple[list[Path], dict[str, An
 def _print_result(
     ended: RunResult, summary: dict[str, Any], products: list[Path], failure: str
 ) -> None:
-    from rig.analysis import phrases
     from rig.analysis.stop_reason import ENDINGS
 
     summary_file = ended.folder / "summary.txt"
@@ -154,6 +153,6 @@ def _print_result(
     )
     if not already_printed:
         ending = ENDINGS.get(outcome.status, outcome.status)
-        reason = summary.get("reason") or phrases.reason_text(outcome.reason)
+        reason = summary.get("reason") or ended.reasons.text(outcome.reason)
         print(f"\n{ending}: {reason}.", file=sys.stderr)
     print_folder(ended, products, failure)

@@ -10,12 +10,12 @@ from rig import cli
 from rig.execution.task import RunResult
 from rig.processes.run_types import Outcome
 from rig.realtime.limits import LimitFlag, WarningFlag
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import ReasonTable
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 
 _NAMES: dict[str, type[IntEnum]] = {
     "safety.mode": Mode,
-    "safety.reason": Reason,
     "plan.phase": Phase,
 }
 _FLAGS: dict[str, type[IntFlag]] = {
@@ -34,14 +34,16 @@ def exit_code(outcome: Outcome, trouble: str) -> int:
     return _EXIT_CODES[outcome.status]
 
 
-def row_as_json(row: dict[str, float | int]) -> dict[str, Any]:
+def row_as_json(row: dict[str, float | int], reasons: ReasonTable) -> dict[str, Any]:
     """Return a row as JSON values.
 
     Coded numbers become names, flags become lists of names, NaN and infinity become null.
     """
     values: dict[str, Any] = {}
     for name, value in row.items():
-        if name in _NAMES:
+        if name == "safety.reason":
+            values[name] = reasons.name(int(value))
+        elif name in _NAMES:
             values[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
         elif flags := _flag_type(name):
             values[name] = [flag.name for flag in flags if int(value) & flag]

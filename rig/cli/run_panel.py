@@ -12,7 +12,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from rig.realtime.safety import STOP_2, Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_2, Mode
 from rig.realtime.sequence import NO_ROW
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def clock_text(seconds: float) -> str:
 
 def plan_end_text(snapshot: "Snapshot", rows: int) -> str:
     """Return how a finished plan of ``rows`` rows ended."""
-    completed = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
+    completed = int(snapshot.row["safety.reason"]) in (Reason.NONE, Reason.PLAN_END)
     return f"all {rows} done" if completed else f"stopped before all {rows} were done"
 
 
@@ -108,10 +109,9 @@ class RunPanel(ABC):
         table.add_column()
         table.add_row(*self.plan_position(snapshot))
         mode = Mode(int(row["safety.mode"]))
-        reason = Reason(int(row["safety.reason"]))
         state = Text(mode.name, style="green" if mode < STOP_2 else "bold red")
-        if reason is not Reason.NONE:
-            state.append(f"  {reason.name}", style="bold red")
+        if int(row["safety.reason"]) != Reason.NONE:
+            state.append(f"  {snapshot.reason}", style="bold red")
         table.add_row("mode", state)
         for label, text in self.detail_lines(snapshot):
             table.add_row(label, text)

@@ -13,7 +13,6 @@ ignored and the gains are designed again.
 import hashlib
 import json
 import math
-from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers import estimator
-from rig.compilation.cache_folder import cache_root, write_atomically
+from rig.compilation.cache_folder import cache_root, cached_json
 
 Floats = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
@@ -42,12 +41,17 @@ def design(
     faster and smooths less. Raises ValueError if the gain does not converge.
     """
     arguments = [float(x) for x in (metres_per_count, noise_counts, jerk_density, dt)]
-    path = _cache_path(arguments)
-    params = _read_cache(path, arguments)
-    if params is None:
-        params = design_with_filterpy(*arguments)
-        _write_cache(path, arguments, params)
-    return params
+    versions = [metadata.version(name) for name in ("filterpy", "numpy")]
+    fingerprint = [arguments, versions, _MAX_STEPS, Path(__file__).read_text()]
+    digest = hashlib.sha256(json.dumps(fingerprint).encode()).hexdigest()[:24]
+    entry = cached_json(
+        cache_root() / f"estimator_{digest}.json",
+        lambda: {"arguments": arguments, "gains": list(design_with_filterpy(*arguments))},
+        lambda entry: (
+            entry["arguments"] == arguments and all(math.isfinite(gain) for gain in entry["gains"])
+        ),
+    )
+    return estimator.Params(*entry["gains"])
 
 
 def design_with_filterpy(
@@ -78,29 +82,6 @@ def design_with_filterpy(
         )
     position, velocity, acceleration = (float(f"{k:.{_DIGITS}g}") for k in filter_.K[:, 0])
     return estimator.Params(position, velocity, acceleration)
-
-
-def _cache_path(arguments: list[float]) -> Path:
-    versions = [metadata.version(name) for name in ("filterpy", "numpy")]
-    fingerprint = [arguments, versions, _MAX_STEPS, Path(__file__).read_text()]
-    digest = hashlib.sha256(json.dumps(fingerprint).encode()).hexdigest()[:24]
-    return cache_root() / f"estimator_{digest}.json"
-
-
-def _read_cache(path: Path, arguments: list[float]) -> estimator.Params | None:
-    try:
-        entry = json.loads(path.read_text())
-        gains = [float(gain) for gain in entry["gains"]]
-        valid = entry["arguments"] == arguments and all(map(math.isfinite, gains))
-        return estimator.Params(*gains) if valid else None
-    except (OSError, ValueError, TypeError, KeyError):
-        return None
-
-
-def _write_cache(path: Path, arguments: list[float], params: estimator.Params) -> None:
-    """Write the gains to the cache; if that fails, the next process designs them again."""
-    with suppress(OSError):
-        write_atomically(path, json.dumps({"arguments": arguments, "gains": list(params)}))
 
 
 class EstimatorResponse(NamedTuple):

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 from rig.processes.run_types import ExecutionMode, Outcome, Setup, Snapshot, Task
 from rig.processes.supervisor import SupervisedRun
 from rig.realtime import safety
+from rig.realtime.reasons import ReasonTable, reason_table
 from rig.recording import process_identity, provenance
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import JoinResult, RunError, create, join, reader
@@ -39,6 +40,7 @@ class RunResult(NamedTuple):
     folder: Path
     outcome: Outcome
     save_error: str  # why files could not be written at the end; empty: all were written
+    reasons: ReasonTable = reason_table()  # of a stop, of the kind of rig
 
 
 def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResult:
@@ -74,7 +76,7 @@ def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResu
             if run.folder != folder and (folder / STATUS).exists():
                 status = json.loads((run.folder / STATUS).read_text())
                 create.write_json(folder, STATUS, status | {"record_in": str(run.folder)})
-    return RunResult(run.folder, outcome, save_error)
+    return RunResult(run.folder, outcome, save_error, task.kind.reason_table)
 
 
 def _draw_until_error(view: View) -> Callable[[Snapshot], None]:
@@ -105,6 +107,7 @@ def _close_folder(
     status = _start_status(folder, task, started, mode) | {
         "status": outcome.status,
         "reason": outcome.reason,
+        "reason_text": task.kind.reason_table.text(outcome.reason),
         "ticks": outcome.ticks,
         "last_tick": outcome.last_row.get("tick"),
         "skipped": outcome.skipped,
@@ -188,7 +191,8 @@ def _start_status(
 
 def _write_start_files(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
     (folder / "config.json").write_text(task.config + "\n")
-    create.write_json(folder, "plan.json", task.plan)
+    reasons = {"reasons": task.kind.reason_table.as_records()}
+    create.write_json(folder, "plan.json", task.plan | reasons)
     if task.law_source:
         (folder / LAW_SOURCE).write_text(task.law_source)
     create.write_json(folder, "code.json", provenance.describe_code())

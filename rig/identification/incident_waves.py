@@ -19,16 +19,15 @@ import numpy as np
 
 from rig.analysis.windows import Window
 from rig.identification.periods import (
+    WAVE_CLOCK,
     Complexes,
     Floats,
-    amplitudes,
     angular_frequencies,
     common_period_ticks,
-    fill_lost_ticks,
+    field_lines,
 )
 
 ELEVATION, FORCES = "elevation", "forces"
-WAVE_CLOCK = "plan.wave_clock"
 MIN_EXCITATION_RATIO = 0.02  # of the greatest excitation per metre; weaker lines are not observable
 
 
@@ -166,14 +165,10 @@ def _window_elevation(
     top = times * max(wave_maker.cycles)
     indices = times * np.array(wave_maker.cycles) - 1
     data, sensors = window.data, device.sensors
-    start = float(data[WAVE_CLOCK][0])
     omega = angular_frequencies(period * dt, top)
 
     def lines(field: str, age: str, scale: float = 1.0) -> Complexes:
-        values = fill_lost_ticks(data["tick"], data[field] * scale)
-        late = float(np.mean(data[age]))
-        lines_found = amplitudes(values, start, dt, period, top) * np.exp(1j * omega * late)
-        return np.asarray(lines_found, dtype=np.complex128)
+        return field_lines(data, field, age, dt, period, top, scale)
 
     if method == ELEVATION:
         return lines(sensors.elevation, sensors.position_age)[:, indices]

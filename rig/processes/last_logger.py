@@ -15,7 +15,6 @@ from typing import Any
 
 from rig.module_process import module_command
 from rig.realtime.loop import LoopResult
-from rig.realtime.safety import Reason
 from rig.recording.folder_watch import current_folder, save_to_rescue_folder, write_progress
 from rig.recording.ring import RingWriter, has_consumer
 
@@ -106,7 +105,7 @@ class LastLogger:
         progress |= {"dropped": ring.dropped, "saved": ring.tail}
         if end is not None:
             progress |= {"last_tick": end.ticks + end.skipped - 1, "skipped": end.skipped}
-            progress |= {"reason": Reason(end.reason).name}
+            progress |= {"reason": end.reason}
         with suppress(OSError):
             fd = os.open(self._folder(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
             write_progress(fd, **progress)

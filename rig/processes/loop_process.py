@@ -26,6 +26,7 @@ from rig.processes.mailbox import Mailbox, Request
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
+from rig.realtime.reasons import Reason
 from rig.recording.ring import RingWriter
 
 
@@ -103,7 +104,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             report_event(event="refused", privileges=granted._asdict())
             sys.exit(EXIT_NO_PRIVILEGES)
         if external_request() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices started
-            devices.stop(safety.Reason.SUPERVISOR_LOST.value)
+            devices.stop(Reason.SUPERVISOR_LOST.value)
             devices.close()
             # A supervisor that was only suspended reads this later.
             report_event(event="refused", why=_ORPHANED_MESSAGE)

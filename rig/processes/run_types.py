@@ -55,13 +55,14 @@ class Snapshot(NamedTuple):
     dropped: int
     unsaved_rows: int  # rows in the ring that are not on disk yet
     problem: str  # with a process or the log; empty: none
+    reason: str = ""  # name of the reason of a stop, in the newest row
 
 
 class Outcome(NamedTuple):
     """The end of a run."""
 
     status: str  # complete, stopped, fault, crashed, refused
-    reason: str  # name of rig.realtime.safety.Reason, or the last message of a process
+    reason: str  # name in the kind's table of reasons, or the last message of a process
     ticks: int
     skipped: int
     dropped: int  # rows the loop could not hand over

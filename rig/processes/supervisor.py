@@ -25,7 +25,7 @@ from rig.processes.loop_process import LoopJob
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.run_types import Outcome, Setup, Snapshot
 from rig.realtime import safety
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import NO_REASON
 from rig.recording import logger as log_process
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
@@ -47,6 +47,7 @@ class SupervisedRun:
 
     def __init__(self, setup: Setup) -> None:
         self._setup = setup
+        self._reasons = setup.task.kind.reason_table
         self._ring_fd = ring.create(setup.task.kind.row_type)
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
@@ -292,7 +293,9 @@ class SupervisedRun:
 
     def _snapshot(self) -> Snapshot:
         unsaved = self._ring.head - self._ring.tail
-        return Snapshot(self._latest_row(), self._ring.dropped, unsaved, self._problem)
+        row = self._latest_row()
+        reason = self._reasons.name(int(row.get("safety.reason", NO_REASON)))
+        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason)
 
     def _latest_row(self) -> dict[str, float | int]:
         packed = self._ring.latest()
@@ -303,8 +306,8 @@ class SupervisedRun:
     def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest_row()
         if end is not None:
-            reason = Reason(end["reason"])
-            status, cause = end_status(reason), reason.name
+            reason = int(end["reason"])
+            status, cause = end_status(reason), self._reasons.name(reason)
         elif self._refused:
             status, cause = "refused", self._refused
         else:

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 from controllers.signals import Count, Index, Second
 from rig.realtime import safety, sequence
-from rig.realtime.safety import NO_REASON, RUN, STOP_2, Reason
+from rig.realtime.reasons import NO_REASON, Reason, ReasonTable, TripReason, reason_table
+from rig.realtime.safety import RUN, STOP_2
 
 
 class Params(NamedTuple):
@@ -71,6 +72,13 @@ class Kind(NamedTuple):
     control: Callable[..., Any]
     row: Callable[..., Any]
     any_types: tuple[tuple[str, Any], ...] = ()  # of the fields of Params
+    reasons: tuple[TripReason, ...] = ()  # the kind's own
+    late_reason: int = Reason.DRIVE_NOT_ON.value  # moved parts have not arrived in time
+
+    @property
+    def reason_table(self) -> ReasonTable:
+        """All reasons of a stop."""
+        return reason_table(self.reasons)
 
 
 Step = Callable[..., tuple[State, Any, Any]]
@@ -90,6 +98,7 @@ def make(kind: Kind) -> Step:
     """
     observe, ready, check = kind.observe, kind.ready, kind.check
     control, make_row = kind.control, kind.row
+    category, late_reason = kind.reason_table.categories, kind.late_reason
 
     def step(
         params: Params,
@@ -117,13 +126,21 @@ def make(kind: Kind) -> Step:
         if periods > max_lost_ticks:  # this trip allows no controlled stop, so it overrides
             trip = Reason.LOST_TICKS.value
         if timed_out and trip == NO_REASON:
-            stator_arrived = (conditions & sequence.WAIT_STATOR) != 0
-            trip = (Reason.DRIVE_NOT_ON if stator_arrived else Reason.STATOR_LATE).value
+            arrived = (conditions & sequence.WAIT_ARRIVAL) != 0
+            trip = Reason.DRIVE_NOT_ON.value if arrived else late_reason
         i = plan_state.segment
         power_required = segments.drive[i] == 1
         drive_on = (conditions & sequence.WAIT_DRIVE) != 0
         safety_state = safety.step(
-            safety_params, safety_state, tick, trip, request, finished, power_required, drive_on
+            safety_params,
+            safety_state,
+            tick,
+            trip,
+            request,
+            finished,
+            power_required,
+            drive_on,
+            category,
         )
 
         if segments.waves[i] == 0 or safety_state.mode > STOP_2:

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from controllers.blocks import clamp, finite
 from controllers.signals import AxisCommand, AxisSense, Estimate
-from rig.realtime.safety import ENABLING, NO_REASON, RUN, STOP_1, Reason
+from rig.realtime.reasons import NO_REASON, Reason
+from rig.realtime.safety import ENABLING, RUN, STOP_1
 
 
 class LimitFlag(IntFlag):

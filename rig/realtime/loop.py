@@ -9,7 +9,8 @@ from rig.processes.mailbox import Mailbox
 from rig.realtime import cycle
 from rig.realtime.clock import Clock
 from rig.realtime.devices import Devices
-from rig.realtime.safety import STOP_0, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_0
 from rig.recording.ring import RingWriter
 
 STOP_REPEATS = 5  # repetitions of the stop at the end, so that one lost frame does not matter
@@ -22,7 +23,7 @@ class LoopResult(NamedTuple):
 
     ticks: int  # executed
     skipped: int  # periods lost
-    reason: int  # rig.realtime.safety.Reason
+    reason: int  # `rig.realtime.reasons`
 
 
 def run(

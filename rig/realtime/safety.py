@@ -9,6 +9,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from controllers.signals import Index, Tick
+from rig.realtime.reasons import NO_REASON, Reason, reason_table
 
 
 class Mode(IntEnum):
@@ -61,113 +62,8 @@ _TRIP_0, _EXPIRED, _TRIP_1, _STOP, _HOLD, _RESUME, _POWERED, _POWER_REQUIRED, _N
 )
 
 
-class Reason(IntEnum):
-    """Reason of a stop, or of a stop request."""
-
-    NONE = 0
-    PLAN_END = 1
-    OPERATOR_STOP = 2
-    OPERATOR_ABORT = 3
-    SUPERVISOR_LOST = 4
-    LOGGER_LOST = 5
-    NOT_FINITE = 6  # a sensed, estimated or demanded value is NaN or infinite
-    STALE_ENCODER = 7
-    STALE_DRIVE = 8
-    STALE_LOAD_CELL = 9
-    STALE_ANALYSER = 10
-    STALE_STATOR = 11
-    LOST_TICKS = 12
-    DRIVE_FAULT = 13
-    DRIVE_DROPPED = 14  # the drive left its on state by itself
-    DRIVE_NOT_ON = 15  # the drive did not come up in time
-    POSITION = 16
-    VELOCITY = 17
-    ROTOR_TRAVEL = 18
-    POSITION_DISAGREES = 19  # encoder and string pot differ: one of them is stuck or has slipped
-    STATOR_LATE = 20
-    NOT_CALM = 21  # the body moved during the tare
-    EXCEPTION = 22  # the loop's own code failed
-    ENCODER_JUMP = 23  # counts too far from the predicted motion: slip, lost counts
-    SPRING_STROKE = 24  # beyond the stroke at which the stator's force reverses
-    BUS_UNDERVOLTAGE = 25  # the custom drive's bus ran out of energy
-    BUS_OVERVOLTAGE = 26  # more energy than the dump resistors can burn
-    SURGE_STALE_ENCODER = 27
-    SURGE_STALE_DRIVE = 28
-    SURGE_DRIVE_FAULT = 29
-    SURGE_DRIVE_DROPPED = 30
-    SURGE_POSITION = 31
-    SURGE_VELOCITY = 32
-    SURGE_ENCODER_JUMP = 33
-    EMERGENCY_STOP = 34  # button pressed; the hard-wired chain has acted already
-    LIMIT_SWITCH = 35
-    STALE_PANEL = 36
-    BRAKE_LOST = 37  # the brake's current differs from its command
-    STALE_BRAKE = 38
-    COUPLING_SLIP = 39  # the angle between motor and shaft exceeds the twist of the driveline
-    LOAD_CELL_OVERLOAD = 40
-    SHAFT_ENCODER_JUMP = 41
-    CURRENT_DISAGREES = 42  # the drive's current differs from its command
-    SURGE_CURRENT_DISAGREES = 43
-    VELOCITY_DISAGREES = 44  # the motor's velocity differs from the command of its velocity loop
-    FORCE_DISAGREES = 45  # the force sensor at the motor's shaft contradicts the drive's current
-    POWER_SIGN = 46  # the motor feeds energy into the body under a law that can only absorb
-    POWER_BALANCE = 47  # no loss between two stations explains the difference of their powers
-
-
-NO_REASON = int(Reason.NONE)
-
-# The stop category of each reason. A controlled stop is impossible after a fault in something that
-# the damping itself needs (encoder, drive, arithmetic, time).
-CATEGORY: tuple[int, ...] = (
-    1,  # NONE (never used)
-    1,  # PLAN_END
-    1,  # OPERATOR_STOP
-    0,  # OPERATOR_ABORT
-    1,  # SUPERVISOR_LOST
-    1,  # LOGGER_LOST
-    0,  # NOT_FINITE
-    0,  # STALE_ENCODER
-    0,  # STALE_DRIVE
-    1,  # STALE_LOAD_CELL
-    1,  # STALE_ANALYSER
-    1,  # STALE_STATOR
-    0,  # LOST_TICKS
-    0,  # DRIVE_FAULT
-    0,  # DRIVE_DROPPED
-    0,  # DRIVE_NOT_ON
-    1,  # POSITION
-    1,  # VELOCITY
-    1,  # ROTOR_TRAVEL
-    0,  # POSITION_DISAGREES
-    1,  # STATOR_LATE
-    1,  # NOT_CALM
-    0,  # EXCEPTION
-    0,  # ENCODER_JUMP
-    1,  # SPRING_STROKE
-    0,  # BUS_UNDERVOLTAGE
-    0,  # BUS_OVERVOLTAGE
-    0,  # SURGE_STALE_ENCODER
-    0,  # SURGE_STALE_DRIVE
-    0,  # SURGE_DRIVE_FAULT
-    0,  # SURGE_DRIVE_DROPPED
-    1,  # SURGE_POSITION
-    1,  # SURGE_VELOCITY
-    0,  # SURGE_ENCODER_JUMP
-    0,  # EMERGENCY_STOP
-    1,  # LIMIT_SWITCH
-    1,  # STALE_PANEL
-    1,  # BRAKE_LOST
-    1,  # STALE_BRAKE
-    0,  # COUPLING_SLIP
-    0,  # LOAD_CELL_OVERLOAD
-    0,  # SHAFT_ENCODER_JUMP
-    0,  # CURRENT_DISAGREES
-    0,  # SURGE_CURRENT_DISAGREES
-    0,  # VELOCITY_DISAGREES
-    0,  # FORCE_DISAGREES
-    0,  # POWER_SIGN
-    1,  # POWER_BALANCE
-)
+CATEGORY = reason_table().categories
+"""The stop category of the core's reasons, by number."""
 
 # Requests of the operator and of the supervisor, from the mailbox.
 REQUEST_NONE = 0
@@ -191,7 +87,7 @@ class State(NamedTuple):
 
     mode: Index  # `Mode`
     entered: Tick  # tick in which the mode began
-    reason: Index  # `Reason`: first cause of the stop
+    reason: Index  # `rig.realtime.reasons`: first cause of the stop
 
 
 def start(tick: int) -> State:
@@ -221,12 +117,13 @@ def step(
     plan_finished: bool,
     power_required: bool,
     drive_on: bool,
+    category: tuple[int, ...] = CATEGORY,
 ) -> State:
     """Return the mode of this tick.
 
     ``trip``: reason (0: none) found by this tick's checks; ``plan_finished``: the plan has reached
     its end; ``power_required``: the plan requires the drive on; ``drive_on``: the drive reports
-    that it is.
+    that it is; ``category``: the stop category by number of reason, those of the kind included.
     """
     mode = state.mode
     age = tick - state.entered
@@ -237,13 +134,13 @@ def step(
         request_reason = stop_reason(request)
         # An abort has priority over a fault that would still allow a controlled stop.
         if request_reason != NO_REASON and (
-            reason == NO_REASON or CATEGORY[request_reason] < CATEGORY[reason]
+            reason == NO_REASON or category[request_reason] < category[reason]
         ):
             reason = request_reason
     if reason == NO_REASON and plan_finished:
         reason = Reason.PLAN_END.value
 
-    if reason != NO_REASON and CATEGORY[reason] == 0:
+    if reason != NO_REASON and category[reason] == 0:
         event = _TRIP_0
     elif mode == STOP_1 and age >= params.stop_ticks:
         event = _EXPIRED

@@ -24,7 +24,7 @@ class Phase(IntEnum):
 # Plain ints for the tick, which compares them a thousand times a second (enum look-up is slower).
 TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE = (int(phase) for phase in Phase)
 
-WAIT_STATOR = 1  # the stator has arrived
+WAIT_ARRIVAL = 1  # the parts that the plan moves between rows have arrived
 WAIT_DRIVE = 2  # the drive has its power stage on
 
 NO_ROW = -1  # row id of segments that belong to no row

@@ -22,13 +22,12 @@ from numpy.lib.recfunctions import repack_fields
 
 from rig import kinds
 from rig.processes import handover
-from rig.realtime.safety import Reason
 from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.ring import ProducerState, RingReader, lock_consumer
 from rig.recording.runs import RunError, mcap_file
 from rig.recording.runs.create import end_status
-from rig.recording.runs.folder import STATUS, mcap_parts
+from rig.recording.runs.folder import STATUS, mcap_parts, parse_json, recorded_reasons
 from rig.recording.timing import TimingCertificate
 
 FLUSH_INTERVAL = 0.5  # s between flushes
@@ -145,12 +144,15 @@ class RunLogger:
 
     def _status(self) -> dict[str, Any]:
         """Return the end of the run, as far as its rows show."""
-        reason = Reason(self._certificate.reason)
+        reason = self._certificate.reason
+        reasons = recorded_reasons(parse_json(self._texts.get("plan.json")))
+        name = reasons.name(reason)
         return {
             "run": self._job.run,
             "mode": self._job.mode,
             "status": end_status(reason),
-            "reason": reason.name,
+            "reason": name,
+            "reason_text": reasons.text(name),
             "ticks": self._reader.head + self._reader.dropped,
             "dropped_rows": self._reader.dropped,
         }

@@ -31,7 +31,7 @@ class TimingCertificate:
         self._last_tick = -1
         self.ticks = 0
         self.skipped = 0
-        self.reason = 0  # rig.realtime.safety.Reason of the last row
+        self.reason = 0  # `rig.realtime.reasons` of the last row
 
     def add(self, block: bytes) -> None:
         """Count the rows of a block; ignore rows up to the last tick counted, which are repeats.

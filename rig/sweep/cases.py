@@ -158,7 +158,7 @@ def row_results(
     results = {}
     for window in simulation:  # the last attempt counts
         results[window.row] = reduce_window(window, period_ticks, stations)
-    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
+    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
     return [
         own_settings(results.get(row.row, not_run), ())
         | {"stator": row.stator_position, **row.setting._asdict()}

@@ -1,12 +1,10 @@
 """Whether a law can be compiled, and numba's reason if it cannot."""
 
-import json
-from contextlib import suppress
 from typing import Any
 
 from controllers.signals import Demand, Estimate
 from rig.compilation import lifting
-from rig.compilation.cache_folder import write_atomically
+from rig.compilation.cache_folder import cached_json
 from rig.design.law_params import law_params
 from rig.laws import helper_modules
 from rig.planning.campaign import Campaign, Plan
@@ -22,13 +20,10 @@ def compilation_problem(campaign: Campaign, planned: Plan) -> str:
     law = campaign.law
     source = repr((law.sha256, type(planned.setpoints.law)._fields))
     path = lifting.cache_folder(source, helper_modules(law)) / "compilation.json"
-    try:
-        answer: str = json.loads(path.read_text())["problem"]
-    except (OSError, ValueError, KeyError):
-        answer = _compile(campaign, planned)
-        with suppress(OSError):  # without a cache the law is compiled again
-            write_atomically(path, json.dumps({"problem": answer}))
-    return answer
+    answer = cached_json(
+        path, lambda: {"problem": _compile(campaign, planned)}, lambda answer: "problem" in answer
+    )
+    return str(answer["problem"])
 
 
 def _compile(campaign: Campaign, planned: Plan) -> str:

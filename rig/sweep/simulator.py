@@ -10,7 +10,6 @@ from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
 from rig.laws import Law
 from rig.planning.campaign import Campaign, CampaignParts, InputFile, Plan
-from rig.realtime.safety import Reason
 from rig.stations import Station
 
 ROOM = "simulation"
@@ -19,7 +18,7 @@ ROOM = "simulation"
 class RowSimulation(Protocol):
     """Iterator over the measured windows of a plan's rows; then ``reason`` is that of its end."""
 
-    reason: Reason
+    reason: str
 
     @property
     def seconds(self) -> float:

@@ -13,7 +13,8 @@ from rig.kinds.wavebot.tick import WaveSense
 from rig.planning.campaign.multisine import Multisine, design_multisine
 from rig.realtime import safety
 from rig.realtime.cycle import PlanRecord
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout
 from rig.recording.mcap_writer import RowWriter

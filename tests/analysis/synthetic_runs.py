@@ -12,7 +12,8 @@ import numpy as np
 from rig.analysis.rows import LOGGED_SETTINGS, STATIONS_ATTRIBUTE
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout
 from rig.recording.mcap_writer import RowWriter

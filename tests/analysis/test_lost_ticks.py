@@ -13,9 +13,9 @@ import synthetic_runs as synthetic
 from command_here import rig
 
 from rig.analysis.report import write_products
-from rig.analysis.stop_reason import LostTicks, find_stop, lost_before_trip, reason_text
+from rig.analysis.stop_reason import LostTicks, describe_reason, find_stop, lost_before_trip
 from rig.cli.bench import _lost_ticks, _print_result
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 
@@ -75,14 +75,14 @@ def test_rows_missing_from_the_log_do_not_count() -> None:
 
 def test_reason_texts() -> None:
     lost = LostTicks(226, 0.0453, 0.11, 2.0)
-    assert reason_text("DRIVE_DROPPED", lost) == (
+    assert describe_reason("DRIVE_DROPPED", "the drive switched its power off by itself", lost) == (
         "the host lost 226 ticks (longest gap 45 ms) in the 2 s before the rig tripped: "
         "DRIVE_DROPPED (the drive switched its power off by itself) may be a consequence; "
         "see `rig doctor`"
     )
-    text = reason_text("LOST_TICKS", lost)
+    text = describe_reason("LOST_TICKS", "too many ticks were lost in one gap", lost)
     assert text.endswith("tripped: too many ticks were lost in one gap; see `rig doctor`")
-    assert reason_text("VELOCITY", None) == "the velocity limit was reached"
+    assert describe_reason("VELOCITY", "the limit was reached", None) == "the limit was reached"
 
 
 def tripped(

@@ -18,7 +18,8 @@ from rig.analysis.rows_file import write_rows
 from rig.analysis.slices import find_optima
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.limits import LimitFlag, WarningFlag
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 from rig.recording import row_layout
 from rig.recording.runs import open_run

@@ -24,7 +24,7 @@ from rig.kinds.wavebot.tick import kind_with_law
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
-from rig.realtime.safety import STOP_0, Reason
+from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import MEASURE
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
@@ -61,7 +61,7 @@ def compiled(path: Path) -> LoopResult:
         columns: Any = window.data
         lines.append(np.array([columns[name].astype(float) for name in KEPT_FIELDS]).T)
         reasons.append(window.incomplete_reason)
-    return LoopResult(np.concatenate(lines), simulation.reason.name, tuple(reasons))
+    return LoopResult(np.concatenate(lines), simulation.reason, tuple(reasons))
 
 
 @cache
@@ -88,7 +88,7 @@ def interpreted(path: Path) -> LoopResult:
         linger += row.safety.mode == STOP_0
         tick += 1
     kept = np.array(lines, float).reshape(-1, len(KEPT_FIELDS))
-    return LoopResult(kept, Reason(state.safety.reason).name, ())
+    return LoopResult(kept, kind.reason_table.name(state.safety.reason), ())
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from rig.planning.campaign import (
 )
 from rig.planning.campaign.order import least_travel, order_points
 from rig.planning.campaign.point import ValueLocation, make_point
-from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
+from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
@@ -167,7 +167,7 @@ matrix:
     table = list(zip(s.row, s.phase, s.ticks, s.wait, s.timeout, s.restart, s.drive, s.waves,
                      gains, strict=True))  # fmt: skip
     set_point, first, second = (-2500, 100, -5715), (-1000, 2000, -5715), (-1000, 2000, 490.9)
-    both = WAIT_STATOR | WAIT_DRIVE
+    both = WAIT_ARRIVAL | WAIT_DRIVE
     assert table == [
         (NO_ROW, Phase.TARE, 5000, 0, 0, 0, 0, 0, set_point),
         (NO_ROW, Phase.MOVING, 500, both, 60_000, 1, 1, 0, set_point),
@@ -176,7 +176,7 @@ matrix:
         (0, Phase.SETTLE, 5000, 0, 0, 4, 1, 1, first),
         (0, Phase.MEASURE, 14_000, 0, 0, 4, 1, 1, first),
         (0, Phase.TAIL, 1000, 0, 0, 4, 1, 1, first),
-        (1, Phase.MOVING, 20_000, WAIT_STATOR, 60_000, 7, 1, 1, second),
+        (1, Phase.MOVING, 20_000, WAIT_ARRIVAL, 60_000, 7, 1, 1, second),
         (1, Phase.SETTLE, 5000, 0, 0, 7, 1, 1, second),
         (1, Phase.MEASURE, 14_000, 0, 0, 7, 1, 1, second),
         (1, Phase.TAIL, 1000, 0, 0, 7, 1, 1, second),

@@ -13,12 +13,12 @@ from rig.kinds.wavebot.config import RigFile
 from rig.planning.campaign import Plan, build_plan, check_campaign
 from rig.planning.campaign.point import ValueLocation, make_point
 from rig.realtime import sequence
-from rig.realtime.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
+from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
 RIG_100_HZ = RIG.model_copy(update={"rate_hz": 100})
-READY = WAIT_STATOR | WAIT_DRIVE
+READY = WAIT_ARRIVAL | WAIT_DRIVE
 
 
 class Tick(NamedTuple):
@@ -90,7 +90,7 @@ def test_waiting_extends_only_the_moving_segment() -> None:
         """The drive is ready after 3 s; the stator move takes 7.5 s, 2.5 s over its interval."""
         start = 50 + 300 + 200 + 2 * 500
         flags = WAIT_DRIVE if tick >= 350 else 0
-        return flags | (WAIT_STATOR if tick < start or tick >= start + 750 else 0)
+        return flags | (WAIT_ARRIVAL if tick < start or tick >= start + 750 else 0)
 
     ticks_run = run_plan(planned, itertools.count(), ready)
     expected_ticks = list(planned.segments.ticks[:-1])

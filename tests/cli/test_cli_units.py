@@ -24,7 +24,8 @@ from rig.config.problems import Problem
 from rig.execution.task import RunResult
 from rig.processes.run_types import Outcome, Snapshot
 from rig.realtime.limits import LimitFlag
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 

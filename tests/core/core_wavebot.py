@@ -25,11 +25,11 @@ from rig.kinds.wavebot.rehearsal.devices import PlantDevices, connect
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
 from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.realtime import cycle, sequence
-from rig.realtime.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
+from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 DT = 0.001
-READY = WAIT_STATOR | WAIT_DRIVE
+READY = WAIT_ARRIVAL | WAIT_DRIVE
 
 # Two rows at the initial stator position (490.9 N/m at -13 %): nothing has to move.
 SHORT = plan(

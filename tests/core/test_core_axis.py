@@ -19,7 +19,8 @@ from rig.kinds.wavebot.tick import KIND, Sense, tare
 from rig.realtime import axis, cycle, safety
 from rig.realtime.clock import VirtualClock
 from rig.realtime.limits import WarningFlag
-from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2
 from rig.realtime.sequence import Phase
 
 NONE = axis.NO_DEMAND

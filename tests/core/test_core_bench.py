@@ -19,10 +19,12 @@ from core_runs import RunResult, run
 from core_wavebot import ModifiedDevices
 
 from rig.kinds.oswec_bench.tick import KIND, Sense
+from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.realtime import cycle
 from rig.realtime.limits import LimitFlag
-from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import leaves
 
@@ -61,19 +63,19 @@ FAULTS: list[tuple[str, dict[str, Any], Reason]] = [
     ("encoders", {"age": 0.5}, Reason.STALE_ENCODER),
     ("encoders", {"age": -0.5}, Reason.STALE_ENCODER),
     ("encoders", {"motor_counts": 60_000}, Reason.ENCODER_JUMP),
-    ("encoders", {"shaft_counts": 1_000}, Reason.SHAFT_ENCODER_JUMP),
+    ("encoders", {"shaft_counts": 1_000}, BenchReason.SHAFT_ENCODER_JUMP),
     ("servo", {"age": 0.5}, Reason.STALE_DRIVE),
     ("servo", {"fault": 7}, Reason.DRIVE_FAULT),
     ("servo", {"enabled": 0}, Reason.DRIVE_DROPPED),
-    ("load", {"tz": 121.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"tz": -121.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"fx": 2801.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"fy": -2801.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"fz": 6801.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"tx": -121.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"ty": 121.0}, Reason.LOAD_CELL_OVERLOAD),
-    ("load", {"age": 0.5}, Reason.STALE_LOAD_CELL),
-    ("brake", {"age": 0.5}, Reason.STALE_BRAKE),
+    ("load", {"tz": 121.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"tz": -121.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"fx": 2801.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"fy": -2801.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"fz": 6801.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"tx": -121.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"ty": 121.0}, BenchReason.LOAD_CELL_OVERLOAD),
+    ("load", {"age": 0.5}, BenchReason.STALE_LOAD_CELL),
+    ("brake", {"age": 0.5}, BenchReason.STALE_BRAKE),
 ]
 
 
@@ -85,10 +87,10 @@ def test_every_fault_trips_in_its_tick_with_its_reason(
     row = result.rows[FAULT_TICK]
     assert result.rows[FAULT_TICK - 1].safety.mode == RUN
     assert row.safety.reason == reason
-    assert row.safety.mode == (STOP_0 if CATEGORY[reason] == 0 else STOP_1)
+    assert row.safety.mode == (STOP_0 if KIND.reason_table.categories[reason] == 0 else STOP_1)
     assert result.end is not None
     assert result.end.reason == reason
-    if CATEGORY[reason] == 0:
+    if KIND.reason_table.categories[reason] == 0:
         command = devices.commands[FAULT_TICK]
         assert (command.enable, command.volts, command.current, command.brake_current) == (
             0,
@@ -125,7 +127,7 @@ def test_a_brake_without_its_commanded_current_trips_after_the_time_limit() -> N
     result, devices = run_bench(altered_sense("brake", current=0.0), parameters)
     assert devices.commands[FAULT_TICK - 1].brake_current == 0.5
     stopped = next(row for row in result.rows if row.safety.mode != RUN and row.tick > FAULT_TICK)
-    assert stopped.safety.reason == Reason.BRAKE_LOST
+    assert stopped.safety.reason == BenchReason.BRAKE_LOST
     assert stopped.safety.mode == STOP_1
     assert stopped.tick == FAULT_TICK + ticks
 
@@ -142,7 +144,7 @@ def test_a_slow_divergence_of_motor_and_shaft_trips_as_coupling_slip() -> None:
 
     result, _ = run_bench(creeping)
     assert result.end is not None
-    assert result.end.reason == Reason.COUPLING_SLIP
+    assert result.end.reason == BenchReason.COUPLING_SLIP
     last = next(row for row in result.rows if row.safety.reason)
     assert math.degrees(abs(last.motor.angle - last.shaft.angle)) == pytest.approx(1.5, abs=0.02)
 

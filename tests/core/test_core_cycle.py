@@ -14,6 +14,7 @@ from core_runs import SAFETY, SHORT, RunResult, Slider, Sliders, bench, bench_pa
 from controllers.signals import AxisSense, Demand, Estimate
 from rig.realtime import axis, cycle, safety
 from rig.realtime.limits import LimitFlag, WarningFlag
+from rig.realtime.reasons import Reason
 from rig.realtime.safety import (
     ENABLING,
     OFF,
@@ -24,7 +25,6 @@ from rig.realtime.safety import (
     STOP_0,
     STOP_1,
     STOP_2,
-    Reason,
 )
 from rig.realtime.sequence import Phase
 from rig.recording.ring import ProducerState

@@ -20,8 +20,11 @@ from core_wavebot import READY, ModifiedDevices, params, plant, table
 from controllers import impedance
 from controllers.oswec_position import Component
 from rig.kinds.oswec_bench.tick import KIND as BENCH
+from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
-from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN, STOP_0, STOP_1
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 
 AT = 9000  # tick of the fault, 7 s after the waves started
@@ -125,7 +128,11 @@ FAULTS: dict[str, tuple[Fault, Reason, float]] = {
     "inverted motor": (Command("heave", lambda i: -i), Reason.CURRENT_DISAGREES, 0.9),
     "second master": (Command("heave", lambda i: 19.6), Reason.CURRENT_DISAGREES, 0.3),
     "no torque": (Command("heave", lambda i: 0.0), Reason.CURRENT_DISAGREES, 1.2),
-    "inverted surge motor": (Command("surge", lambda i: -i), Reason.SURGE_CURRENT_DISAGREES, 0.9),
+    "inverted surge motor": (
+        Command("surge", lambda i: -i),
+        WaveBotReason.SURGE_CURRENT_DISAGREES,
+        0.9,
+    ),
     "inverted force, current as commanded": (
         Lying("heave", lambda i: -i),
         Reason.FORCE_DISAGREES,
@@ -163,8 +170,8 @@ def test_every_device_fault_is_detected(name: str) -> None:
     first = next(row for row in done.rows if row.safety.mode > RUN)
     assert (first.safety.reason, first.tick > AT) == (reason, True)
     assert (first.tick - AT) * 0.001 <= within
-    assert first.safety.mode == (STOP_0 if CATEGORY[reason] == 0 else STOP_1)
-    if CATEGORY[reason] == 0:
+    assert first.safety.mode == (STOP_0 if KIND.reason_table.categories[reason] == 0 else STOP_1)
+    if KIND.reason_table.categories[reason] == 0:
         axis_command = devices.commands[first.tick]
         assert (
             axis_command.heave.current,
@@ -247,7 +254,7 @@ def test_a_servo_with_a_frozen_speed_is_detected_in_time() -> None:
 
     done = run_bench(command=ignoring)
     first = next(row for row in done.rows if row.safety.mode > RUN)
-    assert (first.safety.mode, first.safety.reason) == (STOP_0, Reason.VELOCITY_DISAGREES)
+    assert (first.safety.mode, first.safety.reason) == (STOP_0, BenchReason.VELOCITY_DISAGREES)
     assert 0 < first.tick - STRIKE < 600
 
 

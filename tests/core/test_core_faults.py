@@ -20,7 +20,9 @@ from core_wavebot import (
 )
 
 from rig.kinds.wavebot.tick import KIND, Command, Sense
-from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, Reason
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 
 AT = 2000  # tick of a fault: measuring row 0
@@ -82,7 +84,7 @@ def test_a_stuck_encoder_disagrees_with_the_string_pot() -> None:
         return signals._replace(heave=signals.heave._replace(counts=stuck[-1]))
 
     result, devices = rehearse(sense, sea=WAVES | {"amplitude_m": 0.15})
-    assert reason(result) == Reason.POSITION_DISAGREES
+    assert reason(result) == WaveBotReason.POSITION_DISAGREES
     first = stop_of(result)
     assert first.safety.mode == STOP_0
     bound = shipped_files()[2].heave.string_pot_difference_stop_m
@@ -104,7 +106,7 @@ def test_an_old_string_pot_value_is_given_more_tolerance(age: float, trips: bool
         return signals._replace(load=load)
 
     result, _ = rehearse(sense)
-    assert (reason(result) == Reason.POSITION_DISAGREES) == trips
+    assert (reason(result) == WaveBotReason.POSITION_DISAGREES) == trips
 
 
 @pytest.mark.parametrize("jump", [-40_000, -4_000, -600, 600, 4_000, 40_000])
@@ -170,7 +172,7 @@ def test_a_stator_that_never_arrives_is_damped_then_released() -> None:
     base = params(setpoints=elsewhere)
     quick_stop = base._replace(safety=base.safety._replace(stop_ticks=600))
     result, _ = rehearse(None, command, params=quick_stop)
-    assert reason(result) == Reason.STATOR_LATE
+    assert reason(result) == WaveBotReason.STATOR_LATE
     modes = [row.safety.mode for row in result.rows]
     assert modes.count(STOP_1) == 600
     assert stop_of(result).safety.mode == STOP_1
@@ -236,7 +238,7 @@ def test_a_silent_analyser_is_a_controlled_stop() -> None:
         return signals._replace(power=signals.power._replace(age=max(0.0, (tick - 1000) * 0.001)))
 
     result, _ = rehearse(sense)
-    assert reason(result) == Reason.STALE_ANALYSER
+    assert reason(result) == WaveBotReason.STALE_ANALYSER
     assert stop_of(result).safety.mode == STOP_1
     assert stop_of(result).tick == pytest.approx(2000, abs=1)
 

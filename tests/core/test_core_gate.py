@@ -11,8 +11,10 @@ from core_runs import RunResult, plan, run
 from core_wavebot import READY, ModifiedDevices, Quiet, params
 
 from rig.kinds.wavebot.tick import KIND, Sense, WaveBotRow
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.realtime import safety
-from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import leaves
 
@@ -118,9 +120,9 @@ def test_an_unknown_elevation_does_not_trip() -> None:
 AGES: list[tuple[tuple[str, str], float, Reason, int]] = [
     (("heave", "encoder_age"), 0.02, Reason.STALE_ENCODER, STOP_0),
     (("heave", "drive_age"), 0.1, Reason.STALE_DRIVE, STOP_0),
-    (("load", "age"), 0.1, Reason.STALE_LOAD_CELL, STOP_1),
-    (("power", "age"), 1.0, Reason.STALE_ANALYSER, STOP_1),
-    (("spring", "age"), 1.0, Reason.STALE_STATOR, STOP_1),
+    (("load", "age"), 0.1, WaveBotReason.STALE_LOAD_CELL, STOP_1),
+    (("power", "age"), 1.0, WaveBotReason.STALE_ANALYSER, STOP_1),
+    (("spring", "age"), 1.0, WaveBotReason.STALE_STATOR, STOP_1),
 ]
 
 
@@ -152,11 +154,11 @@ FAULTS: list[tuple[Reason, dict[str, dict[str, Any]]]] = [
     (Reason.DRIVE_DROPPED, {"heave": {"enabled": 0}}),
     (Reason.ENCODER_JUMP, {"heave": {"counts": 183264 + 3000}}),
     (Reason.NOT_FINITE, {"load": {"lcb": math.nan}}),
-    (Reason.POSITION_DISAGREES, {"load": {"string_pot": 0.2}}),
-    (Reason.STALE_LOAD_CELL, {"load": {"age": 0.5}}),
-    (Reason.STALE_ANALYSER, {"power": {"age": 2.0}}),
-    (Reason.STALE_STATOR, {"spring": {"age": 2.0}}),
-    (Reason.ROTOR_TRAVEL, {"load": {"rotor_angle": -2.1}}),
+    (WaveBotReason.POSITION_DISAGREES, {"load": {"string_pot": 0.2}}),
+    (WaveBotReason.STALE_LOAD_CELL, {"load": {"age": 0.5}}),
+    (WaveBotReason.STALE_ANALYSER, {"power": {"age": 2.0}}),
+    (WaveBotReason.STALE_STATOR, {"spring": {"age": 2.0}}),
+    (WaveBotReason.ROTOR_TRAVEL, {"load": {"rotor_angle": -2.1}}),
 ]
 PAIRS = list(itertools.combinations_with_replacement(range(len(FAULTS)), 2))
 
@@ -173,8 +175,8 @@ def test_of_two_simultaneous_faults_the_worse_counts(i: int, j: int) -> None:
     result = run(KIND, PARAMS, ModifiedDevices(Quiet(), corrupt))
     reason = FAULTS[i][0]
     reasons = {FAULTS[i][0], FAULTS[j][0]}
-    if reasons == {Reason.POSITION_DISAGREES, Reason.STALE_LOAD_CELL}:
-        reason = Reason.STALE_LOAD_CELL  # a silent string pot cannot disagree
+    if reasons == {WaveBotReason.POSITION_DISAGREES, WaveBotReason.STALE_LOAD_CELL}:
+        reason = WaveBotReason.STALE_LOAD_CELL  # a silent string pot cannot disagree
     assert result.rows[54].safety.mode == RUN
     assert result.rows[55].safety.reason == reason
     expected = STOP_0 if safety.CATEGORY[reason] == 0 else STOP_1

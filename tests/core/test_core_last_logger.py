@@ -19,7 +19,7 @@ from rig.kinds.wavebot.tick import WaveBotRow
 from rig.processes import last_logger
 from rig.processes.last_logger import LastLogger
 from rig.realtime.loop import LoopResult
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
 from rig.recording import ring
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.row_layout import leaves

@@ -18,7 +18,8 @@ from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
 from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
 from rig.realtime import axis
-from rig.realtime.safety import RUN, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN
 
 SCALE = AXIS.metres_per_count
 NODE = 5

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from controllers.signals import AxisSense, Estimate
 from rig.realtime import limits
 from rig.realtime.limits import AxisLimits, AxisState
-from rig.realtime.safety import RUN, STOP_1, STOP_2, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN, STOP_1, STOP_2
 
 DT = 0.001
 WAVEBOT = AxisLimits(

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from rig.realtime import loop, safety
 from rig.realtime.clock import VirtualClock
-from rig.realtime.safety import RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN, STOP_0, STOP_1, STOP_2
 from rig.realtime.sequence import Phase
 from rig.recording.ring import ProducerState, RingWriter
 

@@ -9,7 +9,8 @@ import pytest
 from core_process import output
 
 from rig.realtime import loop
-from rig.realtime.safety import STOP_0, STOP_1, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_0, STOP_1
 
 # A loop process that reports its steps; `TROUBLE` is raised while the wires warm up.
 CODE = """

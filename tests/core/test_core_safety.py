@@ -13,19 +13,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from controllers.signals import AxisSense, Demand
+from rig import kinds
 from rig.realtime import axis, safety
-from rig.realtime.safety import (
-    CATEGORY,
-    ENABLING,
-    OFF,
-    RUN,
-    STOP_0,
-    STOP_1,
-    STOP_2,
-    TABLE,
-    Mode,
-    Reason,
-)
+from rig.realtime.reasons import Reason, TripReason, reason_table
+from rig.realtime.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE, Mode
+from rig.recording.runs.folder import earlier_reasons
 
 PARAMS = safety.Params(enable_ticks=6, stop_ticks=4)
 
@@ -59,9 +51,33 @@ def test_a_stop_of_category_0_or_1_is_final() -> None:
 
 
 def test_every_reason_has_a_category() -> None:
-    assert len(CATEGORY) == len(Reason) == len(REASONS)
-    assert set(CATEGORY) == {0, 1}
-    assert [reason.value for reason in Reason] == list(range(len(Reason)))
+    tables = [
+        kinds.find(name).room("tick").find_kind("").reason_table for name in kinds.OWN_PACKAGES
+    ]
+    for table in tables:
+        known = {reason.name: (reason.number, reason.category) for reason in table.reasons}
+        assert known.items() <= REASONS.items()
+        assert {reason.name for reason in Reason} <= set(known)
+        assert all(table.categories[number] == category for number, category in known.values())
+    assert {reason.name for table in tables for reason in table.reasons} == set(REASONS)
+    assert set(earlier_reasons().reasons) == {one for table in tables for one in table.reasons}
+
+
+def test_a_kind_cannot_take_a_number_or_a_name_of_the_core() -> None:
+    mine = TripReason(100, "WINCH_LATE", 1, "the winch was late")
+    table = reason_table((mine,))
+    assert (table.name(100), table.text("WINCH_LATE")) == ("WINCH_LATE", "the winch was late")
+    assert (table.categories[100], table.categories[99], table.name(99)) == (1, 0, "reason 99")
+    for wrong in (
+        mine._replace(number=Reason.POSITION.value),
+        mine._replace(name="POSITION"),
+        mine._replace(number=300),
+        mine._replace(category=2),
+    ):
+        with pytest.raises(ValueError, match=f"reason {wrong.number} {wrong.name}"):
+            reason_table((wrong,))
+    with pytest.raises(ValueError, match="taken"):
+        reason_table((mine, mine._replace(name="WINCH_LOST")))
 
 
 @pytest.mark.parametrize("persists", [name for name, (_, c) in REASONS.items() if c == 1])

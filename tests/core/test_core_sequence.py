@@ -219,4 +219,4 @@ def test_phase_numbers_match_recorded_files() -> None:
 
 
 def test_conditions_are_different_bits() -> None:
-    assert (sequence.WAIT_STATOR, sequence.WAIT_DRIVE) == (1, 2)
+    assert (sequence.WAIT_ARRIVAL, sequence.WAIT_DRIVE) == (1, 2)

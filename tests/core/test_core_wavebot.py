@@ -11,10 +11,12 @@ from core_wavebot import READY, ModifiedDevices, Quiet, params, table
 
 from controllers.signals import DriveFault
 from rig.kinds.wavebot.tick import KIND, Sense
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.kinds.wavebot.tick.state import SurgeUse
 from rig.realtime import cycle, safety
 from rig.realtime.limits import LimitFlag
-from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 
 AT = 120
@@ -52,19 +54,19 @@ def modified(part: str, **values: Any) -> Any:
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"encoder_age": 0.5}, Reason.SURGE_STALE_ENCODER),
-        ({"drive_age": 0.5}, Reason.SURGE_STALE_DRIVE),
-        ({"fault": 1}, Reason.SURGE_DRIVE_FAULT),
-        ({"fault": DriveFault.UNDERVOLTAGE.value}, Reason.SURGE_DRIVE_FAULT),
-        ({"enabled": 0}, Reason.SURGE_DRIVE_DROPPED),
-        ({"counts": 40_000}, Reason.SURGE_ENCODER_JUMP),
+        ({"encoder_age": 0.5}, WaveBotReason.SURGE_STALE_ENCODER),
+        ({"drive_age": 0.5}, WaveBotReason.SURGE_STALE_DRIVE),
+        ({"fault": 1}, WaveBotReason.SURGE_DRIVE_FAULT),
+        ({"fault": DriveFault.UNDERVOLTAGE.value}, WaveBotReason.SURGE_DRIVE_FAULT),
+        ({"enabled": 0}, WaveBotReason.SURGE_DRIVE_DROPPED),
+        ({"counts": 40_000}, WaveBotReason.SURGE_ENCODER_JUMP),
     ],
 )
 def test_a_surge_fault_has_a_surge_reason(values: dict[str, Any], reason: Reason) -> None:
     result, devices = run_quiet(modified("surge", **values))
     first = result.rows[AT]
     assert (first.safety.mode, first.safety.reason) == (STOP_0, reason)
-    assert CATEGORY[reason] == 0
+    assert KIND.reason_table.categories[reason] == 0
     assert devices.commands[AT].surge[:3] == devices.commands[AT].heave[:3] == (0.0, 0.0, 0)
 
 
@@ -97,8 +99,8 @@ def drifting(counts: int) -> Any:
 @pytest.mark.parametrize(
     ("bounds", "counts", "reason"),
     [
-        ({"position_stop": 0.05}, 20, Reason.SURGE_POSITION),
-        ({"velocity_stop": 0.3}, 20, Reason.SURGE_VELOCITY),
+        ({"position_stop": 0.05}, 20, WaveBotReason.SURGE_POSITION),
+        ({"velocity_stop": 0.3}, 20, WaveBotReason.SURGE_VELOCITY),
     ],
 )
 def test_a_limit_of_surge_is_a_controlled_stop(
@@ -135,7 +137,7 @@ def test_an_unused_surge_drive_stays_off() -> None:
     # Its encoder is still checked.
     result, _ = run_quiet(modified("surge", encoder_age=0.5), off)
     assert result.end is not None
-    assert result.end.reason == Reason.SURGE_STALE_ENCODER
+    assert result.end.reason == WaveBotReason.SURGE_STALE_ENCODER
 
 
 def test_surge_can_be_held_in_place() -> None:
@@ -156,8 +158,8 @@ def test_surge_can_be_held_in_place() -> None:
     ("fault", "reason"),
     [
         (DriveFault.GENERAL, Reason.DRIVE_FAULT),
-        (DriveFault.UNDERVOLTAGE, Reason.BUS_UNDERVOLTAGE),
-        (DriveFault.OVERVOLTAGE, Reason.BUS_OVERVOLTAGE),
+        (DriveFault.UNDERVOLTAGE, WaveBotReason.BUS_UNDERVOLTAGE),
+        (DriveFault.OVERVOLTAGE, WaveBotReason.BUS_OVERVOLTAGE),
     ],
 )
 def test_bus_faults_have_their_own_reasons(fault: DriveFault, reason: Reason) -> None:
@@ -173,7 +175,7 @@ def test_too_much_on_the_bus_removes_power() -> None:
     result, _ = run_quiet(modified("power", bus_voltage=bound + 0.1))
     assert (result.rows[AT].safety.mode, result.rows[AT].safety.reason) == (
         STOP_0,
-        Reason.BUS_OVERVOLTAGE,
+        WaveBotReason.BUS_OVERVOLTAGE,
     )
 
 
@@ -198,7 +200,7 @@ def test_the_stroke_of_the_set_point_is_a_controlled_stop() -> None:
     quick_stop = table((-2000.0,), (0.0,), (490.9,))._replace(stroke=(0.02,))
     result, _ = run_quiet(rising(8), params(PLAN, quick_stop))
     first = next(row for row in result.rows if row.safety.reason)
-    assert (first.safety.mode, first.safety.reason) == (STOP_1, Reason.SPRING_STROKE)
+    assert (first.safety.mode, first.safety.reason) == (STOP_1, WaveBotReason.SPRING_STROKE)
     assert first.heave.estimate.position > 0.02
     assert result.rows[first.tick - 1].heave.estimate.position <= 0.02
 

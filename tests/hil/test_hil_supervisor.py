@@ -16,7 +16,8 @@ import pytest
 
 from benchmarks.support.wired_rigs import WIRED, WiredRig, started, wait_gone, wait_powered
 from rig.processes.supervisor import POLL_INTERVAL_S
-from rig.realtime.safety import STOP_0, STOP_1, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_0, STOP_1
 from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.realtime

@@ -25,7 +25,8 @@ from rig.kinds.oswec_bench.sessions.assemble import (
 )
 from rig.kinds.oswec_bench.tick import KIND
 from rig.realtime import cycle
-from rig.realtime.safety import STOP_0, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import Phase
 from rig.recording.runs import open_run
 
@@ -71,7 +72,7 @@ def measure_rows(session: Session) -> Rows:
                 row.shaft.velocity, row.command.current,
             ))  # fmt: skip
         tick += 1
-    assert state.safety.reason == Reason.PLAN_END, Reason(state.safety.reason)
+    assert state.safety.reason == Reason.PLAN_END, state.safety.reason
     names = (
         *("reference", "correction", "motor", "shaft"),
         *("torque", "torque_reference", "velocity", "current"),

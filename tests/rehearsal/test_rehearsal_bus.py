@@ -20,8 +20,11 @@ from rig_command import rig
 from rig import cli
 from rig.analysis.rows import row_table
 from rig.kinds.wavebot.rehearsal.job import problems
+from rig.kinds.wavebot.tick import KIND
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.planning.campaign import check_campaign
-from rig.realtime.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0
 from rig.recording.runs import open_run
 
 CUSTOM = str(CONFIGS / "rigs" / "wavebot_custom.yaml")
@@ -172,10 +175,10 @@ def test_when_captured_energy_runs_out_the_rig_trips_cleanly(
         RUN,
         STOP_0,
     ]  # no damping on an empty bus
-    assert CATEGORY[Reason.BUS_UNDERVOLTAGE] == 0
+    assert KIND.reason_table.categories[WaveBotReason.BUS_UNDERVOLTAGE] == 0
     trip = int(changes[-1])
     assert (reason[:trip] == Reason.NONE).all()
-    assert (reason[trip:] == Reason.BUS_UNDERVOLTAGE).all()
+    assert (reason[trip:] == WaveBotReason.BUS_UNDERVOLTAGE).all()
     assert (data["heave.command.enable"].values[trip:] == 0).all()
     assert (data["heave.command.force"].values[trip:] == 0.0).all()
     assert (data["plan.row"].values[trip - 1]) == 2

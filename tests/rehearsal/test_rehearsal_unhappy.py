@@ -21,7 +21,8 @@ from rig.cli import LOST
 from rig.cli.run_end import exit_code
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
-from rig.realtime.safety import STOP_0, STOP_1, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import STOP_0, STOP_1
 from rig.recording.runs import attachments, open_run
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.folder import MCAP

@@ -27,7 +27,7 @@ from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
 from rig.planning.campaign.set_points import RowSetting, row_setting, setting_type, zero_setting
 from rig.planning.campaign.stability import max_stable_ki
 from rig.planning.campaign.windows import RowWindows, calibration_window, row_windows
-from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments
+from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase, Segments
 
 
 class CampaignRow(NamedTuple):
@@ -132,7 +132,7 @@ def _opening_segments(
         Phase.MOVING,
         max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
         _with_stable_ki(campaign, rig, set_point, rig.spring.by_rate()[0]),
-        wait=WAIT_STATOR | WAIT_DRIVE,
+        wait=WAIT_ARRIVAL | WAIT_DRIVE,
         timeout=max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
         waves=0,
     )
@@ -187,7 +187,7 @@ def _row_segments(
                     Phase.MOVING,
                     max(windows.move, 1.0 / rig.rate_hz),
                     moving,
-                    wait=WAIT_STATOR,
+                    wait=WAIT_ARRIVAL,
                     timeout=rig.spring.move_timeout_s,
                 )
             )

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
 from rig.recording.runs.folder import STATUS
 
 
@@ -29,13 +29,13 @@ def create_folder(runs: Path, name: str, now: datetime) -> Path:
     raise BusyError(f"{runs}: too many runs named {stem}")
 
 
-def end_status(reason: Reason) -> str:
-    """Return the status of a run that ended for this first stop reason, in one word."""
-    if reason is Reason.PLAN_END:
+def end_status(reason: int) -> str:
+    """Return the status of a run by the number of its first stop reason, in one word."""
+    if reason == Reason.PLAN_END:
         return "complete"
     if reason in (Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT):
         return "stopped"
-    return "crashed" if reason is Reason.NONE else "fault"
+    return "crashed" if reason == Reason.NONE else "fault"
 
 
 def write_json(folder: Path, name: str, value: Any) -> None:

@@ -10,10 +10,14 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.kinds.wavebot.tick.stations import STATIONS
+from rig.realtime import reasons
+from rig.realtime.reasons import ReasonTable
 from rig.recording import process_identity
 from rig.recording.row_schema import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, RunError, scan
@@ -111,6 +115,11 @@ class RunInfo(NamedTuple):
         listed = self.plan.get("stations")
         return STATIONS if listed is None else from_records(listed)
 
+    @property
+    def reasons(self) -> ReasonTable:
+        """The reasons of a stop in the plan."""
+        return recorded_reasons(self.plan)
+
     def config_number(self, *keys: str) -> float | None:
         """Return a number of the configuration by its keys, outermost first; None without one."""
         value: Any = self.config
@@ -134,10 +143,11 @@ class RunInfo(NamedTuple):
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    return _parse_json(read_regular(path, MAX_TABLE_BYTES))
+    return parse_json(read_regular(path, MAX_TABLE_BYTES))
 
 
-def _parse_json(data: bytes | None) -> dict[str, Any]:
+def parse_json(data: bytes | None) -> dict[str, Any]:
+    """Return a JSON file as a mapping; empty if it is missing or no mapping."""
     if data is None:
         return {}
     try:
@@ -170,7 +180,7 @@ def run_info(
             file = path / name
             if path.is_dir() and file.is_file() and (found := _read_json(file)):
                 return found
-            if found := _parse_json(attached.get(name)):
+            if found := parse_json(attached.get(name)):
                 return found
         return {}
 
@@ -321,3 +331,16 @@ def list_runs(folder: str | os.PathLike[str]) -> list[RunListEntry]:
         if path.is_dir() and not path.name.startswith(".")
     ]
     return sorted(found, key=_sort_key)
+
+
+def recorded_reasons(plan: Mapping[str, Any]) -> ReasonTable:
+    """Return the reasons of a stop in a run's plan; runs before 2027 do not list them."""
+    listed = plan.get("reasons")
+    return earlier_reasons() if listed is None else reasons.from_records(listed)
+
+
+@cache
+def earlier_reasons() -> ReasonTable:
+    """Return the reasons of runs recorded before 2027."""
+    text = resources.files(__package__).joinpath("earlier_reasons.json").read_text()
+    return reasons.from_records(json.loads(text))

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import ReasonTable
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import create, folder, mcap_file
 from rig.recording.runs.account import EndReport, TickAccount, account_ticks
@@ -125,7 +125,8 @@ def _recover_sources(
     verified = read_back(target, 8 * len(contents.leaves))
     if verified.rows != account.rows:
         raise RunError(f"{target}: read back {verified.rows} rows where {account.rows} are counted")
-    outcome = _outcome(status, progress, contents, report)
+    reasons = folder.recorded_reasons(folder.parse_json(contents.attachments.get("plan.json")))
+    outcome = _outcome(status, progress, contents, report, reasons)
     return Recovery(
         sources, target, written, account, duplicates, unread, tuple(damage), verified, outcome
     )
@@ -160,6 +161,7 @@ def _outcome(
     progress: dict[str, Any],
     contents: FileContents,
     report: EndReport | None,
+    reasons: ReasonTable,
 ) -> str:
     last_status = (
         status
@@ -168,12 +170,18 @@ def _outcome(
     )
     status_text = str(last_status.get("status") or "crashed")
     reason = str(last_status.get("reason") or KILLED)
-    loop_reason = str(progress.get("reason"))
-    if report is not None and report.source == LOOP and loop_reason in Reason.__members__:
-        return f"{create.end_status(Reason[loop_reason])}: {loop_reason}"
+    loop_reason = _loop_reason(progress, reasons)
+    if report is not None and report.source == LOOP and loop_reason is not None:
+        return f"{create.end_status(loop_reason)}: {reasons.name(loop_reason)}"
     if (report is None or not report.final) and last_status is not status:
         return f"crashed: {KILLED}"
     return f"{status_text}: {LOOP_KILLED if reason == 'NONE' else reason}"
+
+
+def _loop_reason(progress: dict[str, Any], reasons: ReasonTable) -> int | None:
+    """Return the number of the loop's last reason; loops before 2027 wrote its name."""
+    reason = progress.get("reason")
+    return reason if isinstance(reason, int) else reasons.number(str(reason))
 
 
 def _update_status(run: Path, status: dict[str, Any], recovery: Recovery, now: datetime) -> None:

@@ -16,7 +16,8 @@ from synthetic_runs import write_run
 
 from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper
 from rig.kinds.oswec_bench.tick.signals import BenchRow
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout
 from rig.recording.runs.mcap_file import row_dtype

@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
 from rig.kinds.oswec_bench.products import Summary, analyse
 from rig.kinds.oswec_bench.products.points import open_session
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 

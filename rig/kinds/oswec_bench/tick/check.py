@@ -5,10 +5,12 @@ Checks whose reason allows no controlled stop (stop category 0) come first.
 
 from controllers.blocks import finite
 from controllers.signals import AxisSense
+from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.oswec_bench.tick.signals import Motion, Sense, WrenchSense
 from rig.kinds.oswec_bench.tick.state import LoadLimits, Params, State, zeros_in_use
 from rig.realtime import axis
-from rig.realtime.safety import CATEGORY, NO_REASON, Reason
+from rig.realtime.reasons import NO_REASON, Reason
+from rig.realtime.safety import CATEGORY
 
 
 def motor_sense(sense: Sense) -> AxisSense:
@@ -47,14 +49,14 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     if excess_age > 0.0:  # extrapolate the estimate to the present
         measured = measured + excess_age * (v - 0.5 * excess_age * a)
     if not -most <= measured - x <= most:
-        return Reason.SHAFT_ENCODER_JUMP.value
+        return BenchReason.SHAFT_ENCODER_JUMP.value
     most = limits.slip_stop
     if not -most <= motor.position - x <= most:
-        return Reason.COUPLING_SLIP.value
+        return BenchReason.COUPLING_SLIP.value
     if exceeds_range(load, limits.load_stop):
-        return Reason.LOAD_CELL_OVERLOAD.value
+        return BenchReason.LOAD_CELL_OVERLOAD.value
     if state.mismatch >= limits.velocity_ticks_stop:
-        return Reason.VELOCITY_DISAGREES.value
+        return BenchReason.VELOCITY_DISAGREES.value
     if station_reason != NO_REASON:
         return station_reason
     if fault != NO_REASON:
@@ -64,11 +66,11 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     if not 0.0 <= panel_age <= limits.panel_age_stop:  # an age below 0 means that a clock is wrong
         return Reason.STALE_PANEL.value
     if not 0.0 <= load_age <= limits.load_age_stop:
-        return Reason.STALE_LOAD_CELL.value
+        return BenchReason.STALE_LOAD_CELL.value
     if not 0.0 <= brake_age <= limits.brake_age_stop:
-        return Reason.STALE_BRAKE.value
+        return BenchReason.STALE_BRAKE.value
     if state.brake.mismatch_ticks >= limits.brake_ticks_stop:
-        return Reason.BRAKE_LOST.value
+        return BenchReason.BRAKE_LOST.value
     if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > limits.tare_span_stop:
         return Reason.NOT_CALM.value
     return NO_REASON

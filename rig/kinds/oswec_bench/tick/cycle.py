@@ -5,6 +5,7 @@ from controllers.blocks import clamp
 from controllers.signals import Demand, Estimate, Turning
 from rig.kinds.oswec_bench.tick import speed, stations, tare
 from rig.kinds.oswec_bench.tick.check import check, motor_sense
+from rig.kinds.oswec_bench.tick.reasons import REASONS
 from rig.kinds.oswec_bench.tick.signals import (
     TORQUE,
     VELOCITY,
@@ -32,7 +33,7 @@ from rig.kinds.oswec_bench.tick.state import (
 )
 from rig.realtime import axis, cycle, limits, safety
 from rig.realtime.safety import RUN, STOP_1
-from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
+from rig.realtime.sequence import TARE, WAIT_ARRIVAL, WAIT_DRIVE
 
 _ZERO_REFERENCE = Reference(0.0, 0.0, 0.0)
 _NO_CORRECTION = Turning(0.0, 0.0)
@@ -64,7 +65,7 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
 
 def ready(params: Params, state: State, sense: Sense) -> int:
     """Return which wait conditions of the plan are met; the bench has no stator to wait for."""
-    return WAIT_STATOR | WAIT_DRIVE if sense.servo.enabled == 1 else WAIT_STATOR
+    return WAIT_ARRIVAL | WAIT_DRIVE if sense.servo.enabled == 1 else WAIT_ARRIVAL
 
 
 def control(
@@ -342,7 +343,7 @@ def row(
     )
 
 
-KIND = cycle.Kind(BenchRow, Params, start, observe, ready, check, control, row)
+KIND = cycle.Kind(BenchRow, Params, start, observe, ready, check, control, row, reasons=REASONS)
 
 
 def find_kind(law: str) -> cycle.Kind:

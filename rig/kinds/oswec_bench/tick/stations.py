@@ -15,7 +15,8 @@ into the motor: tz v < 0 on average. A positive average means that the damping d
 from typing import NamedTuple
 
 from rig.realtime import average
-from rig.realtime.safety import NO_REASON, RUN, STOP_1, Reason
+from rig.realtime.reasons import NO_REASON, Reason
+from rig.realtime.safety import RUN, STOP_1
 
 _FORCE = Reason.FORCE_DISAGREES.value
 _SIGN = Reason.POWER_SIGN.value

@@ -18,7 +18,8 @@ from rig.kinds.wavebot.mask4.signals import Floats, Mask4Signals
 from rig.kinds.wavebot.mask4.windows import RowTiming, RowWindows, find_by_time, from_labels
 from rig.kinds.wavebot.tick.signals import WaveBotRow
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.realtime.safety import Mode, Reason
+from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 from rig.recording import provenance, row_layout
 from rig.recording.mcap_writer import RowWriter

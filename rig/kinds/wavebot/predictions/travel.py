@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rig.kinds.wavebot.predictions.model import CampaignModel
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import Plan, build_plan
-from rig.realtime.sequence import NO_ROW, WAIT_STATOR, Phase
+from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, Phase
 
 
 class Travel(NamedTuple):
@@ -31,7 +31,7 @@ def compute_travel(order: str, planned: Plan, model: CampaignModel) -> Travel:
     positions = {row.row: row.stator_position for row in planned.rows}
     first_position = planned.rows[0].stator_position
     for row, wait, ticks in zip(segments.row, segments.wait, segments.ticks, strict=True):
-        if not wait & WAIT_STATOR:
+        if not wait & WAIT_ARRIVAL:
             continue
         target = positions.get(row, first_position)
         seconds = abs(target - position) / speed

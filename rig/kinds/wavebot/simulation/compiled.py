@@ -28,9 +28,10 @@ from rig.kinds.wavebot.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
 from rig.kinds.wavebot.simulation import noise, pages, plant_coupling
 from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
 from rig.kinds.wavebot.tick import kind_with_law, tare
+from rig.kinds.wavebot.tick import reasons as wavebot_reasons
 from rig.kinds.wavebot.tick import signals as wavebot_signals
 from rig.laws import Law, helper_modules
-from rig.realtime import average, axis, cycle, limits, power, safety, sequence
+from rig.realtime import average, axis, cycle, limits, power, reasons, safety, sequence
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE
 from sim_plant import signals as plant_signals
@@ -44,7 +45,8 @@ _CONTROL: tuple[ModuleType, ...] = (
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
 TYPE_MODULES = (
-    signals, law, wavebot_signals, plant_signals, column, noise, power, station_table
+    signals, law, wavebot_signals, wavebot_reasons, plant_signals, column, noise, power, reasons,
+    station_table,
 )  # fmt: skip
 """Modules that are not lifted, but whose types or generated functions compiled code contains."""
 

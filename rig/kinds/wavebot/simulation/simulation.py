@@ -20,11 +20,12 @@ from rig.kinds.wavebot.simulation.noise import interleaved
 from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
 from rig.kinds.wavebot.simulation.plant_coupling import CoupledState
 from rig.kinds.wavebot.tick import Setpoints, WaveBotRow, kind_with_law
+from rig.kinds.wavebot.tick.reasons import REASONS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
-from rig.realtime.safety import Reason
+from rig.realtime.reasons import Reason, reason_table
 from rig.realtime.sequence import MEASURE, Segments
 from rig.recording.row_layout import leaves
 from rig.recording.runs.mcap_file import Records
@@ -58,6 +59,8 @@ _TICK, _ROW = KEPT_FIELDS.index("tick"), KEPT_FIELDS.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 _Floats = npt.NDArray[np.float64]
 _SPARE_BUFFERS: list[_Floats] = []  # of finished simulations: allocation costs a tenth of one
+
+_REASONS = reason_table(REASONS)
 
 
 class WindowColumns:
@@ -183,7 +186,7 @@ class RowSimulation:
         self._page = Column(np.empty(len(KEPT_FIELDS) * PAGE_TICKS))
         self._columns = _take_buffer(_longest_stretch(plan) + 1)
         self._flat_columns = Column(self._columns.ravel())
-        self.reason = Reason.NONE
+        self.reason = Reason.NONE.name  # of the stop
 
     @property
     def seconds(self) -> float:
@@ -199,7 +202,7 @@ class RowSimulation:
             if filled and (coupled.linger == LINGER_TICKS or last != coupled.tick - 1):
                 yield from _windows(self._columns[:, :filled], coupled)
                 filled = 0
-        self.reason = Reason(self._coupled.loop.safety.reason)
+        self.reason = _REASONS.name(self._coupled.loop.safety.reason)
         _SPARE_BUFFERS.append(cast(_Floats, self._columns.base))
 
     def tick(self, until: int, filled: int = 0) -> int:
@@ -240,7 +243,7 @@ def _windows(columns: _Floats, coupled: CoupledState) -> Iterator[Window]:
     for begin, end in pairwise(edges):
         data = WindowColumns(columns[:, begin:end])
         incomplete_reason = (
-            f"run stopped: {Reason(safety.reason).name}" if stopped and end == len(rows) else ""
+            f"run stopped: {_REASONS.name(safety.reason)}" if stopped and end == len(rows) else ""
         )
         row, attempt = (int(data[f"plan.{name}"][0]) for name in ("row", "attempt"))
         yield Window(row, attempt, cast(Records, data), incomplete_reason)

@@ -1,30 +1,34 @@
 """All safety checks of a WaveBot in a tick, those that allow no controlled stop first."""
 
 from controllers.blocks import finite
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.kinds.wavebot.tick.signals import Motion, Sense
 from rig.kinds.wavebot.tick.state import SURGE_OFF, Params, State, zeros_in_use
 from rig.realtime import axis
-from rig.realtime.safety import CATEGORY, NO_REASON, OFF, Reason
+from rig.realtime.reasons import NO_REASON, Reason
+from rig.realtime.safety import CATEGORY, OFF
 
 # `axis.check` returns a reason without the axis's name; these tables map it to the reason of heave
 # or surge. They are indexed by number, so that compiled code can use them, too.
 _HEAVE_FAULT = (
     Reason.DRIVE_FAULT.value,  # of NONE, never used
     Reason.DRIVE_FAULT.value,
-    Reason.BUS_UNDERVOLTAGE.value,
-    Reason.BUS_OVERVOLTAGE.value,
+    WaveBotReason.BUS_UNDERVOLTAGE.value,
+    WaveBotReason.BUS_OVERVOLTAGE.value,
 )
-_SURGE_REASONS = {
-    Reason.STALE_ENCODER: Reason.SURGE_STALE_ENCODER,
-    Reason.STALE_DRIVE: Reason.SURGE_STALE_DRIVE,
-    Reason.DRIVE_FAULT: Reason.SURGE_DRIVE_FAULT,
-    Reason.DRIVE_DROPPED: Reason.SURGE_DRIVE_DROPPED,
-    Reason.POSITION: Reason.SURGE_POSITION,
-    Reason.VELOCITY: Reason.SURGE_VELOCITY,
-    Reason.ENCODER_JUMP: Reason.SURGE_ENCODER_JUMP,
-    Reason.CURRENT_DISAGREES: Reason.SURGE_CURRENT_DISAGREES,
+_SURGE_REASONS: dict[int, int] = {
+    Reason.STALE_ENCODER: WaveBotReason.SURGE_STALE_ENCODER,
+    Reason.STALE_DRIVE: WaveBotReason.SURGE_STALE_DRIVE,
+    Reason.DRIVE_FAULT: WaveBotReason.SURGE_DRIVE_FAULT,
+    Reason.DRIVE_DROPPED: WaveBotReason.SURGE_DRIVE_DROPPED,
+    Reason.POSITION: WaveBotReason.SURGE_POSITION,
+    Reason.VELOCITY: WaveBotReason.SURGE_VELOCITY,
+    Reason.ENCODER_JUMP: WaveBotReason.SURGE_ENCODER_JUMP,
+    Reason.CURRENT_DISAGREES: WaveBotReason.SURGE_CURRENT_DISAGREES,
 }
-_SURGE_REASON_BY_NUMBER = tuple(_SURGE_REASONS.get(reason, reason).value for reason in Reason)
+_SURGE_REASON_BY_NUMBER = tuple(
+    int(_SURGE_REASONS.get(number, number)) for number in range(max(Reason) + 1)
+)
 
 
 def _heave_drive_reason(fault: int) -> int:
@@ -67,7 +71,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         max_stator_age, max_load_age, max_analyser_age, max_panel_age, max_span,
     ) = params.limits  # fmt: skip
     if bus_voltage > max_voltage:
-        return Reason.BUS_OVERVOLTAGE.value
+        return WaveBotReason.BUS_OVERVOLTAGE.value
     tare_state = state.tare
     position = heave_motion.position
     stale = not 0.0 <= load_age <= max_load_age  # below 0: a clock is wrong
@@ -75,7 +79,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     # The string pot comes over a slow bus: the body may have moved since its value was read.
     max_gap = max_gap + params.heave.limits.velocity_stop * load_age
     if not (-max_gap <= gap <= max_gap or stale):
-        return Reason.POSITION_DISAGREES.value
+        return WaveBotReason.POSITION_DISAGREES.value
     power_reason = state.power_checks.reason
     if power_reason != NO_REASON and CATEGORY[power_reason] == 0:
         return power_reason
@@ -88,16 +92,16 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     if not 0.0 <= panel_age <= max_panel_age:
         return Reason.STALE_PANEL.value
     if stale:
-        return Reason.STALE_LOAD_CELL.value
+        return WaveBotReason.STALE_LOAD_CELL.value
     if not 0.0 <= analyser_age <= max_analyser_age:
-        return Reason.STALE_ANALYSER.value
+        return WaveBotReason.STALE_ANALYSER.value
     if not 0.0 <= stator_age <= max_stator_age:
-        return Reason.STALE_STATOR.value
+        return WaveBotReason.STALE_STATOR.value
     if not -max_travel <= rotor_angle * metres_per_radian <= max_travel:
-        return Reason.ROTOR_TRAVEL.value
+        return WaveBotReason.ROTOR_TRAVEL.value
     stroke = state.active_setpoint.stroke
     if not -stroke <= position <= stroke:
-        return Reason.SPRING_STROKE.value
+        return WaveBotReason.SPRING_STROKE.value
     if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > max_span:
         return Reason.NOT_CALM.value
     return power_reason

@@ -18,6 +18,7 @@ from rig import laws
 from rig.kinds.wavebot.tick import power_checks, stations, tare
 from rig.kinds.wavebot.tick.check import check
 from rig.kinds.wavebot.tick.law_columns import columns_type, setpoint_reader
+from rig.kinds.wavebot.tick.reasons import REASONS, WaveBotReason
 from rig.kinds.wavebot.tick.signals import Command, Motion, Sense, TickSignals, WaveBotRow
 from rig.kinds.wavebot.tick.state import (
     REFERENCE_SURGE,
@@ -33,7 +34,7 @@ from rig.kinds.wavebot.tick.state import (
 )
 from rig.realtime import axis, cycle, safety
 from rig.realtime.safety import OFF, RUN
-from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
+from rig.realtime.sequence import TARE, WAIT_ARRIVAL, WAIT_DRIVE
 
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
@@ -50,7 +51,7 @@ def ready(params: Params, state: State, sense: Sense) -> int:
     """Return the flags of the plan's conditions that hold."""
     flags = 0
     if magnetic_spring.arrived(params.spring, state.spring, sense.spring):
-        flags = flags | WAIT_STATOR
+        flags = flags | WAIT_ARRIVAL
     if sense.heave.enabled == 1 and (params.surge_use == SURGE_OFF or sense.surge.enabled == 1):
         flags = flags | WAIT_DRIVE
     return flags
@@ -292,7 +293,17 @@ def kind_with_law(module: Any) -> cycle.Kind:
 
     any_types = {"heave_law": module.Params, "law": columns_type(module.SetPoint)}
     return cycle.Kind(
-        WaveBotRow, Params, start, observe, ready, check, control, row, tuple(any_types.items())
+        WaveBotRow,
+        Params,
+        start,
+        observe,
+        ready,
+        check,
+        control,
+        row,
+        tuple(any_types.items()),
+        REASONS,
+        WaveBotReason.STATOR_LATE.value,
     )
 
 

@@ -27,7 +27,8 @@ force count as 0.
 from typing import NamedTuple
 
 from rig.realtime import average, axis
-from rig.realtime.safety import NO_REASON, RUN, STOP_1, Reason
+from rig.realtime.reasons import NO_REASON, Reason
+from rig.realtime.safety import RUN, STOP_1
 
 _FORCE = Reason.FORCE_DISAGREES.value
 _SIGN = Reason.POWER_SIGN.value

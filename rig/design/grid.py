@@ -4,8 +4,6 @@ A periodic record of N samples is equivalent to its N/2 + 1 complex spectral lin
 amplitudes of e^{+i omega t} with the scaling of `numpy.fft.rfft`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

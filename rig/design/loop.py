@@ -1,7 +1,5 @@
 """The control loop in the frequency domain: estimator, law, delay, hold and current loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -10,8 +10,6 @@ The gain margin is the factor by which all gains together (Kp, Ki, Km, Z_c) may 
 a pole leaves the unit circle; it is below 1 for an unstable loop.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -19,8 +19,6 @@ and Whittaker 2010 (Coastal Engineering 57, 892) for wave energy converters; Cam
 frequency domain.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

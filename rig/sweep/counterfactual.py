@@ -49,10 +49,7 @@ __all__ = [
 CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
 AMPLITUDE_MARGIN = 1.1  # of the greatest logged amplitude; predictions beyond it are flagged
-AMPLITUDE_UNITS = {
-    "velocity_rms": "m/s",
-    "stroke": "m",
-}  # quantities that measure a row's amplitude
+AMPLITUDE_UNITS = {"velocity_rms": "m/s", "stroke": "m"}  # quantities of a row's amplitude
 
 OnProgress = Callable[[int, int], None]  # finished rows, all rows
 
@@ -194,9 +191,9 @@ def counterfactual_rows(
     sea = waves.description()
     total = len(logged_campaign.points) + len(campaign.points)
     modelled = {}
-    for i, (point, result) in enumerate(_simulate_points(logged_campaign, sea, lead_in), 1):
+    for point, result in _simulate_points(logged_campaign, sea, lead_in):
         modelled[point] = result
-        on_progress(i, total)
+        on_progress(len(modelled), total)
     comparisons = tuple(
         RowComparison(
             row["row"],
@@ -209,22 +206,17 @@ def counterfactual_rows(
     if any(math.isnan(value) for one in comparisons for value in one.modelled.values()):
         raise RunError(f"{measured.run}: the model does not complete a row that was measured")
     shares = error_shares(comparisons)
-    logged_ranges = {
-        name: AmplitudeRange(min(each), max(each), unit)
-        for name, unit in AMPLITUDE_UNITS.items()
-        for each in ([row[name] for row in measured.rows],)
-    }
-    identified_ranges = {
-        name: AmplitudeRange(*each, AMPLITUDE_UNITS[name])
-        for name, each in simulation.identified_range(campaign).items()
-        if name in AMPLITUDE_UNITS
-    }
+    logged_ranges, identified_ranges = {}, {}
+    identified = simulation.identified_range(campaign)
+    for name, unit in AMPLITUDE_UNITS.items():
+        logged = [row[name] for row in measured.rows]
+        logged_ranges[name] = AmplitudeRange(min(logged), max(logged), unit)
+        if name in identified:
+            identified_ranges[name] = AmplitudeRange(*identified[name], unit)
     rows = []
-    for i, (point, result) in enumerate(
-        _simulate_points(campaign, sea, lead_in), len(logged_campaign.points) + 1
-    ):
+    for point, result in _simulate_points(campaign, sea, lead_in):
         rows.append(_predict_row(point, result, shares, logged_ranges, identified_ranges))
-        on_progress(i, total)
+        on_progress(len(modelled) + len(rows), total)
     return CounterfactualResult(
         measured.run,
         campaign.file.name,
@@ -241,12 +233,8 @@ def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
     """Return the error of each station over the logged rows, as a share of gross power."""
     shares = {}
     for name in comparisons[0].logged:
-        errors = np.array(
-            [
-                (one.logged[name] - one.modelled[name]) / gross_power(one.modelled, name)
-                for one in comparisons
-            ]
-        )
+        pairs = [(one.logged[name] - one.modelled[name], one.modelled) for one in comparisons]
+        errors = np.array([error / gross_power(powers, name) for error, powers in pairs])
         scatter = float(np.std(errors, ddof=1)) if len(errors) > 1 else math.nan
         shares[name] = ErrorShare(float(errors.mean()), scatter, len(errors))
     return shares

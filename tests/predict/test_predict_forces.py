@@ -70,7 +70,7 @@ def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> 
     assert 0.0 < conducting.mean() < 1.0
     command = drives.current_limited_force(drive, force, v)
     limited = drives.voltage_limited_force(drive, command, v)
-    power = drives.station_powers(drive, limited, force, v, 0.0 * v, v)
+    _, dc_record = drives.station_powers(drive, limited, force, v, 0.0 * v, v)
     for i in range(F.size):
         current = force[0, i] / drive.motor.newtons_per_ampere
         is_on = not (abs(v[0, i]) < 0.2 and abs(current) < 4.0)
@@ -82,7 +82,7 @@ def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> 
         )
         ac = limited[0, i] * v[0, i] + pto.copper_loss(sim_pto, limited[0, i])
         loss = custom_drive.loss(sim_electrics.inverter, voltage, granted, int(is_on))
-        assert power.dc_record[0, i] == pytest.approx(ac + loss, rel=1e-9, abs=1e-9)
+        assert dc_record[0, i] == pytest.approx(ac + loss, rel=1e-9, abs=1e-9)
     assert np.min(limited) < 0.0 < np.max(limited)
 
 
@@ -92,7 +92,7 @@ def test_losses_of_the_commercial_drive() -> None:
     plant = load_plant("wavebot")
     drive = drives.build_drive(plant, [zero_setting(IMPEDANCE)], 0, 40.0, 0.0, np.zeros(1))
     force_record = F[None, :]
-    power = drives.station_powers(
+    powers, dc_record = drives.station_powers(
         drive, force_record, force_record, V[None, :], 0.0 * force_record, V[None, :]
     )
     params = plant.build()
@@ -100,7 +100,7 @@ def test_losses_of_the_commercial_drive() -> None:
     for i, force in enumerate(F):
         ac = force * V[i] + pto.copper_loss(params.pto, force)
         loss = cots_drive.loss(cots, force / drive.motor.newtons_per_ampere)
-        assert power.dc_record[0, i] == pytest.approx(ac + loss, rel=1e-12)
-    assert power.mechanical_2[0] == pytest.approx(float(np.mean(F * V)), rel=1e-12)
-    volts = drives.commercial_bus_voltage(cots, power.dc_record)
-    assert volts[0, 3] == pytest.approx(cots_drive.bus_voltage(cots, power.dc_record[0, 3]))
+        assert dc_record[0, i] == pytest.approx(ac + loss, rel=1e-12)
+    assert powers["mechanical_2"][0] == pytest.approx(float(np.mean(F * V)), rel=1e-12)
+    volts = drives.commercial_bus_voltage(cots, dc_record)
+    assert volts[0, 3] == pytest.approx(cots_drive.bus_voltage(cots, dc_record[0, 3]))

@@ -38,16 +38,6 @@ class Drive(NamedTuple):
     voltage_limit: Floats  # V, largest motor voltage; NO_VOLTAGE_LIMIT: not limited
 
 
-class StationPowers(NamedTuple):
-    """Mean power of each row, W."""
-
-    mechanical_1: Floats
-    mechanical_2: Floats
-    ac: Floats
-    dc: Floats
-    dc_record: Floats  # W, rows by samples
-
-
 def electrics_at(plant: Plant, setting: RowSetting, scheme: int) -> ElectricsParams:
     """Return drive and bus of the plant at a set point; a commercial drive has no settings."""
     settings = DriveSettings(
@@ -147,24 +137,24 @@ def station_powers(
     velocity: Floats,
     passive_force: Floats,
     estimated_velocity: Floats,
-) -> StationPowers:
-    """Return the power at the four stations for motor and passive force (N on the body).
+) -> tuple[dict[str, Floats], Floats]:
+    """Return the mean power of each row by station, and the record of the DC power, W.
 
-    ``estimated_velocity`` is the rig's estimate, from which it computes mechanical power.
+    ``passive_force`` is that of the drivetrain (N on the body). ``estimated_velocity`` is the rig's
+    estimate, from which it computes mechanical power.
     """
     ac = force * velocity + drive.motor.copper * force * force
     current = np.abs(force) / drive.motor.newtons_per_ampere
     loss = drive.fixed + is_conducting(drive, demand, velocity) * (
         drive.active + (drive.linear + drive.quadratic * current) * current
     )
-    dc = ac + loss
-    return StationPowers(
-        ((force + passive_force) * estimated_velocity).mean(axis=1),
-        (force * estimated_velocity).mean(axis=1),
-        ac.mean(axis=1),
-        dc.mean(axis=1),
-        dc,
-    )
+    records = {
+        "mechanical_1": (force + passive_force) * estimated_velocity,
+        "mechanical_2": force * estimated_velocity,
+        "ac": ac,
+        "dc": ac + loss,
+    }
+    return {name: record.mean(axis=1) for name, record in records.items()}, records["dc"]
 
 
 def required_voltage(motor: Motor, velocity: Floats, force: Floats) -> Floats:

@@ -71,7 +71,7 @@ def predict_heave(
     )
     x, v = motion.position, motion.velocity
     estimate = estimator.response(axis.timing.estimator, grid.omega, axis.timing.dt)
-    power = drives.station_powers(
+    powers, dc_power = drives.station_powers(
         drive,
         motion.motor_force,
         motion.demand,
@@ -92,14 +92,11 @@ def predict_heave(
         "current_peak": peak(motion.demand) / axis.newtons_per_ampere,
         "current_rms": rms(current),
         "current_rms_peak": moving_rms_peak(grid.step, current, rms_time),
-        "power_mechanical_1": power.mechanical_1,
-        "power_mechanical_2": power.mechanical_2,
-        "power_ac": power.ac,
-        "power_dc": power.dc,
+        **{f"power_{station}": power for station, power in powers.items()},
         "voltage_required": drives.required_voltage(drive.motor, v, motion.demand).max(axis=1),
         "voltage_available": drive.voltage_limit[:, 0],
     }
-    return HeaveMotion(columns, (motion.change < CONVERGED).tolist(), power.dc_record)
+    return HeaveMotion(columns, (motion.change < CONVERGED).tolist(), dc_power)
 
 
 def heave_poles(model: CampaignModel, stator: Sequence[float], law: Law) -> Columns:

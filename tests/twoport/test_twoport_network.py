@@ -18,7 +18,7 @@ from rig.design.twoport.network import (
     flow,
     transducer_gain,
 )
-from rig.design.twoport.pictures import Case, impedances, vary, write_effects
+from rig.design.twoport.pictures import Case, TakeOff, impedances, vary, write_effects
 from rig.kinds.wavebot.twin.two_port import MOTOR as WAVEBOT
 
 F = np.linspace(0.2, 1.0, 33)
@@ -200,7 +200,7 @@ def test_effect_of_each_setting() -> None:
     base = Case("base", -2000.0, 4000.0, 0.0, WAVEBOT.gear)
 
     def parts(case: Case) -> tuple[np.ndarray, ...]:
-        result = impedances(OMEGA, Z_I, z11, WAVEBOT, case)
+        result = impedances(TakeOff(OMEGA, Z_I, z11, WAVEBOT), case)
         return tuple(part for one in result for part in (one.real, one.imag))
 
     def changed(case: Case) -> list[bool]:
@@ -221,6 +221,6 @@ def test_figures(tmp_path: Path) -> None:
     for name, cases_drawn in (("gains", cases), ("spring", vary(base, spring_rate=5e3, gear=4.0))):
         path = tmp_path / f"{name}.png"
         write_effects(
-            path, OMEGA, Z_I, z11, WAVEBOT, cases_drawn, name, {"run": "r", "mode": "hil"}
+            path, TakeOff(OMEGA, Z_I, z11, WAVEBOT), cases_drawn, name, {"run": "r", "mode": "hil"}
         )
         assert float(imread(path)[..., :3].std()) > 0.05

@@ -56,6 +56,25 @@ class Case(NamedTuple):
     gear: float  # rad/m
 
 
+class TakeOff(NamedTuple):
+    """Hull and power take-off at each frequency."""
+
+    omega: Floats  # rad/s
+    z_i: Complexes  # N s/m
+    drivetrain: Complexes  # N s/m, without spring, at the gear ratio of ``motor``
+    motor: Motor
+
+    def two_port(self, case: Case) -> TwoPort:
+        """Return the two-port of a case."""
+        spring = linear_drivetrain(self.omega, 0.0, 0.0, case.spring_rate)
+        z11, scaled_motor = geared(self.drivetrain, spring, self.motor, case.gear)
+        return two_port(self.omega, z11, scaled_motor)
+
+    def load(self, case: Case) -> Complexes:
+        """Return the load of a case's gains, ohm."""
+        return load_of(self.two_port(case), controller(self.omega, case.kp, case.ki))
+
+
 class Impedances(NamedTuple):
     """Impedances of a matching problem; Z_i is given."""
 
@@ -64,16 +83,10 @@ class Impedances(NamedTuple):
     z_out: Complexes  # ohm
 
 
-def impedances(
-    omega: Floats, z_i: Complexes, drivetrain: Complexes, motor: Motor, case: Case
-) -> Impedances:
-    """Return the impedances of a case.
-
-    ``drivetrain`` (N s/m) is without spring, at the gear ratio of ``motor``.
-    """
-    z = _two_port_of_case(omega, drivetrain, motor, case)
-    load = load_of(z, controller(omega, case.kp, case.ki))
-    return Impedances(input_impedance(z, load), load, output_impedance(z, z_i))
+def impedances(take_off: TakeOff, case: Case) -> Impedances:
+    """Return the impedances of a case."""
+    z, load = take_off.two_port(case), take_off.load(case)
+    return Impedances(input_impedance(z, load), load, output_impedance(z, take_off.z_i))
 
 
 def vary(base: Case, **steps: float) -> list[Case]:
@@ -90,14 +103,7 @@ def vary(base: Case, **steps: float) -> list[Case]:
 
 
 def write_effects(
-    path: Path,
-    omega: Floats,
-    z_i: Complexes,
-    drivetrain: Complexes,
-    motor: Motor,
-    cases: Sequence[Case],
-    title: str,
-    attributes: Mapping[str, Any],
+    path: Path, take_off: TakeOff, cases: Sequence[Case], title: str, attributes: Mapping[str, Any]
 ) -> Path:
     """Draw Z_in and Z_l with their matched values for each case, as PNG.
 
@@ -105,120 +111,73 @@ def write_effects(
     """
     figure, body = picture.framed_figure(10.0, 6.4, title, attributes, SUBTITLE)
     panels: Any = body.subplots(2, 2, sharex=True)
-    frequency = omega / (2.0 * np.pi)
-    results = [impedances(omega, z_i, drivetrain, motor, case) for case in cases]
+
+    def plot(row: int, impedance: Complexes, **style: Any) -> None:
+        """Plot the real part in the left panel and the imaginary part in the right panel."""
+        for axes, part in zip(panels[row], (impedance.real, impedance.imag), strict=True):
+            axes.plot(take_off.omega / (2.0 * np.pi), part, **style)
+
+    results = [impedances(take_off, case) for case in cases]
     single_target = all(np.array_equal(result.z_out, results[0].z_out) for result in results)
     for i, (case, result) in enumerate(zip(cases, results, strict=True)):
-        colour = COLOURS[i % len(COLOURS)]
-        style = {"color": colour, "lw": 2.0 if i == 0 else 1.2}
-        _plot_parts(panels[0], frequency, result.z_in, label=case.label, **style)
-        _plot_parts(panels[1], frequency, result.load, **style)
+        style = _case_style(i)
+        plot(0, result.z_in, label=case.label, **style)
+        plot(1, result.load, **style)
         if not single_target:
-            _plot_parts(panels[1], frequency, np.conj(result.z_out), color=colour, lw=0.9, ls="--")
-    _plot_parts(
-        panels[0], frequency, np.conj(z_i), color=picture.DARK, lw=1.4, ls=":", label="matched"
-    )
+            plot(1, np.conj(result.z_out), color=style["color"], lw=0.9, ls="--")
+    target = {"color": picture.DARK, "lw": 1.4, "ls": ":"}
+    plot(0, np.conj(take_off.z_i), label="matched", **target)
     if single_target:
-        _plot_parts(
-            panels[1], frequency, np.conj(results[0].z_out), color=picture.DARK, lw=1.4, ls=":"
-        )
+        plot(1, np.conj(results[0].z_out), **target)
     line_style = "dotted" if single_target else "dashed"
     for axes, part in zip(panels.T, ("Re", "Im"), strict=True):
         _format_axes(axes[0], f"{part} Z_in, N s/m  (dotted: {part} Z_i*)")
         _format_axes(axes[1], f"{part} Z_l, ohm  ({line_style}: {part} Z_out*)")
-        axes[1].set_xlabel("frequency, Hz", fontsize=8)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    body.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
-    return picture.save(figure, path)
-
-
-class Transfer(NamedTuple):
-    """Shares of the available power and mismatch at each frequency."""
-
-    label: str
-    column: Floats  # 1, power into the take-off at the column load cell
-    load: Floats  # 1, power into the load at the motor's terminals; negative if it drives
-    at_input: Floats  # |reflection| of Z_in against Z_i
-    at_output: Floats  # |reflection| of Z_l against Z_out
-
-
-def transfers(
-    omega: Floats, z_i: Complexes, drivetrain: Complexes, motor: Motor, cases: Sequence[Case]
-) -> list[Transfer]:
-    """Return the transfer of each case, then of both matched loads at the first case's settings."""
-    results = []
-    for case in cases:
-        z = _two_port_of_case(omega, drivetrain, motor, case)
-        load = load_of(z, controller(omega, case.kp, case.ki))
-        results.append(_transfer_of_load(case.label, z, z_i, load))
-    z = _two_port_of_case(omega, drivetrain, motor, cases[0])
-    results.append(_transfer_of_load("matched at the column", z, z_i, mechanically_matched(z, z_i)))
-    results.append(_transfer_of_load("matched at the load", z, z_i, electrically_matched(z, z_i)))
-    return results
-
-
-def _two_port_of_case(omega: Floats, drivetrain: Complexes, motor: Motor, case: Case) -> TwoPort:
-    """Return the two-port of a case; ``drivetrain`` is without spring, at ``motor``'s gear."""
-    spring = linear_drivetrain(omega, 0.0, 0.0, case.spring_rate)
-    z11, scaled_motor = geared(drivetrain, spring, motor, case.gear)
-    return two_port(omega, z11, scaled_motor)
-
-
-def _transfer_of_load(label: str, z: TwoPort, z_i: Complexes, load: Complexes) -> Transfer:
-    unit_force = np.ones_like(z_i)
-    power_flow, available = flow(z, z_i, load, unit_force), available_power(z_i, unit_force)
-    deviation = mismatch(z, z_i, load)
-    return Transfer(
-        label,
-        power_flow.mechanical_1 / available,
-        power_flow.ac / available,
-        np.abs(deviation.at_input),
-        np.abs(deviation.at_output),
-    )
+    return _save(figure, body, panels, 6, path)
 
 
 def write_transfer(
-    path: Path,
-    omega: Floats,
-    transfers_: Sequence[Transfer],
-    title: str,
-    attributes: Mapping[str, Any],
+    path: Path, take_off: TakeOff, cases: Sequence[Case], title: str, attributes: Mapping[str, Any]
 ) -> Path:
-    """Draw power shares (top) and mismatch (bottom) over frequency, as PNG; see `write_effects`."""
+    """Draw power shares (top) and mismatch (bottom) over frequency, as PNG; see `write_effects`.
+
+    Each case is one line; then come both matched loads at the first case's settings.
+    """
+    z_i, z = take_off.z_i, take_off.two_port(cases[0])
+    lines = [(case.label, take_off.two_port(case), take_off.load(case)) for case in cases]
+    lines.append(("matched at the column", z, mechanically_matched(z, z_i)))
+    lines.append(("matched at the load", z, electrically_matched(z, z_i)))
     figure, body = picture.framed_figure(10.0, 6.4, title, attributes, SUBTITLE)
     panels: Any = body.subplots(2, 2, sharex=True)
-    frequency = omega / (2.0 * np.pi)
-    names = ("column", "load", "at_input", "at_output")
-    titles = (
-        "power into the take-off / available power",
-        "power into the load (AC) / available power",
-        "mismatch at the input, |reflection of Z_in against Z_i|",
-        "mismatch at the output, |reflection of Z_l against Z_out|",
-    )
-    first_matched = len(transfers_) - 2
-    for axes, name, panel_title in zip(panels.flat, names, titles, strict=True):
-        for i, transfer in enumerate(transfers_):
-            style = {"color": COLOURS[i % len(COLOURS)], "lw": 2.0 if i == 0 else 1.2, "ls": "-"}
-            if i >= first_matched:
-                style |= {
-                    "color": picture.DARK,
-                    "lw": 1.1,
-                    "ls": ":" if i == first_matched else "--",
-                }
-            axes.plot(frequency, getattr(transfer, name), label=transfer.label, **style)
+    unit_force = np.ones_like(z_i)
+    available = available_power(z_i, unit_force)
+    for i, (label, z, load) in enumerate(lines):
+        style = _case_style(i)
+        if i >= len(cases):
+            style = {"color": picture.DARK, "lw": 1.1, "ls": ":" if i == len(cases) else "--"}
+        power, deviation = flow(z, z_i, load, unit_force), mismatch(z, z_i, load)
+        curves = (
+            power.mechanical_1 / available,
+            power.ac / available,
+            np.abs(deviation.at_input),
+            np.abs(deviation.at_output),
+        )
+        for axes, curve in zip(panels.flat, curves, strict=True):
+            axes.plot(take_off.omega / (2.0 * np.pi), curve, label=label, **style)
+    titles = {
+        "power into the take-off / available power": (0.0, 1.05),
+        "power into the load (AC) / available power": (-0.5, 1.05),  # negative if it drives
+        "mismatch at the input, |reflection of Z_in against Z_i|": (0.0, 1.4),
+        "mismatch at the output, |reflection of Z_l against Z_out|": (0.0, 1.4),
+    }
+    for axes, (panel_title, span) in zip(panels.flat, titles.items(), strict=True):
         _format_axes(axes, panel_title)
-        axes.set_ylim(-0.5 if name == "load" else 0.0, 1.05 if name in names[:2] else 1.4)
-    for axes in panels[1]:
-        axes.set_xlabel("frequency, Hz", fontsize=8)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    body.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
-    return picture.save(figure, path)
+        axes.set_ylim(*span)
+    return _save(figure, body, panels, 4, path)
 
 
-def _plot_parts(panels: Any, frequency: Floats, impedance: Complexes, **style: Any) -> None:
-    """Plot the real part in the left panel and the imaginary part in the right panel."""
-    panels[0].plot(frequency, impedance.real, **style)
-    panels[1].plot(frequency, impedance.imag, **style)
+def _case_style(number: int) -> dict[str, Any]:
+    return {"color": COLOURS[number % len(COLOURS)], "lw": 2.0 if number == 0 else 1.2}
 
 
 def _format_axes(axes: Axes, title: str) -> None:
@@ -226,3 +185,12 @@ def _format_axes(axes: Axes, title: str) -> None:
     axes.axhline(0.0, color=picture.FRAME, lw=0.8, zorder=0)
     axes.margins(x=0.0)
     picture.style_axes(axes)
+
+
+def _save(figure: Any, body: Any, panels: Any, columns: int, path: Path) -> Path:
+    for axes in panels[1]:
+        axes.set_xlabel("frequency, Hz", fontsize=8)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    style = {"loc": "outside lower center", "frameon": False, "fontsize": 8}
+    body.legend(handles, labels, ncols=columns, **style)
+    return picture.save(figure, path)

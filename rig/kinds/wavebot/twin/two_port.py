@@ -4,10 +4,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.design.twoport.network import Motor, linear_drivetrain
-from rig.design.twoport.pictures import Case, transfers, vary, write_effects, write_transfer
+from rig.design.twoport.pictures import Case, TakeOff, vary, write_effects, write_transfer
 from rig.identification.identify import Identification
-from rig.identification.impedances import Model
-from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
 from rig.kinds.wavebot.twin.records import Record
 from rig.recording.runs import RunError
@@ -23,10 +21,7 @@ class MeasuredDevice(NamedTuple):
     model: str  # name of the identified model
     attributes: dict[str, Any]  # run id and mode
     spring_rate: float  # N/m, of the measured rows
-    omega: Floats
-    z_i: Complexes  # N s/m
-    drivetrain: Complexes  # N s/m, without the magnetic spring
-    motor: Motor
+    take_off: TakeOff  # its drivetrain is without the magnetic spring
 
 
 class VariationOptions(NamedTuple):
@@ -48,12 +43,10 @@ def device_from_run(
 
     Raises RunError without a model that has Z_i and Z_d.
     """
-    models = [
-        one for one in identification.models if one.axis == "heave" and "Z_d" in one.responses
-    ]
-    if not models:
+    models = (one for one in identification.models if one.axis == "heave")
+    model = max((m for m in models if "Z_d" in m.responses), key=lambda m: m.peak, default=None)
+    if model is None:
         raise RunError(f"{run_facts.run}: no model of heave with Z_i and Z_d")
-    model: Model = max(models, key=lambda one: one.peak)
     torque = run_facts.config_number("rig", "heave", "torque_constant_n_m_per_a")
     gear = run_facts.config_number("rig", "heave", "gear_ratio_rad_per_m")
     if torque is None or gear is None:
@@ -64,10 +57,12 @@ def device_from_run(
         model.name,
         identification.attributes,
         model.spring_rate,
-        model.omega,
-        model.responses["Z_i"].value,
-        model.responses["Z_d"].value - spring,
-        Motor(torque, gear, resistance),
+        TakeOff(
+            model.omega,
+            model.responses["Z_i"].value,
+            model.responses["Z_d"].value - spring,
+            Motor(torque, gear, resistance),
+        ),
     )
 
 
@@ -75,24 +70,18 @@ def write_pictures(device: MeasuredDevice, steps: VariationOptions, folder: Path
     """Draw the effects of gains, spring and gear, and power transfer with mismatch."""
     folder.mkdir(parents=True, exist_ok=True)
     spring_rate = device.spring_rate if steps.spring_rate is None else steps.spring_rate
-    base = Case("base", steps.kp, steps.ki, spring_rate, device.motor.gear)
+    take_off, gear = device.take_off, device.take_off.motor.gear
+    base = Case("base", steps.kp, steps.ki, spring_rate, gear)
     description = f"Kp {base.kp:g} N s/m, Ki {base.ki:g} N/m, spring {base.spring_rate:g} N/m"
     variations = {
         "gains": {"kp": steps.kp_step, "ki": steps.ki_step},
-        "spring_gear": {
-            "spring_rate": steps.spring_step, "gear": steps.gear_step * device.motor.gear,
-        },
-    }  # fmt: skip
-    parts = (device.omega, device.z_i, device.drivetrain, device.motor)
-    written = [
-        write_effects(
-            folder / f"twoport_{name}.png", *parts, vary(base, **steps_of_figure),
-            f"Effect of {' and '.join(name.split('_'))} around {description}", device.attributes,
-        )
-        for name, steps_of_figure in variations.items()
-    ]  # fmt: skip
-    cases = [*vary(base, kp=steps.kp_step, ki=steps.ki_step)]
-    power_transfers = transfers(*parts, cases)
-    path = folder / "twoport_transfer.png"
+        "spring_gear": {"spring_rate": steps.spring_step, "gear": steps.gear_step * gear},
+    }
+    written = []
+    for name, variation in variations.items():
+        path, cases = folder / f"twoport_{name}.png", vary(base, **variation)
+        title = f"Effect of {' and '.join(name.split('_'))} around {description}"
+        written.append(write_effects(path, take_off, cases, title, device.attributes))
+    path, cases = folder / "twoport_transfer.png", vary(base, **variations["gains"])
     title = f"Power transfer around {description}"
-    return [*written, write_transfer(path, device.omega, power_transfers, title, device.attributes)]
+    return [*written, write_transfer(path, take_off, cases, title, device.attributes)]

@@ -38,29 +38,22 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
     figure, body = picture.framed_figure(12.0, 4.1, title, attributes, subtitle=caption)
     panels: Any = body.subplots(1, len(STATIONS), sharey=True, squeeze=False)[0]
     for axes, station in zip(panels, STATIONS, strict=True):
-        power = np.array([prediction.power(station) for prediction in predictions]).reshape(
-            len(ki_axis), len(kp_axis)
+        power = np.array([one.power(station) if one.allowed else np.nan for one in predictions])
+        _draw_contours(
+            axes, *_interpolate(kp_axis, ki_axis, power.reshape(len(ki_axis), len(kp_axis)))
         )
-        allowed = np.array([prediction.allowed for prediction in predictions]).reshape(power.shape)
-        _draw_contours(axes, *_interpolate(kp_axis, ki_axis, np.where(allowed, power, np.nan)))
-        _draw_rows(axes, [row.prediction.gains for row in recommendation.rows], best.spring_rate)
-        best_predicted = min(
-            (prediction for prediction in predictions if prediction.allowed),
-            key=lambda prediction: prediction.power(station),
-        )
-        marked = (
-            recommendation.best if station == recommendation.options.station else best_predicted
-        )
-        axes.plot(
-            marked.gains.kp, marked.gains.ki, "*", ms=15, mfc=picture.HIGHLIGHT, mec=picture.DARK
-        )
-        for prediction in recommendation.measured:
-            if abs(prediction.gains.spring_rate - best.spring_rate) < _NEAR and _is_inside(
-                axes, prediction.gains
-            ):
-                axes.plot(
-                    prediction.gains.kp, prediction.gains.ki, "x", ms=7, mew=1.5, color="white"
-                )
+        axes.autoscale(False)  # rows beyond the surface are not drawn
+        for gains in (row.prediction.gains for row in recommendation.rows):
+            face = picture.ACCENT if abs(gains.spring_rate - best.spring_rate) < _NEAR else "none"
+            axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.ACCENT)
+        marked = recommendation.best
+        if station != recommendation.options.station:
+            marked = predictions[int(np.nanargmin(power))]
+        star = {"ms": 15, "mfc": picture.HIGHLIGHT, "mec": picture.DARK}
+        axes.plot(marked.gains.kp, marked.gains.ki, "*", **star)
+        for gains in (row.gains for row in recommendation.measured):
+            if abs(gains.spring_rate - best.spring_rate) < _NEAR:
+                axes.plot(gains.kp, gains.ki, "x", ms=7, mew=1.5, color="white")
         label = f"{station.name_in_text} power, {marked.power(station):.1f} W at the star"
         axes.set_title(label, fontsize=9, loc="left")
         axes.set_xlabel("Kp, N s/m", fontsize=8)
@@ -80,9 +73,8 @@ def _predict_surface(
     ]
     kp_axis = np.linspace(*_span([one.kp for one in neighbours], 800.0), _SIDE)
     low, high = _span([one.ki for one in neighbours], 2500.0)
-    ki_axis = np.linspace(
-        low, min(high, largest_ki(recommendation.campaign.rig.stability, rate)), _SIDE
-    )
+    largest = largest_ki(recommendation.campaign.rig.stability, rate)
+    ki_axis = np.linspace(low, min(high, largest), _SIDE)
     gains = [Gains(min(kp, -100.0), ki, rate) for ki in ki_axis for kp in kp_axis]
     return np.minimum(kp_axis, -100.0), ki_axis, recommendation.predictor.quick.predict(gains)
 
@@ -106,27 +98,6 @@ def _draw_contours(axes: Axes, kp_axis: Any, ki_axis: Any, power: Any) -> None:
     levels = lowest + np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0])
     levels = np.unique([*levels[levels < float(np.nanmax(power))], float(np.nanmax(power))])
     axes.contourf(kp_axis, ki_axis, power, levels=levels, cmap="viridis")
-    lines = axes.contour(
-        kp_axis,
-        ki_axis,
-        power,
-        levels=levels[1:-1],
-        colors="white",
-        linewidths=0.7,
-        linestyles="solid",
-    )
+    style: dict[str, Any] = {"colors": "white", "linewidths": 0.7, "linestyles": "solid"}
+    lines = axes.contour(kp_axis, ki_axis, power, levels=levels[1:-1], **style)
     axes.clabel(lines, fmt=lambda value: f"{value:.1f} W", fontsize=7)
-
-
-def _draw_rows(axes: Axes, rows: Sequence[Gains], rate: float) -> None:
-    for gains in rows:
-        near = abs(gains.spring_rate - rate) < _NEAR
-        face = picture.ACCENT if near else "none"
-        if _is_inside(axes, gains):
-            axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.ACCENT)
-
-
-def _is_inside(axes: Axes, gains: Gains) -> bool:
-    """Return True if a set point lies within the axes of the surface."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    return left <= gains.kp <= right and low <= gains.ki <= high

@@ -19,14 +19,14 @@ from rig.kinds.wavebot.simulation import compiled
 from rig.kinds.wavebot.simulation.noise import interleaved
 from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
 from rig.kinds.wavebot.simulation.plant_coupling import CoupledState
-from rig.kinds.wavebot.tick import Setpoints, WaveBotRow, kind_with_law
+from rig.kinds.wavebot.tick import WaveBotRow, kind_with_law
 from rig.kinds.wavebot.tick.reasons import REASONS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason, reason_table
-from rig.realtime.sequence import MEASURE, Segments
+from rig.realtime.sequence import MEASURE
 from rig.recording.row_layout import leaves
 from rig.recording.runs.mcap_file import Records
 from sim_plant import custom_drive, wave_maker, wavebot
@@ -130,18 +130,12 @@ class CampaignSimulator:
 
     def column_params(self, plan: Plan) -> cycle.Params:
         """Return the loop's parameters for a plan, with its tables as `Column`."""
-        rig = self.params.rig
-        segments: Any = [Column(column) for column in plan.segments]
-        placed_setpoints = index_realisations(plan.setpoints, self._realisations)
-        law = placed_setpoints.law
-        columns = placed_setpoints._replace(law=())
-        setpoints: Any = [Column(column) for column in columns]
+        rig, placed = self.params.rig, index_realisations(plan.setpoints, self._realisations)
+        law = _as_columns(placed.law)
         return self.params._replace(
-            segments=Segments(*segments),
+            segments=_as_columns(plan.segments),
             rig=rig._replace(
-                setpoints=Setpoints(*setpoints)._replace(
-                    law=type(law)(*(Column(column) for column in law))
-                ),
+                setpoints=_as_columns(placed._replace(law=()))._replace(law=law),
                 reference=rig.reference._replace(table=Column(rig.reference.table)),
             ),
         )
@@ -215,6 +209,11 @@ class RowSimulation:
         if self._coupled.settings != settings:
             self._plant = simulator.set_drive(self._coupled.settings)
         return int(filled)
+
+
+def _as_columns(table: Any) -> Any:
+    """Return a table of the loop with each of its columns as `Column`."""
+    return type(table)(*map(Column, table))
 
 
 def _take_buffer(ticks: int) -> _Floats:

@@ -42,7 +42,8 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
         _draw_contours(
             axes, *_interpolate(kp_axis, ki_axis, power.reshape(len(ki_axis), len(kp_axis)))
         )
-        axes.autoscale(False)  # rows beyond the surface are not drawn
+        axes.set_xlim(kp_axis[0], kp_axis[-1])  # rows beyond the surface are not drawn
+        axes.set_ylim(ki_axis[0], ki_axis[-1])
         for gains in (row.prediction.gains for row in recommendation.rows):
             face = picture.ACCENT if abs(gains.spring_rate - best.spring_rate) < _NEAR else "none"
             axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.ACCENT)

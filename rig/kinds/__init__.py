@@ -25,7 +25,10 @@ ROOMS = {
     "config": ("RigFile", "LimitsFile"),
     "tasks": ("rehearsal_mode", "wired_mode"),
 }
-"""The modules of a kind's package and the names that the core uses."""
+"""The modules of a kind's package and the names that the core uses.
+
+A kind whose campaigns can be swept has a room `simulation`, too (`rig.sweep.simulator`).
+"""
 
 
 class KindError(ValueError):

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from rig.kinds.wavebot import build
 from rig.kinds.wavebot.rehearsal.job import problems
-from rig.kinds.wavebot.tick import build
 from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"

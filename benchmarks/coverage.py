@@ -11,11 +11,11 @@ from benchmarks.support import blind_bench
 from benchmarks.support.blind_bench import NOMINAL_GAIN, OUTPUT, Row
 from benchmarks.support.result import Figure, Result, figure
 from rig.kinds.oswec_bench.products import (
-    brake_report,
-    losses_report,
+    brake_map,
+    losses,
+    torque_constant,
     torque_map,
-    torque_report,
-    velocity_report,
+    velocity_constant,
 )
 from rig.kinds.oswec_bench.products.estimate import Estimate
 from sim_plant.bench import brake
@@ -89,11 +89,11 @@ Found = Iterator[tuple[str, Estimate, float]]
 def _torque(values: dict[str, float], seed: int) -> Found:
     rows = [Row({"current_amplitude_a": a}, a, 10.0, 3) for a in CURRENTS]
     run = blind_bench.session(values, seed, "torque_constant", rows)
-    motor = torque_report.analyse_session(run).constants["torque_constant_motor"]
+    motor = torque_constant.analyse_session(run).constants["torque_constant_motor"]
     yield "torque constant of the motor", motor, OUTPUT * values["motor.torque_constant"]
     rows = [_turned(a, period, 10) for a in TURNED for period in (1.5, 3.0)]
     run = blind_bench.session(values, seed, "losses", rows)
-    found = losses_report.analyse_session(run, motor).constants
+    found = losses.analyse_session(run, motor).constants
     yield "bearing, clockwise", found["bearing_positive"], values["bearing.clockwise"]
     yield "bearing, counter-clockwise", found["bearing_negative"], values["bearing.counter"]
     yield "bearing, viscous", found["bearing_viscous"], values["bearing.viscous"]
@@ -109,7 +109,7 @@ def _torque(values: dict[str, float], seed: int) -> Found:
 def _velocity(values: dict[str, float], seed: int) -> Found:
     rows = [_turned(a, 1.5, 10) for a in (5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0)]
     run = blind_bench.session(values, seed, "velocity_constant", rows)
-    found = velocity_report.analyse_session(run).constants["velocity_constant"]
+    found = velocity_constant.analyse_session(run).constants["velocity_constant"]
     yield "velocity constant", found, values["velocity_loop.gain"]
 
 
@@ -129,7 +129,7 @@ def _brake(values: dict[str, float], seed: int) -> Found:
         for current in BRAKED
     ]
     run = blind_bench.session(values, seed, "brake_map", rows)
-    branches: Any = brake_report.analyse_session(run).maps["brake_map"]
+    branches: Any = brake_map.analyse_session(run).maps["brake_map"]
     params = blind_bench.plant(values, braked=True).build()
     for name, sign in (("rising", -1.0), ("falling", 1.0)):
         branch = branches[name]

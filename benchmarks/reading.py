@@ -16,9 +16,8 @@ from benchmarks.support.live import live_run
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 from rig.kinds.wavebot.tick import KIND
-from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_layout import CDR_HEADER, leaves
-from rig.recording.row_schema import TOPIC
+from rig.recording.mcap_writer import TOPIC, RowWriter
+from rig.recording.row_layout import CDR_HEADER, leaves, schema
 from rig.recording.runs import mcap_file, open_run
 
 SECONDS, MEMORY_MB = 5.0, 400.0
@@ -50,7 +49,7 @@ def rehearsed(folder: Path, seconds: float) -> mcap_file.Records:
 
 def write_tiled(path: Path, rows: mcap_file.Records, count: int) -> None:
     """A file of ``count`` rows: the rehearsal's again and again, tick and time going on."""
-    writer = RowWriter(path, KIND.row_type, {}, {}, start_utc_ns=0)
+    writer = RowWriter(path, schema(KIND.row_type), {}, {}, start_utc_ns=0)
     tile, done = rows.copy(), 0
     while done < count:
         tile["tick"] = tile["tick_end"] = np.arange(done, done + len(rows))

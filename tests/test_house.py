@@ -22,7 +22,7 @@ CLOCK_USERS = {
     "rig/processes/loop_process.py": "the age of the supervisor's heartbeat; real clock only",
     "rig/realtime/loop.py": "duration of a tick; real clock only",
     "rig/recording/ring.py": "the writer waits for a full ring on the virtual clock",
-    "rig/recording/logger.py": "flushes by the second, retries a stalled disk",
+    "rig/processes/logger.py": "flushes by the second, retries a stalled disk",
     "rig/processes/last_logger.py": "time without a saved row after the end of the loop",
     "rig/processes/supervisor.py": "polls its children; ties a run to UTC",
     "rig/execution/task.py": "dates the run and names its folder",

@@ -13,7 +13,7 @@ from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task
 from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
-from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import Session, SessionPlan, check_session
 from rig.kinds.oswec_bench.tasks import session_task, wired_mode
 from rig.processes.child import Child
@@ -76,7 +76,7 @@ def bench_stage(folder: Path) -> Iterator[BenchStage]:
         "tare": {"duration_s": 0.5},
         "timing": {"rise_s": 1.5, "settle_periods": 0, "periods": 4},
     }
-    report = check_session(write_yaml(folder / "session.yaml", tree), session_problems)
+    report = check_session(write_yaml(folder / "session.yaml", tree), problems)
     if report.session is None or report.plan is None:
         raise ValueError(report.text())
     with played(emulator_process(report.session), folder) as (control, devices):

@@ -93,7 +93,7 @@ def _advance() -> Any:
     """The compiled step of a bench; compiled once, the constants are in its array."""
     params = plant({}, braked=True).build()
     start = StepperInputs(params, dynamometer.initial(params), [0.0] * NOISE_LENGTH, DT)
-    return CompiledStepper(start)._array._code.advance
+    return CompiledStepper(start)._compiled.code.advance
 
 
 def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> SessionRun:
@@ -102,7 +102,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     params = plant(values, braked=braked).build()
     normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
     state = dynamometer.initial(params)
-    # The array of a compiled step (rig/kinds/oswec_bench/rehearsal/compiled_plant.py),
+    # The array of a compiled step (rig/compilation/plant_step.py),
     # made anew; the code is one.
     x = np.array([*lifting.flatten(state), DT, *lifting.flatten(params), *normals])
     mode = TORQUE if kind == "torque_constant" else VELOCITY
@@ -121,9 +121,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
         there, then = slice(settle, ticks), slice(settle + 1, ticks + 1)
         columns = (told[there] - [zero[0], zero[1], 0.0, zero[3], 0.0]).T
         points.append(_point(number, row, params, columns, wires[then], angle[then], tick - ticks))
-    return SessionRun(
-        _NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False, _WHOLE, ()
-    )
+    return SessionRun(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, False, _WHOLE, ())
 
 
 def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats]:
@@ -150,7 +148,6 @@ def _point(
 ) -> SetpointData:
     motor, shaft, current, torque, brake = told
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
-    nothing = np.zeros(len(motor))
     return SetpointData(
         row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0,
         period=row.period, dt=DT,
@@ -158,5 +155,5 @@ def _point(
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
         torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,
         reference_angle=angle, reference_velocity=NOMINAL_GAIN * volts,
-        reference_torque=NOMINAL_CONSTANT * amperes, correction=nothing,
+        reference_torque=NOMINAL_CONSTANT * amperes,
     )  # fmt: skip

@@ -5,7 +5,6 @@ are switched on anew. A run tares, and the fault comes when the motors have had 
 or else when what they move is moving fast.
 """
 
-import json
 import os
 import socket
 import time
@@ -29,8 +28,10 @@ from benchmarks.support.fault_table import (
 )
 from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View
+from rig.processes import handover
 from rig.processes.child import Child
 from rig.processes.io_processes import IoProcess
+from rig.processes.messages import IoJob, Ready
 from rig.processes.run_types import Snapshot
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import RUN
@@ -98,7 +99,7 @@ def free_port() -> int:
 def played(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
     """Emulated devices and their control port, for as long as the context lasts."""
     lifeline, ours = os.pipe()  # whoever dies here takes them along
-    job = json.dumps({"config": one.config, "lifeline": lifeline, "mailboxes": {}})
+    job = handover.dumps(IoJob(one.config, {}, lifeline))
     devices = Child(one.module, job, (lifeline,), folder / "emulation.stderr")
     try:
         with ControlClient(_address(devices)) as control:
@@ -113,9 +114,9 @@ def played(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]
 def _address(devices: Child) -> str:
     until = time.monotonic() + FREE_TIMEOUT
     while time.monotonic() < until and devices.alive():
-        for event in devices.read_events():
-            if event["event"] == "ready":
-                return str(event["facts"]["control"])
+        for report in devices.read_reports():
+            if isinstance(report, Ready):
+                return str(report.facts["control"])
         time.sleep(0.02)
     raise RuntimeError(f"no emulated devices: {devices.last_message()}")
 

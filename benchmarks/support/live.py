@@ -22,7 +22,7 @@ from rig.recording.ring import ProducerState, RingReader
 from rig.recording.runs.create import BusyError
 from rig.wires.locks import REALTIME_WIRE, acquire
 
-LOOP, LOGGER = "rig.processes.loop_process", "rig.recording.logger"
+LOOP, LOGGER = "rig.processes.loop_process", "rig.processes.logger"
 TIMEOUT = 60.0  # s
 
 

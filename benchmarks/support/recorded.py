@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.rehearsal import job
-from rig.kinds.wavebot.rehearsal.devices import PlantDevices, connect
+from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import KIND
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
@@ -79,7 +79,7 @@ class Parts(NamedTuple):
     params: cycle.Params
     devices: dict[str, Any]
 
-    def connect(self) -> PlantDevices:
+    def connect(self) -> WaveBotPlantDevices:
         """Fresh devices, the plant at rest."""
         return connect(self.devices, self.plan.dt)
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import xarray
 
-from rig.analysis import phrases
 from rig.analysis.rows import INCOMPLETE, INTERRUPTED
+from rig.presentation import phrases
 from rig.recording.runs.folder import RunInfo
 
 

@@ -12,11 +12,12 @@ import numpy as np
 import xarray
 from matplotlib.axes import Axes
 
-from rig.analysis import labels, phrases, picture
-from rig.analysis.picture import ACCENT, DARK, MUTED
+from rig.analysis import labels
 from rig.analysis.points import Matrix, row_settings, stations_of, varied_columns
 from rig.analysis.rows import COMPLETE
 from rig.config.columns import DRIVE_COLUMNS, Column
+from rig.presentation import phrases, picture
+from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.stations import Station, shown
 
 Sort = Literal["run", "power"]

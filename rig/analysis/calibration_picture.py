@@ -8,8 +8,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from rig.analysis import picture
-from rig.analysis.picture import DARK
+from rig.presentation import picture
+from rig.presentation.picture import DARK
 
 TARGET_COLOUR = "#9aa5ae"
 COLOURS = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import xarray
 
-from rig.analysis import labels, phrases
+from rig.analysis import labels
 from rig.analysis.alarms import format_rows
 from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea
 from rig.analysis.matching import (
@@ -25,6 +25,7 @@ from rig.analysis.matching import (
 from rig.analysis.points import Matrix, Point, Setting, gain_matrix
 from rig.analysis.rows import INCOMPLETE, row_table
 from rig.analysis.run_columns import column_named, known_columns
+from rig.presentation import phrases
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.stations import Station
 

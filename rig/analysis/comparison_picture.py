@@ -14,7 +14,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
-from rig.analysis import labels, panel, picture
+from rig.analysis import labels, panel
 from rig.analysis.comparison import (
     Comparison,
     PowerDifference,
@@ -25,11 +25,12 @@ from rig.analysis.comparison import (
 )
 from rig.analysis.matching import Pair
 from rig.analysis.mesh import XY, spans_surface
-from rig.analysis.picture import ACCENT, DARK
 from rig.analysis.points import Matrix, Point, Setting, agrees, varied_columns
 from rig.analysis.slices import Slice, slice_matrix
 from rig.analysis.surfaces import View, default_view
 from rig.config.columns import Column
+from rig.presentation import picture
+from rig.presentation.picture import ACCENT, DARK
 from rig.stations import Station, shown
 
 _DIFFERENCE_COLOURS = colormaps["PuOr_r"]  # purple: B absorbs more

@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rig.analysis import labels, phrases
+from rig.analysis import labels
 from rig.analysis.comparison import (
     Comparison,
     best_point,
@@ -20,6 +20,7 @@ from rig.analysis.differences import shorten
 from rig.analysis.matching import MatchedPoints
 from rig.analysis.points import Point, error_source
 from rig.analysis.run_columns import column_named
+from rig.presentation import phrases
 from rig.stations import station_names
 
 _MAX_DIFFERENCES = 12  # listed in the text, for each group

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import xarray
 
-from rig.analysis import labels, phrases
+from rig.analysis import labels
 from rig.analysis.effects import CONFIDENCE, MISFIT, Effect, Effects, compute_effects
 from rig.analysis.points import stations_of
 from rig.config.columns import Column
+from rig.presentation import phrases
 from rig.stations import shown
 
 

@@ -1,8 +1,8 @@
 """Labels of gain-matrix columns and their values, for axes, captions and tables."""
 
-from rig.analysis.phrases import format_signed
 from rig.analysis.run_columns import column_named, known_columns
 from rig.config.columns import Column
+from rig.presentation.phrases import format_signed
 
 _DISPLAY_UNITS = {"switching_period": (1e6, "µs")}  # factor from SI, displayed unit
 _SIGNED_UNITS = {"N/m", "N*s/m", "kg"}  # units of gains and rates, always shown with their sign

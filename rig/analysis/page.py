@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import effects_table, phrases, picture, surfaces
+from rig.analysis import effects_table, surfaces
 from rig.analysis.points import stations_of
 from rig.analysis.stop_reason import ENDINGS
 from rig.analysis.summary import Summary
+from rig.presentation import phrases, picture
 from rig.stations import shown
 
-A4 = (8.27, 11.69)  # inches, portrait
 _DARK = picture.DARK
 _MUTED = picture.MUTED
 _PALE = "#eef2f5"
@@ -233,12 +233,13 @@ def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) 
     bands: Any = figure.subfigures(
         3, 3, height_ratios=[1.0 - top, top - bottom, bottom], width_ratios=[0.04, 0.92, 0.04]
     )
-    surfaces.draw_surfaces(bands[1, 1], table, 0.92 * A4[0], compact=columns > 2)
+    surfaces.draw_surfaces(bands[1, 1], table, 0.92 * picture.A4[0], compact=columns > 2)
 
 
 def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Path]:
     """Write ``summary.pdf``, and the same page as ``summary.png`` for screens."""
-    figure = Figure(figsize=A4, layout="constrained")  # for the surfaces; the rest has fixed places
+    # The layout is for the surfaces; all else has a fixed place.
+    figure = Figure(figsize=picture.A4, layout="constrained")
     _header(figure, summary)
     details_bottom = _run_details(figure, summary)
     top = _best_points(figure, summary, min(0.805, details_bottom, _outcome(figure, summary)))

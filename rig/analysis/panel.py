@@ -18,11 +18,12 @@ from matplotlib.figure import FigureBase
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
-from rig.analysis import labels, phrases
+from rig.analysis import labels
 from rig.analysis.mesh import XY, spans_surface, triangulate
-from rig.analysis.picture import ACCENT, DARK, HIGHLIGHT, style_axes
 from rig.analysis.points import Point
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, Slice, slice_remarks
+from rig.presentation import phrases
+from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, style_axes
 
 POWER_COLOURS = colormaps["YlGnBu_r"]  # most absorbed is dark blue; safe for colour-blind readers
 _STEPS = [1, 2, 2.5, 5, 10]

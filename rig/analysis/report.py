@@ -7,7 +7,6 @@ from typing import Any
 
 import xarray
 
-from rig.analysis import wave_calibration
 from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.calibration_picture import write_picture
 from rig.analysis.effects_table import all_effects, write_effects
@@ -27,6 +26,7 @@ from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, mcap_file, reader
 from rig.recording.runs.folder import run_info
 from rig.recording.runs.state import RecordState
+from rig.spectra import wave_calibration
 
 OPEN_LOOP = "Excited by an open-loop reference"
 IDENTIFY_HINT = "its impedance: rig identify"

@@ -17,13 +17,6 @@ import numpy as np
 from rig.analysis import calibrated, quality, run_columns
 from rig.analysis.calibrated import RECORDED
 from rig.analysis.run_columns import plan_columns
-from rig.analysis.windows import (
-    ALL_TICKS_MISSING,
-    Window,
-    missing_rows,
-    planned_ticks,
-    read_windows,
-)
 from rig.config.columns import COLUMNS, Column
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.recording.calibration import CalibrationVersion
@@ -31,6 +24,13 @@ from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
+from rig.recording.runs.windows import (
+    ALL_TICKS_MISSING,
+    Window,
+    missing_rows,
+    planned_ticks,
+    read_windows,
+)
 from rig.stations import Station, as_records, station_names
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.analysis import phrases
+from rig.presentation import phrases
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis import effects_table, labels, phrases
+from rig.analysis import effects_table, labels
 from rig.analysis.alarms import alarms
 from rig.analysis.effects import Effects, is_designed
 from rig.analysis.points import Setting, error_source, gain_matrix, varied_columns
@@ -16,6 +16,7 @@ from rig.analysis.run_columns import column_named
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
 from rig.config.columns import REQUIRED_COLUMNS
+from rig.presentation import phrases
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
 

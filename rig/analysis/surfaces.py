@@ -16,8 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from rig import stations
-from rig.analysis import labels, panel, phrases, picture
-from rig.analysis.picture import DARK
+from rig.analysis import labels, panel
 from rig.analysis.points import (
     Matrix,
     Point,
@@ -38,6 +37,8 @@ from rig.analysis.slices import (
     stator_by_spring_rate,
 )
 from rig.config.columns import Column
+from rig.presentation import phrases, picture
+from rig.presentation.picture import DARK
 
 NO_POINTS = Matrix((), ())
 _HEADING_LETTERS = 40  # per line of a panel's heading

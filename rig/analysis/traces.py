@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from rig.analysis import phrases, picture
+from rig.presentation import phrases, picture
 from rig.realtime.sequence import Phase
 from rig.recording.runs import reader
 from rig.recording.runs.folder import run_info

@@ -12,12 +12,12 @@ from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.cli.session_progress import SessionProgress
 from rig.config.shipped_files import UnknownNameError
 from rig.execution.task import RunResult, run_task
-from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import Session, SessionReport, check_session
 from rig.kinds.oswec_bench.tasks import rehearsal_mode, session_task, wired_mode
-from rig.kinds.wavebot.hardware.job import WiringError
 from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import RunError, create
+from rig.wires.job import WiringError
 
 if TYPE_CHECKING:
     from rig.analysis.stop_reason import LostTicks
@@ -36,7 +36,7 @@ def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
 
     ``rig`` replaces the rig that the session names.
     """
-    return check_session(path, further_check=session_problems, rig=rig)
+    return check_session(path, further_check=problems, rig=rig)
 
 
 def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int:

@@ -10,18 +10,22 @@ from typing import Any
 from rig import cli
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.problems import format_number
-from rig.interop.legacy.testlog import read_log
+from rig.interop.legacy.testlog import read_log, values_in_log
 from rig.recording.calibration import (
     CalibratedValue,
     CalibrationVersion,
     RecordingTime,
     apply_calibration,
-    invert_calibration,
     open_calibration,
     open_history,
 )
 from rig.recording.calibration.diff import CalibrationDifference, ChangedValue, compare_calibrations
-from rig.recording.calibration.sources import RecordedValue, values_in_log, values_in_runs
+from rig.recording.calibration.sources import RecordedValue, values_in_runs
+
+
+def _print_json(value: Any) -> int:
+    print(json.dumps(value, ensure_ascii=False))
+    return cli.OK
 
 
 def find_calibration(name: str, folder: Path) -> CalibrationVersion:
@@ -39,12 +43,7 @@ def list_all(folder: Path, *, as_json: bool) -> int:
     except INPUT_ERRORS as error:
         return refuse("calibration list", error, as_json=as_json)
     if as_json:
-        print(
-            json.dumps(
-                [_calibration_as_dict(known) for known in history.versions], ensure_ascii=False
-            )
-        )
-        return cli.OK
+        return _print_json([_calibration_as_dict(known) for known in history.versions])
     for name in history.names():
         chain = history.chain(name)
         for known in chain:
@@ -63,8 +62,7 @@ def show(name: str, folder: Path, *, as_json: bool) -> int:
     except INPUT_ERRORS as error:
         return refuse("calibration show", error, as_json=as_json)
     if as_json:
-        print(json.dumps(_calibration_as_dict(known), ensure_ascii=False))
-        return cli.OK
+        return _print_json(_calibration_as_dict(known))
     file = known.file
     pairs = [
         ("calibration", file.title),
@@ -110,28 +108,19 @@ def apply_to_values(
         if not values:
             raise ValueError("nothing to correct; give --value or --testlog")
         at = recording_time(known, *recorded_in)
-        convert = invert_calibration if invert else apply_calibration
-        applied = [convert(known.file, value, at) for value in values]
+        applied = [apply_calibration(known.file, value, at, invert=invert) for value in values]
     except INPUT_ERRORS as error:
         return refuse("calibration apply", error, as_json=as_json)
     if as_json:
         records = [value._asdict() for value in applied]
-        print(
-            json.dumps(
-                {"calibration": _calibration_as_dict(known), "values": records}, ensure_ascii=False
-            )
-        )
-    else:
-        for value in applied:
-            print(_inverted_text(value) if invert else value.description())
+        return _print_json({"calibration": _calibration_as_dict(known), "values": records})
+    for value in applied:
+        if invert and value.inside:
+            given, recorded = format_number(value.given), format_number(value.value)
+            print(f"{given} was recorded as {recorded}, before {value.by}")
+        else:
+            print(value.description())
     return cli.OK
-
-
-def _inverted_text(applied: CalibratedValue) -> str:
-    if not applied.inside:
-        return applied.description()
-    given, value = format_number(applied.given), format_number(applied.value)
-    return f"{given} was recorded as {value}, before {applied.by}"
 
 
 def recording_time(known: CalibrationVersion, run: str | None, day: str | None) -> RecordingTime:
@@ -147,14 +136,10 @@ def recording_time(known: CalibrationVersion, run: str | None, day: str | None) 
         if not digits.isdecimal():
             raise ValueError(f"{run!r} is not a run; write 24 or MASK4_024")
         number = int(digits)
-    return RecordingTime(series, number, _parse_date(day) if day is not None else None)
-
-
-def _parse_date(text: str) -> date:
     try:
-        return date.fromisoformat(text)
+        return RecordingTime(series, number, date.fromisoformat(day) if day is not None else None)
     except ValueError:
-        raise ValueError(f"{text!r} is not a date; write it as 2023-09-26") from None
+        raise ValueError(f"{day!r} is not a date; write it as 2023-09-26") from None
 
 
 def apply_to_log(name: str, folder: Path, path: Path, output: Path | None, *, as_json: bool) -> int:
@@ -173,12 +158,7 @@ def apply_to_log(name: str, folder: Path, path: Path, output: Path | None, *, as
         return refuse("calibration apply", error, as_json=as_json)
     if as_json:
         records = [{"where": s.where, "field": s.field, **applied._asdict()} for s, applied in rows]
-        print(
-            json.dumps(
-                {"calibration": _calibration_as_dict(known), "values": records}, ensure_ascii=False
-            )
-        )
-        return cli.OK
+        return _print_json({"calibration": _calibration_as_dict(known), "values": records})
     if output is not None:
         print(output)
         return cli.OK
@@ -224,8 +204,7 @@ def diff(
     except INPUT_ERRORS as error:
         return refuse("calibration diff", error, as_json=as_json)
     if as_json:
-        print(json.dumps(_difference_as_dict(result, before, after), ensure_ascii=False))
-        return cli.OK
+        return _print_json(_difference_as_dict(result, before, after))
     _print_difference(result, after.file.unit, searched=testlog is not None or runs is not None)
     if runs is not None and result.stale:
         print(

@@ -10,181 +10,121 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import NmtState
-from rig.wires.can_survey import BusSurvey, NodeSurvey, RigSurvey, error_register_text
+from rig.wires.can_survey import BusSurvey, NodeSurvey, error_register_text
 from rig.wires.line_survey import LineSurvey, SurveyedValue, UnitSurvey
 from rig.wires.listen import BusActivity
+from rig.wires.stream_survey import StreamSurvey
+from rig.wires.survey import RigSurvey
 
 BAD_STYLE, NOTE_STYLE = "bold red", "dim"
 
 
 def as_dict(rig: str, survey: RigSurvey) -> dict[str, Any]:
     """Return the survey as JSON values; null for a value that no device sent."""
-    can = survey.can
-    return {
-        "status": "trouble" if survey.trouble else "ok",
-        "rig": rig,
-        "trouble": list(survey.trouble),
-        "can": {
-            "interface": can.bus.interface,
-            "channel": can.bus.channel,
-            "bit_rate": can.bus.bit_rate,
-            "planned_load": can.load,
-            "trouble": can.trouble,
-            "nodes": [_node_as_dict(node) for node in can.nodes],
-            "unlisted_nodes": list(can.unexpected_nodes),
-        },
-        "lines": [line_as_dict(line, survey.at) for line in survey.lines],
-    }
+    wires = {key: value for key, value in _as_json(survey).items() if value is not None}
+    if survey.can is not None:
+        wires["can"]["nodes"] = [_node_as_dict(node) for node in survey.can.nodes]
+    return {**_head_as_dict(rig, survey.trouble), **wires}
+
+
+def heard_as_dict(rig: str, heard: BusActivity) -> dict[str, Any]:
+    """Return the nodes heard without sending as JSON values."""
+    nodes = [{**_as_json(node), "nmt": _nmt_name(node.nmt)} for node in heard.nodes]
+    can = {"nodes": nodes, "unlisted_nodes": list(heard.unlisted_nodes)}
+    return {**_head_as_dict(rig, heard.trouble), "listened_only": True, "can": can}
+
+
+def _head_as_dict(rig: str, trouble: tuple[str, ...]) -> dict[str, Any]:
+    return {"status": "trouble" if trouble else "ok", "rig": rig, "trouble": list(trouble)}
 
 
 def _node_as_dict(node: NodeSurvey) -> dict[str, Any]:
     code, status = node.error_code, node.statusword
     return {
-        "name": node.name,
-        "node": node.node,
-        "answers": node.answers,
-        "identity": node.identity._asdict(),
-        "nmt": None if node.nmt is None else NmtState(node.nmt).name,
-        "heartbeat_age": node.heartbeat_age,
-        "heartbeat_every": node.heartbeat_every,
-        "error_code": code,
+        **_as_json(node),
+        "nmt": _nmt_name(node.nmt),
         "error_text": emcy.meaning(code) if code else None if code is None else "none",
-        "statusword": status,
         "status_text": None if status is None else statusword.describe(status),
-        "emergency": node.emergency,
-        "checked": node.checked,
-        "wrong": [_mismatch_as_dict(mismatch) for mismatch in node.wrong],
-        "unset": [_mismatch_as_dict(mismatch) for mismatch in node.unset],
-        "trouble": list(node.trouble),
     }
 
 
-def _mismatch_as_dict(mismatch: arming.Mismatch) -> dict[str, Any]:
-    return {
-        "object": mismatch.object,
-        "sub": mismatch.sub,
-        "name": mismatch.name,
-        "expected": mismatch.expected,
-        "actual": mismatch.actual,
-    }
+def _nmt_name(state: int | None) -> str | None:
+    return None if state is None else NmtState(state).name
 
 
-def line_as_dict(line: LineSurvey, at: float) -> dict[str, Any]:
-    """Return a line and its units as JSON values; ``at``: time of the survey, monotonic (s)."""
-    return {
-        "name": line.name,
-        "kind": line.kind,
-        "address": line.address,
-        "trouble": line.trouble,
-        "units": [_unit_as_dict(unit, at) for unit in line.units],
-    }
-
-
-def _unit_as_dict(unit: UnitSurvey, at: float) -> dict[str, Any]:
-    return {
-        "name": unit.name,
-        "unit": unit.unit,
-        "registers": unit.registers,
-        "answers": unit.answers,
-        "answered_in_s": unit.took,
-        "age": at - unit.request_time if unit.answers else None,
-        "written_by_run": unit.written,
-        "values": [value_as_dict(value) for value in unit.values],
-        "trouble": unit.trouble,
-    }
-
-
-def value_as_dict(value: SurveyedValue) -> dict[str, Any]:
-    """Return a value as JSON values; null where it is not finite."""
-    return {
-        "name": value.name,
-        "value": value.value if math.isfinite(value.value) else None,
-        "unit": value.unit,
-        "plausible": value.plausible,
-    }
+def _as_json(value: Any) -> Any:
+    """Return a NamedTuple tree as JSON values; null for a number that is not finite."""
+    if hasattr(value, "_asdict"):
+        return {name: _as_json(each) for name, each in value._asdict().items()}
+    if isinstance(value, tuple):
+        return [_as_json(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def render(rig: str, survey: RigSurvey, *, all_objects: bool) -> Group:
-    """Draw the bus with a column per node, the lines with a row per unit, and the verdict."""
+    """Draw the bus with a column per node, devices of own wires, lines, and the verdict."""
     parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": devices on its wires\n")]
-    parts += [_bus_text(survey.can)]
-    if not survey.can.trouble:
-        parts.append(_node_table(survey.can))
-        if survey.can.unexpected_nodes:
-            numbers = ", ".join(map(str, survey.can.unexpected_nodes))
-            parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
-    parts.append(Text(""))
-    parts += [part for line in survey.lines for part in render_line(line, survey.at)]
+    nodes = survey.can.nodes if survey.can is not None else ()
+    if survey.can is not None:
+        parts.append(_bus_text(survey.can))
+        if not survey.can.trouble:
+            parts += [_node_table(nodes), *_unlisted_text(survey.can.unlisted_nodes)]
+        parts.append(Text(""))
+    for stream in survey.streams:
+        parts += _render_stream(stream)
+    for line in survey.lines:
+        parts += _render_line(line)
     if all_objects:
-        parts += [_unset_objects_text(node) for node in survey.can.nodes if node.unset]
-    parts.append(render_verdict(survey.trouble))
-    return Group(*parts)
-
-
-def heard_as_dict(rig: str, heard: BusActivity) -> dict[str, Any]:
-    """Return the nodes heard without sending as JSON values."""
-    nodes = [
-        {
-            "name": node.name,
-            "node": node.node,
-            "sends": node.sends,
-            "nmt": None if node.nmt is None else NmtState(node.nmt).name,
-            "heartbeat_age": node.heartbeat_age,
-            "emergency": node.emergency,
-        }
-        for node in heard.nodes
-    ]
-    return {
-        "status": "trouble" if heard.trouble else "ok",
-        "rig": rig,
-        "listened_only": True,
-        "trouble": list(heard.trouble),
-        "can": {"nodes": nodes, "unlisted_nodes": list(heard.unexpected_nodes)},
-    }
+        parts += [_unset_objects_text(node) for node in nodes if node.unset]
+    return Group(*parts, _render_verdict(survey.trouble))
 
 
 def render_heard(rig: str, heard: BusActivity) -> Group:
     """Draw a row per node heard without sending, and the verdict."""
-    title = Text.assemble(
-        (rig, "bold"), ": devices that send by themselves; this command sent nothing\n"
-    )
+    text = ": devices that send by themselves; this command sent nothing\n"
+    parts: list[Table | Text] = [Text.assemble((rig, "bold"), text)]
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for name in ("node", "", "state", "heartbeat", "emergency"):
         table.add_column(name)
     for node in heard.nodes:
         age = "none" if node.heartbeat_age is None else f"{1e3 * node.heartbeat_age:.0f} ms ago"
-        state = "-" if node.nmt is None else NmtState(node.nmt).name.lower().replace("_", "-")
         code = emcy.meaning(node.emergency) if node.emergency else "none"
-        table.add_row(str(node.node), node.name, state, age, code)
-    parts: list[Table | Text] = [title, table] if heard.nodes else [title]
-    if heard.unexpected_nodes:
-        numbers = ", ".join(map(str, heard.unexpected_nodes))
-        parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
-    return Group(*parts, Text(""), render_verdict(heard.trouble))
+        table.add_row(str(node.node), node.name, _nmt_label(node.nmt) or "-", age, code)
+    if heard.nodes:
+        parts.append(table)
+    parts += _unlisted_text(heard.unlisted_nodes)
+    return Group(*parts, Text(""), _render_verdict(heard.trouble))
+
+
+def _unlisted_text(nodes: tuple[int, ...]) -> list[Text]:
+    if not nodes:
+        return []
+    numbers = ", ".join(map(str, nodes))
+    return [Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow")]
+
+
+def _nmt_label(state: int | None) -> str:
+    return "" if state is None else NmtState(state).name.lower().replace("_", "-")
 
 
 def _bus_text(can: BusSurvey) -> Text:
-    bus = can.bus
     text_line = (
-        f"{bus.interface} {bus.channel}, {bus.bit_rate / 1e3:g} kbit/s, "
-        f"{100 * can.load:.0f} % full while a campaign runs"
+        f"{can.interface} {can.channel}, {can.bit_rate / 1e3:g} kbit/s, "
+        f"{100 * can.planned_load:.0f} % full while a campaign runs"
     )
     text = Text.assemble(("CAN  ", "bold cyan"), text_line)
     return text.append(f"\n  {can.trouble}", BAD_STYLE) if can.trouble else text
 
 
-def _node_table(can: BusSurvey) -> Table:
+def _node_table(nodes: tuple[NodeSurvey, ...]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0), expand=True)
     table.add_column("", width=18, style="dim")
-    for node in can.nodes:
+    for node in nodes:
         table.add_column(f"node {node.node}: {node.name}", ratio=1, overflow="fold")
     for name, text_of in _ROWS:
         table.add_row(
             f"  {name}",
-            *(
-                text_of(node) if node.answers or name == "answers" else Text("")
-                for node in can.nodes
-            ),
+            *(text_of(node) if node.answers or name == "answers" else Text("") for node in nodes),
         )
     return table
 
@@ -200,7 +140,7 @@ def _hex_text(value: int | None) -> Text:
 def _nmt_text(node: NodeSurvey) -> Text:
     if node.nmt is None:
         return Text("not known: no heartbeat", NOTE_STYLE)
-    return Text(NmtState(node.nmt).name.lower().replace("_", "-"))
+    return Text(_nmt_label(node.nmt))
 
 
 def _heartbeat_text(node: NodeSurvey) -> Text:
@@ -282,8 +222,19 @@ def _count_text(value: int) -> str:
     return f"{value}" if -1000 < value < 1000 else f"{value} ({value:#x})"
 
 
-def render_line(line: LineSurvey, at: float) -> list[Table | Text]:
-    """Draw a line with a row per unit; ``at``: time of the survey, monotonic (s)."""
+def _render_stream(stream: StreamSurvey) -> list[Table | Text]:
+    """Draw a device that has a wire of its own."""
+    head = Text.assemble((f"{stream.name}  ", "bold cyan"), f"at {stream.address}")
+    if not stream.answers:
+        return [head.append(f"\n  {stream.trouble}", BAD_STYLE), Text("")]
+    table = Table.grid(padding=(0, 2, 0, 0))
+    age = Text("") if stream.age is None else Text(f"{1e3 * stream.age:.0f} ms", NOTE_STYLE)
+    table.add_row(Text("  "), Text(stream.identity), age, _render_values(stream.values))
+    return [head, table, Text("")]
+
+
+def _render_line(line: LineSurvey) -> list[Table | Text]:
+    """Draw a line with a row per unit."""
     kind = "Modbus TCP" if line.kind == "tcp" else "Modbus RTU"
     head = Text.assemble((f"line {line.name}  ", "bold cyan"), f"{kind} at {line.address}")
     if line.trouble:
@@ -296,8 +247,8 @@ def render_line(line: LineSurvey, at: float) -> list[Table | Text]:
     table.add_column("")
     for unit in line.units:
         took, age = Text("no answer", BAD_STYLE), Text("-", NOTE_STYLE)
-        if unit.answers:
-            took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.request_time:.2f} s")
+        if unit.age is not None:
+            took, age = Text(f"{1e3 * unit.answered_in_s:.1f} ms"), Text(f"{unit.age:.2f} s")
         table.add_row(f"  {unit.unit}", unit.name, took, age, _unit_values(unit))
     return [head, table, Text("")]
 
@@ -306,12 +257,12 @@ def _unit_values(unit: UnitSurvey) -> Table | Text:
     """Draw names and values in columns; a number and its unit stay on one line."""
     if not unit.answers:
         return Text(unit.trouble, BAD_STYLE)
-    if unit.written:
+    if unit.written_by_run:
         return Text("written by a run, not read", NOTE_STYLE)
-    return render_values(unit.values)
+    return _render_values(unit.values)
 
 
-def render_values(values: tuple[SurveyedValue, ...]) -> Table:
+def _render_values(values: tuple[SurveyedValue, ...]) -> Table:
     """Draw values in one row, each with its name and unit."""
     table = Table.grid(padding=(0, 3, 0, 0))
     cells = []
@@ -325,7 +276,7 @@ def render_values(values: tuple[SurveyedValue, ...]) -> Table:
     return table
 
 
-def render_verdict(trouble: tuple[str, ...]) -> Text:
+def _render_verdict(trouble: tuple[str, ...]) -> Text:
     """Draw the verdict: all correct, or the list of troubles."""
     if not trouble:
         return Text("All devices answer, and their settings are correct.", "bold green")

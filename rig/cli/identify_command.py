@@ -54,26 +54,28 @@ def main(run_names: list[Path], runs: Path, options: IdentifyOptions, *, as_json
 
 def compare(pair: tuple[Path, Path], runs: Path, output: Path | None, *, as_json: bool) -> int:
     """Print how two identifications differ; write a picture and JSON beside the second one."""
-    from rig.identification import comparison
+    from rig.identification import comparison, report
+    from rig.identification.pictures import write_comparison
 
     try:
         a, b = (identification_file(name, runs) for name in pair)
-        comparison_result = comparison.compare(
+        result = comparison.compare(
             comparison.read_identification(a), comparison.read_identification(b)
         )
         folder = output or b.parent
         folder.mkdir(parents=True, exist_ok=True)
-        written = comparison.write(comparison_result, folder)
+        path = folder / "identification_compared"
+        written = [
+            report.write_json(comparison.as_dict(result), path.with_suffix(".json")),
+            write_comparison(result, path.with_suffix(".png")),
+        ]
     except INPUT_ERRORS as error:
         return refuse("identify", error, as_json=as_json)
     if as_json:
-        print(
-            json.dumps(
-                {**comparison.as_dict(comparison_result), "written": [str(p) for p in written]}
-            )
-        )
+        report_values = {**comparison.as_dict(result), "written": [str(p) for p in written]}
+        print(json.dumps(report_values))
     else:
-        print(comparison.as_text(comparison_result))
+        print(comparison.as_text(result))
         print("\n" + "\n".join(str(path) for path in written))
     return cli.OK
 

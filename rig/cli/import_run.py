@@ -5,11 +5,10 @@ import sys
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig import cli
 from rig.cli.options import RUNS, Json, Runs
 
 if TYPE_CHECKING:
@@ -29,24 +28,6 @@ class ZeroForce(StrEnum):
     WINDOW = "window"
     RUN = "run"
     NONE = "none"
-
-
-class ImportOptions(NamedTuple):
-    """Options of `rig import`: what the file itself does not hold."""
-
-    frequency: float | None
-    amplitude: float | None
-    irregular: bool
-    hs: float | None
-    tp: float | None
-    periods: int | None
-    interval: float | None
-    settle: float | None
-    measure: float | None
-    drive: Drive | None
-    zeros: ZeroForce
-    started: str | None
-    name: str | None
 
 
 def command(
@@ -110,113 +91,90 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`."""
-    options = ImportOptions(
-        frequency, amplitude, irregular, hs, tp, periods, interval, settle, measure, drive, zeros,
-        started, name,
-    )  # fmt: skip
-    sys.exit(main(file, options, runs, as_json=as_json))
-
-
-def main(file: Path, options: ImportOptions, runs: Path, *, as_json: bool) -> int:
-    """Import a file, and print the run's folder, its number of rows and any remarks."""
     from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.interop.basin.merge import MergeSource, SyncChannels, merge
-    from rig.interop.basin.products import write_products
-    from rig.kinds.wavebot.mask4.import_run import FileDescription, write_run
-    from rig.kinds.wavebot.mask4.signals import read_signals
-    from rig.kinds.wavebot.mask4.waves import write_sync, write_waves
+    from rig.kinds.wavebot.mask4.import_run import FileDescription, import_file, start_from_name
 
     try:
-        started = _start_time(file, options)
-        timing, repeat = _timing(options)
-        name = options.name or file.stem.partition("_")[0]
+        start = start_from_name(file) if started is None else datetime.fromisoformat(started)
+        if start is None:
+            raise ValueError(
+                f"{file.name}: no date in the file's name; give --started 2023-09-26T12:08:43"
+            )
+        timing, repeat = _timing(frequency, periods, interval, settle, measure, irregular=irregular)
         description = FileDescription(
-            name, started, _sea(options), repeat, timing, options.zeros.value
+            name or file.stem.partition("_")[0],
+            start if start.tzinfo else start.replace(tzinfo=UTC),
+            _sea(frequency, amplitude, hs, tp, irregular=irregular),
+            repeat,
+            timing,
+            zeros.value,
         )
-        signals = read_signals(file, options.drive.value if options.drive else None)
-        imported = write_run(signals, file, runs, description)
-        written = [imported.folder]
-        written += [path for path in (write_sync(signals, imported.folder),) if path]
-        if waves := write_waves(signals, imported.folder):
-            merged = merge(imported.folder, [MergeSource("waves", waves, "m", 0.0)], SyncChannels())
-            written += [waves, *write_products(merged, imported.folder)]
+        imported = import_file(file, runs, description, drive.value if drive else None)
     except INPUT_ERRORS as error:
-        return refuse("import", error, as_json=as_json)
+        sys.exit(refuse("import", error, as_json=as_json))
     if as_json:
-        summary = {
-            "run": str(imported.folder),
-            "rows": imported.rows,
-            "remarks": list(imported.remarks),
-        }
-        print(json.dumps({**summary, "written": [str(path) for path in written]}))
+        summary = {"run": str(imported.folder), "rows": imported.rows, "remarks": imported.remarks}
+        print(json.dumps({**summary, "written": [str(path) for path in imported.written]}))
     else:
         print(f"{imported.folder}: {imported.rows} rows")
         for remark in imported.remarks:
             print(f"  {remark}")
-    return cli.OK
 
 
-def _start_time(file: Path, options: ImportOptions) -> datetime:
-    from rig.kinds.wavebot.mask4.import_run import start_from_name
-
-    if options.started is not None:
-        when = datetime.fromisoformat(options.started)
-        return when if when.tzinfo else when.replace(tzinfo=UTC)
-    started = start_from_name(file)
-    if started is None:
-        raise ValueError(
-            f"{file.name}: no date in the file's name; give --started 2023-09-26T12:08:43"
-        )
-    return started
-
-
-def _timing(options: ImportOptions) -> "tuple[RowTiming | None, float | None]":
+def _timing(
+    frequency: float | None,
+    periods: int | None,
+    interval: float | None,
+    settle: float | None,
+    measure: float | None,
+    *,
+    irregular: bool,
+) -> "tuple[RowTiming | None, float | None]":
     """Return the row timing for the kind of sea, and the repeat period of the sea (s).
 
     Default timings are those of the MASK4 report (Sandia), 3.2.3.
     """
     from rig.kinds.wavebot.mask4.windows import RowTiming
 
-    if options.frequency is not None and options.irregular:
+    if frequency is not None and irregular:
         raise ValueError(
             "--frequency-hz is for regular waves, --irregular for irregular ones; give one of them"
         )
-    if options.irregular:
-        interval, settle = (
-            options.interval or 300.0,
-            2.0 if options.settle is None else options.settle,
-        )
-        length = options.measure or interval - settle
-        return _checked_timing(RowTiming(interval, settle, length)), 300.0
-    if options.frequency is None:
+    if frequency is None and not irregular:
         return None, None
-    interval, settle = options.interval or 20.0, 5.0 if options.settle is None else options.settle
-    periods = options.periods or int((interval - settle) * options.frequency + 1e-9)
-    return _checked_timing(
-        RowTiming(interval, settle, periods / options.frequency)
-    ), 1.0 / options.frequency
-
-
-def _checked_timing(timing: "RowTiming") -> "RowTiming":
-    available = timing.interval - timing.settle
-    if not 0.0 < timing.measure <= available + 1e-9:
+    interval = interval or (300.0 if irregular else 20.0)
+    if settle is None:
+        settle = 2.0 if irregular else 5.0
+    available = interval - settle
+    if frequency is None:
+        window, repeat = measure or available, 300.0
+    else:
+        repeat = 1.0 / frequency
+        window = (periods or int(available * frequency + 1e-9)) / frequency
+    if not 0.0 < window <= available + 1e-9:
         raise ValueError(
-            f"a window of {timing.measure:g} s does not fit into the {available:g} s that "
-            f"{timing.interval:g} s a row leave after {timing.settle:g} s"
+            f"a window of {window:g} s does not fit into the {available:g} s that "
+            f"{interval:g} s a row leave after {settle:g} s"
         )
-    return timing
+    return RowTiming(interval, settle, window), repeat
 
 
-def _sea(options: ImportOptions) -> dict[str, Any]:
+def _sea(
+    frequency: float | None,
+    amplitude: float | None,
+    hs: float | None,
+    tp: float | None,
+    *,
+    irregular: bool,
+) -> dict[str, Any]:
     """Return the sea in the form of a plan; options that were not given are absent."""
-    if options.frequency is not None:
-        size = "amplitude not given" if options.amplitude is None else f"{options.amplitude:g} m"
-        label = f"regular, {size}, {options.frequency:g} Hz"
-        sea = {"kind": "regular", "frequency_hz": options.frequency, "words": label}
-        return sea | ({} if options.amplitude is None else {"amplitude_m": options.amplitude})
-    if options.irregular:
-        parts = {"hs_m": options.hs, "tp_s": options.tp}
-        given = {key: value for key, value in parts.items() if value is not None}
+    if frequency is not None:
+        size = "amplitude not given" if amplitude is None else f"{amplitude:g} m"
+        label = f"regular, {size}, {frequency:g} Hz"
+        sea = {"kind": "regular", "frequency_hz": frequency, "words": label}
+        return sea | ({} if amplitude is None else {"amplitude_m": amplitude})
+    if irregular:
+        given = {k: v for k, v in (("hs_m", hs), ("tp_s", tp)) if v is not None}
         units = {"hs_m": "Hs {:g} m", "tp_s": "Tp {:g} s"}
         texts = [units[key].format(value) for key, value in given.items()]
         return {"kind": "irregular", "words": ", ".join(["irregular", *texts])} | given

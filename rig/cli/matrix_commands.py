@@ -11,7 +11,7 @@ from rig import cli
 from rig.cli.calibration_commands import find_calibration, recording_time
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.problems import ConfigError, format_line_numbers, format_number
-from rig.interop.legacy import mask4, mask4_file, matrix, sign_conventions, stepped
+from rig.interop.legacy import mask4, matrix, stepped
 from rig.interop.legacy.columns import SPRING
 from rig.interop.legacy.matrix import GainMatrix
 from rig.recording.calibration import apply_calibration
@@ -77,50 +77,53 @@ def _read_mask4(options: MatrixOptions) -> MatrixReading:
         sheet=options.sheet,
         variable=options.variable,
     )
-    structure, line_numbers = source.roles, source.lines
+    roles, line_numbers = source.roles, source.file.lines
     converted, notes = _with_calibration(source.matrix, options)
 
-    def at_lines(rows: Sequence[int]) -> str:
-        return format_line_numbers([line_numbers[i] for i in rows])
+    def numbers(rows: Sequence[int]) -> list[int]:
+        return [line_numbers[i] for i in rows]
 
-    lead_labels = ["load row, about 5 s", "hold row, until 120 s of the wave clock"]
+    measured = format_line_numbers(numbers(roles.measured))
     lines = [
         f"file       {source.path}, MASK4 gain matrix",
-        f"columns    {', '.join(source.columns)} (by {source.columns_from})",
-        f"rows       {matrix.summary(converted)}: {at_lines(structure.measured)}",
+        f"columns    {', '.join(source.columns)} (by {source.file.names_from})",
+        f"rows       {matrix.summary(converted)}: {measured}",
     ]
-    for i in structure.lead:
-        label = lead_labels[i] if len(structure.lead) == 2 else f"lead row {i + 1}"
-        lines.append(f"left out   line {line_numbers[i]}: {label}")
-    if structure.doubled:
+    labels = [f"lead row {i + 1}" for i in roles.lead]
+    if len(labels) == 2:
+        labels = ["load row, about 5 s", "hold row, until 120 s of the wave clock"]
+    lead = zip(numbers(roles.lead), labels, strict=True)
+    lines += [f"left out   line {number}: {label}" for number, label in lead]
+    if roles.doubled:
         lines.append(
-            f"left out   {at_lines(structure.doubled)}: doubled at a change of the spring rate, "
-            "held while the stator moves"
+            f"left out   {format_line_numbers(numbers(roles.doubled))}: doubled at a change of the "
+            "spring rate, held while the stator moves"
         )
-    if structure.end is not None:
-        lines.append(f"end        line {line_numbers[structure.end]}: Kp = -999")
+    end = None if roles.end is None else line_numbers[roles.end]
+    if end is not None:
+        lines.append(f"end        line {end}: Kp = -999")
     lines += [f"check      {remark}" for remark in source.remarks]
     lines += [f"corrected  {note}" for note in notes]
     facts = {
         "file": str(source.path),
         "style": "mask4",
         "columns": source.columns,
-        "columns_source": source.columns_from,
+        "columns_source": source.file.names_from,
         "lines": {
-            "measured": [line_numbers[i] for i in structure.measured],
-            "lead": [line_numbers[i] for i in structure.lead],
-            "doubled": [line_numbers[i] for i in structure.doubled],
-            "undoubled": [line_numbers[i] for i in structure.not_doubled],
-            "repeated": [line_numbers[i] for i in structure.repeated],
-            "end": line_numbers[structure.end] if structure.end is not None else None,
-            "after_end": [line_numbers[i] for i in structure.after_end],
+            "measured": numbers(roles.measured),
+            "lead": numbers(roles.lead),
+            "doubled": numbers(roles.doubled),
+            "undoubled": numbers(roles.not_doubled),
+            "repeated": numbers(roles.repeated),
+            "end": end,
+            "after_end": numbers(roles.after_end),
         },
         "remarks": source.remarks,
         "notes": notes,
         "matrix": converted._asdict(),
     }
-    if options.to is not None:
-        _check_matrix(converted, source.location)
+    if options.to is not None and (problems := source.problems(converted)):
+        raise ConfigError(problems)
     return MatrixReading(lines, facts, converted, [f"from {source.path.name} (MASK4)", *notes], [])
 
 
@@ -149,44 +152,47 @@ def _with_calibration(original: GainMatrix, options: MatrixOptions) -> tuple[Gai
     return original._replace(rows=rows), [note]
 
 
-def _check_matrix(converted: GainMatrix, place: matrix.MatrixLocation | None) -> None:
-    problems = matrix.matrix_problems(converted, place)
-    if problems:
-        raise ConfigError(problems)
-
-
 def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> MatrixReading:
     source = stepped.read(
         options.file, options.style, options.columns, sheet=options.sheet, variable=options.variable
     )
-    active = source.active
+    active, count = source.active, len(source.rows)
     lines = [
         f"file       {source.path}, gain matrix of style {source.style}",
-        f"columns    {', '.join(source.columns)} (by {source.columns_from})",
-        f"rows       {len(active)}: {format_line_numbers([source.lines[i] for i in active])}",
+        f"columns    {', '.join(source.columns)} (by {source.file.names_from})",
+        f"rows       {len(active)}: {format_line_numbers([source.file.lines[i] for i in active])}",
     ]
-    zeros = [*range(source.zero_rows_before), *range(active.stop, len(source.rows))]
-    if zeros:
-        where = format_line_numbers([source.lines[i] for i in zeros])
+    before = [source.file.lines[i] for i in range(active.start)]
+    after = [source.file.lines[i] for i in range(active.stop, count)]
+    if before or after:
+        where = format_line_numbers([*before, *after])
         lines.append(f"left out   {where}: all gains zero, before and after the test")
-    lines += _playback_lines(source, options.step)
+    if options.step is not None:
+        if not options.step > 0.0:
+            raise ValueError(f"--step-s {format_number(options.step)}: must be greater than 0 s")
+        duration = format_number(count * options.step)
+        lines.append(
+            f"played     {count} rows of {format_number(options.step)} s, {duration} s in all; the "
+            "block starts with index 0 at time 0 (out of range) and repeats row 1 after "
+            f"{duration} s"
+        )
     lines += [f"check      {remark}" for remark in source.remarks]
     facts: dict[str, Any] = {
         "file": str(source.path),
         "style": source.style,
         "columns": source.columns,
-        "columns_source": source.columns_from,
+        "columns_source": source.file.names_from,
         "lines": {
-            "active": [source.lines[i] for i in active],
-            "zero_before": [source.lines[i] for i in range(source.zero_rows_before)],
-            "zero_after": [source.lines[i] for i in zeros[source.zero_rows_before :]],
+            "active": [source.file.lines[i] for i in active],
+            "zero_before": before,
+            "zero_after": after,
         },
         "rows": [source.rows[i] for i in active],
         "step_s": options.step,
         "remarks": source.remarks,
         "matrix": None,
     }
-    missing = sign_conventions.missing_parameters(source.style, statement_values)
+    missing = stepped.missing_parameters(source.style, statement_values)
     if missing:
         option_names = ", ".join(_OPTIONS[name] for name in missing)
         message = (
@@ -197,9 +203,9 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
             raise ValueError(f"{source.path}: {message}")
         lines.append(f"signs      {message}")
         return MatrixReading(lines, facts, None, [], [])
-    statement = sign_conventions.SourceRig(**statement_values)
-    converted = sign_conventions.convert(source, statement)
-    factor = sign_conventions.force_per_gain(source.style, statement)
+    statement = stepped.SourceRig(**statement_values)
+    converted = stepped.convert(source, statement)
+    factor = stepped.force_per_gain(source.style, statement)
     lines.append(f"signs      {statement.description()}, gains times {format_number(factor)}")
     lines.append(f"matrix     {matrix.summary(converted)}")
     facts |= {"statement": statement._asdict(), "factor": factor, "matrix": converted._asdict()}
@@ -208,20 +214,6 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
         [f"timing: {{interval_s: {matrix.exact_text(options.step)}}}"] if options.step else []
     )
     return MatrixReading(lines, facts, converted, notes, campaign_lines)
-
-
-def _playback_lines(source: stepped.SteppedMatrix, step: float | None) -> list[str]:
-    if step is None:
-        return []
-    if not step > 0.0:
-        raise ValueError(f"--step-s {format_number(step)}: must be greater than 0 s")
-    count = len(source.rows)
-    duration = format_number(count * step)
-    return [
-        f"played     {count} rows of {format_number(step)} s, {duration} s in all; the block "
-        "starts "
-        f"with index 0 at time 0 (out of range) and repeats row 1 after {duration} s"
-    ]
 
 
 def _write_target(options: MatrixOptions, reading: MatrixReading) -> Path | None:
@@ -254,7 +246,7 @@ def write(file: Path, style: str, source: Path, *, header: bool, force: bool, as
         if file.exists() and not force:
             raise ValueError(f"{file} exists; --force overwrites it")
         converted, rows_after_end = matrix.read_csv(source)
-        rows = mask4_file.write(file, converted, header=header)
+        rows = mask4.write(file, converted, header=header)
     except INPUT_ERRORS as error:
         return refuse("matrix", error, as_json=as_json)
     if as_json:

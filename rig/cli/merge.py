@@ -4,27 +4,18 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rig.cli import options
 
 if TYPE_CHECKING:
-    from rig.interop.basin.merge import MergeSource, SyncChannels
+    from rig.interop.basin.merge import MergeSource
 
 EXIT_CODES = """\
 Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast (see the alarms); \
 2 bad input."""
-
-
-class MergeOptions(NamedTuple):
-    """Options that describe the files, as typed."""
-
-    files: list[str]
-    units: list[str]
-    offsets: list[str]
-    matches: list[str]
 
 
 def command(
@@ -68,76 +59,64 @@ def command(
     as_json: options.Json = False,
 ) -> None:
     """Align wave data, power-analyser and other records with a run's time, by trigger and sine."""
-    from rig.interop.basin.merge import SyncChannels
-
-    sync_channels = SyncChannels(ttl, sine, run_sine, frequency, rate)
-    file_options = MergeOptions(files, unit or [], offset or [], match or [])
-    sys.exit(main(run, file_options, sync_channels, runs, as_json=as_json))
-
-
-def main(
-    run_name: Path,
-    file_options: MergeOptions,
-    sync_channels: "SyncChannels",
-    runs: Path,
-    *,
-    as_json: bool,
-) -> int:
-    """Merge files into a run, print each clock against the run's, and return the exit code."""
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.interop.basin.align import format_alignment
-    from rig.interop.basin.merge import merge
-    from rig.interop.basin.merge import to_json as in_json
+    from rig.interop.basin.merge import SyncChannels, merge, to_json
     from rig.interop.basin.products import write_products
 
     try:
-        run = find_run(run_name, runs)
-        merged = merge(run, _parse_sources(file_options), sync_channels)
-        written = write_products(merged, run if run.is_dir() else run.parent)
+        record = find_run(run, runs)
+        sources = _parse_sources(files, unit or [], offset or [], match or [])
+        merged = merge(record, sources, SyncChannels(ttl, sine, run_sine, frequency, rate))
+        written = write_products(merged, record if record.is_dir() else record.parent)
     except INPUT_ERRORS as error:
-        return refuse("merge", error, as_json=as_json)
+        sys.exit(refuse("merge", error, as_json=as_json))
     if as_json:
-        report = {"records": in_json(merged), "alarms": merged.alarms}
+        report = {"records": to_json(merged), "alarms": merged.alarms}
         print(json.dumps({**report, "written": [str(path) for path in written]}))
     else:
-        for source, alignment in zip(merged.sources, merged.alignments, strict=True):
+        for source, _, alignment in merged.records:
             print(f"{source.name}: {format_alignment(alignment)}")
             for remark in alignment.remarks:
                 print(f"  {remark}")
         print("\n".join(str(path) for path in written))
         for alarm in merged.alarms:
             print(f"!! {alarm}", file=sys.stderr)
-    return options.FAILED if merged.alarms else options.OK
+    sys.exit(options.FAILED if merged.alarms else options.OK)
 
 
-def _parse_sources(file_options: MergeOptions) -> "list[MergeSource]":
+def _parse_sources(
+    files: list[str], units: list[str], offsets: list[str], matches: list[str]
+) -> "list[MergeSource]":
     """Return the files with the options of each; ValueError for a malformed argument."""
     from rig.interop.basin.merge import MergeSource
-    from rig.interop.basin.recording import METRES_PER_UNIT
+    from rig.recording.channel_file import METRES_PER_UNIT
 
     sources: dict[str, MergeSource] = {}
-    for argument in file_options.files:
-        name, _, path = (
-            argument.partition("=") if "=" in argument else (Path(argument).stem, "", argument)
-        )
+    for argument in files:
+        name, equals, path = argument.partition("=")
+        if not equals:
+            name, path = Path(argument).stem, argument
         if name in sources:
             raise ValueError(f"{argument}: a second record named {name!r}; write NAME=FILE")
         sources[name] = MergeSource(name, Path(path))
-    for argument in (*file_options.units, *file_options.offsets, *file_options.matches):
-        if not _source_name(argument, sources):
-            raise ValueError(f"{argument}: write NAME=..., NAME one of {', '.join(sources)}")
-    for name, unit in (
-        (_source_name(text, sources), _argument_value(text)) for text in file_options.units
-    ):
+
+    def parse(argument: str) -> tuple[str, str, str]:
+        """Return the name of a file, its channel if one is given, and the value."""
+        key, _, value = argument.partition("=")
+        for name in sources:
+            if key == name or key.startswith(f"{name}."):
+                return name, key[len(name) + 1 :], value
+        raise ValueError(f"{argument}: write NAME=..., NAME one of {', '.join(sources)}")
+
+    for name, _, unit in map(parse, units):
         if unit not in METRES_PER_UNIT:
             raise ValueError(
                 f"{name}={unit}: {unit!r} is not a unit; allowed {', '.join(METRES_PER_UNIT)}"
             )
         sources[name] = sources[name]._replace(unit=unit)
-    for name, text in (
-        (_source_name(text, sources), _argument_value(text)) for text in file_options.offsets
-    ):
+    for name, _, text in map(parse, offsets):
         try:
             seconds = float(text)
         except ValueError:
@@ -145,20 +124,9 @@ def _parse_sources(file_options: MergeOptions) -> "list[MergeSource]":
         if not math.isfinite(seconds):
             raise ValueError(f"{name}={text}: {text!r} is not a number of seconds")
         sources[name] = sources[name]._replace(offset=seconds)
-    for argument in file_options.matches:
-        name = _source_name(argument, sources)
-        channel = argument.partition("=")[0][len(name) + 1 :]
-        if not (channel and _argument_value(argument)):
+    for argument in matches:
+        name, channel, field = parse(argument)
+        if not (channel and field):
             raise ValueError(f"{argument}: write NAME.CHANNEL=FIELD")
-        sources[name] = sources[name]._replace(match=(channel, _argument_value(argument)))
+        sources[name] = sources[name]._replace(match=(channel, field))
     return list(sources.values())
-
-
-def _source_name(argument: str, sources: "dict[str, MergeSource]") -> str:
-    """Return the file's name in NAME=... or NAME.CHANNEL=...; empty if no file has this name."""
-    key = argument.partition("=")[0]
-    return next((name for name in sources if key == name or key.startswith(f"{name}.")), "")
-
-
-def _argument_value(argument: str) -> str:
-    return argument.partition("=")[2]

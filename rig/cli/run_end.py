@@ -42,7 +42,7 @@ def row_as_json(row: dict[str, float | int], reasons: ReasonTable) -> dict[str, 
     values: dict[str, Any] = {}
     for name, value in row.items():
         if name == "safety.reason":
-            values[name] = reasons.name(int(value))
+            values[name] = reasons.name(int(value)) if int(value) in reasons else value
         elif name in _NAMES:
             values[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
         elif flags := _flag_type(name):

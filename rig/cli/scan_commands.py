@@ -48,7 +48,7 @@ def scan_can(
     try:
         if only_listen:
             return _listen_can(bus, timeout, as_json=as_json)
-        with acquire((can_wire(interface, channel, dict(bus.options)),), "rig scan can"):
+        with acquire((can_wire(bus),), "rig scan can"):
             nodes = scan.scan_nodes(bus, timeout)
     except BusyError as error:
         refusal = RuntimeError(
@@ -177,16 +177,7 @@ def _node_table(nodes: tuple[scan.DetectedNode, ...]) -> Table:
     for node, identity in nodes:
         table.add_row(
             str(node),
-            *(
-                _hex_text(value)
-                for value in (
-                    identity.device_type,
-                    identity.vendor,
-                    identity.product,
-                    identity.revision,
-                    identity.serial,
-                )
-            ),
+            *map(_hex_text, identity[:5]),  # device type to serial number
             "-" if identity.error_register is None else f"{identity.error_register:#04x}",
             Text(identity.name or "-"),
         )

@@ -15,14 +15,13 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.sim_view import emulated_devices, show
 from rig.config.rig_file import BaseRigFile
-from rig.emulation.addresses import AnyWiring, occupied_addresses, unreachable_addresses
-from rig.emulation.standalone import load_standalone
-from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
-from rig.kinds.oswec_bench.hardware.job import build_bench_job
-from rig.kinds.oswec_bench.sessions.files import is_session
-from rig.kinds.wavebot.config import RigFile
-from rig.kinds.wavebot.hardware.job import WiringError, build_job
+from rig.config.wiring import Wiring
+from rig.config.yaml_source import load_mapping
+from rig.emulation.addresses import occupied_addresses, unreachable_addresses
+from rig.kinds import find
+from rig.kinds.rig_file import load_rig
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
+from rig.wires.job import WiringError
 
 _POLL_INTERVAL_S = 0.05
 _STOP_TIMEOUT_S = 5.0
@@ -71,43 +70,27 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
 def _open_devices(path: Path, campaign: Path | None) -> tuple[BaseRigFile, IoProcess, str]:
     """Return the rig, the process that emulates its devices, and their setting in words."""
     path = input_file(path, RIGS)
-    if campaign is None:
-        rig, devices = load_standalone(path)
-        bench = isinstance(rig, BenchRigFile)
-        return rig, devices, "a bench at rest, its servo drive set up for velocity" if bench else (
-            "calm water"
-        )  # fmt: skip
-    campaign = input_file(campaign, CAMPAIGNS, SESSIONS)
-    if is_session(campaign):
-        from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
-        from rig.kinds.oswec_bench.rehearsal.job import session_problems
-        from rig.kinds.oswec_bench.sessions import open_session
-
-        session = open_session(campaign, session_problems, path)
-        setting = f"a bench, its servo drive set up for {session.file.loop}"
-        return session.rig, emulator_process(session), setting
-    from rig.kinds.wavebot.rehearsal import emulation, job
-    from rig.planning.campaign.files import open_campaign  # scipy: seconds
-
-    checked_campaign = open_campaign(campaign, job.problems, path)
-    sea = f"{checked_campaign.file.sea.description()}, once the rig's wave trigger is on"
-    return checked_campaign.rig, emulation.emulator_process(checked_campaign), sea
+    rig, locate, kind = load_rig(path)
+    emulation = kind.room("rehearsal.emulation")
+    if campaign is not None:
+        found: tuple[BaseRigFile, IoProcess, str] = emulation.emulate_task(
+            input_file(campaign, CAMPAIGNS, SESSIONS), path
+        )
+        return found
+    plant, locate_plant = load_mapping(
+        locate.resolve_path(("plant",), rig.plant), locate(("plant",)), "plant"
+    )
+    return rig, *emulation.emulate_rig(rig, plant, locate_plant)
 
 
-def _checked_wiring(rig: BaseRigFile) -> AnyWiring:
+def _checked_wiring(rig: BaseRigFile) -> Wiring:
     """Return the wiring of a rig whose devices can be emulated; WiringError gives the reason."""
     if rig.wiring is None:
         raise WiringError(f"{rig.name} has no wiring, so no devices can be emulated")
-    reasons = unreachable_addresses(rig.wiring)
-    if reasons:
+    if reasons := unreachable_addresses(rig.wiring):
         raise WiringError("\n".join(reasons))
-    if isinstance(rig, BenchRigFile):
-        build_bench_job(rig)
-    else:
-        assert isinstance(rig, RigFile)
-        build_job(rig)
-    wiring: AnyWiring = rig.wiring
-    return wiring
+    find(rig.kind).room("hardware.job").build_job(rig)
+    return rig.wiring
 
 
 def _wait_for_end(io_processes: IoProcesses, stop_requested: Callable[[], bool]) -> str:

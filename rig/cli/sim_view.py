@@ -3,31 +3,14 @@
 import itertools
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rich.table import Table
 from rich.text import Text
 
 from rig.cli.console import table_console
-from rig.config.wiring import SLOT_SIGNALS, AnyLine, Registers, TcpLine, Wiring
-from rig.emulation.addresses import AnyWiring, can_address
-from rig.kinds.oswec_bench.config.wiring import BENCH_SLOT_SIGNALS, BenchWiring, SerialPort
-
-_DRIVE_DESCRIPTIONS = {
-    "amc": "torque drive, AMC scaling",
-    "rated_torque": "torque drive, scaled by its rated torque",
-    "rated_current": "torque drive, scaled by its rated current",
-}
-_UNIT_DESCRIPTIONS = {
-    "analyser": "power analyser",
-    "cells": "strain-gauge amplifier: load cells",
-    "probes": "strain-gauge amplifier: wave probes",
-    "inputs": "I/O coupler: digital inputs",
-    "outputs": "I/O coupler: digital outputs",
-    "analog": "I/O coupler: analog outputs for servo and brake",
-    "brake": "measuring amplifier: current of the brake",
-}
+from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, Wire, Wiring
 
 
 class EmulatedDevice(NamedTuple):
@@ -41,65 +24,33 @@ class EmulatedDevice(NamedTuple):
     description: str
 
 
-def emulated_devices(wiring: AnyWiring) -> list[EmulatedDevice]:
+def emulated_devices(wiring: Wiring) -> list[EmulatedDevice]:
     """Return every emulated device with its address."""
-    if isinstance(wiring, BenchWiring):
-        return [*_streams(wiring), *_modbus_units(wiring, wiring.lines, BENCH_SLOT_SIGNALS)]
-    return [*_can_nodes(wiring), *_modbus_units(wiring, wiring.lines, SLOT_SIGNALS)]
+    return [device for wire in wiring.wires() for device in _devices_on(wire, wiring)]
 
 
-def _can_nodes(wiring: Wiring) -> list[EmulatedDevice]:
-    can = wiring.can
-    bus = "{}:{}".format(*can_address(can))
-    return [
-        EmulatedDevice("CAN", f"socketcand {can.channel}", bus, drive.node, name, description)
-        for name, drive, description in (
-            ("heave", wiring.heave, _DRIVE_DESCRIPTIONS[wiring.heave.scaling]),
-            ("surge", wiring.surge, _DRIVE_DESCRIPTIONS[wiring.surge.scaling]),
-            ("stator", wiring.stator, "actuator: profile position, homing"),
-        )
-    ]
+def _devices_on(wire: Wire, wiring: Wiring) -> Iterator[EmulatedDevice]:
+    name, address, part = wire.name, wire.address, wire.part
+    if isinstance(part, CanBus):
+        protocol, address = f"socketcand {part.channel}", "{}:{}".format(*part.settings().endpoint)
+        for drive_name, drive in wiring.drives().items():
+            yield EmulatedDevice(name, protocol, address, drive.node, drive_name, drive.description)
+    elif isinstance(part, SerialPort | UdpDevice):
+        protocol = part.protocol if isinstance(part, UdpDevice) else f"serial, {_mode(part)}"
+        number = getattr(part, "address", None) or 0
+        device = name.replace(" ", "_")
+        yield EmulatedDevice(name, protocol, address, number, device, part.description)
+    else:
+        protocol = "Modbus TCP" if isinstance(part, TcpLine) else f"Modbus RTU, {_mode(part)}"
+        line = name.removeprefix("line ")
+        for block_name, block in wiring.blocks().items():
+            if block.line == line:
+                device = wiring.block_content(block_name).device
+                yield EmulatedDevice(line, protocol, address, block.unit, block_name, device)
 
 
-def _streams(wiring: BenchWiring) -> list[EmulatedDevice]:
-    encoders, servo, cell = wiring.encoders, wiring.servo, wiring.load_cell
-    address = servo.address or 0
-    return [
-        EmulatedDevice(
-            "encoders", _serial_text(encoders), encoders.port, 0, "encoders", "encoder bridge"
-        ),
-        EmulatedDevice(
-            "servo", _serial_text(servo), servo.port, address, "servo", "servo drive, Compax3"
-        ),
-        EmulatedDevice(
-            "load cell", "RDT over UDP", f"{cell.host}:{cell.port}", 0, "load_cell", "ATI Net F/T"
-        ),
-    ]
-
-
-def _serial_text(port: SerialPort) -> str:
-    return f"serial, {port.baud} baud 8{port.parity}{port.stop_bits},"
-
-
-def _modbus_units(
-    wiring: AnyWiring, lines: dict[str, AnyLine], slots: Iterable[str]
-) -> list[EmulatedDevice]:
-    devices = []
-    for line_name, line in lines.items():
-        if isinstance(line, TcpLine):
-            protocol, address = "Modbus TCP", f"{line.host}:{line.port}"
-        else:
-            protocol = f"Modbus RTU, {line.baud} baud 8{line.parity}{line.stop_bits},"
-            address = line.port
-        for name in slots:
-            block: Registers = getattr(wiring, name)
-            if block.line == line_name:
-                devices.append(
-                    EmulatedDevice(
-                        line_name, protocol, address, block.unit, name, _UNIT_DESCRIPTIONS[name]
-                    )
-                )
-    return devices
+def _mode(port: SerialPort | RtuLine) -> str:
+    return f"{port.baud} baud 8{port.parity}{port.stop_bits},"
 
 
 def show(rig: str, devices: list[EmulatedDevice], setting: str, *, as_json: bool) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig import cli
-from rig.analysis.phrases import format_power
 from rig.analysis.run_columns import table_columns
 from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
@@ -20,6 +19,7 @@ from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
 from rig.config.columns import OTHER_COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
+from rig.presentation.phrases import format_power
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
 from rig.stations import find, station_names

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rig.interop.legacy.testlog import Entry, RunLog
     from rig.recording.calibration import CalibratedValue, CalibrationVersion
 
+    Corrections = dict[int, CalibratedValue]  # of the spring rate, by run
+
 
 def command(
     file: Annotated[
@@ -33,20 +35,32 @@ def command(
 def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> int:
     """Print a log or one of its runs, with spring rates corrected by the newest calibration."""
     from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.interop.legacy.testlog import read_log
+    from rig.interop.legacy.testlog import read_log, recording_time
+    from rig.recording.calibration import apply_calibration
 
     try:
         log = read_log(path)
         entries = log.entries if run is None else (log.find(run),)
         known = spring_calibration(calibrations, log.entries[0].series_name)
+        corrections = {
+            entry.run: apply_calibration(
+                known.file, entry.spring.written_n_per_m, recording_time(entry)
+            )
+            for entry in entries
+            if known is not None and entry.spring is not None
+        }
     except INPUT_ERRORS as error:
         return refuse("testlog", error, as_json=as_json)
     if as_json:
-        print(json.dumps(_as_dict(log, entries, known, whole_log=run is None), ensure_ascii=False))
+        report = _as_dict(log, entries, known, corrections, whole_log=run is None)
+        print(json.dumps(report, ensure_ascii=False))
     elif run is None:
-        _print_table(log, known)
+        _print_table(log, corrections)
+        if known is not None:
+            valid = known.file.valid.description()
+            print(f"spring rates written -> corrected by {known.description()}, {valid}")
     else:
-        _print_entry(entries[0], known)
+        _print_entry(entries[0], corrections)
     return cli.OK
 
 
@@ -60,10 +74,9 @@ def spring_calibration(folder: Path, series: str) -> "CalibrationVersion | None"
     if not folder.is_dir():
         return None
     history = open_history(folder)
-    newest = [history.find(name) for name in history.names()]
     matches = [
         known
-        for known in newest
+        for known in map(history.find, history.names())
         if known.file.quantity == "spring_rate"
         if known.file.valid.runs is not None and known.file.valid.runs.series == series
     ]
@@ -73,70 +86,44 @@ def spring_calibration(folder: Path, series: str) -> "CalibrationVersion | None"
     return matches[0] if matches else None
 
 
-def corrected_spring(
-    entry: "Entry", known: "CalibrationVersion | None"
-) -> "CalibratedValue | None":
-    """Return an entry's spring rate, corrected by a calibration."""
-    from rig.recording.calibration import apply_calibration
-    from rig.recording.calibration.sources import recording_time
-
-    if entry.spring is None or known is None:
-        return None
-    return apply_calibration(known.file, entry.spring.written_n_per_m, recording_time(entry))
-
-
 def _as_dict(
     log: "RunLog",
     entries: "tuple[Entry, ...]",
     known: "CalibrationVersion | None",
+    corrections: "Corrections",
     *,
     whole_log: bool,
 ) -> dict[str, Any]:
     from rig.interop.legacy.testlog import find_links
+    from rig.presentation.json_values import json_value
 
-    out: dict[str, Any] = {"file": str(log.path), "sha256": log.sha256}
-    out["spring_calibration"] = None
-    if known is not None:
-        out["spring_calibration"] = {"title": known.file.title, "sha256": known.sha256}
-    out["runs"] = [_plain(entry) | _spring_as_dict(entry, known) for entry in entries]
+    runs = [json_value(entry) for entry in entries]
+    for run in runs:
+        if applied := corrections.get(run["run"]):
+            run["spring"] |= {
+                "corrected_n_per_m": applied.value, "by": applied.by, "valid": applied.inside,
+            }  # fmt: skip
+    out: dict[str, Any] = {
+        "file": str(log.path),
+        "sha256": log.sha256,
+        "spring_calibration": known and {"title": known.file.title, "sha256": known.sha256},
+        "runs": runs,
+    }
     if whole_log:
-        out["separators"] = _plain(log.separators)
-        out["links"] = _plain(find_links(log))
+        out |= {"separators": json_value(log.separators), "links": json_value(find_links(log))}
     return out
 
 
-def _spring_as_dict(entry: "Entry", known: "CalibrationVersion | None") -> dict[str, Any]:
-    applied = corrected_spring(entry, known)
-    if entry.spring is None:
-        return {}
-    spring = _plain(entry.spring)
-    if applied is not None:
-        spring |= {"corrected_n_per_m": applied.value, "by": applied.by, "valid": applied.inside}
-    return {"spring": spring}
-
-
-def _plain(value: Any) -> Any:
-    """Convert NamedTuples to dictionaries, at every depth."""
-    if hasattr(value, "_asdict"):
-        return {name: _plain(inner) for name, inner in value._asdict().items()}
-    if isinstance(value, dict):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(inner) for inner in value]
-    return value
-
-
-def _print_table(log: "RunLog", known: "CalibrationVersion | None") -> None:
+def _print_table(log: "RunLog", corrections: "Corrections") -> None:
     from rich.table import Table
     from rich.text import Text
 
     from rig.cli.console import table_console
 
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name, justify in (("run", "right"), ("waves", "left"), ("rig", "left")):
-        table.add_column(
-            name, no_wrap=name == "run", justify="right" if justify == "right" else "left"
-        )
+    table.add_column("run", no_wrap=True, justify="right")
+    table.add_column("waves")
+    table.add_column("rig")
     table.add_column("spring, N/m", justify="right", no_wrap=True)
     table.add_column("drive", no_wrap=True)
     table.add_column("remarks", overflow="fold")
@@ -144,22 +131,18 @@ def _print_table(log: "RunLog", known: "CalibrationVersion | None") -> None:
     for entry in log.entries:
         if entry.run in before:
             table.add_row("", Text(before[entry.run], style="bold yellow"))
-        drive = " ".join(filter(None, (entry.drive, entry.scheme)))
         remarks = "; ".join(dict.fromkeys(remark.kind.value for remark in entry.remarks))
         table.add_row(
             str(entry.run),
             Text(_waves_text(entry)),
             Text(entry.matrix or ", ".join(activity.value for activity in entry.activities)),
-            _spring_text(entry, known),
-            drive,
+            _spring_text(entry, corrections),
+            " ".join(filter(None, (entry.drive, entry.scheme))),
             Text(remarks, style="dim"),
         )
     table_console().print(table, crop=False)
     count = sum(len(entry.remarks) for entry in log.entries)
     print(f"\n{len(log.entries)} runs, {count} remarks")
-    if known is not None:
-        valid = known.file.valid.description()
-        print(f"spring rates written -> corrected by {known.description()}, {valid}")
 
 
 def _waves_text(entry: "Entry") -> str:
@@ -180,20 +163,19 @@ def _wave_text(wave: Any) -> str:
     return " ".join(filter(None, (wave.kind.value, when, height, wave.code)))
 
 
-def _spring_text(entry: "Entry", known: "CalibrationVersion | None") -> str:
+def _spring_text(entry: "Entry", corrections: "Corrections") -> str:
     if entry.spring is None:
         return ""
-    written = f"{entry.spring.written_n_per_m:+.0f}"
-    applied = corrected_spring(entry, known)
+    written, applied = f"{entry.spring.written_n_per_m:+.0f}", corrections.get(entry.run)
     if applied is None or applied.value == applied.given:
         return written
     return f"{written} -> {applied.value:+.0f}"
 
 
-def _print_entry(entry: "Entry", known: "CalibrationVersion | None") -> None:
+def _print_entry(entry: "Entry", corrections: "Corrections") -> None:
     from rig.config.problems import format_number
 
-    applied = corrected_spring(entry, known)
+    applied = corrections.get(entry.run)
     orders = entry.order or entry.amplitudes
     pairs = (
         ("run", f"{entry.name}, row {entry.row} of the sheet, {entry.condition.value}"),
@@ -202,7 +184,7 @@ def _print_entry(entry: "Entry", known: "CalibrationVersion | None") -> None:
         ("did", ", ".join(activity.value for activity in entry.activities)),
         ("matrix", entry.matrix),
         ("gains", "; ".join(f"{g.axis} {g.name} {list(g.values)} ({g.cell})" for g in entry.gains)),
-        ("spring", "" if entry.spring is None else _spring_text(entry, known)),
+        ("spring", _spring_text(entry, corrections)),
         ("", applied.description() if applied else ""),
         ("stator", ", ".join(f"{format_number(p)} %" for p in entry.stator_percent)),
         ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_source})"),

@@ -1,12 +1,13 @@
 """What the rig files of all kinds have in common."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
 from rig.config.model import FileModel, Reason, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_number
+from rig.config.wiring import Wiring
 
 SupervisorTimeout = Annotated[float, Field(ge=0.3, le=30)]
 """Time without a heartbeat of `rig run` after which the loop stops the rig (category 1), s.
@@ -81,4 +82,4 @@ class BaseRigFile(FileModel):
     plant: str = Field(min_length=1)  # file, relative to this one; simulates the hardware
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
-    wiring: Any = None  # a model of the kind; None: the rig can only be rehearsed
+    wiring: Wiring | None = None  # None: the rig can only be rehearsed

@@ -1,11 +1,15 @@
-"""The wiring of a WaveBot: buses, lines and their devices. A rehearsal needs no wiring."""
+"""The parts of a rig's wiring: buses, lines, ports, drives, register blocks.
 
-import math
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal, Self
+A rehearsal needs no wiring. The wiring of each kind of rig is a subclass of `Wiring` with such
+parts as fields, so its wires, drives and register blocks are found by the types of its fields.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
+from drivers.canopen.bus_settings import BusSettings
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
 
@@ -38,6 +42,11 @@ class CanBus(FileModel):
     slow_divider: Divider  # SYNCs between mode display and error code of a drive
     actuator_divider: Divider  # SYNCs between commands to an actuator
 
+    def settings(self) -> BusSettings:
+        """Return the settings with which programs open the bus."""
+        options = tuple(self.options.items())
+        return BusSettings(self.interface, self.channel, self.bit_rate, options)
+
 
 class Deadlines(FileModel):
     """Maximum times of a drive's state transitions (CiA 402)."""
@@ -61,6 +70,11 @@ class Drive(FileModel):
     objects: dict[str, WholeNumber | None]  # by name; null: the drive does not have the object
     read_only: tuple[str, ...] = Field(default=(), strict=False)  # objects that cannot be written
 
+    @property
+    def description(self) -> str:
+        """What the device is, for people."""
+        raise NotImplementedError
+
 
 class TorqueDrive(Drive):
     """A drive in cyclic synchronous torque mode."""
@@ -71,9 +85,19 @@ class TorqueDrive(Drive):
     analog_per_v: tuple[float, ...] = Field(default=(), max_length=4, strict=False)
     analog_v_per_count: float = Field(default=1.0 / 819.2, gt=0, le=1)  # AMC: 819.2 counts a volt
 
+    @property
+    def description(self) -> str:
+        """What the device is, for people."""
+        scale = self.scaling.replace("_", " ")
+        return (
+            f"torque drive, {'AMC scaling' if self.scaling == 'amc' else f'scaled by its {scale}'}"
+        )
+
 
 class Actuator(Drive):
-    """The stator's actuator, in profile position mode."""
+    """An actuator of a station, such as the spring's stator, in profile position mode."""
+
+    description: ClassVar[str] = "actuator: profile position, homing"
 
     counts_per_percent: float = Field(ge=-1e7, le=1e7)
     zero_counts: Int32  # position at 0 %
@@ -91,6 +115,30 @@ class Actuator(Drive):
         if self.counts_per_percent == 0.0:
             yield RuleViolation(("counts_per_percent",), "0 gives no position", 0.0)
         yield from check_below(self, "low_percent", "high_percent")
+
+
+class SerialPort(FileModel):
+    """A serial port; a path under /dev/serial/by-id always names the same adapter."""
+
+    description: ClassVar[str] = "device with a serial port of its own"
+
+    port: str = Field(min_length=1)
+    baud: WholeNumber = Field(ge=1200, le=4_000_000)
+    parity: Literal["N", "E", "O"]
+    stop_bits: Literal[1, 2]
+    rts_cts: bool = False  # hardware handshake
+    echo: bool = False  # a two-wire RS-485 adapter that receives its own bytes
+    low_latency: bool = False  # request the adapter's driver to deliver bytes at once
+
+
+class UdpDevice(FileModel):
+    """A device with a UDP port of its own."""
+
+    description: ClassVar[str] = "device on the network"
+    protocol: ClassVar[str] = "UDP"
+
+    host: str = Field(min_length=1)  # numeric address: resolving a name could block
+    port: WholeNumber = Field(ge=1, le=65_535)
 
 
 class TcpLine(FileModel):
@@ -171,62 +219,79 @@ class Registers(FileModel):
     prepare: tuple[RegisterSetup, ...] = Field(default=(), strict=False)
 
 
+class BlockContent(NamedTuple):
+    """Annotation of a field that is a register block: its device and the values expected in it."""
+
+    device: str  # for people
+    signals: tuple[str, ...]  # names of the values, in this order
+    written: bool = False  # True: a run writes the block; False: it is polled
+
+
+WirePart = CanBus | TcpLine | RtuLine | SerialPort | UdpDevice
+
+
+class Wire(NamedTuple):
+    """One wire of a rig."""
+
+    name: str  # CAN, line io, servo, ...
+    kind: Literal["can", "tcp", "udp", "serial"]
+    part: WirePart
+
+    @property
+    def address(self) -> str:
+        """The wire's address, for people."""
+        if isinstance(self.part, CanBus):
+            return f"{self.part.interface} {self.part.channel}"
+        if isinstance(self.part, TcpLine | UdpDevice):
+            return f"{self.part.host}:{self.part.port}"
+        return self.part.port
+
+
 class Wiring(FileModel):
-    """The wiring of the WaveBot.
+    """The wiring of a rig: Modbus lines, and the parts that its kind has as further fields."""
 
-    The heave drive's first two analog inputs read the column load cell and the shaft torque
-    sensor; those of the surge drive read the string pot and the rotor angle. Slew and stator
-    cells, wave probes, power analyser and digital inputs are read over Modbus.
-    """
-
-    can: CanBus
-    heave: TorqueDrive
-    surge: TorqueDrive
-    stator: Actuator
     lines: dict[str, AnyLine]
-    analyser: Registers  # ac, dc, bus_voltage
-    cells: Registers  # slew, stator_a, stator_b
-    probes: Registers  # probe_1, probe_2, probe_3
-    inputs: Registers  # e_stop, limit_switch: monitoring only, the stop chain is hard-wired
-    outputs: Registers  # wave_trigger
     output_expiry_s: float = Field(ge=0.05, le=10)  # age at which an output command expires
 
     def check_rules(self) -> Iterator[RuleViolation]:
-        """Check the register blocks, the scales of the analog inputs and the node numbers."""
-        yield from check_register_blocks(self, self.lines, SLOT_SIGNALS)
-        for name in ("heave", "surge"):
-            scales: tuple[float, ...] = getattr(self, name).analog_per_v
-            if len(scales) != 2 or not all(scales) or not all(map(math.isfinite, scales)):
-                yield RuleViolation(
-                    (name, "analog_per_v"), "must be two scales other than 0", scales
-                )
-        nodes = [self.can.own_node, self.heave.node, self.surge.node, self.stator.node]
-        if len(set(nodes)) != len(nodes):
-            yield RuleViolation(("can", "own_node"), "two nodes have the same number", nodes)
+        """Check that every register block has the expected values, and a line of the rig."""
+        for name, block in self.blocks().items():
+            expected = self.block_content(name).signals
+            names = tuple(value.name for value in block.values)
+            if names != expected:
+                message = f"must be {', '.join(expected)} in this order"
+                yield RuleViolation((name, "values"), message, names)
+            if block.line not in self.lines:
+                known = ", ".join(self.lines) or "none"
+                yield RuleViolation((name, "line"), f"no such line; there are {known}", block.line)
 
+    def wires(self) -> tuple[Wire, ...]:
+        """Return every wire: buses and ports in the order of the fields, then the lines."""
+        found = []
+        for name, part in self._parts():
+            if isinstance(part, CanBus):
+                found.append(Wire("CAN", "can", part))
+            elif isinstance(part, SerialPort):
+                found.append(Wire(name.replace("_", " "), "serial", part))
+            elif isinstance(part, UdpDevice):
+                found.append(Wire(name.replace("_", " "), "udp", part))
+        for name, line in self.lines.items():
+            kind: Literal["tcp", "serial"] = "tcp" if isinstance(line, TcpLine) else "serial"
+            found.append(Wire(f"line {name}", kind, line))
+        return tuple(found)
 
-def check_register_blocks(
-    wiring: FileModel, lines: Mapping[str, object], signals: Mapping[str, tuple[str, ...]]
-) -> Iterator[RuleViolation]:
-    """Yield the violations of register blocks: names of their values, and their lines.
+    def drives(self) -> dict[str, Drive]:
+        """Return the drives and actuators on the CAN bus by name."""
+        return {name: part for name, part in self._parts() if isinstance(part, Drive)}
 
-    ``signals`` gives the expected names of the values of each block.
-    """
-    for name, expected in signals.items():
-        block: Registers = getattr(wiring, name)
-        names = tuple(value.name for value in block.values)
-        if names != expected:
-            message = f"must be {', '.join(expected)} in this order"
-            yield RuleViolation((name, "values"), message, names)
-        if block.line not in lines:
-            known = ", ".join(lines) or "none"
-            yield RuleViolation((name, "line"), f"no such line; there are {known}", block.line)
+    def blocks(self) -> dict[str, Registers]:
+        """Return the register blocks by name."""
+        return {name: part for name, part in self._parts() if isinstance(part, Registers)}
 
+    def block_content(self, name: str) -> BlockContent:
+        """Return the annotation of a register block."""
+        metadata = type(self).model_fields[name].metadata
+        return next(each for each in metadata if isinstance(each, BlockContent))
 
-SLOT_SIGNALS = {
-    "analyser": ("ac", "dc", "bus_voltage"),
-    "cells": ("slew", "stator_a", "stator_b"),
-    "probes": ("probe_1", "probe_2", "probe_3"),
-    "inputs": ("e_stop", "limit_switch"),
-    "outputs": ("wave_trigger",),
-}
+    def _parts(self) -> Iterator[tuple[str, object]]:
+        return ((name, getattr(self, name)) for name in type(self).model_fields)

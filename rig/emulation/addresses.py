@@ -4,97 +4,58 @@ import errno
 import os
 import socket
 import stat
-from collections.abc import Iterator
 from contextlib import suppress
-from ipaddress import ip_address
 from pathlib import Path
-from typing import NamedTuple
 
-from drivers.canopen.bus_settings import SOCKETCAND_PORT
-from rig.config.wiring import CanBus, TcpLine, Wiring
-from rig.kinds.oswec_bench.config.wiring import BenchWiring
+from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, WirePart, Wiring
+from rig.wires.wire_check import is_loopback
 
 _FIRST_PTS_MAJOR = 136  # first major number of pseudo-terminals
-_EMULATOR_MODULES = (
-    "rig.kinds.wavebot.rehearsal.emulation",
-    "rig.kinds.oswec_bench.rehearsal.emulation",
-)
-
-AnyWiring = Wiring | BenchWiring
+_EMULATION_MODULE = ".rehearsal.emulation"  # ends the name of the module of emulated devices
 
 
-class _WireAddresses(NamedTuple):
-    """The addresses of all wires of a rig, by name."""
-
-    tcp: dict[str, tuple[str, int]]
-    udp: dict[str, tuple[str, int]]
-    serial: dict[str, str]
-
-
-def unreachable_addresses(wiring: AnyWiring) -> tuple[str, ...]:
+def unreachable_addresses(wiring: Wiring) -> tuple[str, ...]:
     """Return why wires cannot lead to emulated devices, each wire by its name; empty if all can."""
-    return tuple(_find_unreachable(wiring))
+    problems = ((wire.name, _unreachable(wire.part)) for wire in wiring.wires())
+    return tuple(f"{name}: {why}" for name, why in problems if why)
 
 
-def occupied_addresses(wiring: AnyWiring) -> tuple[str, ...]:
+def occupied_addresses(wiring: Wiring) -> tuple[str, ...]:
     """Return which addresses are occupied, each wire by its name; empty if all are free."""
-    addresses = _wire_addresses(wiring)
-    return tuple(_find_occupied(addresses))
+    problems = ((wire.name, _occupied(wire.part)) for wire in wiring.wires())
+    return tuple(f"{name}: {why}" for name, why in problems if why)
 
 
-def can_address(bus: CanBus) -> tuple[str, int]:
-    """Return host and port of a bus that is reached over TCP."""
-    host, port = bus.options.get("host", "127.0.0.1"), bus.options.get("port", SOCKETCAND_PORT)
-    return str(host), int(port)
+def _endpoint(part: WirePart) -> tuple[str, int] | None:
+    """Return host and port of a wire on the network."""
+    if isinstance(part, CanBus):
+        return part.settings().endpoint if part.interface == "socketcand" else None
+    return (part.host, part.port) if isinstance(part, TcpLine | UdpDevice) else None
 
 
-def _wire_addresses(wiring: AnyWiring) -> _WireAddresses:
-    addresses = _WireAddresses({}, {}, {})
-    if isinstance(wiring, BenchWiring):
-        addresses.serial.update(encoders=wiring.encoders.port, servo=wiring.servo.port)
-        addresses.udp["load cell"] = wiring.load_cell.host, wiring.load_cell.port
-    else:
-        addresses.tcp["CAN"] = can_address(wiring.can)
-    for name, line in wiring.lines.items():
-        if isinstance(line, TcpLine):
-            addresses.tcp[f"line {name}"] = line.host, line.port
-        else:
-            addresses.serial[f"line {name}"] = line.port
-    return addresses
-
-
-def _find_unreachable(wiring: AnyWiring) -> Iterator[str]:
-    addresses = _wire_addresses(wiring)
-    if isinstance(wiring, Wiring) and wiring.can.interface != "socketcand":
-        del addresses.tcp["CAN"]
-        yield (
-            f"CAN: emulated nodes are reached over socketcand only, not {wiring.can.interface} "
-            f"{wiring.can.channel}"
+def _unreachable(part: WirePart) -> str:
+    if endpoint := _endpoint(part):
+        host, _ = endpoint
+        return "" if is_loopback(host) else f"{host} is not this host's loopback"
+    if isinstance(part, CanBus):
+        return (
+            f"emulated nodes are reached over socketcand only, not {part.interface} {part.channel}"
         )
-    for name, (host, _) in {**addresses.tcp, **addresses.udp}.items():
-        if not _is_loopback(host):
-            yield f"{name}: {host} is not this host's loopback"
-    for name, port in addresses.serial.items():
-        if Path("/dev") in Path(os.path.abspath(port)).parents:
-            yield f"{name}: {port} is in /dev, where no emulated port can be created"
+    if isinstance(part, SerialPort | RtuLine):
+        in_dev = Path("/dev") in Path(os.path.abspath(part.port)).parents
+        return f"{part.port} is in /dev, where no emulated port can be created" if in_dev else ""
+    return ""
 
 
-def _find_occupied(addresses: _WireAddresses) -> Iterator[str]:
-    for ports, kind in ((addresses.tcp, socket.SOCK_STREAM), (addresses.udp, socket.SOCK_DGRAM)):
-        for name, (host, port) in ports.items():
-            if why := _socket_problem(host, port, kind):
-                yield f"{name}: {host}:{port} {why}"
-    for name, path in addresses.serial.items():
-        if why := _terminal_problem(Path(path)):
-            yield f"{name}: {path} {why}"
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    with suppress(ValueError):
-        return ip_address(host).is_loopback
-    return False
+def _occupied(part: WirePart) -> str:
+    if endpoint := _endpoint(part):
+        kind = socket.SOCK_DGRAM if isinstance(part, UdpDevice) else socket.SOCK_STREAM
+        why = _socket_problem(*endpoint, kind)
+        return why and "{}:{} {}".format(*endpoint, why)
+    if isinstance(part, SerialPort | RtuLine):
+        why = _terminal_problem(Path(part.port))
+        return why and f"{part.port} {why}"
+    return ""
 
 
 def _socket_problem(host: str, port: int, kind: socket.SocketKind) -> str:
@@ -121,9 +82,7 @@ def _terminal_problem(path: Path) -> str:
     if not (stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) >= _FIRST_PTS_MAJOR):
         return f"leads to {path.resolve()}, which is no pseudo-terminal"
     holder = _master_process(os.minor(status.st_rdev))
-    if holder is not None and not any(
-        module in _command_line(holder) for module in _EMULATOR_MODULES
-    ):
+    if holder is not None and _EMULATION_MODULE not in _command_line(holder):
         return ""  # a stale link of a killed process; another program has the terminal now
     owner = f"process {holder}" if holder else "another user's process"
     return f"is taken by emulated devices of {owner}"

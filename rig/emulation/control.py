@@ -14,16 +14,14 @@ driver uses it.
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
-from sim_plant.emulators.canopen_node import CanopenNode
-from sim_plant.emulators.device_faults import DeviceFaults
+from rig.emulation.devices import EmulatedDevices
 from sim_plant.emulators.link_faults import FAULTS as LINK
-from sim_plant.emulators.link_faults import LinkFaults, Toward
+from sim_plant.emulators.link_faults import Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.shared_world import SharedSimulation
 
 # A CAN controller's check sum rejects every corrupted frame, and a babbling device on a bus is a
 # node.
@@ -32,35 +30,14 @@ _SEVERITY_FIELDS = {"babble": "babble_period"}  # field of the severity that a f
 _WITHOUT_VALUE = ("freeze", "disconnect")
 
 
-class HasFaults(Protocol):
-    """A device with its own list of faults."""
-
-    @property
-    def faults(self) -> DeviceFaults:
-        """The faults of the device."""
-        ...
-
-
-class FaultTargets(NamedTuple):
-    """The devices and links that can have faults, by name, and their world."""
-
-    nodes: Mapping[str, CanopenNode]
-    units: Mapping[str, HasFaults]
-    links: Mapping[str, LinkFaults]
-    world: SharedSimulation[Any, Any]
-    restart_world: Callable[[], None]  # replace the present world by one at rest
-    powered: Mapping[str, Callable[[], bool]]  # by motor: whether it has power
-    report: Callable[[], dict[str, Any]]  # further values for the answer to "world"
-
-
 class ControlServer:
     """The control port; the caller must call `update_power` often."""
 
-    def __init__(self, targets: FaultTargets) -> None:
+    def __init__(self, devices: EmulatedDevices) -> None:
         self.address = ""
-        self._targets = targets
+        self._devices = devices
         self._server: asyncio.Server | None = None
-        self._power_lost_at: dict[str, float | None] = dict.fromkeys(targets.powered, 0.0)
+        self._power_lost_at: dict[str, float | None] = dict.fromkeys(devices.powered, 0.0)
         self._handlers: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "faults": lambda request: {"faults": self.list_faults()},
             "switch": self._switch,
@@ -84,7 +61,7 @@ class ControlServer:
     def update_power(self) -> None:
         """Update when each motor lost power; the reported times are never too early."""
         now = asyncio.get_running_loop().time()
-        for motor, powered in self._targets.powered.items():
+        for motor, powered in self._devices.powered.items():
             if powered():
                 self._power_lost_at[motor] = None
             elif self._power_lost_at[motor] is None:
@@ -93,17 +70,17 @@ class ControlServer:
     def list_faults(self) -> dict[str, dict[str, Any]]:
         """Return every fault by device (or link) and name: its effect and its value's meaning."""
         listed: dict[str, dict[str, Any]] = {}
-        for name, node in self._targets.nodes.items():
+        for name, node in self._devices.nodes.items():
             listed[name] = {
                 fault.name: {"effect": fault.effect, "value": fault.value, "default": fault.default}
                 for fault in node.faults()
             }
-        for name, unit in self._targets.units.items():
+        for name, unit in self._devices.units.items():
             listed[name] = {
                 fault: {"effect": effect, "value": ""}
                 for fault, effect in unit.faults.descriptions().items()
             }
-        for name in self._targets.links:
+        for name in self._devices.wires:
             listed[name] = {
                 fault: {
                     "effect": effect,
@@ -118,18 +95,18 @@ class ControlServer:
         """Switch a fault of a device or link; ValueError for an unknown one."""
         if fault not in self.list_faults().get(device, {}):
             raise ValueError(f"{device!r} has no fault {fault!r}")
-        targets = self._targets
-        if device in targets.nodes:
-            node = targets.nodes[device]
+        devices = self._devices
+        if device in devices.nodes:
+            node = devices.nodes[device]
             if on:
                 node.inject(fault, value)
             else:
                 node.clear(fault)
-        elif device in targets.units:
-            targets.units[device].faults.switch(fault, on)
+        elif device in devices.units:
+            devices.units[device].faults.switch(fault, on)
         else:
             direction: Toward | None = toward if toward in ("host", "device") else None
-            link = targets.links[device]
+            link = devices.wires[device].link
             if value is not None and fault not in _WITHOUT_VALUE:
                 changed: dict[str, Any] = {_SEVERITY_FIELDS.get(fault, fault): value}
                 link.set_severity(link.to_host.severity._replace(**changed))
@@ -137,13 +114,13 @@ class ControlServer:
 
     def clear(self) -> None:
         """Switch every fault off."""
-        for node in self._targets.nodes.values():
+        for node in self._devices.nodes.values():
             for name in tuple(node.active):
                 node.clear(name)
-        for unit in self._targets.units.values():
+        for unit in self._devices.units.values():
             unit.faults.clear()
-        for link in self._targets.links.values():
-            link.clear()
+        for wire in self._devices.wires.values():
+            wire.link.clear()
 
     def _switch(self, request: dict[str, Any]) -> dict[str, Any]:
         at = asyncio.get_running_loop().time()
@@ -162,8 +139,8 @@ class ControlServer:
 
     def _restart(self, request: dict[str, Any]) -> dict[str, Any]:
         self.clear()
-        self._targets.restart_world()
-        for node in self._targets.nodes.values():
+        self._devices.restart()
+        for node in self._devices.nodes.values():
             node.inject("powered_off")
             node.clear("powered_off")
         return {}
@@ -173,20 +150,20 @@ class ControlServer:
         return {"now": asyncio.get_running_loop().time(), "gone": dict(self._power_lost_at)}
 
     def _world(self) -> dict[str, Any]:
-        world = self._targets.world
-        units = self._targets.units.items()
+        world = self._devices.world
+        units = self._devices.units.items()
         return {
-            **self._targets.report(),
+            **self._devices.report(),
             "time": world.time,
             "late": world.late_ticks,
             "dropped": world.dropped_ticks,
             "actuation": world.actuation._asdict(),
             "nodes": {
                 name: {"state": node.port.nmt, "errors": sorted(map(int, node.errors.active))}
-                for name, node in self._targets.nodes.items()
+                for name, node in self._devices.nodes.items()
             },
             "requests": {name: one.requests for name, one in units if isinstance(one, ModbusUnit)},
-            "struck": {name: link.counts() for name, link in self._targets.links.items()},
+            "struck": {name: wire.link.counts() for name, wire in self._devices.wires.items()},
         }
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

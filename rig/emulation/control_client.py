@@ -2,7 +2,6 @@
 
 import json
 import socket
-from types import TracebackType
 from typing import Any
 
 _ANSWER_TIMEOUT_S = 5.0  # s for an answer
@@ -24,12 +23,7 @@ class ControlClient:
     def __enter__(self) -> "ControlClient":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def request(self, kind: str, **arguments: Any) -> dict[str, Any]:

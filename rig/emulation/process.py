@@ -1,46 +1,54 @@
-"""The process of the emulated devices of any kind of rig: one event loop for one run."""
+"""The process of the emulated devices of any kind of rig: one world, one event loop, for one run.
+
+`rig sim RIG` starts the process alone, a wired run with `--sim` as its first I/O process. It uses
+only the wires' settings of the rig file: addresses, node numbers, units.
+"""
 
 import asyncio
+import math
 import signal
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Protocol
+from contextlib import suppress
+from typing import Any, TypeVar
 
-from rig.config.wiring import RtuLine, TcpLine
-from rig.processes.io_process import report_event
+from rig.config.rig_file import BaseRigFile
+from rig.emulation.addresses import occupied_addresses, unreachable_addresses
+from rig.emulation.control import ControlServer
+from rig.emulation.devices import EmulatedDevices
+from rig.processes.io_processes import IoProcess
+from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
-from sim_plant.emulators.link_faults import LinkFaults
-from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
-from sim_plant.emulators.modbus_tcp import TcpUnits
-from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.running import Emulator
+from sim_plant.emulators.running import running
 from sim_plant.emulators.schedule import precise_loop
-from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 
-
-class EmulatedDevices(Protocol):
-    """All emulated devices of a rig."""
-
-    async def serve(self, ended: asyncio.Event) -> None:
-        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
-        ...
-
-
-DeviceFactory = Callable[[dict[str, Any], asyncio.AbstractEventLoop], EmulatedDevices]
-
+PROCESS_NAME = "emulated devices"
+READY_TIMEOUT_S = 30.0  # s until all devices are ready: the plant is compiled first
 SHUTDOWN_GRACE_S = 2.0  # s after the loop's end in which I/O processes may still use the devices
+_CHECK_INTERVAL_S = 0.1
+
+R = TypeVar("R", bound=BaseRigFile)
+Build = Callable[[R, dict[str, Any], asyncio.AbstractEventLoop], EmulatedDevices]
+"""Builds the devices of a rig file from the configuration of the process."""
 
 
-def serve_devices(job: dict[str, Any], make: DeviceFactory) -> None:
+def emulation_process(module: str, rig: BaseRigFile, **config: Any) -> IoProcess:
+    """Return the emulated devices of a rig as an I/O process; ``config``: JSON values for it."""
+    config["rig"] = rig.model_dump(mode="json")
+    return IoProcess(PROCESS_NAME, module, config, (), READY_TIMEOUT_S, starts_first=True)
+
+
+def serve_devices(job: IoJob, model: type[R], build: Build[R]) -> None:
     """Serve until terminated, or until some time after the loop's end.
 
     An OSError of the devices is reported as a refusal.
     """
     with asyncio.Runner(loop_factory=precise_loop) as runner:
-        runner.run(_serve_devices(job["config"], job["lifeline"], make))
+        runner.run(_serve_job(job.config, job.lifeline, model, build))
 
 
-async def _serve_devices(config: dict[str, Any], lifeline: int, make: DeviceFactory) -> None:
+async def _serve_job(
+    config: dict[str, Any], lifeline: int, model: type[R], build: Build[R]
+) -> None:
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
     loop.add_signal_handler(signal.SIGTERM, ended.set)
 
@@ -49,28 +57,55 @@ async def _serve_devices(config: dict[str, Any], lifeline: int, make: DeviceFact
         loop.call_later(SHUTDOWN_GRACE_S, ended.set)
 
     loop.add_reader(lifeline, hung_up)
+    rig = model.model_validate(config["rig"])
     try:
-        devices = make(config, loop)
+        if rig.wiring is not None and (
+            problems := (*unreachable_addresses(rig.wiring), *occupied_addresses(rig.wiring))
+        ):
+            raise OSError("\n".join(problems))
+        devices = build(rig, config, loop)
         if refused := scheduling.acquire_for_emulator():
-            report_event(event="message", text=f"no priority over other work: {refused}")
-        await devices.serve(ended)
+            report(Notice(f"no priority over other work: {refused}"))
+        await _serve(devices, ended)
     except OSError as error:  # an address is taken by another run or another rig's devices
-        report_event(event="refused", why=str(error))
+        report(Refused(str(error)))
 
 
-def modbus_line(line: TcpLine | RtuLine, units: dict[int, ModbusUnit]) -> Emulator:
-    """Return a Modbus line with its units."""
-    if isinstance(line, TcpLine):
-        return TcpUnits(units, port=line.port)
-    return RtuUnits(serial_line(line.port, line.baud, line.parity, line.stop_bits), units)
+async def _serve(devices: EmulatedDevices, ended: asyncio.Event) -> None:
+    """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
+    control, stepping = ControlServer(devices), None
+    try:
+        async with running(devices.wires) as addresses:
+            await control.start()
+            stepping = asyncio.create_task(_step(devices, control))
+            report(Ready({"control": control.address, **addresses}))
+            while not (ended.is_set() or stepping.done()):
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(ended.wait(), _CHECK_INTERVAL_S)
+            if stepping.done():
+                stepping.result()
+    finally:
+        if stepping is not None:
+            stepping.cancel()
+        await control.close()
 
 
-def serial_line(port: str, baud: int, parity: str, stop_bits: int) -> SerialLine:
-    """Return a serial line under a path, whose missing folders are created."""
-    bits = 11 if parity != "N" or stop_bits == 2 else 10
-    path = Path(port)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return SerialLine(SerialLineSettings(path, baud, bits), LinkFaults(seed=1))
+async def _step(devices: EmulatedDevices, control: ControlServer) -> None:
+    """Advance the world with the clock.
+
+    The steps are on the grid of the loop's ticks (`rig.realtime.clock`). In every run a message
+    that a device sends with a step is therefore as long on its way when a tick begins.
+    """
+    loop, world = asyncio.get_running_loop(), devices.world
+    period = devices.ticks_per_step * world.dt
+    due = (math.floor(loop.time() / period) + 1) * period
+    world.start(due)
+    await asyncio.sleep(due - loop.time())
+    while True:
+        devices.step()
+        control.update_power()
+        due = max(due + period, loop.time())
+        await asyncio.sleep(due - loop.time())
 
 
 def without_delay(config: dict[str, Any]) -> dict[str, Any]:

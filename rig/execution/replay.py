@@ -14,28 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.kinds.oswec_bench import tick as oswec_bench
-from rig.kinds.oswec_bench.sessions.assemble import bench_params
-from rig.kinds.oswec_bench.sessions.plan import plan_session
-from rig.kinds.oswec_bench.sessions.recorded import session_as_logged
-from rig.kinds.wavebot.build import wavebot_params
-from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
-from rig.planning.campaign import Plan, build_plan
-from rig.planning.campaign.recorded import RecordedCampaign, campaign_from_record, law_notice
+from rig import kinds
+from rig.processes.run_types import RecordedTask
 from rig.realtime import cycle, safety
 from rig.recording import row_layout
 from rig.recording.runs import RunError, reader, run_info
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records, row_dtype
 
-# Row prefixes of the fields of a WaveBot's `Sense`; the prefix of a field not listed is its name.
-_ROW_PREFIXES = {
-    "heave": "heave.sense",
-    "surge": "surge.sense",
-    "spring": "spring_sense",
-    "power": "power_sense",
-    "drive": "drive_sense",
-}
 _INPUT_FIELDS = ("tick", "time", "timing", "tick_end")
 _TIMING_FIELDS = ("timing.lateness", "timing.work", "timing.skipped")
 _SAFETY_FIELDS = ("safety.mode", "safety.reason")
@@ -51,14 +37,11 @@ ProgressCallback = Callable[[int], None]
 
 
 class _ReplayTarget(NamedTuple):
-    """The kind of rig to replay, with the parameters of the run."""
+    """A recorded task, and the fields of its rows that are inputs of the cycle."""
 
-    kind: cycle.Kind
+    task: RecordedTask
     sense: Any  # NamedTuple type of the sense
     row_prefixes: dict[str, str]  # by field of the sense
-    params: cycle.Params
-    dt: float  # s
-    notice: str = ""  # how the law of today differs from that of the run; empty: it does not
 
     def sense_fields(self) -> list[str]:
         """Return the row fields that make up a sense, in its order."""
@@ -131,7 +114,7 @@ def replay(
     ]
     if absent_senses:
         raise RunError(f"{run_facts.run}: it did not log {', '.join(absent_senses)}")
-    today = row_layout.leaves(target.kind.row_type)
+    today = row_layout.leaves(target.task.kind.row_type)
     compared = [leaf for leaf in today if leaf.name in names and not target.is_input(leaf.name)]
     comparison, cycle_replay = _Comparison(compared), _CycleReplay(target, run_facts.run)
     done = 0
@@ -152,7 +135,7 @@ def replay(
         requests,
         absent,
         finished,
-        target.notice,
+        target.task.notice,
     )
 
 
@@ -160,15 +143,15 @@ class _CycleReplay:
     """The cycle and its state, stepped through blocks of logged ticks."""
 
     def __init__(self, target: _ReplayTarget, run: str) -> None:
-        self._params, self._dt, self._run = target.params, target.dt, run
-        self._step = cycle.make(target.kind)
-        self._state = cycle.start(target.kind, target.params, 0)
+        self._params, self._dt, self._run = target.task.params, target.task.dt, run
+        self._step = cycle.make(target.task.kind)
+        self._state = cycle.start(target.task.kind, target.task.params, 0)
         self._fields = target.sense_fields()
         self._sense = target.sense
         kinds: list[Any] = list(target.sense.__annotations__.values())
         self._parts = [(kind, len(kind._fields)) for kind in kinds]
-        self._pack = row_layout.packer(target.kind.row_type)
-        self._dtype = row_dtype(row_layout.leaves(target.kind.row_type))
+        self._pack = row_layout.packer(target.task.kind.row_type)
+        self._dtype = row_dtype(row_layout.leaves(target.task.kind.row_type))
         self._next = self._skipped = 0
         self.requests: list[Request] = []
 
@@ -266,45 +249,18 @@ class _Comparison:
         return tuple(sorted(self._differences.values(), key=lambda difference: difference.first))
 
 
-def logged_campaign(run_facts: RunInfo) -> RecordedCampaign:
-    """Return the logged campaign of a run; RunError if its record has none that is valid today."""
-    try:
-        return campaign_from_record(run_facts.config, run_facts.law_source)
-    except KeyError as error:
-        raise RunError(f"{run_facts.run}: its record holds no configuration ({error})") from None
-    except ValueError as error:
-        raise _invalid_configuration(run_facts, error) from None
-
-
 def _load_target(run_facts: RunInfo) -> _ReplayTarget:
-    """Return kind and parameters that today's code builds from the run's configuration."""
+    """Return the task that today's code builds from the configuration of a run."""
     try:
-        load = _bench_target if "session" in run_facts.config else _wavebot_target
-        return load(run_facts)
+        kind = kinds.find(run_facts.kind)
+        task: RecordedTask = kind.room("recorded").recorded_task(run_facts)
+    except kinds.KindError as error:
+        raise RunError(f"{run_facts.run}: {error}") from None
     except KeyError as error:
         raise RunError(f"{run_facts.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
-        raise _invalid_configuration(run_facts, error) from None
-
-
-def _wavebot_target(run_facts: RunInfo) -> _ReplayTarget:
-    campaign, rig, limits, points, record = logged_campaign(run_facts)
-    planned: Plan = build_plan(campaign, rig, points)
-    params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints, record)
-    prefixes = {name: _ROW_PREFIXES.get(name, name) for name in Sense._fields}
-    kind = KIND if campaign.zc_law is not None else kind_with_law(campaign.heave_law.module)
-    notice = law_notice(run_facts.config)
-    return _ReplayTarget(kind, Sense, prefixes, params, planned.dt, notice)
-
-
-def _bench_target(run_facts: RunInfo) -> _ReplayTarget:
-    session = session_as_logged(run_facts.config)
-    planned = plan_session(session)
-    prefixes = {name: name for name in oswec_bench.Sense._fields}
-    return _ReplayTarget(
-        oswec_bench.KIND, oswec_bench.Sense, prefixes, bench_params(session, planned), planned.dt
-    )
-
-
-def _invalid_configuration(run_facts: RunInfo, error: ValueError) -> RunError:
-    return RunError(f"{run_facts.run}: its configuration is not valid today: {error}")
+        text = f"{run_facts.run}: its configuration is not valid today: {error}"
+        raise RunError(text) from None
+    tick = kind.room("tick")
+    prefixes = {name: tick.SENSE_IN_ROW.get(name, name) for name in tick.Sense._fields}
+    return _ReplayTarget(task, tick.Sense, prefixes)

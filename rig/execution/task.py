@@ -10,7 +10,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
-from rig.processes.run_types import ExecutionMode, Outcome, Setup, Snapshot, Task
+from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.supervisor import SupervisedRun
 from rig.realtime import safety
 from rig.realtime.reasons import ReasonTable, reason_table
@@ -56,15 +56,9 @@ def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResu
         folder = create.create_folder(runs, task.name, started)
         folder_lock = locks.enter_context(create.lock_run(folder))
         _write_start_files(folder, task, started, mode)
+        attached = (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else []))
         run = SupervisedRun(
-            Setup(
-                task,
-                mode,
-                folder,
-                (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else [])),
-                folder_lock.fd,
-                taken_locks.fds,
-            )
+            task, mode, folder, attached, folder_lock=folder_lock, wire_locks=taken_locks.fds
         )
         outcome = run.supervise(_draw_until_error(view), get_request)
         if outcome.moved:  # some of the saved rows may be missing in the new folder

@@ -4,7 +4,7 @@ import ctypes
 import time
 from typing import NamedTuple
 
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses, grade
+from rig.host.finding import REALTIME, Check, Finding, Host, Verdict, grade
 
 AREA = "clocks"
 _SOURCES = "/sys/devices/system/clocksource/clocksource0"
@@ -84,19 +84,19 @@ def findings(host: Host, before: ClockReading, after: ClockReading) -> list[Find
 
 
 def _source(host: Host) -> Finding:
-    check, limit = "clock source", "the processor's own counter: others are slow to read"
+    check = Check(AREA, "clock source", "the processor's own counter: others are slow to read")
     name = host.read_text(f"{_SOURCES}/current_clocksource")
     if not name:
-        return Finding(AREA, check, "the kernel gives no value", limit, Verdict.UNKNOWN)
+        return check.unknown("the kernel gives no value")
     if name in _FAST_SOURCES:
-        return Finding(AREA, check, name, limit, Verdict.GOOD)
+        return check.finding(name)
     available = host.read_text(f"{_SOURCES}/available_clocksource") or ""
     advice = (
         f"`echo tsc > {_SOURCES}/current_clocksource` as root"
         if "tsc" in available.split()
-        else ("the kernel found the processor's counter unstable: see `dmesg | grep -i tsc`")
+        else "the kernel found the processor's counter unstable: see `dmesg | grep -i tsc`"
     )
-    return Finding(AREA, check, name[:40], limit, Verdict.WARNING, advice)
+    return check.finding(name[:40], Verdict.WARNING, advice)
 
 
 def _read_time() -> Finding:
@@ -105,49 +105,41 @@ def _read_time() -> Finding:
     for _ in range(count):
         time.monotonic_ns()
     cost = (time.monotonic_ns() - began) / count / 1e9
+    limit = f"at most {1e6 * _READ_TIME_GOOD:g} us: it is read three times a tick"
     verdict = grade(cost, _READ_TIME_GOOD, _READ_TIME_BAD)
-    return Finding(
-        AREA,
-        "reading the clock",
-        f"{1e9 * cost:.0f} ns",
-        f"at most {1e6 * _READ_TIME_GOOD:g} us: it is read three times a tick",
-        verdict,
-        "" if verdict is Verdict.GOOD else "see clock source",
-        forbidden_uses(verdict, *REALTIME),
-        {"ns": 1e9 * cost},
+    return Check(AREA, "reading the clock", limit, REALTIME).finding(
+        f"{1e9 * cost:.0f} ns", verdict, "see clock source", ns=1e9 * cost
     )
 
 
 def _step_and_slew(before: ClockReading, after: ClockReading) -> Finding:
     span = after.raw - before.raw
-    check = "UTC against the loop's clock"
     limit = (
         f"no step beyond {1e3 * _MAX_STEP:g} ms, slewed by at most {_MAX_SLEW:g} ppm: a run ties "
         "its time to UTC once, at its start"
     )
+    check = Check(AREA, "UTC against the loop's clock", limit)
     if span < 0.1:
-        return Finding(AREA, check, "measured for less than 0.1 s", limit, Verdict.UNKNOWN)
+        return check.unknown("measured for less than 0.1 s")
     step = (after.utc - before.utc) - (after.monotonic - before.monotonic)
     slew = 1e6 * ((after.monotonic - before.monotonic) / span - 1.0)
     good = abs(step) <= _MAX_STEP and abs(slew) <= _MAX_SLEW
-    return Finding(
-        AREA,
-        check,
+    return check.finding(
         f"stepped {1e3 * step:+z.3f} ms, slewed {slew:+z.1f} ppm in {span:.1f} s",
-        limit,
         Verdict.GOOD if good else Verdict.WARNING,
-        "" if good else "wait until time synchronisation has settled (`chronyc tracking`)",
-        (),
-        {"step_s": step, "slew_ppm": slew, "span_s": span},
+        "wait until time synchronisation has settled (`chronyc tracking`)",
+        step_s=step,
+        slew_ppm=slew,
+        span_s=span,
     )
 
 
 def _synchronised(host: Host, clock: KernelClock | None) -> Finding:
-    check = "UTC"
     limit = (
         f"synchronised within {1e3 * _MAX_UTC_ERROR:g} ms: analysis aligns the basin's records "
         "with the rig's"
     )
+    check = Check(AREA, "UTC", limit)
     running = sorted(
         {
             name
@@ -157,15 +149,12 @@ def _synchronised(host: Host, clock: KernelClock | None) -> Finding:
     )
     by = f" ({', '.join(map(str, running))} runs)" if running else " (no time service runs)"
     if clock is None:
-        return Finding(AREA, check, "cannot be read" + by, limit, Verdict.UNKNOWN)
+        return check.unknown("cannot be read" + by)
     numbers = {"synchronised": clock.synchronised, "error_s": clock.error, "services": running}
     if clock.synchronised and clock.error <= _MAX_UTC_ERROR:
-        value = f"synchronised within {1e3 * clock.error:.1f} ms{by}"
-        return Finding(AREA, check, value, limit, Verdict.GOOD, "", (), numbers)
-    value = (
-        f"synchronised only within {1e3 * clock.error:.0f} ms"
-        if clock.synchronised
-        else ("not synchronised")
-    )
+        return check.finding(f"synchronised within {1e3 * clock.error:.1f} ms{by}", **numbers)
+    value = "not synchronised"
+    if clock.synchronised:
+        value = f"synchronised only within {1e3 * clock.error:.0f} ms"
     advice = "install and start chrony with the basin's time server, and wait until it has settled"
-    return Finding(AREA, check, value + by, limit, Verdict.WARNING, advice, (), numbers)
+    return check.finding(value + by, Verdict.WARNING, advice, **numbers)

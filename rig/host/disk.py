@@ -6,11 +6,11 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.host.finding import ALL_USES, REALTIME, Finding, Host, Verdict, forbidden_uses, grade
+from rig.host.finding import ALL_USES, REALTIME, Check, Finding, Host, Verdict, grade
 from rig.kinds import row_types
 from rig.processes import supervisor
+from rig.processes.logger import FLUSH_INTERVAL
 from rig.recording import mcap_writer, row_layout
-from rig.recording.logger import FLUSH_INTERVAL
 
 AREA = "disk"
 INDEX_BYTES = 16  # of a message in a chunk's index
@@ -52,10 +52,9 @@ def space_shortage(runs: Path, seconds: float, rate_hz: float) -> str:
     """Return a warning if a log of this length may not fit into the folder of runs, else ''."""
     try:
         place = _existing_folder(runs)
-        stats = os.statvfs(place)
+        free, need = _free_bytes(place), seconds * rate_hz * row_bytes()
     except OSError:
         return ""  # creating the run's folder reports the error
-    free, need = stats.f_bavail * stats.f_frsize, seconds * rate_hz * row_bytes()
     if free >= need:
         return ""
     return f"{1e-6 * free:.1f} MB free in {place}; this run may write up to {1e-6 * need:.1f} MB"
@@ -69,36 +68,34 @@ def _existing_folder(runs: Path) -> Path:
     return place
 
 
+def _free_bytes(place: Path) -> int:
+    stats = os.statvfs(place)
+    return stats.f_bavail * stats.f_frsize
+
+
 def _free_space(place: Path, hours: float, rate_hz: float) -> Finding:
     need = hours * 3600.0 * rate_hz * row_bytes()
-    check = "free space"
     limit = (
         f"{2e-9 * need:.1f} GB: {hours:g} h at {rate_hz:g} Hz write up to {1e-9 * need:.1f} GB, "
         "and a recovery writes as much again"
     )
+    check = Check(AREA, "free space", limit, ALL_USES)
     try:
-        stats = os.statvfs(place)
+        free = _free_bytes(place)
     except OSError as error:
-        return Finding(AREA, check, error.strerror or str(error), limit, Verdict.UNKNOWN)
-    free = stats.f_bavail * stats.f_frsize
-    verdict = grade(-free, -2.0 * need, -need)
-    return Finding(
-        AREA,
-        check,
+        return check.unknown(error.strerror or str(error))
+    return check.finding(
         f"{1e-9 * free:.1f} GB in {place}",
-        limit,
-        verdict,
-        ""
-        if verdict is Verdict.GOOD
-        else "move old runs away, or give `--runs` a folder on another disk",
-        forbidden_uses(verdict, *ALL_USES),
-        {"free_bytes": free, "needed_bytes": need},
+        grade(-free, -2.0 * need, -need),
+        "move old runs away, or give `--runs` a folder on another disk",
+        free_bytes=free,
+        needed_bytes=need,
     )
 
 
 def _file_system(host: Host, place: Path) -> Finding:
-    check = "file system"
     limit = "a local disk: memory loses the runs at power-off, networks stall"
+    check = Check(AREA, "file system", limit, REALTIME)
     kind, best = "", -1
     for line in (host.read_text("/proc/mounts") or "").splitlines():
         columns = line.split()
@@ -108,57 +105,52 @@ def _file_system(host: Host, place: Path) -> Finding:
         if place.is_relative_to(mount_point) and len(mount_point) >= best:
             kind, best = columns[2], len(mount_point)
     if not kind:
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     if kind in _IN_MEMORY:
         advice = "give `--runs` a folder on a disk: here a power cut deletes every run"
-        return Finding(
-            AREA, check, f"{kind}: in memory", limit, Verdict.BAD, advice, REALTIME, {"kind": kind}
-        )
+        return check.finding(f"{kind}: in memory", Verdict.BAD, advice, kind=kind)
     if kind in _REMOTE:
         advice = "give `--runs` a folder on a local disk; copy the runs away afterwards"
-        return Finding(AREA, check, kind, limit, Verdict.WARNING, advice, (), {"kind": kind})
-    return Finding(AREA, check, kind[:40], limit, Verdict.GOOD, "", (), {"kind": kind})
+        return check.finding(kind, Verdict.WARNING, advice, kind=kind)
+    return check.finding(kind[:40], kind=kind)
 
 
 def _speed(place: Path, rate_hz: float) -> list[Finding]:
     log_rate = rate_hz * row_bytes()
-    rate_limit = f"at least {1e-6 * 10 * log_rate:.1f} MB/s: ten times the largest rate of the log"
     timeout = supervisor.DISK_TIMEOUT_S
-    flush_limit = (
-        f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for "
-        f"{timeout:g} s "
-        "ends the run"
+    writing = Check(
+        AREA,
+        "sequential writing",
+        f"at least {1e-6 * 10 * log_rate:.1f} MB/s: ten times the largest rate of the log",
+        ALL_USES,
     )
-    names = ("sequential writing", "flush to the disk")
+    flush = Check(
+        AREA,
+        "flush to the disk",
+        f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for "
+        f"{timeout:g} s ends the run",
+        ALL_USES,
+    )
     try:
         speed = measure_write_speed(place)
     except OSError as error:
-        reason = error.strerror or str(error)
         advice = f"make {place} writable, or give `--runs` another folder"
-        return [Finding(AREA, names[0], reason, rate_limit, Verdict.BAD, advice, ALL_USES)]
-    rate_verdict = grade(-speed.rate, -10.0 * log_rate, -1.5 * log_rate)
-    flush_verdict = grade(speed.worst, FLUSH_INTERVAL, timeout)
+        return [writing.finding(error.strerror or str(error), Verdict.BAD, advice)]
     advice = "find other programs that write (`iotop`); use a solid-state disk"
     return [
-        Finding(
-            AREA,
-            names[0],
+        writing.finding(
             f"{1e-6 * speed.rate:.0f} MB/s",
-            rate_limit,
-            rate_verdict,
-            "" if rate_verdict is Verdict.GOOD else advice,
-            forbidden_uses(rate_verdict, *ALL_USES),
-            {"bytes_per_s": speed.rate, "log_bytes_per_s": log_rate},
+            grade(-speed.rate, -10.0 * log_rate, -1.5 * log_rate),
+            advice,
+            bytes_per_s=speed.rate,
+            log_bytes_per_s=log_rate,
         ),
-        Finding(
-            AREA,
-            names[1],
+        flush.finding(
             f"median {1e3 * speed.typical:.1f} ms, worst {1e3 * speed.worst:.1f} ms",
-            flush_limit,
-            flush_verdict,
-            "" if flush_verdict is Verdict.GOOD else advice,
-            forbidden_uses(flush_verdict, *ALL_USES),
-            {"median_s": speed.typical, "worst_s": speed.worst},
+            grade(speed.worst, FLUSH_INTERVAL, timeout),
+            advice,
+            median_s=speed.typical,
+            worst_s=speed.worst,
         ),
     ]
 
@@ -168,8 +160,7 @@ def measure_write_speed(place: Path) -> WriteSpeed:
 
     Raises OSError if the folder cannot be written.
     """
-    stats = os.statvfs(place)
-    max_bytes = min(_MAX_BYTES, stats.f_bavail * stats.f_frsize // 10)
+    max_bytes = min(_MAX_BYTES, _free_bytes(place) // 10)
     block = os.urandom(_BLOCK_BYTES)
     with tempfile.TemporaryFile(dir=place) as file:
         fd, done, began = file.fileno(), 0, time.monotonic()

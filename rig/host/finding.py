@@ -54,9 +54,25 @@ def grade(value: float, good: float, bad: float) -> Verdict:
     return Verdict.BAD if value > bad else Verdict.WARNING
 
 
-def forbidden_uses(verdict: Verdict, *uses: Use) -> tuple[Use, ...]:
-    """Return the uses that a verdict forbids: ``uses`` if it is bad, else none."""
-    return uses if verdict is Verdict.BAD else ()
+class Check(NamedTuple):
+    """A value of the host that has a limit."""
+
+    area: str
+    name: str
+    limit: str  # with its reason
+    forbids: tuple[Use, ...] = ()  # uses that a bad value forbids
+
+    def finding(
+        self, value: str, verdict: Verdict = Verdict.GOOD, advice: str = "", /, **numbers: Any
+    ) -> Finding:
+        """Return the finding for a value; the advice is left out if it is good."""
+        advice = "" if verdict is Verdict.GOOD else advice
+        forbids = self.forbids if verdict is Verdict.BAD else ()
+        return Finding(self.area, self.name, value, self.limit, verdict, advice, forbids, numbers)
+
+    def unknown(self, value: str = "cannot be read") -> Finding:
+        """Return the finding for a value that the host does not show."""
+        return self.finding(value, Verdict.UNKNOWN)
 
 
 class Host:

@@ -4,7 +4,7 @@ import mmap
 import os
 import resource
 
-from rig.host.finding import ALL_USES, Finding, Host, Verdict, forbidden_uses, grade
+from rig.host.finding import ALL_USES, Check, Finding, Host, Verdict, grade
 from rig.kinds import row_types
 from rig.recording import ring, row_layout
 
@@ -32,50 +32,38 @@ def meminfo(host: Host) -> dict[str, int]:
 
 
 def _free(host: Host) -> Finding:
-    check = "free memory"
     limit = (
         f"{1e-9 * _FREE_GOOD:g} GB, bad below {1e-9 * _FREE_BAD:g} GB: a run takes 0.2 GB, reading "
         "an hour of it with all fields 1.8 GB"
     )
+    check = Check(AREA, "free memory", limit, ALL_USES)
     free = meminfo(host).get("MemAvailable")
     if free is None:
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     allowed = min((n for n in map(host.read_int, _CGROUPS) if n is not None), default=_NO_LIMIT)
     value = f"{1e-9 * min(free, allowed):.1f} GB"
     if allowed < free:
         value += ", limited by the container or service"
     verdict = grade(-min(free, allowed), -_FREE_GOOD, -_FREE_BAD)
-    advice = "" if verdict is Verdict.GOOD else "close other programs; see `top`"
-    return Finding(
-        AREA,
-        check,
-        value,
-        limit,
-        verdict,
-        advice,
-        forbidden_uses(verdict, *ALL_USES),
-        {"bytes": free},
-    )
+    return check.finding(value, verdict, "close other programs; see `top`", bytes=free)
 
 
 def _swap(host: Host) -> Finding:
-    check, limit = "swap in use", "none: the run waits while swapped memory returns"
+    check = Check(AREA, "swap in use", "none: the run waits while swapped memory returns")
     info = meminfo(host)
     if "SwapTotal" not in info or "SwapFree" not in info:
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     used = info["SwapTotal"] - info["SwapFree"]
     if used <= 0:
-        return Finding(AREA, check, "none", limit, Verdict.GOOD)
+        return check.finding("none")
     advice = "`swapoff -a && swapon -a` as root when enough memory is free"
-    return Finding(AREA, check, f"{1e-9 * used:.2f} GB", limit, Verdict.WARNING, advice)
+    return check.finding(f"{1e-9 * used:.2f} GB", Verdict.WARNING, advice)
 
 
 def _shared() -> Finding:
     size = ring.CAPACITY * max(row_layout.layout(row_type).size for row_type in row_types())
-    check, limit = (
-        "shared memory",
-        f"{1e-6 * size:.0f} MB in one piece: the ring between loop and logger",
-    )
+    limit = f"{1e-6 * size:.0f} MB in one piece: the ring between loop and logger"
+    check = Check(AREA, "shared memory", limit, ALL_USES)
     try:
         fd = os.memfd_create("wec-rig-doctor", os.MFD_CLOEXEC)
         try:
@@ -87,23 +75,17 @@ def _shared() -> Finding:
             os.close(fd)
     except (OSError, AttributeError, ValueError) as error:
         advice = "the kernel must know memfd_create (Linux 3.17) and have the memory free"
-        return Finding(AREA, check, str(error), limit, Verdict.BAD, advice, ALL_USES)
-    return Finding(AREA, check, "memfd, available", limit, Verdict.GOOD)
+        return check.finding(str(error), Verdict.BAD, advice)
+    return check.finding("memfd, available")
 
 
 def _files() -> Finding:
-    check = "open files"
     limit = f"{_FILES_GOOD}: pipes, ring, locks, devices and libraries of three processes"
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     count = _NO_LIMIT if soft == resource.RLIM_INFINITY else soft
-    verdict = grade(-count, -_FILES_GOOD, -_FILES_BAD)
-    return Finding(
-        AREA,
-        check,
+    return Check(AREA, "open files", limit, ALL_USES).finding(
         "without limit" if count == _NO_LIMIT else f"up to {count}",
-        limit,
-        verdict,
-        "" if verdict is Verdict.GOOD else "`ulimit -n 1024`",
-        forbidden_uses(verdict, *ALL_USES),
-        {"limit": count},
+        grade(-count, -_FILES_GOOD, -_FILES_BAD),
+        "`ulimit -n 1024`",
+        limit=count,
     )

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
+from rig.host.finding import REALTIME, Check, Finding, Host, Verdict
 
 AREA = "privileges"
 _PRIVILEGES = {
@@ -38,45 +38,32 @@ def _granted(wakeups: dict[str, Any] | None) -> list[Finding]:
     granted = (wakeups or {}).get("granted") or {}
     core = (wakeups or {}).get("core")
     found = []
-    for name, (check, reason) in _PRIVILEGES.items():
+    for name, (label, reason) in _PRIVILEGES.items():
         limit = f"granted: {reason}; a rig file with `realtime: required` refuses to arm without it"
+        check = Check(AREA, label, limit, REALTIME)
         refusal = granted.get(name)
         if refusal is None:
-            verdict, value, advice = Verdict.UNKNOWN, "not requested", ""
+            found.append(check.unknown("not requested"))
         elif refusal:
-            verdict, value, advice = Verdict.BAD, f"refused ({refusal})", _ADVICE[name]
+            found.append(check.finding(f"refused ({refusal})", Verdict.BAD, _ADVICE[name]))
         else:
-            verdict, value, advice = Verdict.GOOD, "granted", ""
-            if name == "core":
-                value = f"granted: core {core}"
-        forbids = forbidden_uses(verdict, *REALTIME)
-        found.append(Finding(AREA, check, value, limit, verdict, advice, forbids))
+            found.append(check.finding(f"granted: core {core}" if name == "core" else "granted"))
     return found
 
 
 def _throttling(host: Host) -> Finding:
-    check, limit = (
-        "real-time throttling",
+    limit = (
         f"at least {100 * _MIN_RT_SHARE:.0f} % of a core for real-time processes, but less than "
-        "100 %: the throttle stops a runaway loop",
+        "100 %: the throttle stops a runaway loop"
     )
+    check = Check(AREA, "real-time throttling", limit, REALTIME)
     runtime, period = host.read_int(_RT_RUNTIME), host.read_int(_RT_PERIOD) or 1_000_000
     if runtime is None:
-        return Finding(AREA, check, f"{_RT_RUNTIME} cannot be read", limit, Verdict.UNKNOWN)
-    numbers = {"runtime_us": runtime, "period_us": period}
-    if runtime < 0:
-        advice = f"`echo 950000 > {_RT_RUNTIME}` as root"
-        value = "off: a runaway loop keeps its core forever"
-        return Finding(AREA, check, value, limit, Verdict.WARNING, advice, (), numbers)
+        return check.unknown(f"{_RT_RUNTIME} cannot be read")
     share = runtime / period
     verdict = Verdict.GOOD if share >= _MIN_RT_SHARE else Verdict.BAD
-    return Finding(
-        AREA,
-        check,
-        f"{100 * share:.0f} % of each {period / 1e6:g} s",
-        limit,
-        verdict,
-        "" if verdict is Verdict.GOOD else f"`echo 950000 > {_RT_RUNTIME}` as root",
-        forbidden_uses(verdict, *REALTIME),
-        numbers,
-    )
+    value = f"{100 * share:.0f} % of each {period / 1e6:g} s"
+    if runtime < 0:
+        verdict, value = Verdict.WARNING, "off: a runaway loop keeps its core forever"
+    advice = f"`echo 950000 > {_RT_RUNTIME}` as root"
+    return check.finding(value, verdict, advice, runtime_us=runtime, period_us=period)

@@ -3,7 +3,7 @@
 import os
 from typing import NamedTuple
 
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses, grade
+from rig.host.finding import REALTIME, Check, Finding, Host, Verdict, grade
 from rig.realtime import scheduling
 
 AREA = "processor"
@@ -54,92 +54,80 @@ def findings(
 
 
 def _count() -> Finding:
-    check, limit = "cores", "2 or more: the loop keeps one, all other processes share the rest"
+    limit = "2 or more: the loop keeps one, all other processes share the rest"
     count = os.cpu_count() or 1
     verdict = Verdict.GOOD if count > 1 else Verdict.BAD
-    advice = "" if count > 1 else "use a machine with more cores"
-    return Finding(
-        AREA,
-        check,
-        str(count),
-        limit,
-        verdict,
-        advice,
-        forbidden_uses(verdict, *REALTIME),
-        {"n": count},
+    return Check(AREA, "cores", limit, REALTIME).finding(
+        str(count), verdict, "use a machine with more cores", n=count
     )
 
 
 def _isolated(host: Host, core: int) -> Finding:
-    check, limit = f"isolation of core {core}", "no ordinary processes on it since the boot"
+    check = Check(AREA, f"isolation of core {core}", "no ordinary processes on it since the boot")
     text = host.read_text(f"{_CPU}/isolated")
     if text is None:
-        return Finding(AREA, check, "the kernel gives no value", limit, Verdict.UNKNOWN)
+        return check.unknown("the kernel gives no value")
     try:
         isolated = core in scheduling.parse_core_list(text)
     except ValueError:
-        return Finding(AREA, check, f"not understood: {text[:20]}", limit, Verdict.UNKNOWN)
+        return check.unknown(f"not understood: {text[:20]}")
     if isolated:
-        return Finding(AREA, check, f"isolated ({text})", limit, Verdict.GOOD)
+        return check.finding(f"isolated ({text})")
     advice = (
         f"boot with `isolcpus=domain,managed_irq,{core} nohz_full={core} rcu_nocbs={core}`; "
         "the loop takes an isolated core by itself"
     )
-    return Finding(AREA, check, "not isolated", limit, Verdict.WARNING, advice)
+    return check.finding("not isolated", Verdict.WARNING, advice)
 
 
 def _siblings(host: Host, core: int) -> Finding:
-    check = f"hyperthreads of core {core}"
     limit = "one: a second one can halve the speed of the loop's core at any time"
+    check = Check(AREA, f"hyperthreads of core {core}", limit)
     text = host.read_text(f"{_CPU}/cpu{core}/topology/thread_siblings_list")
     try:
         others = scheduling.parse_core_list(text or "") - {core}
     except ValueError:
         text = None
     if not text:
-        return Finding(AREA, check, "the kernel gives no value", limit, Verdict.UNKNOWN)
+        return check.unknown("the kernel gives no value")
     if not others:
-        return Finding(AREA, check, "one", limit, Verdict.GOOD)
+        return check.finding("one")
     several = ", ".join(map(str, sorted(others)))
     advice = "; ".join(f"`echo 0 > {_CPU}/cpu{other}/online`" for other in sorted(others))
-    return Finding(
-        AREA, check, f"shared with {several}", limit, Verdict.WARNING, f"{advice} as root"
-    )
+    return check.finding(f"shared with {several}", Verdict.WARNING, f"{advice} as root")
 
 
 def _governor(host: Host, core: int) -> Finding:
-    check, limit = "frequency governor", "performance: others are slow to speed up for a short tick"
+    limit = "performance: others are slow to speed up for a short tick"
+    check = Check(AREA, "frequency governor", limit)
     path = f"{_CPU}/cpu{core}/cpufreq/scaling_governor"
     governor = host.read_text(path)
     if not governor:
-        return Finding(AREA, check, "the kernel shows none", limit, Verdict.UNKNOWN)
+        return check.unknown("the kernel shows none")
     if governor == "performance":
-        return Finding(AREA, check, governor, limit, Verdict.GOOD)
+        return check.finding(governor)
     advice = f"`echo performance > {path}` as root, for every core"
-    return Finding(AREA, check, governor[:40], limit, Verdict.WARNING, advice)
+    return check.finding(governor[:40], Verdict.WARNING, advice)
 
 
 def _load(host: Host) -> Finding:
     cores = os.cpu_count() or 1
-    check, limit = "load", f"at most {_LOAD_GOOD * cores:g}: half of the {cores} cores"
+    check = Check(AREA, "load", f"at most {_LOAD_GOOD * cores:g}: half of the {cores} cores")
     try:
         load = float((host.read_text("/proc/loadavg") or "").split()[0])
     except (ValueError, IndexError):
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     verdict = grade(load, _LOAD_GOOD * cores, float("inf"))
-    advice = "" if verdict is Verdict.GOOD else "see `top`; stop programs that are not needed"
-    value = f"{load:g} over the last minute"
-    return Finding(AREA, check, value, limit, verdict, advice, (), {"load": load})
+    value, advice = f"{load:g} over the last minute", "see `top`; stop programs that are not needed"
+    return check.finding(value, verdict, advice, load=load)
 
 
 def _virtual(host: Host, stolen: float | None, latest: float | None) -> Finding:
-    check, limit = (
-        "virtual machine or container",
-        "neither: a host can stall its virtual machines at any time",
-    )
+    limit = "neither: a host can stall its virtual machines at any time"
+    check = Check(AREA, "virtual machine or container", limit, REALTIME)
     cpuinfo = host.read_text("/proc/cpuinfo")
     if cpuinfo is None:
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     flags = next((line for line in cpuinfo.splitlines() if line.startswith("flags")), "")
     kinds = []
     if "hypervisor" in flags.split() or host.exists("/sys/hypervisor/type"):
@@ -148,7 +136,7 @@ def _virtual(host: Host, stolen: float | None, latest: float | None) -> Finding:
     if host.exists("/.dockerenv") or host.exists("/run/.containerenv"):
         kinds.append("a container")
     if not kinds:
-        return Finding(AREA, check, "neither", limit, Verdict.GOOD)
+        return check.finding("neither")
     advice = "run a rig from a dedicated machine; shared machines have shown stalls of 30 to 40 ms"
     value = " in ".join(kinds[::-1])
     stalls = [f"{100 * stolen:.2g} % of its time stolen"] if stolen else []
@@ -157,7 +145,7 @@ def _virtual(host: Host, stolen: float | None, latest: float | None) -> Finding:
     verdict = Verdict.BAD if stalls and "machine" in value else Verdict.WARNING
     if verdict is Verdict.BAD:  # a day will show worse stalls than these seconds
         value += f", stalled during the measurement ({' and '.join(stalls)})"
-    return Finding(AREA, check, value, limit, verdict, advice, forbidden_uses(verdict, *REALTIME))
+    return check.finding(value, verdict, advice)
 
 
 def _stolen_share(before: CpuTime | None, after: CpuTime | None) -> float | None:
@@ -167,24 +155,23 @@ def _stolen_share(before: CpuTime | None, after: CpuTime | None) -> float | None
 
 
 def _stolen(before: CpuTime | None, after: CpuTime | None) -> Finding:
-    check, limit = "time stolen by other virtual machines", "none during the measurement"
+    check = Check(AREA, "time stolen by other virtual machines", "none during the measurement")
     share = _stolen_share(before, after)
     if share is None:
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     verdict = Verdict.GOOD if share == 0.0 else Verdict.WARNING
-    advice = "" if share == 0.0 else "the host is shared; ask for a dedicated one"
-    return Finding(
-        AREA, check, f"{100 * share:.2f} %", limit, verdict, advice, (), {"share": share}
-    )
+    advice = "the host is shared; ask for a dedicated one"
+    return check.finding(f"{100 * share:.2f} %", verdict, advice, share=share)
 
 
 def _kernel(host: Host) -> Finding:
-    check, limit = "kernel", "PREEMPT_RT: it bounds the time that the kernel can delay the loop"
+    limit = "PREEMPT_RT: it bounds the time that the kernel can delay the loop"
+    check = Check(AREA, "kernel", limit)
     version = host.read_text("/proc/version")
     if version is None:
-        return Finding(AREA, check, "cannot be read", limit, Verdict.UNKNOWN)
+        return check.unknown()
     release = [*version.split(), "", "", "?"][2]
     if host.read_text("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
-        return Finding(AREA, check, f"{release}, PREEMPT_RT", limit, Verdict.GOOD)
+        return check.finding(f"{release}, PREEMPT_RT")
     advice = "install the distribution's real-time kernel (Debian: linux-image-rt-amd64)"
-    return Finding(AREA, check, f"{release[:40]}, not real-time", limit, Verdict.WARNING, advice)
+    return check.finding(f"{release[:40]}, not real-time", Verdict.WARNING, advice)

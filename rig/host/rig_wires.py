@@ -1,36 +1,19 @@
 """Checks of one rig's wires on this host."""
 
 from collections.abc import Callable
-from ipaddress import ip_address
 from pathlib import Path
-from typing import NamedTuple
 
-from drivers.canopen.bus_settings import BusSettings
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import RtuLine, TcpLine, Wiring
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
+from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire
+from rig.host.finding import REALTIME, Check, Finding, Host, Verdict
 from rig.host.wires import DIALOUT, backend_trouble
-from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
-from rig.kinds.oswec_bench.config.wiring import BenchWiring
-from rig.kinds.oswec_bench.hardware.job import build_bench_job
-from rig.kinds.wavebot.config import RigFile
-from rig.kinds.wavebot.hardware.job import WiringError, build_job
+from rig.kinds import find
 from rig.recording.runs.create import BusyError
 from rig.wires import wire_check
-from rig.wires.locks import Wire, acquire, can_wire, network_wire
+from rig.wires.job import WiringError
+from rig.wires.locks import acquire, lockable
 
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
-
-
-class _WireCheck(NamedTuple):
-    """State of a wire of the rig."""
-
-    check: str
-    value: str  # address
-    trouble: str
-    limit: str
-    advice: str
-    emulated: bool  # its address is on this host's loopback, or no device file
 
 
 def area(rig: BaseRigFile) -> str:
@@ -40,95 +23,72 @@ def area(rig: BaseRigFile) -> str:
 
 def findings(host: Host, rig: BaseRigFile) -> list[Finding]:
     """Return the findings on the wiring, then on every wire: hardware, and an answering device."""
-    area_name = area(rig)
+    place = area(rig)
+    wiring_check = Check(place, "wiring", "", REALTIME)
     if rig.wiring is None:
-        value = "none: the rig can only be rehearsed"
-        return [Finding(area_name, "wiring", value, "", Verdict.NOTE)]
+        return [wiring_check.finding("none: the rig can only be rehearsed", Verdict.NOTE)]
     try:
-        if isinstance(rig, BenchRigFile):
-            return _bench_findings(area_name, host, rig, rig.wiring)
-        assert isinstance(rig, RigFile)
-        load = build_job(rig).load.total
+        load = find(rig.kind).room("hardware.job").build_job(rig).bus_load
     except WiringError as error:
-        advice = "correct the rig file"
         text = "; ".join(str(error).splitlines())
-        return [Finding(area_name, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
-    assert isinstance(rig.wiring, Wiring)
-    can = rig.wiring.can
-    bus = BusSettings(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
-    limit = "at most 80 % in the worst case: the rest is for messages that do not come every tick"
-    found = [
-        Finding(area_name, "load of the CAN bus", f"{100 * load:.0f} %", limit, Verdict.GOOD),
-        _backend(area_name, can.interface),
-        _finding(area_name, _can(host, bus)),
-    ]
-    for name, line in rig.wiring.lines.items():
-        found.append(_finding(area_name, _line(host, name, line)))
+        return [wiring_check.finding(text, Verdict.BAD, "correct the rig file")]
+    found = []
+    if load is not None:
+        limit = (
+            "at most 80 % in the worst case: the rest is for messages that do not come every tick"
+        )
+        check = Check(place, "load of the CAN bus", limit)
+        found.append(check.finding(f"{100 * load.total:.0f} %"))
+    for wire in rig.wiring.wires():
+        part = wire.part
+        if isinstance(part, CanBus):
+            found += [_backend(place, part.interface), _can(place, host, wire, part)]
+        elif isinstance(part, TcpLine):
+            found.append(_tcp(place, wire, part))
+        elif isinstance(part, SerialPort | RtuLine):
+            found.append(_port(place, wire.name, part.port))
+        else:  # a device on UDP shows its presence only by an answer
+            check = Check(place, wire.name, "use `rig devices` to query it")
+            found.append(check.finding(wire.address, Verdict.NOTE))
     return found
 
 
-def _bench_findings(
-    area_name: str, host: Host, rig: BenchRigFile, wiring: BenchWiring
-) -> list[Finding]:
-    """Return the findings on the bench's serial ports and lines.
-
-    A load cell on UDP shows its presence only by an answer, so the finding only names its address.
-    """
-    build_bench_job(rig)
-    ports = {"encoder bridge": wiring.encoders.port, "servo drive": wiring.servo.port}
-    found = [_finding(area_name, _port(check, port)) for check, port in ports.items()]
-    found += [_finding(area_name, _line(host, name, line)) for name, line in wiring.lines.items()]
-    cell, limit = wiring.load_cell, "use `rig devices` to query it"
-    address = f"{cell.host}:{cell.port}"
-    return [*found, Finding(area_name, "load cell", address, limit, Verdict.NOTE)]
-
-
-def _backend(area_name: str, interface: str) -> Finding:
-    check, limit = (
-        f"python-can on {interface}",
-        "can be imported, with the library of the adapter's manufacturer",
-    )
+def _backend(place: str, interface: str) -> Finding:
+    limit = "can be imported, with the library of the adapter's manufacturer"
+    check = Check(place, f"python-can on {interface}", limit, REALTIME)
     trouble = backend_trouble(interface)
     if not trouble:
-        return Finding(area_name, check, "installed", limit, Verdict.GOOD)
+        return check.finding("installed")
     advice = (
         "install the missing part: see the page of this interface in python-can's documentation"
     )
-    return Finding(area_name, check, trouble, limit, Verdict.BAD, advice, REALTIME)
+    return check.finding(trouble, Verdict.BAD, advice)
 
 
-def _can(host: Host, bus: BusSettings) -> _WireCheck:
-    value = f"{bus.interface} {bus.channel}"
+def _can(place: str, host: Host, wire: Wire, can: CanBus) -> Finding:
+    bus = can.settings()
     if bus.interface == "socketcan":
-        trouble = wire_check.network_problem(bus.channel, host.root)
+        check = Check(place, "CAN bus", "the interface exists and is up", REALTIME)
         advice = (
             f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
             "no such interface, plug in the adapter and load its driver"
         )
-        return _WireCheck(
-            "CAN bus", value, trouble, "the interface exists and is up", advice, False
-        )
+        trouble = wire_check.network_problem(bus.channel, host.root)
+        return _wire(check, wire.address, trouble, advice)
     if bus.interface == "socketcand":
-        address = str(dict(bus.options).get("host", "127.0.0.1"))
-        wire = can_wire(bus.interface, bus.channel, dict(bus.options))
+        check = Check(place, "CAN bus", "a server listens there", REALTIME)
         trouble, used = _check_unless_in_use(wire, lambda: wire_check.bus_problem(bus))
-        limit, advice = "a server listens there", "start socketcand there"
-        return _WireCheck("CAN bus", value + used, trouble, limit, advice, _loopback(address))
-    limit = "use `rig scan can` to open it"
-    return _WireCheck("CAN bus", value, "", limit, "", False)
+        emulated = wire_check.is_loopback(bus.endpoint[0])
+        return _wire(check, wire.address + used, trouble, "start socketcand there", emulated)
+    return Check(place, "CAN bus", "use `rig scan can` to open it").finding(wire.address)
 
 
-def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _WireCheck:
-    check = f"line {name}"
-    if isinstance(line, TcpLine):
-        wire = network_wire(check, "tcp", line.host, line.port)
-        trouble, used = _check_unless_in_use(
-            wire, lambda: wire_check.tcp_problem(line.host, line.port)
-        )
-        advice = "check its power, its address, and that this host is in its network"
-        value, limit = f"{line.host}:{line.port}{used}", "a server listens there"
-        return _WireCheck(check, value, trouble, limit, advice, _loopback(line.host))
-    return _port(check, line.port)
+def _tcp(place: str, wire: Wire, line: TcpLine) -> Finding:
+    check = Check(place, wire.name, "a server listens there", REALTIME)
+    trouble, used = _check_unless_in_use(wire, lambda: wire_check.tcp_problem(line.host, line.port))
+    advice = "check its power, its address, and that this host is in its network"
+    emulated = wire_check.is_loopback(line.host)
+    return _wire(check, f"{wire.address}{used}", trouble, advice, emulated)
 
 
 def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str]:
@@ -138,33 +98,25 @@ def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str
     close that of a run.
     """
     try:
-        with acquire((wire,), "rig doctor"):
+        with acquire((lockable(wire),), "rig doctor"):
             return check(), ""
     except BusyError:
         return "", " (in use by another program, so not tested)"
 
 
-def _port(check: str, port: str) -> _WireCheck:
+def _port(place: str, label: str, port: str) -> Finding:
     trouble = wire_check.port_problem(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
     emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
-    limit = "exists, and this user may open it"
-    return _WireCheck(check, port, trouble, limit, advice, emulated)
+    check = Check(place, label, "exists, and this user may open it", REALTIME)
+    return _wire(check, port, trouble, advice, emulated)
 
 
-def _finding(area_name: str, wire: _WireCheck) -> Finding:
-    value = f"{wire.value}: {wire.trouble}" if wire.trouble else wire.value
-    if not wire.trouble:
-        return Finding(area_name, wire.check, value, wire.limit, Verdict.GOOD)
-    if wire.emulated:
-        return Finding(area_name, wire.check, value, wire.limit, Verdict.WARNING, _EMULATED)
-    verdict = Verdict.BAD
-    forbids = forbidden_uses(verdict, *REALTIME)
-    return Finding(area_name, wire.check, value, wire.limit, verdict, wire.advice, forbids)
-
-
-def _loopback(host: str) -> bool:
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
+def _wire(check: Check, value: str, trouble: str, advice: str, emulated: bool = False) -> Finding:
+    """Return the finding on a wire; ``emulated``: it is on this host, or no device file."""
+    if not trouble:
+        return check.finding(value)
+    value = f"{value}: {trouble}"
+    if emulated:
+        return check.finding(value, Verdict.WARNING, _EMULATED)
+    return check.finding(value, Verdict.BAD, advice)

@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from rig.compilation.cache_folder import cache_root
-from rig.host.finding import ALL_USES, REALTIME, Finding, Verdict, forbidden_uses, grade
+from rig.host.finding import ALL_USES, REALTIME, Check, Finding, Verdict, grade
 
 AREA = "software"
 DISTRIBUTION = "wec-rig"
@@ -38,36 +38,34 @@ def findings() -> list[Finding]:
 
 
 def _build() -> Finding:
-    check = "Python"
     limit = "built with profile-guided optimisation: others are up to twice as slow"
+    check = Check(AREA, "Python", limit, REALTIME)
     arguments = str(sysconfig.get_config_var("CONFIG_ARGS") or "")
     flags = str(sysconfig.get_config_var("PY_CORE_CFLAGS") or "")
     version = f"{platform.python_implementation()} {platform.python_version()}"
     if sysconfig.get_config_var("Py_DEBUG") or hasattr(sys, "gettotalrefcount"):
         advice = "use a release build of Python"
-        return Finding(AREA, check, f"{version}, debug build", limit, Verdict.BAD, advice, REALTIME)
+        return check.finding(f"{version}, debug build", Verdict.BAD, advice)
     if "--enable-optimizations" in arguments or "-fprofile-use" in flags:
-        return Finding(AREA, check, f"{version}, optimised", limit, Verdict.GOOD)
+        return check.finding(f"{version}, optimised")
     if not arguments:
-        return Finding(AREA, check, f"{version}, build unknown", limit, Verdict.UNKNOWN)
+        return check.unknown(f"{version}, build unknown")
     advice = "use a Python built so; `make clean setup` selects the fastest one on the PATH"
-    return Finding(AREA, check, f"{version}, not optimised", limit, Verdict.WARNING, advice)
+    return check.finding(f"{version}, not optimised", Verdict.WARNING, advice)
 
 
 def _speed() -> Finding:
     timer = timeit.Timer("f(f(1.0))", "f = lambda x: (x, x)[0]", time.process_time)
     best = min(timer.repeat(number=_CALLS)) / _CALLS
-    verdict = grade(best, _CALL_GOOD, _CALL_BAD)
-    return Finding(
-        AREA,
-        "speed of Python",
-        f"{1e9 * best:.0f} ns for two calls",
+    limit = (
         f"{1e9 * _CALL_GOOD:.0f} ns, bad above {1e9 * _CALL_BAD:.0f} ns: a tick makes some "
-        "hundred such calls",
-        verdict,
-        "" if verdict is Verdict.GOOD else "use a faster processor, or an optimised Python",
-        forbidden_uses(verdict, *REALTIME),
-        {"seconds": best},
+        "hundred such calls"
+    )
+    return Check(AREA, "speed of Python", limit, REALTIME).finding(
+        f"{1e9 * best:.0f} ns for two calls",
+        grade(best, _CALL_GOOD, _CALL_BAD),
+        "use a faster processor, or an optimised Python",
+        seconds=best,
     )
 
 
@@ -94,9 +92,10 @@ def check_required(requirements: list[str] | None) -> Finding:
 
     ``requirements`` has the form of a package's metadata; None: the package is not installed.
     """
-    check, limit = "libraries", "each installed, and not older than wec-rig requires"
+    limit = "each installed, and not older than wec-rig requires"
+    check = Check(AREA, "libraries", limit, ALL_USES)
     if requirements is None:
-        return Finding(AREA, check, f"{DISTRIBUTION} is not installed", limit, Verdict.UNKNOWN)
+        return check.unknown(f"{DISTRIBUTION} is not installed")
     wrong, count = [], 0
     for line in requirements:
         text, _, marker = line.partition(";")
@@ -111,17 +110,18 @@ def check_required(requirements: list[str] | None) -> Finding:
         elif _version_key(installed) < _version_key(least):
             wrong.append(f"{name} {installed} is older than {least}")
     if not wrong:
-        return Finding(AREA, check, f"all {count} installed", limit, Verdict.GOOD)
-    return Finding(AREA, check, "; ".join(wrong), limit, Verdict.BAD, REINSTALL, ALL_USES)
+        return check.finding(f"all {count} installed")
+    return check.finding("; ".join(wrong), Verdict.BAD, REINSTALL)
 
 
 def check_pinned(path: Path) -> Finding:
     """Check that the libraries have the versions that were tested, those of a constraints file."""
-    check, limit = "tested versions", f"those of {path.name}: run the versions that were tested"
+    limit = f"those of {path.name}: run the versions that were tested"
+    check = Check(AREA, "tested versions", limit)
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError):
-        return Finding(AREA, check, f"no {path.name} here", limit, Verdict.UNKNOWN)
+        return check.unknown(f"no {path.name} here")
     other, count = [], 0
     for line in lines:
         pin = _PINNED.fullmatch(line.strip())
@@ -132,16 +132,16 @@ def check_pinned(path: Path) -> Finding:
         if installed != pin[2]:
             other.append(f"{pin[1]} {installed} (tested: {pin[2]})")
     if not other:
-        return Finding(AREA, check, f"all {count} installed ones", limit, Verdict.GOOD)
+        return check.finding(f"all {count} installed ones")
     value = ", ".join(other[:_MAX_LISTED]) + (
         f" and {len(other) - _MAX_LISTED} more" * (len(other) > _MAX_LISTED)
     )
-    return Finding(AREA, check, value, limit, Verdict.WARNING, REINSTALL)
+    return check.finding(value, Verdict.WARNING, REINSTALL)
 
 
 def _cache() -> Finding:
-    check = "compiled code"
     limit = "a writable cache folder: without one every rehearsal first compiles, up to a minute"
+    check = Check(AREA, "compiled code", limit, ALL_USES)
     try:
         importlib.import_module("rig.compilation.lifting")  # numba: half a second, and it may fail
         folder = cache_root()
@@ -151,10 +151,10 @@ def _cache() -> Finding:
         with tempfile.TemporaryFile(dir=existing):
             pass
     except ImportError as error:
-        return Finding(AREA, check, str(error), limit, Verdict.BAD, REINSTALL, ALL_USES)
+        return check.finding(str(error), Verdict.BAD, REINSTALL)
     except OSError as error:
         value = f"{folder}: {error.strerror or error}"
         advice = "set XDG_CACHE_HOME to a writable folder"
-        return Finding(AREA, check, value, limit, Verdict.WARNING, advice)
+        return check.finding(value, Verdict.WARNING, advice)
     cached = f"{len(os.listdir(folder))} cached" if folder.is_dir() else "none yet"
-    return Finding(AREA, check, f"{folder}, {cached}", limit, Verdict.GOOD)
+    return check.finding(f"{folder}, {cached}")

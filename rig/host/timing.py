@@ -4,7 +4,7 @@ import json
 import subprocess
 from typing import Any, NamedTuple
 
-from rig.host.finding import ALL_USES, REALTIME, Finding, Verdict, forbidden_uses, grade
+from rig.host.finding import ALL_USES, REALTIME, Check, Finding, Verdict, grade
 from rig.module_process import module_command
 from rig.recording.runs.create import BusyError
 from rig.wires.locks import REALTIME_WIRE, acquire
@@ -25,6 +25,7 @@ _LATE_ADVICE = (
     "virtual machine prevents stalls by its host"
 )
 
+_PRIVILEGED = "wake-up with the loop's privileges"
 _SKIPPED_ADVICE = "see the advice on the periods skipped"
 
 
@@ -77,23 +78,14 @@ def _measure_wakeups(
 
 def findings(measured: WakeupMeasurements, dt: float) -> list[Finding]:
     """Return the findings for a loop with the period ``dt`` (s)."""
-    found = []
-    if measured.privileged is None:
-        found.append(
-            Finding(
-                AREA,
-                "wake-up with the loop's privileges",
-                measured.trouble,
-                _P99.format(good=1e6 * P99_GOOD * dt, bad=1e6 * P99_BAD * dt),
-                Verdict.UNKNOWN,
-                "measure again when the real-time loop is free",
-                REALTIME,
-            )
-        )
-    else:
-        found += _privileged(measured.privileged, dt)
-    found.append(_unprivileged(measured.unprivileged, dt))
-    return found
+    unprivileged = _unprivileged(measured.unprivileged, dt)
+    if measured.privileged is not None:
+        return [*_privileged(measured.privileged, dt), unprivileged]
+    limit = _P99.format(good=1e6 * P99_GOOD * dt, bad=1e6 * P99_BAD * dt)
+    missing = Check(AREA, _PRIVILEGED, limit).finding(
+        measured.trouble, Verdict.UNKNOWN, "measure again when the real-time loop is free"
+    )
+    return [missing._replace(forbids=REALTIME), unprivileged]
 
 
 def _lateness_text(wakeups: dict[str, Any]) -> str:
@@ -111,53 +103,50 @@ def _privileged(wakeups: dict[str, Any], dt: float) -> list[Finding]:
     periods = Verdict.GOOD if elapsed >= MIN_PERIODS else Verdict.BAD
     skips = Verdict.BAD if wakeups["skipped"] else Verdict.GOOD
     return [
-        Finding(
+        Check(
             AREA,
             "periods measured",
-            str(elapsed),
             f"{MIN_PERIODS} at least: fewer do not show an event of 1 in 10 000",
+            REALTIME,
+        ).finding(
+            str(elapsed),
             periods,
-            ""
-            if periods is Verdict.GOOD
-            else f"`rig doctor --seconds {MIN_PERIODS * dt:g}` or more",
-            forbidden_uses(periods, *REALTIME),
-            {"periods": elapsed},
+            f"`rig doctor --seconds {MIN_PERIODS * dt:g}` or more",
+            periods=elapsed,
         ),
-        Finding(
-            AREA,
-            "wake-up with the loop's privileges",
+        Check(
+            AREA, _PRIVILEGED, f"{limit}; max at most {MAX_GOOD * period:g} us", REALTIME
+        ).finding(
             _lateness_text(wakeups),
-            f"{limit}; max at most {MAX_GOOD * period:g} us",
             late,
-            "" if late is Verdict.GOOD else _SKIPPED_ADVICE if wakeups["skipped"] else _LATE_ADVICE,
-            forbidden_uses(late, *REALTIME),
-            {key: wakeups[key] for key in ("p50_us", "p99_us", "max_us")} | {"period_us": period},
+            _SKIPPED_ADVICE if wakeups["skipped"] else _LATE_ADVICE,
+            **{key: wakeups[key] for key in ("p50_us", "p99_us", "max_us")},
+            period_us=period,
         ),
-        Finding(
+        Check(
             AREA,
             "periods skipped",
+            "none: in a skipped period the loop reads no sensors and sends no command",
+            REALTIME,
+        ).finding(
             f"{wakeups['skipped']} of {elapsed}"
             + (f", up to {wakeups['longest_gap']} in a row" if wakeups["skipped"] else ""),
-            "none: in a skipped period the loop reads no sensors and sends no command",
             skips,
-            _LATE_ADVICE if wakeups["skipped"] else "",
-            forbidden_uses(skips, *REALTIME),
-            {key: wakeups[key] for key in ("skipped", "wakes", "longest_gap")},
+            _LATE_ADVICE,
+            **{key: wakeups[key] for key in ("skipped", "wakes", "longest_gap")},
         ),
     ]
 
 
 def _unprivileged(wakeups: dict[str, Any] | None, dt: float) -> Finding:
-    check = "wake-up without privileges"
     limit = "none: a rehearsal on the real clock counts its lost ticks and stays correct"
+    check = Check(AREA, "wake-up without privileges", limit)
     if wakeups is None:
-        value = "the measuring process failed"
         advice = "run `python -m rig.host.wake` by hand to see why"
-        return Finding(AREA, check, value, limit, Verdict.UNKNOWN, advice, ALL_USES)
+        missing = check.finding("the measuring process failed", Verdict.UNKNOWN, advice)
+        return missing._replace(forbids=ALL_USES)
     elapsed = wakeups["wakes"] + wakeups["skipped"]
     value = f"{_lateness_text(wakeups)}, {wakeups['skipped']} of {elapsed} skipped"
     verdict = Verdict.WARNING if wakeups["p99_us"] > 1e6 * dt else Verdict.GOOD
-    advice = (
-        "" if verdict is Verdict.GOOD else "rehearse on the virtual clock, which has no lateness"
-    )
-    return Finding(AREA, check, value, limit, verdict, advice, (), wakeups)
+    advice = "rehearse on the virtual clock, which has no lateness"
+    return check.finding(value, verdict, advice, **wakeups)

@@ -7,7 +7,7 @@ import socket
 import time
 from ctypes.util import find_library
 
-from rig.host.finding import Finding, Host, Verdict, grade
+from rig.host.finding import Check, Finding, Host, Verdict, grade
 from rig.host.software import REINSTALL
 
 AREA = "wires"
@@ -51,35 +51,35 @@ def _module(host: Host, name: str) -> str:
 
 
 def _kernel_can(host: Host) -> Finding:
-    check = "CAN in the kernel"
+    check = Check(AREA, "CAN in the kernel", _SOCKETCAN_LIMIT)
     state = "loaded" if host.exists("/proc/net/can") else _module(host, "can_raw")
     if state == "loaded":
-        return Finding(AREA, check, "SocketCAN", _SOCKETCAN_LIMIT, Verdict.GOOD)
+        return check.finding("SocketCAN")
     if state:
-        return Finding(AREA, check, "SocketCAN, not loaded yet", _SOCKETCAN_LIMIT, Verdict.GOOD)
-    return Finding(AREA, check, "none in this kernel", _SOCKETCAN_LIMIT, Verdict.NOTE)
+        return check.finding("SocketCAN, not loaded yet")
+    return check.finding("none in this kernel", Verdict.NOTE)
 
 
 def _interfaces(host: Host) -> Finding:
-    check, limit = "CAN interfaces", "up, with the bit rate of the bus"
+    check = Check(AREA, "CAN interfaces", "up, with the bit rate of the bus")
     found = [
         name
         for name in host.list_names("/sys/class/net")
         if host.read_int(f"/sys/class/net/{name}/type") == _CAN_DEVICE
     ]
     if not found:
-        return Finding(AREA, check, "none", limit, Verdict.NOTE)
+        return check.finding("none", Verdict.NOTE)
     down = [name for name in found if not _up(host, name)]
     off = [name for name in found if name not in down and _off_the_bus(host, name)]
     states = dict.fromkeys(found, "up") | dict.fromkeys(down, "down")
     states |= dict.fromkeys(off, "off the bus (bus-off)")
     value = ", ".join(f"{name} {state}" for name, state in states.items())
     if not down and not off:
-        return Finding(AREA, check, value, limit, Verdict.GOOD)
+        return check.finding(value)
     advice = f"as root `ip link set {down[0]} up type can bitrate 1000000`" if down else ""
     if off:
         advice = f"check the wire; then as root `ip link set {off[0]} type can restart`"
-    return Finding(AREA, check, value, limit, Verdict.WARNING, advice)
+    return check.finding(value, Verdict.WARNING, advice)
 
 
 def _up(host: Host, name: str) -> bool:
@@ -95,23 +95,22 @@ def _off_the_bus(host: Host, name: str) -> bool:
 
 
 def _vcan(host: Host) -> Finding:
-    check, limit = "vcan", "a CAN bus without hardware, for tests on `socketcan`"
+    check = Check(AREA, "vcan", "a CAN bus without hardware, for tests on `socketcan`")
     state = _module(host, "vcan")
-    verdict = Verdict.GOOD if state else Verdict.NOTE
-    values = {"loaded": "loaded", "available": "available: `modprobe vcan`"}
-    value = values.get(state, "none in this kernel")
-    return Finding(AREA, check, value, limit, verdict)
+    if not state:
+        return check.finding("none in this kernel", Verdict.NOTE)
+    return check.finding(state if state == "loaded" else "available: `modprobe vcan`")
 
 
 def _backends() -> Finding:
-    check = "python-can backends"
     limit = "the rig's adapter needs its own; `rig scan can` shows whether it is plugged in"
     bad = [name for name in _BACKENDS if backend_trouble(name)]
     good = [name for name in _BACKENDS if name not in bad]
     value = ", ".join(good) + (f"; not {', '.join(bad)}" if bad else "")
     verdict = Verdict.GOOD if good else Verdict.WARNING
-    advice = "" if good else REINSTALL
-    return Finding(AREA, check, value, limit, verdict, advice, (), {"good": good, "bad": bad})
+    return Check(AREA, "python-can backends", limit).finding(
+        value, verdict, REINSTALL, good=good, bad=bad
+    )
 
 
 def backend_trouble(name: str) -> str:
@@ -132,18 +131,18 @@ def backend_trouble(name: str) -> str:
 
 
 def _serial(host: Host) -> Finding:
-    check, limit = "serial ports", "this user can open every port that has a device"
+    check = Check(AREA, "serial ports", "this user can open every port that has a device")
     found = serial_ports(host)
     if not found:
-        return Finding(AREA, check, "none", limit, Verdict.NOTE)
+        return check.finding("none", Verdict.NOTE)
     closed = [name for name in found if not host.is_accessible(f"/dev/{name}")]
     value = ", ".join(
         [name for name in found if name not in closed]
         + [f"not {name} ({host.owner(f'/dev/{name}')})" for name in closed]
     )
     if not closed:
-        return Finding(AREA, check, value, limit, Verdict.GOOD)
-    return Finding(AREA, check, value, limit, Verdict.WARNING, DIALOUT)
+        return check.finding(value)
+    return check.finding(value, Verdict.WARNING, DIALOUT)
 
 
 def serial_ports(host: Host) -> list[str]:
@@ -158,8 +157,8 @@ def serial_ports(host: Host) -> list[str]:
 
 
 def _latency(host: Host) -> Finding:
-    check = "latency of USB serial"
     limit = f"{_MAX_LATENCY_MS} ms: FTDI adapters hold bytes back for 16 ms by default"
+    check = Check(AREA, "latency of USB serial", limit)
     timers = {
         name: number
         for name in host.list_names("/sys/bus/usb-serial/devices")
@@ -167,44 +166,36 @@ def _latency(host: Host) -> Finding:
         is not None
     }
     if not timers:
-        return Finding(AREA, check, "no adapter with such a timer", limit, Verdict.NOTE)
+        return check.finding("no adapter with such a timer", Verdict.NOTE)
     value = ", ".join(f"{name} {number} ms" for name, number in timers.items())
     slow = [name for name, number in timers.items() if number > _MAX_LATENCY_MS]
     if not slow:
-        return Finding(AREA, check, value, limit, Verdict.GOOD, "", (), dict(timers))
+        return check.finding(value, **timers)
     advice = (
         f"as root `echo {_MAX_LATENCY_MS} > /sys/bus/usb-serial/devices/{slow[0]}/latency_timer`; "
         'to keep it, put ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", '
         f'ATTR{{latency_timer}}="{_MAX_LATENCY_MS}" into /etc/udev/rules.d/61-rig-serial.rules'
     )
-    return Finding(AREA, check, value, limit, Verdict.WARNING, advice, (), dict(timers))
+    return check.finding(value, Verdict.WARNING, advice, **timers)
 
 
 def _loopback() -> Finding:
-    check = "TCP on loopback"
     limit = (
         f"a round trip in {1e3 * _ROUND_TRIP_GOOD:g} ms at p99, bad above "
         f"{1e3 * _ROUND_TRIP_BAD:g} ms: emulated devices answer over it"
     )
+    check = Check(AREA, "TCP on loopback", limit)
     try:
         trips = sorted(round_trips(_ROUND_TRIPS))
     except OSError as error:
         advice = "start loopback: `ip link set lo up`; check the firewall for 127.0.0.1"
-        return Finding(AREA, check, error.strerror or str(error), limit, Verdict.BAD, advice)
+        return check.finding(error.strerror or str(error), Verdict.BAD, advice)
     middle, p99 = trips[len(trips) // 2], trips[99 * len(trips) // 100]
     verdict = grade(p99, _ROUND_TRIP_GOOD, _ROUND_TRIP_BAD)
     if verdict is Verdict.BAD:
         verdict = Verdict.WARNING  # it delays emulated devices, no rig
-    return Finding(
-        AREA,
-        check,
-        f"p50 {1e6 * middle:.0f}, p99 {1e6 * p99:.0f} us",
-        limit,
-        verdict,
-        "" if verdict is Verdict.GOOD else "close other programs",
-        (),
-        {"p50_s": middle, "p99_s": p99},
-    )
+    value = f"p50 {1e6 * middle:.0f}, p99 {1e6 * p99:.0f} us"
+    return check.finding(value, verdict, "close other programs", p50_s=middle, p99_s=p99)
 
 
 def round_trips(count: int) -> list[float]:

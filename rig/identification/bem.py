@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 
-from rig.identification.periods import Complexes, Floats
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
+from rig.spectra.periods import Complexes, Floats
 
 
 class Bem(NamedTuple):

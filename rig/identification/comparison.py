@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.identification.periods import Complexes, Floats
+from rig.identification.impedances import interpolate_impedance
 from rig.identification.report import JSON
+from rig.presentation.json_values import json_value
 from rig.recording.runs import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.spectra.periods import Complexes, Floats
 
 AMPLITUDE_TOLERANCE = 0.1  # relative difference of amplitude up to which two models are a pair
 RESPONSES = ("Z_i", "Z_id", "Z_d")
@@ -68,20 +70,16 @@ def compare(a: SavedIdentification, b: SavedIdentification) -> Comparison:
     """Compare all pairs of models; raises RunError if there is none."""
     differences: list[Difference] = []
     unpaired = []
-    models_b = b.content["models"]
     for model_a in a.content["models"]:
+        spring_rate, peak = model_a["spring_n_per_m"], model_a["peak_a"]
         candidates = [
-            candidate
-            for candidate in models_b
-            if candidate["axis"] == model_a["axis"]
-            and abs(candidate["peak_a"] - model_a["peak_a"])
-            <= AMPLITUDE_TOLERANCE * model_a["peak_a"]
+            model
+            for model in b.content["models"]
+            if model["axis"] == model_a["axis"]
+            and abs(model["peak_a"] - peak) <= AMPLITUDE_TOLERANCE * peak
         ]
-        partner = min(
-            candidates,
-            key=lambda candidate: abs(candidate["spring_n_per_m"] - model_a["spring_n_per_m"]),
-            default=None,
-        )
+        distances = [abs(model["spring_n_per_m"] - spring_rate) for model in candidates]
+        partner = candidates[int(np.argmin(distances))] if candidates else None
         if partner is None:
             unpaired.append(model_a["name"])
             continue
@@ -99,31 +97,24 @@ def compare(a: SavedIdentification, b: SavedIdentification) -> Comparison:
 def _difference(name: str, a: dict[str, Any], b: dict[str, Any]) -> Difference:
     """Compare on the lines of ``a`` within the range of ``b``; interpolates ``b``."""
     frequency_a, frequency_b = np.array(a["frequency_hz"]), np.array(b["frequency_hz"])
-    tolerance = 1e-9
-    common = (frequency_a >= frequency_b[0] * (1 - tolerance)) & (
-        frequency_a <= frequency_b[-1] * (1 + tolerance)
-    )
-    common_frequency = frequency_a[common]
     values_a, band_a = _values(a["responses"][name])
     values_b, band_b = _values(b["responses"][name])
-    # omega Im Z is close to linear in frequency, Im Z is not.
-    interpolated_b = np.interp(common_frequency, frequency_b, values_b.real) + 1j * (
-        np.interp(common_frequency, frequency_b, values_b.imag * frequency_b) / common_frequency
-    )
-    bands = (band_a[common], np.interp(common_frequency, frequency_b, band_b))
-    distance = np.abs(interpolated_b - values_a[common])
+    interpolated, common = interpolate_impedance(frequency_b, values_b, frequency_a)
+    frequency, values_a, interpolated = frequency_a[common], values_a[common], interpolated[common]
+    bands = (band_a[common], np.interp(frequency, frequency_b, band_b))
+    distance = np.abs(interpolated - values_a)
     known = np.isfinite(bands[0]) & np.isfinite(bands[1])
     share_apart = (
         float(np.mean(distance[known] > (bands[0] + bands[1])[known])) if known.any() else np.nan
     )
-    relative_distance = distance / np.abs(values_a[common])
+    relative_distance = distance / np.abs(values_a)
     return Difference(
         name,
         a["name"],
         b["name"],
-        common_frequency,
-        np.asarray(values_a[common], dtype=np.complex128),
-        np.asarray(interpolated_b, dtype=np.complex128),
+        frequency,
+        values_a,
+        interpolated,
         bands,
         share_apart,
         float(np.median(relative_distance)) if relative_distance.size else np.nan,
@@ -133,12 +124,12 @@ def _difference(name: str, a: dict[str, Any], b: dict[str, Any]) -> Difference:
 
 
 def _values(response: dict[str, Any]) -> tuple[Complexes, Floats]:
-    value = np.array(response["re"], dtype=np.float64) + 1j * np.array(
-        response["im"], dtype=np.float64
+    # A null of the file becomes NaN.
+    real, imaginary, noise, total = (
+        np.array(response[part], dtype=np.float64)
+        for part in ("re", "im", "noise_band", "total_band")
     )
-    noise = np.array(response["noise_band"], dtype=np.float64)  # null becomes NaN
-    total = np.array(response["total_band"], dtype=np.float64)
-    return value, np.where(np.isfinite(noise), noise, total)
+    return real + 1j * imaginary, np.where(np.isfinite(noise), noise, total)
 
 
 def _second_order(model: dict[str, Any], name: str) -> dict[str, float]:
@@ -149,28 +140,27 @@ def _second_order(model: dict[str, Any], name: str) -> dict[str, float]:
 
 def as_dict(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON values."""
-    return {
-        "a": comparison.a,
-        "b": comparison.b,
-        "unpaired": list(comparison.unpaired),
-        "differences": [
-            {
-                "response": difference.response,
-                "a": difference.a,
-                "b": difference.b,
-                "lines": int(difference.frequency.size),
-                "median": _number(difference.median),
-                "worst": _number(difference.worst),
-                "share_of_lines_apart": _number(difference.share_apart),
-                "second_order": {"a": difference.fits[0], "b": difference.fits[1]},
-            }
-            for difference in comparison.differences
-        ],
-    }
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    content: dict[str, Any] = json_value(
+        {
+            "a": comparison.a,
+            "b": comparison.b,
+            "unpaired": comparison.unpaired,
+            "differences": [
+                {
+                    "response": difference.response,
+                    "a": difference.a,
+                    "b": difference.b,
+                    "lines": int(difference.frequency.size),
+                    "median": difference.median,
+                    "worst": difference.worst,
+                    "share_of_lines_apart": difference.share_apart,
+                    "second_order": {"a": difference.fits[0], "b": difference.fits[1]},
+                }
+                for difference in comparison.differences
+            ],
+        }
+    )
+    return content
 
 
 def as_text(comparison: Comparison) -> str:
@@ -196,14 +186,3 @@ def as_text(comparison: Comparison) -> str:
             lines.append("     " + ", ".join(changes))
     lines += [f"!! {name} of A has no matching model in B" for name in comparison.unpaired]
     return "\n".join(lines)
-
-
-def write(comparison: Comparison, folder: Path) -> list[Path]:
-    """Write ``identification_compared.json`` and its picture; return both paths."""
-    from rig.identification.pictures import write_comparison  # noqa: PLC0415  (matplotlib)
-
-    path = folder / "identification_compared.json"
-    path.write_text(
-        json.dumps(as_dict(comparison), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-    )
-    return [path, write_comparison(comparison, folder / "identification_compared.png")]

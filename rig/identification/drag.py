@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.identification.experiments import LCB, VELOCITY, Experiment
-from rig.identification.periods import Complexes, Floats, analyse, synthesise
+from rig.spectra.periods import Complexes, Floats, analyse, synthesise
 
 MIN_SIGNIFICANCE = 3.0  # standard deviations above which a quadratic drag is significant
 
@@ -73,9 +73,8 @@ def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
     calm = [
         experiment
         for experiment in experiments
-        if experiment.sea is None and experiment.axis == "heave"
+        if experiment.sea is None and experiment.axis == "heave" and LCB in experiment.channels
     ]
-    calm = [experiment for experiment in calm if LCB in experiment.channels]
     by_lines: dict[tuple[float, tuple[int, ...]], list[Experiment]] = {}
     for experiment in calm:
         by_lines.setdefault((experiment.period, experiment.lines), []).append(experiment)
@@ -83,12 +82,12 @@ def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
     if len(group) < 2:
         return None
     lines = np.flatnonzero(np.all([experiment.excited for experiment in group], axis=0))
+    if lines.size == 0:
+        return None
     motions = [experiment.channels[VELOCITY].mean(axis=0) for experiment in group]
     velocity = np.array([motion[lines] for motion in motions])
     force = np.array([experiment.channels[LCB].mean(axis=0)[lines] for experiment in group])
     drag = np.array([drag_spectrum(motion)[lines] for motion in motions])
-    if lines.size == 0:
-        return None
     estimate = estimate_drag(velocity, force, drag)
     if estimate.value == 0.0:
         return None

@@ -25,8 +25,8 @@ import numpy as np
 from rig.identification.drag import Drag, drag_spectrum
 from rig.identification.experiments import LCB, VELOCITY, Experiment
 from rig.identification.frf import band_factor
-from rig.identification.impedances import Model
-from rig.identification.periods import Complexes, Flags, Floats
+from rig.identification.impedances import Model, interpolate_impedance
+from rig.spectra.periods import Complexes, Flags, Floats
 
 GUARD = 0.05  # share of the median of S_eta below which a line is marked
 
@@ -94,7 +94,7 @@ def excitation(
     model_frequency, z = model.frequency, model.responses["Z_i"].value
     if drag is not None:
         model_frequency, z = drag.frequency, drag.impedance
-    impedance, inside = _interpolate_impedance(model_frequency, z, frequency)
+    impedance, inside = interpolate_impedance(model_frequency, z, frequency)
     forces = []
     for experiment in experiments:
         lines = np.array(first.cycles) * round(experiment.period / first.repeat) - 1
@@ -127,19 +127,3 @@ def excitation(
         np.asarray(good, dtype=np.bool_),
         drag.coefficient if drag is not None else 0.0,
     )
-
-
-def _interpolate_impedance(
-    model_frequency: Floats, z: Complexes, frequency: Floats
-) -> tuple[Complexes, Flags]:
-    """Return Z_i interpolated at frequencies (Hz), and True where they are within its range.
-
-    Im Z_i varies as 1/omega, so omega Im Z_i is interpolated linearly.
-    """
-    real = np.interp(frequency, model_frequency, z.real)
-    imag = np.interp(frequency, model_frequency, z.imag * model_frequency) / frequency
-    tolerance = 1e-9
-    inside = (frequency >= model_frequency[0] * (1 - tolerance)) & (
-        frequency <= model_frequency[-1] * (1 + tolerance)
-    )
-    return real + 1j * imag, inside

@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window, read_windows
-from rig.identification.periods import (
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import Window, read_windows
+from rig.spectra.periods import (
     WAVE_CLOCK,
     Complexes,
     Flags,
@@ -24,8 +26,6 @@ from rig.identification.periods import (
     field_lines,
     fill_lost_ticks,
 )
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
 
 LINE_HEADROOM = 1.25  # lines are kept up to this multiple of the highest excited frequency
 MAX_FREQUENCY = 5.0  # Hz, highest frequency of a reference

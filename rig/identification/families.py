@@ -17,7 +17,7 @@ import numpy as np
 
 from rig.identification.experiments import VELOCITY, Experiment
 from rig.identification.impedances import Model
-from rig.identification.periods import Flags
+from rig.spectra.periods import Flags
 
 
 class Member(NamedTuple):

@@ -16,14 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from rig.identification.periods import Complexes, Floats
+from rig.spectra.periods import Complexes, Floats
 
 ORDERS = (2, 4, 6, 8)
 """Allowed orders of a model; every two above the second add a section."""
 
-_START_FREQUENCIES = (
-    2.0 * np.pi * np.array([0.45, 0.8, 0.25])
-)  # rad/s, initial frequencies of a section
+_START_FREQUENCIES = 2.0 * np.pi * np.array([0.45, 0.8, 0.25])  # rad/s, of a new section
 _SCREENING_EVALUATIONS = 25  # evaluations per initial point when choosing the best one
 _MAX_LOGARITHM = 40.0  # bound on logarithms of parameters, far beyond physical values
 
@@ -137,25 +135,17 @@ def _with_section(
     for centre in _START_FREQUENCIES:
         for scale in (0.1, 0.5):
             force = scale * previous.damping * centre
-            section_start = [np.log(centre), np.log(centre * centre), np.log(force), 0.0]
+            section = [np.log(centre), np.log(centre * centre), np.log(force), 0.0]
+            parameters = np.array([*start, *section])
             candidate = _fit_admittance(
-                frequency,
-                z,
-                np.array([*start, *section_start]),
-                section_count,
-                _SCREENING_EVALUATIONS,
+                frequency, z, parameters, section_count, _SCREENING_EVALUATIONS
             )
             best = candidate if candidate.fit_percent > best.fit_percent else best
     if best is previous:  # add a section of zero weight to reach the requested order
-        return _with_empty_section(previous)
+        centre = float(_START_FREQUENCIES[0])
+        empty = Section(centre, centre * centre, 0.0, 0.0)
+        return previous._replace(sections=(*previous.sections, empty))
     return _fit_admittance(frequency, z, _to_parameters(best), section_count)
-
-
-def _with_empty_section(model: FittedImpedance) -> FittedImpedance:
-    empty_section = Section(
-        float(_START_FREQUENCIES[0]), float(_START_FREQUENCIES[0] * _START_FREQUENCIES[0]), 0.0, 0.0
-    )
-    return model._replace(sections=(*model.sections, empty_section))
 
 
 def _to_parameters(model: FittedImpedance) -> Floats:

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from rig.identification.periods import Complexes, Flags, Floats, Ticks
+from rig.spectra.periods import Complexes, Flags, Floats, Ticks
 
 CONFIDENCE = 0.95
 

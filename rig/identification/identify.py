@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis import wave_calibration
 from rig.identification.bem import Bem
 from rig.identification.drag import identify_drag
 from rig.identification.excitation import Excitation, Sea, excitation, is_same_sea
 from rig.identification.experiments import Experiment, read_experiments
 from rig.identification.families import Member, family
-from rig.identification.fit import FittedImpedance, fit
+from rig.identification.fit import ORDERS, FittedImpedance, fit
 from rig.identification.impedances import Model, models
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info
+from rig.spectra import wave_calibration
 
 FITTED = ("Z_i", "Z_id")
 SIMULATED_ELEVATION = "elevation"  # elevation of a simulated sea at the device's position
@@ -36,9 +36,8 @@ class Identification(NamedTuple):
     attributes: dict[str, Any]  # run, mode and campaign of the first run
     runs: tuple[str, ...]
     models: tuple[Model, ...]
-    fits: tuple[
-        dict[str, tuple[FittedImpedance, ...]], ...
-    ]  # per model: second order first, then `order`
+    fits: tuple[dict[str, tuple[FittedImpedance, ...]], ...]
+    """Fits of each model by response: second order first, then the order of the options."""
     family: tuple[Member, ...]
     excitations: tuple[Excitation, ...]
     bem: Bem | None
@@ -89,21 +88,18 @@ def _no_model_message(runs: Sequence[Path], notes: list[str], experiments: list[
 def _fit_model(
     model: Model, order: int, notes: list[str]
 ) -> dict[str, tuple[FittedImpedance, ...]]:
-    fits_by_response = {}
+    fits = {}
     for name in FITTED:
         if name not in model.responses:
             continue
-        z = model.responses[name].value
-        orders = (2,) if order == 2 else (2, order)
+        z, orders = model.responses[name].value, (2,) if order == 2 else (2, order)
         try:
-            fits_by_response[name] = tuple(
-                fit(model.frequency, z, fit_order) for fit_order in orders
-            )
+            fits[name] = tuple(fit(model.frequency, z, each) for each in orders)
         except ValueError as error:
-            if order not in (2, 4, 6, 8):
+            if order not in ORDERS:
                 raise
             notes.append(f"{model.name}: {name}: {error}")
-    return fits_by_response
+    return fits
 
 
 def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Sea:
@@ -120,6 +116,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         )
     probe_table = table.sel(probe=name)
     amplitude, phase = probe_table["amplitude"].values, probe_table["phase"].values
+    asked_amplitude, asked_phase = table["asked_amplitude"].values, table["asked_phase"].values
     return Sea(
         str(table.attrs.get("run", run.name)),
         name,
@@ -127,10 +124,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         tuple(int(k) for k in table["cycles"].values),
         np.asarray(amplitude * np.exp(1j * phase), dtype=np.complex128),
         np.asarray(probe_table["weak"].values == 1, dtype=np.bool_),
-        (
-            tuple(table["asked_amplitude"].values.tolist()),
-            tuple(table["asked_phase"].values.tolist()),
-        ),
+        (tuple(asked_amplitude.tolist()), tuple(asked_phase.tolist())),
     )
 
 
@@ -174,16 +168,13 @@ def _identify_excitations(
 
 def _nearest_model(identified_models: Sequence[Model], experiment: Experiment) -> Model | None:
     """Return the model with Z_i at the nearest spring rate, then the nearest amplitude."""
-    candidates = [
+    candidates = (
         model
         for model in identified_models
         if model.axis == experiment.axis and "Z_i" in model.responses
-    ]
-    return min(
-        candidates,
-        key=lambda model_: (
-            abs(model_.spring_rate - experiment.spring_rate),
-            abs(model_.peak - experiment.peak),
-        ),
-        default=None,
     )
+
+    def distance(model: Model) -> tuple[float, float]:
+        return abs(model.spring_rate - experiment.spring_rate), abs(model.peak - experiment.peak)
+
+    return min(candidates, key=distance, default=None)

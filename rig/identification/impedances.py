@@ -20,7 +20,7 @@ import numpy as np
 from rig.identification import frf
 from rig.identification.experiments import COMMAND, CURRENT, LCB, TRS, VELOCITY, Experiment
 from rig.identification.frf import Channel, Response
-from rig.identification.periods import Complexes, Flags, Floats
+from rig.spectra.periods import Complexes, Flags, Floats
 
 PEAK_TOLERANCE = 0.02  # relative difference of peaks up to which experiments have one amplitude
 REFERENCE_TOLERANCE = 1e-6  # relative difference of references up to which they are one realisation
@@ -71,6 +71,18 @@ def ratio(model: Model) -> Complexes | None:
     return model.responses["Z_id"].value / model.responses["Z_i"].value
 
 
+def interpolate_impedance(frequency: Floats, z: Complexes, at: Floats) -> tuple[Complexes, Flags]:
+    """Return Z interpolated at frequencies (Hz), and True where they are within its range.
+
+    Im Z varies as 1/omega, so omega Im Z is interpolated linearly.
+    """
+    imaginary = np.interp(at, frequency, z.imag * frequency) / at
+    value = np.interp(at, frequency, z.real) + 1j * imaginary
+    tolerance = 1e-9
+    inside = (at >= frequency[0] * (1 - tolerance)) & (at <= frequency[-1] * (1 + tolerance))
+    return np.asarray(value, dtype=np.complex128), inside
+
+
 def combine_realisations(
     group: Sequence[Experiment],
 ) -> tuple[list[Complexes], dict[str, Channel]]:
@@ -78,15 +90,9 @@ def combine_realisations(
     references: list[Complexes] = []
     blocks: list[dict[str, list[Complexes]]] = []
     for experiment in group:
-        magnitude = np.abs(experiment.reference).max()
-        index = next(
-            (
-                i
-                for i, r in enumerate(references)
-                if np.abs(r - experiment.reference).max() < REFERENCE_TOLERANCE * magnitude
-            ),
-            len(references),
-        )
+        tolerance = REFERENCE_TOLERANCE * np.abs(experiment.reference).max()
+        known = [np.abs(r - experiment.reference).max() < tolerance for r in references]
+        index = known.index(True) if True in known else len(references)
         if index == len(references):
             references.append(experiment.reference)
             blocks.append({})

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rig.analysis.windows import Window
-from rig.identification.periods import (
+from rig.recording.runs.windows import Window
+from rig.spectra.periods import (
     WAVE_CLOCK,
     Complexes,
     Floats,

@@ -8,20 +8,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import phrases, picture
-from rig.analysis.page import A4
 from rig.identification import report
 from rig.identification.identify import Identification
 from rig.identification.pictures import (
-    COLOURS,
     PER_KILONEWTON,
     Curve,
     admittances,
+    by_colour,
     excitation_curves,
     four_panels,
-    inverse,
     largest,
 )
+from rig.presentation import phrases, picture
 
 _LEFT, _RIGHT, _LINE = 0.06, 0.94, 0.0145
 _MAX_ROWS = 12  # rows of a table; further rows are only in the JSON file
@@ -30,17 +28,12 @@ _MAX_NOTES = 4
 
 def write_page(identification: Identification, folder: Path) -> list[Path]:
     """Write ``identification.pdf`` and the same page as ``identification.png``."""
-    figure = Figure(figsize=A4, layout="constrained")
+    figure = Figure(figsize=picture.A4, layout="constrained")
     _header(figure, identification)
     cells = report.model_cells(identification)
     y = _table(figure, "Models of the impedance", report.MODEL_HEADS, cells, 0.9)
-    y = _table(
-        figure,
-        "With amplitude",
-        report.FAMILY_HEADS,
-        report.family_cells(identification.family),
-        y - 0.01,
-    )
+    cells = report.family_cells(identification.family)
+    y = _table(figure, "With amplitude", report.FAMILY_HEADS, cells, y - 0.01)
     bottom = _notes(figure, identification)
     _pictures(figure, identification, bottom, y - 0.01)
     out = [folder / "identification.pdf", folder / "identification.png"]
@@ -121,8 +114,7 @@ def _pictures(figure: Figure, identification: Identification, bottom: float, top
             for model in identification.models
             if (model.axis, model.spring_rate) == (largest_model.axis, largest_model.spring_rate)
         ]
-        pairs = zip(family, COLOURS * 4, strict=False)
-        curves = [inverse(model, "Z_d", f"{model.peak_a:.3g} A", colour) for model, colour in pairs]
+        curves = by_colour(family, "Z_d", "{0.peak_a:.3g} A")
         figures.append(("Drivetrain admittance by amplitude", curves, "Y_d", PER_KILONEWTON))
     heights = [1.0 - top, *[(top - bottom) / len(figures)] * len(figures), bottom]
     bands: Any = figure.subfigures(

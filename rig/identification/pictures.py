@@ -1,22 +1,20 @@
 """Figures of an identification, after Figs. 4-5 to 4-9 of the MASK4 report (Sandia)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import SubFigure
 
-from rig.analysis import picture
 from rig.identification import bem as bem_file
+from rig.identification.comparison import Comparison
 from rig.identification.excitation import Excitation
 from rig.identification.fit import impedance
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model
-from rig.identification.periods import Complexes, Floats
-
-if TYPE_CHECKING:
-    from rig.identification.comparison import Comparison
+from rig.presentation import picture
+from rig.spectra.periods import Complexes, Floats
 
 COLOURS = ("#00798c", "#d1495b", "#4f772d", "#22303c", "#9a5b13", "#6a4c93", "#8d99ae", "#c77dff")
 FITTED = "#ffb703"  # colour of fitted models, drawn over the measured curves
@@ -98,18 +96,6 @@ def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
     return curves
 
 
-def inverse(model: Model, name: str, label: str, colour: str) -> Curve:
-    """Return the admittance curve of an impedance, with its band."""
-    response = model.responses[name]
-    return Curve(
-        label,
-        model.frequency,
-        1.0 / response.value,
-        response.band / np.abs(response.value) ** 2,
-        colour,
-    )
-
-
 def largest(models: tuple[Model, ...]) -> list[Model]:
     """Return the model of the largest amplitude for each axis and spring rate."""
     best: dict[tuple[str, float], Model] = {}
@@ -120,98 +106,68 @@ def largest(models: tuple[Model, ...]) -> list[Model]:
     return list(best.values())
 
 
+def by_colour(models: Iterable[Model], name: str, label: str) -> list[Curve]:
+    """Return the inverse of an impedance of several models, with its band, in a colour for each.
+
+    ``label`` is a format of the model: ``"{0.peak_a:.3g} A"``.
+    """
+    curves = []
+    for model, colour in zip(models, COLOURS * 4, strict=False):
+        z, band = model.responses[name].value, model.responses[name].band
+        band = band / np.abs(z) ** 2
+        curves.append(Curve(label.format(model), model.frequency, 1.0 / z, band, colour))
+    return curves
+
+
 def write_pictures(identification: Identification, folder: Path) -> list[Path]:
     """Write all figures for which the identification has data; return the files."""
     paths = []
+
+    def draw(
+        name: str, title: str, curves: list[Curve], symbol: str, unit: str = PER_KILONEWTON
+    ) -> None:
+        note = "force on the body; e^(+iωt); bands 95 %"
+        figure, body = picture.framed_figure(9.0, 5.6, title, identification.attributes, note)
+        four_panels(body, curves, symbol, unit)
+        paths.append(picture.save(figure, folder / f"{name}.png"))
+
     for axis in dict.fromkeys(model.axis for model in identification.models):
-        axis_models = tuple(model for model in identification.models if model.axis == axis)
-        largest_models = largest(axis_models)
-        largest_model = largest_models[0]
-        fits = identification.fits[identification.models.index(largest_model)]
-        title = (
-            f"Admittance of {axis} at {largest_model.spring_rate:g} N/m, "
-            f"{largest_model.peak_a:.3g} A"
-        )
-        curves = admittances(largest_model, fits)
-        paths.append(
-            _figure(
-                identification,
-                folder / f"admittance_{axis}.png",
-                title,
-                curves,
-                "Y",
-                PER_KILONEWTON,
-            )
-        )
-        if "Z_d" not in largest_model.responses:
+        models = tuple(model for model in identification.models if model.axis == axis)
+        largest_models = largest(models)
+        first = largest_models[0]
+        fits = identification.fits[identification.models.index(first)]
+        title = f"Admittance of {axis} at {first.spring_rate:g} N/m, {first.peak_a:.3g} A"
+        draw(f"admittance_{axis}", title, admittances(first, fits), "Y")
+        if "Z_d" not in first.responses:
             continue
-        by_spring = [
-            (model, f"{model.spring_rate:g} N/m", colour)
-            for model, colour in zip(largest_models, _cycle_colours(), strict=False)
-        ]
         for key, name in (("Z_i", "intrinsic"), ("Z_d", "drivetrain")):
-            curves = [inverse(model, key, label, colour) for model, label, colour in by_spring]
+            curves = by_colour(largest_models, key, "{0.spring_rate:g} N/m")
             title = f"{name.capitalize()} admittance at the largest amplitude, by spring rate"
-            symbol = key.replace("Z", "Y")
-            paths.append(_figure(identification, folder / f"{name}.png", title, curves, symbol))
-        family = [model for model in axis_models if model.spring_rate == largest_model.spring_rate]
+            draw(name, title, curves, key.replace("Z", "Y"))
+        family = [model for model in models if model.spring_rate == first.spring_rate]
         if len(family) > 1:
-            curves = [
-                inverse(model, "Z_d", f"{model.peak_a:.3g} A", colour)
-                for model, colour in zip(family, _cycle_colours(), strict=False)
-            ]
-            title = f"Drivetrain admittance by amplitude, {largest_model.spring_rate:g} N/m"
-            paths.append(
-                _figure(
-                    identification, folder / "amplitudes.png", title, curves, "Y_d", PER_KILONEWTON
-                )
-            )
+            title = f"Drivetrain admittance by amplitude, {first.spring_rate:g} N/m"
+            draw("amplitudes", title, by_colour(family, "Z_d", "{0.peak_a:.3g} A"), "Y_d")
     for i, excitation in enumerate(identification.excitations):
-        path = folder / f"excitation{'' if i == 0 else f'_{i + 1}'}.png"
         title = f"Wave excitation; experiments: {excitation.experiments}, seas: {excitation.seas}"
         curves = excitation_curves(excitation, identification.bem)
-        paths.append(_figure(identification, path, title, curves, "f_exc", "N/m"))
+        draw(f"excitation{'' if i == 0 else f'_{i + 1}'}", title, curves, "f_exc", "N/m")
     return paths
-
-
-def _cycle_colours() -> list[str]:
-    return list(COLOURS) * 4
 
 
 def excitation_curves(excitation: Excitation, bem: bem_file.Bem | None) -> list[Curve]:
     """Return the curves of Fig. 4-9: identified where the sea is strong enough, and BEM."""
     good = excitation.good
     label = f"identified, eta from {excitation.probe}"
-    curves = [
-        Curve(
-            label,
-            excitation.frequency[good],
-            excitation.value[good],
-            excitation.band[good],
-            COLOURS[0],
-        )
-    ]
+    frequency = excitation.frequency[good]
+    curves = [Curve(label, frequency, excitation.value[good], excitation.band[good])]
     if bem is not None:
         expected = bem_file.excitation_at(bem, excitation.frequency)
         curves.append(Curve(bem.name, excitation.frequency, expected, None, COLOURS[1], "--"))
     return curves
 
 
-def _figure(
-    identification: Identification,
-    path: Path,
-    title: str,
-    curves: list[Curve],
-    symbol: str,
-    unit: str = PER_KILONEWTON,
-) -> Path:
-    subtitle = "force on the body; e^(+iωt); bands 95 %"
-    figure, body = picture.framed_figure(9.0, 5.6, title, identification.attributes, subtitle)
-    four_panels(body, curves, symbol, unit)
-    return picture.save(figure, path)
-
-
-def write_comparison(comparison: "Comparison", path: Path) -> Path:
+def write_comparison(comparison: Comparison, path: Path) -> Path:
     """Draw the pair of models with the largest amplitude, response by response, A over B."""
     last_difference = comparison.differences[-1]
     differences = [
@@ -230,26 +186,18 @@ def write_comparison(comparison: "Comparison", path: Path) -> Path:
     panels: Any = body.subplots(len(differences), 2, sharex=True, squeeze=False)
     for difference, panel_row in zip(differences, panels, strict=True):
         for axes, part, part_of in zip(panel_row, ("Re", "Im"), (np.real, np.imag), strict=True):
-            for letter, values, band, colour in (
-                ("A", difference.values_a, difference.bands[0], COLOURS[0]),
-                ("B", difference.values_b, difference.bands[1], COLOURS[1]),
-            ):
-                name = f"{letter}: {difference.a if letter == 'A' else difference.b}"
-                style = ".-" if letter == "A" else ".--"  # A remains visible under an equal B
+            for name, values, band, colour, style in (
+                (f"A: {difference.a}", difference.values_a, difference.bands[0], COLOURS[0], ".-"),
+                (f"B: {difference.b}", difference.values_b, difference.bands[1], COLOURS[1], ".--"),
+            ):  # A remains visible under an equal B
+                shown, half_width = part_of(values), np.nan_to_num(band)
                 axes.plot(
-                    difference.frequency,
-                    part_of(values),
-                    style,
-                    color=colour,
-                    lw=1.4,
-                    ms=4,
-                    label=name,
+                    difference.frequency, shown, style, color=colour, lw=1.4, ms=4, label=name
                 )
-                half_width = np.nan_to_num(band)
                 axes.fill_between(
                     difference.frequency,
-                    part_of(values) - half_width,
-                    part_of(values) + half_width,
+                    shown - half_width,
+                    shown + half_width,
                     color=colour,
                     alpha=_BAND_OPACITY,
                     lw=0,

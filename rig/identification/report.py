@@ -19,6 +19,8 @@ from rig.identification.fit import FittedImpedance, zero_crossing
 from rig.identification.frf import Response
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model, ratio
+from rig.presentation.json_values import json_value
+from rig.spectra.periods import Floats
 
 JSON, NETCDF = "identification.json", "identification.nc"
 CONVENTION = "e^{+i omega t}, t on the wave clock; force on the body; bands: 95 % radius"
@@ -32,21 +34,21 @@ def unit(name: str) -> str:
 
 def as_dict(identification: Identification) -> dict[str, Any]:
     """Return the identification as JSON values."""
-    content: dict[str, Any] = _json_value(
+    content: dict[str, Any] = json_value(
         {
-            "runs": list(identification.runs),
+            "runs": identification.runs,
             **{key: identification.attributes.get(key, "") for key in ("mode", "campaign")},
             "convention": CONVENTION,
             "models": [
                 _model_as_dict(model, fits)
                 for model, fits in zip(identification.models, identification.fits, strict=True)
             ],
-            "family": [member._asdict() for member in identification.family],
+            "family": identification.family,
             "excitation": [
                 _excitation_as_dict(excitation, identification.bem)
                 for excitation in identification.excitations
             ],
-            "notes": list(identification.notes),
+            "notes": identification.notes,
         }
     )
     return content
@@ -62,10 +64,12 @@ def _model_as_dict(model: Model, fits: dict[str, tuple[FittedImpedance, ...]]) -
         "peak_a": model.peak_a,
         "realisations": model.realisations,
         "periods": model.periods,
-        "rows": list(model.row_labels),
+        "rows": model.row_labels,
         "frequency_hz": model.frequency.tolist(),
         "responses": {
-            name: _response_as_dict(name, response) for name, response in model.responses.items()
+            name: {"unit": unit(name)}
+            | {part: values.tolist() for part, values in _response_parts(response).items()}
+            for name, response in model.responses.items()
         },
         "published_ratio": None
         if quotient is None
@@ -80,13 +84,12 @@ def _model_as_dict(model: Model, fits: dict[str, tuple[FittedImpedance, ...]]) -
     }
 
 
-def _response_as_dict(name: str, response: Response) -> dict[str, Any]:
+def _response_parts(response: Response) -> dict[str, Floats]:
     return {
-        "unit": unit(name),
-        "re": response.value.real.tolist(),
-        "im": response.value.imag.tolist(),
-        "noise_band": response.noise.tolist(),
-        "total_band": response.total.tolist(),
+        "re": response.value.real,
+        "im": response.value.imag,
+        "noise_band": response.noise,
+        "total_band": response.total,
     }
 
 
@@ -97,7 +100,7 @@ def _fit_as_dict(fitted: FittedImpedance) -> dict[str, Any]:
         "damping_n_s_per_m": fitted.damping,
         "stiffness_n_per_m": fitted.stiffness,
         "natural_frequency_hz": fitted.natural_frequency,
-        "sections": [section._asdict() for section in fitted.sections],
+        "sections": fitted.sections,
         "fit_percent": fitted.fit_percent,
         "worst": fitted.worst,
     }
@@ -110,7 +113,7 @@ def _excitation_as_dict(excitation: Excitation, bem: bem_file.Bem | None) -> dic
         "eta": excitation.probe,
         "seas": excitation.seas,
         "experiments": excitation.experiments,
-        "rows": list(excitation.row_labels),
+        "rows": excitation.row_labels,
         "frequency_hz": excitation.frequency.tolist(),
         "unit": "N/m",
         "re": excitation.value.real.tolist(),
@@ -122,30 +125,22 @@ def _excitation_as_dict(excitation: Excitation, bem: bem_file.Bem | None) -> dic
     }
     if bem is not None:
         expected = bem_file.excitation_at(bem, excitation.frequency)
-        relative_error = np.abs(excitation.value - expected) / np.abs(expected)
+        errors = _errors_against(bem, excitation)
         entry |= {
             "bem": bem.name,
             "bem_re": expected.real.tolist(),
             "bem_im": expected.imag.tolist(),
-            "worst_against_bem": float(np.max(relative_error[excitation.good]))
-            if excitation.good.any()
-            else None,
-            "median_against_bem": float(np.median(relative_error[excitation.good]))
-            if excitation.good.any()
-            else None,
+            "worst_against_bem": float(np.max(errors)) if errors.size else None,
+            "median_against_bem": float(np.median(errors)) if errors.size else None,
         }
     return entry
 
 
-def _json_value(value: Any) -> Any:
-    """Return the value with None for NaN and infinity, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: _json_value(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_json_value(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+def _errors_against(bem: bem_file.Bem, excitation: Excitation) -> Floats:
+    """Return the relative differences |f - f_BEM|/|f_BEM| on the good lines."""
+    expected = bem_file.excitation_at(bem, excitation.frequency)
+    errors = np.abs(excitation.value - expected) / np.abs(expected)
+    return np.asarray(errors[excitation.good], dtype=np.float64)
 
 
 def dataset(identification: Identification) -> xarray.Dataset:
@@ -156,12 +151,7 @@ def dataset(identification: Identification) -> xarray.Dataset:
         variables[f"frequency_{i}"] = (line, model.frequency, {"units": "Hz", "model": model.name})
         for name, response in model.responses.items():
             line_attributes = {"units": unit(name), "model": model.name}
-            for part, values in (
-                ("re", response.value.real),
-                ("im", response.value.imag),
-                ("noise_band", response.noise),
-                ("total_band", response.total),
-            ):
+            for part, values in _response_parts(response).items():
                 variables[f"{name}_{i}_{part}"] = (line, values, line_attributes)
     for i, excitation in enumerate(identification.excitations):
         line = f"wave_line_{i}"
@@ -171,36 +161,34 @@ def dataset(identification: Identification) -> xarray.Dataset:
             ("im", excitation.value.imag),
             ("band", excitation.band),
         ):
-            variables[f"excitation_{i}_{part}"] = (
-                line,
-                values,
-                {"units": "N/m", "eta": excitation.probe},
-            )
+            units = {"units": "N/m", "eta": excitation.probe}
+            variables[f"excitation_{i}_{part}"] = (line, values, units)
         variables[f"s_eta_{i}"] = (line, excitation.power, {"units": "m2"})
-        variables[f"good_{i}"] = (
-            line,
-            excitation.good.astype(np.int64),
-            {"long_name": "1: line is usable"},
-        )
+        good = excitation.good.astype(np.int64)
+        variables[f"good_{i}"] = (line, good, {"long_name": "1: line is usable"})
     attributes = {"runs": " ".join(identification.runs), "convention": CONVENTION}
-    return xarray.Dataset(
-        variables, attrs={**attributes, "models": [model.name for model in identification.models]}
-    )
+    names = [model.name for model in identification.models]
+    return xarray.Dataset(variables, attrs={**attributes, "models": names})
+
+
+def write_json(content: dict[str, Any], path: Path) -> Path:
+    """Write JSON values into a file; return its path."""
+    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def write(identification: Identification, folder: Path) -> list[Path]:
     """Write both files into a folder; return their paths."""
-    json_path, netcdf_path = folder / JSON, folder / NETCDF
-    json_path.write_text(
-        json.dumps(as_dict(identification), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    netcdf_path = folder / NETCDF
     dataset(identification).to_netcdf(netcdf_path, engine="h5netcdf")
-    return [json_path, netcdf_path]
+    return [write_json(as_dict(identification), folder / JSON), netcdf_path]
 
 
 def as_text(identification: Identification) -> str:
     """Return a text report: models, dependence on amplitude, excitation, notes."""
-    lines = [*_models_text(identification), "", *_family_text(identification.family)]
+    lines = ["Models of the impedance", *_align([MODEL_HEADS, *model_cells(identification)])]
+    lines += ["", "With amplitude", *_align([FAMILY_HEADS, *family_cells(identification.family)])]
     for excitation in identification.excitations:
         lines += ["", *_excitation_text(excitation, identification.bem)]
     lines += ["", *(f"!! {note}" for note in identification.notes)] if identification.notes else []
@@ -219,13 +207,14 @@ def model_cells(identification: Identification) -> list[tuple[str, ...]]:
     for model, fits in zip(identification.models, identification.fits, strict=True):
         for name, fits_of_response in fits.items():
             response = model.responses[name]
-            band = np.nanmedian(_known_band(response.band) / np.abs(response.value))
+            bands = response.band / np.abs(response.value)
+            band = f"{100.0 * np.nanmedian(bands):.2g}" if np.isfinite(bands).any() else "?"
             for fitted in fits_of_response:
                 rows.append((
                     model.axis, f"{model.spring_rate:g}", f"{model.peak_a:.3g}", name,
                     str(fitted.order), f"{fitted.mass:.0f}", f"{fitted.damping:.0f}",
                     f"{fitted.stiffness:.0f}", f"{fitted.natural_frequency:.4f}",
-                    f"{fitted.fit_percent:.1f}", "?" if band < 0 else f"{100.0 * band:.2g}",
+                    f"{fitted.fit_percent:.1f}", band,
                 ))  # fmt: skip
     return rows
 
@@ -239,47 +228,23 @@ FAMILY_HEADS = (
 def family_cells(members: tuple[Member, ...]) -> list[tuple[str, ...]]:
     """Return a row of the table of amplitudes for each member; unknown values are a dash."""
 
-    def percent(value: float) -> str:
-        return f"{100.0 * value:.2g}" if math.isfinite(value) else "-"
+    def known(value: float, form: str) -> str:
+        return format(value, form) if math.isfinite(value) else "-"
 
-    def rounded(value: float) -> str:
-        return f"{value:.0f}" if math.isfinite(value) else "-"
-
-    rows: list[tuple[str, ...]] = []
-    for member in members:
-        damping, stiffness = (
-            rounded(member.drivetrain_damping),
-            rounded(member.drivetrain_stiffness),
+    return [
+        (
+            member.axis,
+            f"{member.spring_rate:g}",
+            f"{member.peak_a:.3g}",
+            known(member.drivetrain_damping, ".0f"),
+            known(member.drivetrain_stiffness, ".0f"),
+            *(
+                known(100.0 * share, ".2g")
+                for share in (member.noise, member.distortion, member.even, member.odd)
+            ),
         )
-        sizes = (
-            percent(member.noise),
-            percent(member.distortion),
-            percent(member.even),
-            percent(member.odd),
-        )
-        rows.append(
-            (
-                member.axis,
-                f"{member.spring_rate:g}",
-                f"{member.peak_a:.3g}",
-                damping,
-                stiffness,
-                *sizes,
-            )
-        )
-    return rows
-
-
-def _known_band(band: Any) -> Any:
-    return band if np.isfinite(band).any() else np.full(band.shape, -1e9)
-
-
-def _models_text(identification: Identification) -> list[str]:
-    return ["Models of the impedance", *_align([MODEL_HEADS, *model_cells(identification)])]
-
-
-def _family_text(members: tuple[Member, ...]) -> list[str]:
-    return ["With amplitude", *_align([FAMILY_HEADS, *family_cells(members)])]
+        for member in members
+    ]
 
 
 def _excitation_text(excitation: Excitation, bem: bem_file.Bem | None) -> list[str]:
@@ -293,11 +258,10 @@ def _excitation_text(excitation: Excitation, bem: bem_file.Bem | None) -> list[s
         else "no significant quadratic drag in calm water: Z_i includes any drag",
     ]
     if bem is not None and good.any():
-        expected = bem_file.excitation_at(bem, excitation.frequency)
-        percent_error = 100.0 * np.abs(excitation.value - expected)[good] / np.abs(expected)[good]
+        percent = 100.0 * _errors_against(bem, excitation)
         lines.append(
-            f"against {bem.name}: median {np.median(percent_error):.2g} %, "
-            f"worst {percent_error.max():.2g} % (complex difference, e^(+iωt))"
+            f"against {bem.name}: median {np.median(percent):.2g} %, "
+            f"worst {percent.max():.2g} % (complex difference, e^(+iωt))"
         )
     return lines
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray
 
-from rig.analysis.windows import find_incomplete_windows
 from rig.recording.runs import RunError, open_run
+from rig.recording.runs.windows import find_incomplete_windows
 
 CSV_FIELDS = (
     *("plan.row", "plan.phase", "heave.estimate", "heave.command.force", "load", "power.*"),
@@ -44,11 +45,23 @@ def export_table(
         return dataset
     time = dataset["time"].values
     run_rate = 1.0 / float(np.median(np.diff(time)))
+    tick = np.rint((time - time[0]) * run_rate).astype(np.int64)
+    kept = np.flatnonzero(tick % ticks_per_sample(run, run_rate, rate) == 0)
+    return dataset.isel(time=kept)
+
+
+def ticks_per_sample(run: Path, run_rate: float, rate: float) -> int:
+    """Return the number of ticks per sample at ``rate`` (Hz).
+
+    Raises RunError if it does not divide ``run_rate`` (Hz).
+    """
     step = round(run_rate / rate)
     if step < 1 or abs(run_rate / step - rate) > 1e-6 * rate:
-        raise RunError(f"{run}: {rate:g} Hz does not divide its {run_rate:g} Hz")
-    tick = np.rint((time - time[0]) * run_rate).astype(np.int64)
-    return dataset.isel(time=np.flatnonzero(tick % step == 0))
+        allowed = ", ".join(f"{run_rate / n:g}" for n in (1, 2, 5, 10, 20))
+        raise RunError(
+            f"{run}: {rate:g} Hz does not divide its {run_rate:g} Hz; allowed {allowed}, ..."
+        )
+    return step
 
 
 def write_netcdf(dataset: xarray.Dataset, path: Path) -> Path:
@@ -61,9 +74,14 @@ def write_netcdf(dataset: xarray.Dataset, path: Path) -> Path:
 def write_csv(dataset: xarray.Dataset, path: Path) -> Path:
     """Write CSV with a header `name [unit]`, `time` first; numbers read back exactly."""
     names = ["time", *(str(name) for name in dataset.data_vars)]
-    head = ",".join(f"{name} [{dataset[name].attrs['units']}]" for name in names)
-    columns = [dataset[name].values.tolist() for name in names]
+    columns = {f"{name} [{dataset[name].attrs['units']}]": dataset[name].values for name in names}
+    return write_columns(columns, path)
+
+
+def write_columns(columns: dict[str, Any], path: Path) -> Path:
+    """Write arrays of equal length as CSV with the header of their names."""
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     with path.open("w", encoding="utf-8") as file:
-        file.write(head + "\n")
-        file.writelines(",".join(map(repr, row)) + "\n" for row in zip(*columns, strict=True))
+        file.write(",".join(columns) + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
     return path

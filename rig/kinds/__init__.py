@@ -21,8 +21,11 @@ OWN_PACKAGES = {"wavebot": "rig.kinds.wavebot", "oswec bench": "rig.kinds.oswec_
 REGISTRY = Registry(GROUP, "kind of rig", OWN_PACKAGES)
 
 ROOMS = {
-    "tick": ("find_kind", "Sense"),
+    "tick": ("find_kind", "Sense", "SENSE_IN_ROW"),
     "config": ("RigFile", "LimitsFile"),
+    "recorded": ("recorded_task",),
+    "hardware.job": ("build_job",),
+    "rehearsal.emulation": ("emulate_rig", "emulate_task"),
     "tasks": ("rehearsal_mode", "wired_mode"),
 }
 """The modules of a kind's package and the names that the core uses.

@@ -1,15 +1,46 @@
-"""Child processes that read a job from standard input and report events as JSON lines."""
+"""Child processes of the supervisor, which read a job and send reports."""
 
-import json
 import queue
 import signal
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from rig.module_process import module_command
+from rig.processes.handover import HandoverError
+from rig.processes.messages import Report, read_report
+
+
+def start_process(
+    module: str,
+    job: str,
+    fds: tuple[int, ...],
+    errors: Path,
+    *arguments: str,
+    stdout: int = subprocess.DEVNULL,
+) -> "subprocess.Popen[str]":
+    """Start ``python -m module`` with inherited file descriptors and send it the job.
+
+    Its standard error is appended to the file ``errors``.
+    """
+    with errors.open("ab") as sink:
+        process = subprocess.Popen(
+            module_command(module, *arguments),
+            stdin=subprocess.PIPE,
+            stdout=stdout,
+            stderr=sink,
+            pass_fds=fds,
+            text=True,
+            process_group=0,  # Ctrl-C on the terminal reaches the supervisor only
+        )
+    assert process.stdin is not None
+    # A process that died at once breaks the pipe; `Child.last_message` gives the reason.
+    with suppress(BrokenPipeError), process.stdin:
+        process.stdin.write(job)
+    return process
 
 
 class Child:
@@ -19,24 +50,9 @@ class Child:
         self, module: str, job: str, fds: tuple[int, ...], errors: Path, *arguments: str
     ) -> None:
         """Start ``python -m module`` with inherited file descriptors and send it the job."""
-        self.events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._reports: queue.SimpleQueue[Report] = queue.SimpleQueue()
         self._errors = errors
-        with errors.open("ab") as sink:
-            self.process = subprocess.Popen(
-                module_command(module, *arguments),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=sink,
-                pass_fds=fds,
-                text=True,
-                process_group=0,  # Ctrl-C on the terminal reaches the supervisor only
-            )
-        assert self.process.stdin is not None
-        try:
-            self.process.stdin.write(job)
-            self.process.stdin.close()
-        except BrokenPipeError:
-            pass  # the process died at once; `last_message` gives the reason
+        self.process = start_process(module, job, fds, errors, *arguments, stdout=subprocess.PIPE)
         self._listener = threading.Thread(
             target=self._listen, args=(self.process.stdout,), daemon=True
         )
@@ -45,28 +61,33 @@ class Child:
     def _listen(self, lines: IO[str]) -> None:
         with lines:
             for line in lines:
+                if not line.endswith("\n"):
+                    return  # cut off: the process was killed
                 try:
-                    event = json.loads(line)
-                except ValueError:
-                    continue  # printed by a library
-                if isinstance(event, dict) and "event" in event:
-                    self.events.put(event)
+                    report = read_report(line)
+                except HandoverError as error:
+                    # So that `last_message` gives it; the folder may be deleted, the disk full.
+                    with suppress(OSError), self._errors.open("a") as sink:
+                        sink.write(f"its report cannot be read: {error}\n")
+                else:
+                    if report is not None:
+                        self._reports.put(report)
 
     def alive(self) -> bool:
         """Return whether the process still runs."""
         return self.process.poll() is None
 
-    def read_events(self) -> list[dict[str, Any]]:
-        """Return the events since the last call; after the process has ended, all that remain."""
+    def read_reports(self) -> list[Report]:
+        """Return the reports since the last call; after the process has ended, all that remain."""
         if not self.alive():
             self._listener.join(timeout=5.0)
-        events = []
-        while not self.events.empty():
-            events.append(self.events.get())
-        return events
+        reports = []
+        while not self._reports.empty():
+            reports.append(self._reports.get())
+        return reports
 
     def end(self, timeout_s: float) -> None:
-        """Wait ``timeout_s`` for the process to end, then kill it; read its last events."""
+        """Wait ``timeout_s`` for the process to end, then kill it; receive its last reports."""
         try:
             self.process.wait(timeout=timeout_s)
         except subprocess.TimeoutExpired:

@@ -1,25 +1,19 @@
-"""The part that all I/O processes share: read the job, report events, end with the loop.
+"""The part that all I/O processes share: read the job, end with the loop.
 
-The supervisor sends a job on standard input and reads JSON lines. An I/O process outlives the loop,
+An I/O process outlives the loop,
 never the other way round: a loop whose supervisor was killed still needs its wires to bring the rig
 to rest. An I/O process therefore ends when it is terminated or when the loop has ended. It detects
 the end of the loop by a pipe, the lifeline, whose other end only the loop holds (before the loop
 has started: the supervisor).
 """
 
-import json
 import select
 import signal
 import sys
 from collections.abc import Callable
-from contextlib import suppress
-from typing import Any
 
-
-def report_event(**event: Any) -> None:
-    """Print one JSON line for the supervisor. A supervisor that is gone is detected elsewhere."""
-    with suppress(BrokenPipeError):
-        print(json.dumps(event), flush=True)
+from rig.processes import handover
+from rig.processes.messages import IoJob
 
 
 def ignore_terminal_signals() -> None:
@@ -28,10 +22,10 @@ def ignore_terminal_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def run_io_process(serve: Callable[[dict[str, Any]], None]) -> None:
+def run_io_process(serve: Callable[[IoJob], None]) -> None:
     """Read a job from standard input and pass it to ``serve``."""
     ignore_terminal_signals()
-    serve(json.loads(sys.stdin.read()))
+    serve(handover.loads(IoJob, sys.stdin.read()))
 
 
 def end_condition(lifeline: int) -> Callable[[], bool]:

@@ -1,21 +1,21 @@
 """I/O processes, which serve the loop: pollers of slow lines, the service process of a CAN bus.
 
-The supervisor starts each I/O process before the loop. The process reports in JSON lines that it is
-ready, or why it refuses. Values go through mailboxes (shared slots). An I/O process that dies
+The supervisor starts each I/O process before the loop. The process reports that it is ready, or why
+it refuses. Values go through mailboxes (shared slots). An I/O process that dies
 leaves its last values in its mailboxes; their age grows, and the loop stops for it.
 
 I/O processes live as long as the loop: all read from a pipe, the lifeline, whose writing end the
 loop inherits. When the last process that holds that end is gone, each sees the end of the pipe.
 """
 
-import json
 import os
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.processes import mailbox
+from rig.processes import handover, mailbox
 from rig.processes.child import Child
+from rig.processes.messages import IoJob, Notice, Ready, Refused
 from rig.recording.runs.create import write_json
 
 FACTS_FILE = "io_processes.json"  # in the run's folder: addresses, values read from the devices
@@ -48,16 +48,12 @@ class IoProcesses:
         self._processes = processes
         self._locks = locks
         self._folder = folder
-        self._slots = {name: mailbox.create() for each in processes for name in each.mailboxes}
+        # The file descriptors of the mailboxes by name.
+        self.slots = {name: mailbox.create() for each in processes for name in each.mailboxes}
         self._lifeline, self.loop_end = os.pipe()  # the loop inherits `loop_end`
         self._children: list[tuple[IoProcess, Child]] = []
         self.facts: dict[str, Any] = {}  # by I/O process: values read from devices, for the loop
         self.messages: list[str] = []  # for people, in the order in which they came
-
-    @property
-    def slots(self) -> dict[str, int]:
-        """The file descriptors of the mailboxes by name."""
-        return dict(self._slots)
 
     def start(self) -> None:
         """Start the processes that others need, then all others at once; wait until all are ready.
@@ -75,15 +71,10 @@ class IoProcesses:
             write_json(self._folder, FACTS_FILE, self.facts)
 
     def _start_child(self, process: IoProcess) -> Child:
-        job = {
-            "config": process.config,
-            "mailboxes": {name: self._slots[name] for name in process.mailboxes},
-            "lifeline": self._lifeline,
-        }
-        slots = (self._slots[name] for name in process.mailboxes)
-        fds = (self._lifeline, *slots, *self._locks)
-        errors = self._folder / f"{process.name}.stderr"
-        child = Child(process.module, json.dumps(job), fds, errors)
+        slots = {name: self.slots[name] for name in process.mailboxes}
+        job = handover.dumps(IoJob(process.config, slots, self._lifeline))
+        fds = (self._lifeline, *slots.values(), *self._locks)
+        child = Child(process.module, job, fds, self._folder / f"{process.name}.stderr")
         self._children.append((process, child))
         return child
 
@@ -91,18 +82,8 @@ class IoProcesses:
         began = time.monotonic()
         while True:
             alive = child.alive()
-            ready, refused = False, ""
-            for event in child.read_events():
-                if event["event"] == "ready":
-                    self.facts[process.name] = event.get("facts", {})
-                    ready = True
-                if event["event"] == "refused":
-                    refused = event["why"]
-                if event["event"] == "message":
-                    self.messages.append(f"{process.name}: {event['text']}")
-            if refused:
-                raise IoProcessError(f"{process.name}: {refused}")
-            if ready:
+            self._read_reports(process, child)
+            if process.name in self.facts:
                 return
             if not alive:
                 raise IoProcessError(f"{process.name}: {child.last_message()}")
@@ -111,16 +92,22 @@ class IoProcesses:
                 raise IoProcessError(f"{process.name}: not ready after {timeout:g} s")
             time.sleep(_POLL_INTERVAL_S)
 
+    def _read_reports(self, process: IoProcess, child: Child) -> None:
+        for report in child.read_reports():
+            match report:
+                case Ready(facts):
+                    self.facts[process.name] = facts
+                case Refused(why) if process.name not in self.facts:
+                    raise IoProcessError(f"{process.name}: {why}")
+                case Notice(text) | Refused(text):
+                    self.messages.append(f"{process.name}: {text}")
+
     def check(self) -> str:
         """Collect messages and return which processes have died, empty if all live."""
         failures = []
         for process, child in self._children:
             alive = child.alive()
-            self.messages += [
-                f"{process.name}: {event['text']}"
-                for event in child.read_events()
-                if event["event"] == "message"
-            ]
+            self._read_reports(process, child)
             if not alive:
                 failures.append(f"{process.name} ended: {child.last_message()}")
         return "; ".join(failures)
@@ -138,6 +125,6 @@ class IoProcesses:
                 child.process.terminate()
             child.end(timeout_s)
         self.release_lifeline()
-        for fd in (self._lifeline, *self._slots.values()):
+        for fd in (self._lifeline, *self.slots.values()):
             os.close(fd)
-        self._slots = {}
+        self.slots = {}

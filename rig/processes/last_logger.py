@@ -5,17 +5,22 @@ dead, the loop's process is the last one. Once the devices are stopped, it start
 and waits for it. In every case it writes the ring's counters to the run's folder.
 """
 
-import json
 import os
 import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-from rig.module_process import module_command
+from rig.processes import handover
+from rig.processes.child import start_process
+from rig.processes.messages import LoggerJob
 from rig.realtime.loop import LoopResult
-from rig.recording.folder_watch import current_folder, save_to_rescue_folder, write_progress
+from rig.recording.folder_watch import (
+    current_folder,
+    open_folder,
+    save_to_rescue_folder,
+    write_progress,
+)
 from rig.recording.ring import RingWriter, has_consumer
 
 STALL_TIMEOUT_S = 3.0  # s without a saved row after which a logger is started
@@ -28,12 +33,11 @@ POLL_INTERVAL_S = 0.05  # s
 class LastLogger:
     """Starts a logger in the place of a supervisor that is gone.
 
-    ``request``: JSON with ``job``, the logger's job by field, and the descriptors of the ``folder``
-    (-1: none) and the ``ring``.
+    ``job``: the logger's job as the supervisor gave it; None: unsaved rows are lost.
     """
 
-    def __init__(self, request: str, supervisor: int) -> None:
-        self._request: dict[str, Any] = json.loads(request) if request else {}
+    def __init__(self, job: LoggerJob | None, supervisor: int) -> None:
+        self._job = job
         self._supervisor = supervisor
         self._process: subprocess.Popen[str] | None = None
         self._starts = 0
@@ -53,25 +57,25 @@ class LastLogger:
 
         Returns False while the supervisor lives.
         """
-        if not self._request or not self.orphaned:
+        if self._job is None or not self.orphaned:
             return False
-        if self._running or has_consumer(self._request["ring"]):
+        if self._running or has_consumer(self._job.ring):
             return True
         if self._starts >= MAX_STARTS:
             return False
         self._starts += 1
         with suppress(OSError):
-            self._process = self._start()
+            self._process = self._start(self._job)
             return True
         return False
 
     def save_remaining_rows(self, ring: RingWriter, end: LoopResult | None) -> None:
         """Wait until every row is saved or no more can be; start a logger if necessary.
 
-        Returns at once if there is no request.
+        Returns at once if there is no job.
         ``end``: how the loop ended; None if its own code failed.
         """
-        if not self._request:
+        if self._job is None:
             return
         tail, since, progress_written = ring.tail, time.monotonic(), False
         while ring.tail < ring.head and not ring.abandoned:
@@ -82,7 +86,8 @@ class LastLogger:
                 if stalled_s > SUPERVISED_TIMEOUT_S:
                     return  # the supervisor watches its logger and holds the ring as well
             elif not progress_written:
-                progress_written = self._write_progress(ring, end)
+                progress_written = True
+                self._write_progress(self._job, ring, end)
             elif stalled_s > HANG_TIMEOUT_S and self._process is not None and self._running:
                 self._process.kill()
                 self._process.wait()
@@ -98,47 +103,31 @@ class LastLogger:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(HANG_TIMEOUT_S)
         if self.orphaned:
-            self._write_progress(ring, end)
+            self._write_progress(self._job, ring, end)
 
-    def _write_progress(self, ring: RingWriter, end: LoopResult | None) -> bool:
+    def _write_progress(self, job: LoggerJob, ring: RingWriter, end: LoopResult | None) -> None:
         progress: dict[str, int | str | None] = {"final": True, "ticks": ring.head + ring.dropped}
         progress |= {"dropped": ring.dropped, "saved": ring.tail}
         if end is not None:
             progress |= {"last_tick": end.ticks + end.skipped - 1, "skipped": end.skipped}
             progress |= {"reason": end.reason}
         with suppress(OSError):
-            fd = os.open(self._folder(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            fd = open_folder(_folder(job))
             write_progress(fd, **progress)
             os.close(fd)
-        return True
 
-    def _folder(self) -> Path:
-        """Return the present path of the run's folder; of a rescue folder if it was deleted."""
-        folder, fd = Path(self._request["job"]["folder"]), int(self._request["folder"])
-        if fd < 0:
-            return folder
-        return current_folder(fd) or save_to_rescue_folder(folder, {}, {})
-
-    def _start(self) -> "subprocess.Popen[str]":
-        folder = self._folder()
+    def _start(self, job: LoggerJob) -> "subprocess.Popen[str]":
+        folder = _folder(job)
         stem = "run.mcap.part"
         parts = (path.name.removeprefix(stem) for path in folder.glob(f"{stem}*"))
         number = max((int(text) for text in parts if text.isdigit()), default=-1) + 1
-        changed = {"supervisor": os.getpid(), "folder": str(folder), "part": f"{stem}{number}"}
-        job = {**self._request["job"], **changed}
-        fds = tuple(fd for fd in (self._request["ring"], self._request["folder"]) if fd >= 0)
-        with (folder / "logger.stderr").open("ab") as errors:
-            process = subprocess.Popen(
-                module_command("rig.recording.logger"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=errors,
-                pass_fds=fds,
-                text=True,
-                process_group=0,
-            )
-        assert process.stdin is not None
-        with suppress(BrokenPipeError):
-            process.stdin.write(json.dumps(list(job.values())))
-            process.stdin.close()
-        return process
+        job = job._replace(supervisor=os.getpid(), folder=str(folder), part=f"{stem}{number}")
+        fds = (job.ring, job.folder_lock)
+        return start_process(
+            "rig.processes.logger", handover.dumps(job), fds, folder / "logger.stderr"
+        )
+
+
+def _folder(job: LoggerJob) -> Path:
+    """Return the present path of the run's folder; of a rescue folder if it was deleted."""
+    return current_folder(job.folder_lock) or save_to_rescue_folder(Path(job.folder), {}, {})

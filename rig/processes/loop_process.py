@@ -2,49 +2,32 @@
 
 The command names the package of the kind's tick and the module of its devices, so that this process
 imports no other part of the kind. The supervisor sends a job on standard input and inherited file
-descriptors. The process reports one
-JSON line before the first tick and one at the end. It ignores Ctrl-C, to which the supervisor
+descriptors. The process reports before the first tick and at the end. It ignores Ctrl-C, to which
+the supervisor
 reacts, and treats a termination signal as an abort. The loop stops when the supervisor is gone, or
 on the real clock when its heartbeat is too old (suspended, hung): nobody could request a stop any
 more. On the virtual clock nothing moves, and a suspended rehearsal waits.
 """
 
 import importlib
-import json
 import os
 import signal
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 from rig import laws
 from rig.processes import handover
-from rig.processes.io_process import ignore_terminal_signals, report_event
+from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
+from rig.processes.messages import LoopJob, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
 from rig.recording.ring import RingWriter
-
-
-class LoopJob(NamedTuple):
-    """The job that the supervisor sends to the loop process."""
-
-    real_clock: int  # 1: real time, 0: virtual
-    realtime_required: int  # 1: refuse to run without every privilege
-    dt: float  # s
-    ring: int  # file descriptor
-    mailbox: int  # file descriptor
-    supervisor: int  # process id
-    params: cycle.Params
-    devices: str  # JSON for the function that connects the devices
-    supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
-    law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
-    last_logger: str = ""  # JSON for `rig.processes.last_logger`; empty: unsaved rows are lost
-
 
 EXIT_ORPHANED = 76  # exit code: the supervisor was gone before the first tick
 EXIT_NOT_READY = 78  # exit code: the devices do not answer
@@ -63,7 +46,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
     ignore_terminal_signals()
     kind, job = _read_job(find_kind, sys.stdin.read())
     mailbox = Mailbox(job.mailbox, Request)
-    last_logger = LastLogger(job.last_logger, job.supervisor)
+    last_logger = LastLogger(job.logger[0] if job.logger else None, job.supervisor)
     terminated = False
 
     def abort(*_: object) -> None:
@@ -73,7 +56,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
     def external_request() -> int:
         if terminated:
             return safety.REQUEST_ABORT
-        if os.getppid() != job.supervisor or (job.real_clock == 1 and supervisor_timed_out()):
+        if os.getppid() != job.supervisor or (job.real_clock and supervisor_timed_out()):
             return safety.REQUEST_SUPERVISOR_LOST
         return safety.REQUEST_NONE
 
@@ -91,32 +74,31 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
 
     signal.signal(signal.SIGTERM, abort)
     ring = RingWriter(
-        job.ring, kind.row_type, wait=job.real_clock == 0, stop_requested=must_not_wait
+        job.ring, kind.row_type, wait=not job.real_clock, stop_requested=must_not_wait
     )
     end: loop.LoopResult | None = None
     try:
         try:
-            devices = connect(json.loads(job.devices), job.dt)
+            devices = connect(job.devices, job.dt)
         except OSError as error:
             _refuse(error)
         granted = _privileges(job)
-        if granted is not None and granted.refused and job.realtime_required == 1:
-            report_event(event="refused", privileges=granted._asdict())
-            sys.exit(EXIT_NO_PRIVILEGES)
+        if granted is not None and granted.refused and job.realtime_required:
+            report(LoopPrivileges((granted,)))
+            _refuse(f"the host did not grant {', '.join(granted.refused)}", EXIT_NO_PRIVILEGES)
         if external_request() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices started
             devices.stop(Reason.SUPERVISOR_LOST.value)
             devices.close()
             # A supervisor that was only suspended reads this later.
-            report_event(event="refused", why=_ORPHANED_MESSAGE)
-            sys.exit(EXIT_ORPHANED)
+            _refuse(_ORPHANED_MESSAGE, EXIT_ORPHANED)
         try:
             devices.warm_up(job.dt)  # the last slow step before the first tick
         except OSError as error:
             devices.close()
             _refuse(error)
-        clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
+        clock: Clock = RealClock(job.dt) if job.real_clock else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
-        report_event(event="start", privileges=granted and granted._asdict())
+        report(LoopPrivileges((granted,) if granted is not None else ()))
         end = loop.run(
             kind,
             job.params,
@@ -125,9 +107,9 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             ring,
             mailbox,
             external_request,
-            measure_work=job.real_clock == 1,
+            measure_work=job.real_clock,
         )
-        report_event(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
+        report(end)
     finally:
         ring.finish()  # otherwise the logger would wait for rows that never come
         last_logger.save_remaining_rows(ring, end)
@@ -142,15 +124,15 @@ def _read_job(find_kind: Callable[[str], cycle.Kind], text: str) -> tuple[cycle.
     return kind, handover.loads(LoopJob, text, rig=kind.params_type, **dict(kind.any_types))
 
 
-def _refuse(error: Exception) -> NoReturn:
-    """Report the error and exit before the first tick."""
-    report_event(event="refused", why=str(error))
-    sys.exit(EXIT_NOT_READY)
+def _refuse(why: object, code: int = EXIT_NOT_READY) -> NoReturn:
+    """Report the reason and exit before the first tick."""
+    report(Refused(str(why)))
+    sys.exit(code)
 
 
 def _privileges(job: LoopJob) -> scheduling.Privileges | None:
     """Acquire real-time privileges; return None on the virtual clock, which must run without."""
-    if job.real_clock == 1:
+    if job.real_clock:
         return scheduling.acquire()
     scheduling.freeze_garbage_collector()
     return None

@@ -1,6 +1,5 @@
 """A task to run, the mode in which it runs, a snapshot of the run, and its outcome."""
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.processes.io_processes import IoProcess
@@ -26,6 +25,15 @@ class Task(NamedTuple):
     law_source: str = ""  # of a law that is given by its file, for `law.py`
 
 
+class RecordedTask(NamedTuple):
+    """The task of a recorded run, as today's code builds it from the record."""
+
+    kind: cycle.Kind
+    params: cycle.Params
+    dt: float  # s
+    notice: str = ""  # how the law of today differs from that of the run; empty: it does not
+
+
 class ExecutionMode(NamedTuple):
     """The processes, devices and clock of a run; nothing else differs between the modes."""
 
@@ -35,17 +43,6 @@ class ExecutionMode(NamedTuple):
     devices: dict[str, Any]  # JSON values for connect()
     io_processes: tuple[IoProcess, ...] = ()
     wires: tuple[Wire, ...] = ()  # on which its processes send
-
-
-class Setup(NamedTuple):
-    """All that the supervisor needs to start a run."""
-
-    task: Task
-    mode: ExecutionMode
-    folder: Path
-    attachments: tuple[str, ...]  # JSON files of the folder that go into the MCAP file
-    folder_lock: int = -1  # file descriptor, held as long as a process of the run lives; -1: none
-    wire_locks: tuple[int, ...] = ()  # file descriptors, held by all that use wires or real time
 
 
 class Snapshot(NamedTuple):

@@ -9,7 +9,6 @@ The thread that posts the heartbeat waits neither for a terminal nor for a disk:
 longer than the loop's heartbeat time-out. Another thread draws (`rig.processes.display`).
 """
 
-import json
 import os
 import time
 from collections.abc import Callable
@@ -18,18 +17,27 @@ from pathlib import Path
 from typing import Any
 
 from rig.processes import handover, mailbox
+from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
-from rig.processes.display import Display
+from rig.processes.display import drawing_thread
 from rig.processes.io_processes import IoProcessError, IoProcesses
-from rig.processes.loop_process import LoopJob
 from rig.processes.mailbox import Mailbox, Request
-from rig.processes.run_types import Outcome, Setup, Snapshot
+from rig.processes.messages import (
+    DiskState,
+    LoggerJob,
+    LoopJob,
+    LoopPrivileges,
+    RecordLost,
+    RecordMoved,
+    Refused,
+)
+from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.realtime import safety
+from rig.realtime.loop import LoopResult
 from rig.realtime.reasons import NO_REASON
-from rig.recording import logger as log_process
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
-from rig.recording.row_layout import layout, leaves
+from rig.recording.row_layout import layout, leaves, schema
 from rig.recording.runs.create import end_status, write_json
 from rig.recording.runs.folder import MCAP
 
@@ -43,29 +51,45 @@ ABORT_TIMEOUT_S = 5.0  # s that the loop may take to carry out an abort
 
 
 class SupervisedRun:
-    """One run and its supervision; call `supervise` once."""
+    """One run and its supervision; call `supervise` once.
 
-    def __init__(self, setup: Setup) -> None:
-        self._setup = setup
-        self._reasons = setup.task.kind.reason_table
-        self._ring_fd = ring.create(setup.task.kind.row_type)
+    ``attachments``: JSON files of the folder that go into the MCAP file; ``folder_lock``: file
+    descriptor, held as long as a process of the run lives; ``wire_locks``: file descriptors, held
+    by all that use wires or real time.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        mode: ExecutionMode,
+        folder: Path,
+        attachments: tuple[str, ...],
+        *,
+        folder_lock: int,
+        wire_locks: tuple[int, ...],
+    ) -> None:
+        self._task, self._mode = task, mode
+        self._run, self._attachments = folder.name, attachments
+        self._folder_lock, self._wire_locks = folder_lock, wire_locks
+        self._reasons = task.kind.reason_table
+        self._ring_fd = ring.create(task.kind.row_type)
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
         self._mailbox = Mailbox(self._mailbox_fd, Request)
-        self._layout = layout(setup.task.kind.row_type)
-        self._names = [leaf.name for leaf in leaves(setup.task.kind.row_type)]
-        self._io_processes = IoProcesses(setup.mode.io_processes, setup.folder, setup.wire_locks)
+        self._layout = layout(task.kind.row_type)
+        self._names = [leaf.name for leaf in leaves(task.kind.row_type)]
+        self._io_processes = IoProcesses(mode.io_processes, folder, wire_locks)
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
         self._problem = ""
-        self._end: dict[str, Any] | None = None
+        self._end: LoopResult | None = None
         self._refused = ""
         self._died = ""
         self._log_abandoned = False  # the rest of the log is abandoned
         self._loop_progress = StallTimer()
         self._log_progress = StallTimer()
-        self._whereabouts = FolderTracker(setup.folder)
+        self._whereabouts = FolderTracker(folder)
 
     @property
     def folder(self) -> Path:
@@ -83,11 +107,11 @@ class SupervisedRun:
         left behind.
         """
         # Two threads: a terminal that blocks must not delay the progress file on the disk.
-        with Display(on_snapshot) as display, Display(self._write_progress) as progress:
+        with drawing_thread(on_snapshot) as draw, drawing_thread(self._write_progress) as save:
 
             def show(snapshot: Snapshot) -> None:
-                display.show(snapshot)
-                progress.show(snapshot)
+                draw(snapshot)
+                save(snapshot)
 
             return self._run_to_end(show, get_request)
 
@@ -103,7 +127,7 @@ class SupervisedRun:
             loop = self._start_loop()
             self._io_processes.release_lifeline()
             while loop.alive() or logger.alive() or self._logger_failed(logger):
-                self._read_loop_events(loop)
+                self._read_loop_reports(loop)
                 if not loop.alive():
                     self._ring.mark_finished()
                 self._set_request(get_request())
@@ -155,8 +179,8 @@ class SupervisedRun:
             loop.process.kill()
 
     def _supervise_logger(self, logger: Child, loop: Child) -> Child:
-        """Read the logger's events; restart a dead or hanging logger, give up after too many."""
-        self._read_logger_events(logger)
+        """Read the logger's reports; restart a dead or hanging logger, give up after too many."""
+        self._read_logger_reports(logger)
         unsaved = self._ring.head - self._ring.tail
         ending_late = not loop.alive() and logger.alive()
         if unsaved == 0 and not ending_late:
@@ -170,7 +194,7 @@ class SupervisedRun:
             return logger
         self._log_progress = StallTimer()
         if not refers_to(self.folder, self._whereabouts.descriptor):
-            # Before `settled`, which may copy the whole record.
+            # Before `can_locate_record`, which may copy the whole record.
             self._set_request(safety.REQUEST_LOGGER_LOST)
         failed = (
             self._parts > MAX_LOGGER_RESTARTS
@@ -184,13 +208,15 @@ class SupervisedRun:
             self._set_request(safety.REQUEST_LOGGER_LOST)
         return logger if self._log_abandoned else self._start_logger()
 
-    def _read_logger_events(self, logger: Child) -> None:
+    def _read_logger_reports(self, logger: Child) -> None:
         self._whereabouts.open_part(f"{MCAP}.part{self._parts - 1}")
-        for event in logger.read_events():
-            self._problem = event.get("error") or event.get("why") or ""
-            if event["event"] == "place":
-                self._whereabouts.relocate(Path(event["folder"]), event["why"])
-                self._problem = self._whereabouts.problem
+        for report in logger.read_reports():
+            match report:
+                case DiskState(problem) | RecordLost(problem):
+                    self._problem = problem
+                case RecordMoved(folder, why):
+                    self._whereabouts.relocate(Path(folder), why)
+                    self._problem = self._whereabouts.problem
             if self._problem:
                 self._set_request(safety.REQUEST_LOGGER_LOST)
 
@@ -200,12 +226,12 @@ class SupervisedRun:
             if loop.alive():
                 loop.process.terminate()  # the loop treats it as an abort
             loop.end(ABORT_TIMEOUT_S)
-            self._read_loop_events(loop)
+            self._read_loop_reports(loop)
         self._io_processes.end(ABORT_TIMEOUT_S)  # after the loop, which needs them until its end
         self._ring.mark_finished()
         if logger is not None:
             logger.end(STALL_TIMEOUT_S)
-            self._read_logger_events(logger)
+            self._read_logger_reports(logger)
             try:
                 folder = self._whereabouts.locate_record()
                 if self._parts == 1 and logger.process.returncode == 0:
@@ -217,69 +243,66 @@ class SupervisedRun:
         os.close(self._mailbox_fd)
 
     def _start_logger(self) -> Child:
-        job = self._logger_job()
+        job = handover.dumps(self._logger_job())
         self._parts += 1
-        fds = (self._ring_fd, *_open_descriptors(self._setup.folder_lock))
-        errors = self.folder / "logger.stderr"
-        return Child("rig.recording.logger", handover.dumps(job), fds, errors)
+        fds = (self._ring_fd, self._folder_lock)
+        return Child("rig.processes.logger", job, fds, self.folder / "logger.stderr")
 
-    def _logger_job(self) -> log_process.LoggerJob:
-        setup, task, mode = self._setup, self._setup.task, self._setup.mode
-        return log_process.LoggerJob(
-            kind=task.kind_name,
+    def _logger_job(self) -> LoggerJob:
+        return LoggerJob(
             ring=self._ring_fd,
+            rows=schema(self._task.kind.row_type),
             supervisor=os.getpid(),
             folder=str(self.folder),
+            folder_lock=self._folder_lock,
             part=f"{MCAP}.part{self._parts}",
-            attachments=setup.attachments,
-            run=setup.folder.name,
-            mode=mode.name,
-            clock="real" if mode.real_clock else "virtual",
-            rate_hz=1.0 / task.dt,
+            attachments=self._attachments,
+            run=self._run,
+            mode=self._mode.name,
+            clock="real" if self._mode.real_clock else "virtual",
+            rate_hz=1.0 / self._task.dt,
             disk_timeout_s=DISK_TIMEOUT_S,
         )
 
     def _start_loop(self) -> Child:
-        setup, task, mode = self._setup, self._setup.task, self._setup.mode
-        log = {"job": self._logger_job()._asdict(), "ring": self._ring_fd}
+        task, mode = self._task, self._mode
         job = LoopJob(
-            real_clock=int(mode.real_clock),
-            realtime_required=int(task.realtime_required and mode.real_clock),
+            real_clock=mode.real_clock,
+            realtime_required=task.realtime_required and mode.real_clock,
             dt=task.dt,
             ring=self._ring_fd,
             mailbox=self._mailbox_fd,
             supervisor=os.getpid(),
             params=task.params,
-            devices=json.dumps(self._device_config()),
+            devices=self._device_config(),
             supervisor_timeout=task.supervisor_timeout,
             law=task.law,
-            last_logger=json.dumps(log | {"folder": setup.folder_lock}),
+            logger=(self._logger_job(),),
         )
-        locks = (*_open_descriptors(setup.folder_lock), *setup.wire_locks)
         slots = self._io_processes.slots.values()
+        locks = (self._folder_lock, *self._wire_locks)
         fds = (self._ring_fd, self._mailbox_fd, *slots, self._io_processes.loop_end, *locks)
-        errors = setup.folder / "loop.stderr"
+        errors = self.folder / "loop.stderr"
         return Child(LOOP_MODULE, handover.dumps(job), fds, errors, task.tick, mode.device_module)
 
     def _device_config(self) -> dict[str, Any]:
         """Return the devices' configuration for the loop; I/O processes add facts and mailboxes."""
-        if not self._setup.mode.io_processes:
-            return self._setup.mode.devices
+        if not self._mode.io_processes:
+            return self._mode.devices
         shared = {"facts": self._io_processes.facts, "mailboxes": self._io_processes.slots}
-        return self._setup.mode.devices | shared
+        return self._mode.devices | shared
 
-    def _read_loop_events(self, loop: Child) -> None:
-        for event in loop.read_events():
-            if "privileges" in event:
-                with suppress(OSError):
-                    write_json(self.folder, log_process.PRIVILEGES, event["privileges"])
-            if event["event"] == "refused" and "why" in event:
-                self._refused = event["why"]
-            elif event["event"] == "refused":
-                denied = [f"{name} ({why})" for name, why in event["privileges"].items() if why]
-                self._refused = f"the host did not grant {', '.join(denied)}"
-            if event["event"] == "end":
-                self._end = event
+    def _read_loop_reports(self, loop: Child) -> None:
+        for report in loop.read_reports():
+            match report:
+                case LoopPrivileges(found):
+                    granted = found[0]._asdict() if found else None
+                    with suppress(OSError):
+                        write_json(self.folder, log_process.PRIVILEGES, granted)
+                case Refused(why):
+                    self._refused = why
+                case LoopResult():
+                    self._end = report
 
     def _logger_failed(self, logger: Child) -> bool:
         """Return whether the logger has ended without finishing its file."""
@@ -306,8 +329,7 @@ class SupervisedRun:
     def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest_row()
         if end is not None:
-            reason = int(end["reason"])
-            status, cause = end_status(reason), self._reasons.name(reason)
+            status, cause = end_status(end.reason), self._reasons.name(end.reason)
         elif self._refused:
             status, cause = "refused", self._refused
         else:
@@ -315,25 +337,19 @@ class SupervisedRun:
                 "crashed",
                 self._problem or (f"loop: {loop.last_message()}" if loop else ""),
             )
-        ticks = self._ring.head + self._ring.dropped
-        counts = end or {"ticks": ticks, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(
-            status,
-            cause,
-            counts["ticks"],
-            counts["skipped"],
-            self._ring.dropped,
-            self._ring.head - self._ring.tail,
-            max(0, self._parts - 1),
-            row,
-            self._died,
-            tuple(self._io_processes.messages),
-            self._whereabouts.problem,
+            status=status,
+            reason=cause,
+            ticks=end.ticks if end else self._ring.head + self._ring.dropped,
+            skipped=end.skipped if end else int(row.get("timing.skipped", 0)),
+            dropped=self._ring.dropped,
+            unsaved=self._ring.head - self._ring.tail,
+            logger_restarts=max(0, self._parts - 1),
+            last_row=row,
+            died=self._died,
+            messages=tuple(self._io_processes.messages),
+            moved=self._whereabouts.problem,
         )
 
 
 _REQUEST_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
-
-
-def _open_descriptors(*locks: int) -> tuple[int, ...]:
-    return tuple(fd for fd in locks if fd >= 0)

@@ -3,19 +3,37 @@
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from rig.processes.mailbox import Mailbox
 from rig.realtime import cycle
 from rig.realtime.clock import Clock
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0
-from rig.recording.ring import RingWriter
 
 STOP_REPEATS = 5  # repetitions of the stop at the end, so that one lost frame does not matter
 LINGER_TICKS = 20  # ticks logged after power was removed, so that the record shows it
 EXTERNAL_REQUEST_INTERVAL = 0.05  # s of ticks between calls of ``external_request``
+
+
+class RowSink(Protocol):
+    """Where the rows of the ticks go."""
+
+    def put(self, row: Any) -> None:
+        """Take the row of a tick; never block on the real clock."""
+        ...
+
+    def finish(self) -> None:
+        """Mark the end of the rows."""
+        ...
+
+
+class RequestSource(Protocol):
+    """Where the requests of people and of the supervisor come from."""
+
+    def read(self) -> Any:
+        """Return the newest message, with its ``request``; None before the first."""
+        ...
 
 
 class LoopResult(NamedTuple):
@@ -31,8 +49,8 @@ def run(
     params: cycle.Params,
     devices: Devices,
     clock: Clock,
-    ring: RingWriter,
-    mailbox: Mailbox,
+    ring: RowSink,
+    mailbox: RequestSource,
     external_request: Callable[[], int],
     *,
     measure_work: bool,

@@ -127,6 +127,9 @@ class ReasonTable:
         known = self._by_number
         return tuple(known[n].category if n in known else 0 for n in numbers)
 
+    def __contains__(self, number: int) -> bool:
+        return number in self._by_number
+
     def name(self, number: int) -> str:
         """Return the name of a number; "reason N" for an unknown one."""
         reason = self._by_number.get(int(number))

@@ -7,6 +7,10 @@ a full disk costs no row and leaves no partial record between whole ones. A file
 killed holds every record up to the last `RowWriter.flush` and lacks only its index
 (`rig.recording.runs.recover` restores it).
 
+MCAP has check sums for chunks, attachments and the summary, but none for a schema, a channel or a
+metadata record; a flipped bit in one of those would change a field, a unit or the start time. So
+our files carry their own.
+
 Chunks are built here, as arrays of messages: single messages through ``mcap.writer.Writer`` cost
 8 us a row, arrays less than 1 us plus compression. The library's own classes write all other
 records.
@@ -26,22 +30,15 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from rig.recording import row_layout
-from rig.recording.row_schema import (
-    CHANNEL_ID,
-    CHECKSUM_KEY,
-    CLOCK_RECORD,
-    SCHEMA_ID,
-    SCHEMA_RECORD,
-    START_KEY,
-    MessageSchema,
-    channel_record,
-    message_schema,
-    metadata_checksum,
-    schema_checksum,
-    time_index,
-)
+from rig.recording.row_layout import CDR_HEADER, Leaf, RowError, RowSchema
 
+TOPIC = "/row"
+CLOCK_RECORD = "clock"  # metadata record with the mapping from run time to UTC
+START_KEY = "start_utc_ns"
+SCHEMA_RECORD = "form"  # metadata record with the check sum of the schema, which itself has none
+CHECKSUM_KEY = "crc32"  # key in a metadata record: check sum of its other pairs
+SCHEMA_ID = CHANNEL_ID = 1
+CHANNEL = records.Channel(CHANNEL_ID, TOPIC, "cdr", {}, SCHEMA_ID)  # the only one of a file
 # Measured: 256 KiB to 1 MiB chunks are equally fast, smaller ones compress worse and 4 MiB leaves
 # the cache (1.8 times slower). Level 1 is 1.7 times faster than 3 for 1 % of size, -1 again 1.3.
 CHUNK_BYTES = 512 * 1024
@@ -54,6 +51,26 @@ _MESSAGE = [  # record head, message head, CDR header; the row follows
 MESSAGE_BYTES = np.dtype(_MESSAGE).itemsize
 _INDEX = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _INDEX_HEAD = struct.Struct("<BQHI")
+
+
+def schema_checksum(name: str, text: str) -> str:
+    """Return the check sum of a schema."""
+    return f"{zlib.crc32(repr((name, text)).encode()):08x}"
+
+
+def metadata_checksum(name: str, pairs: dict[str, str]) -> str:
+    """Return the check sum of a metadata record."""
+    return f"{zlib.crc32(repr((name, sorted(pairs.items()))).encode()):08x}"
+
+
+def _time_index(leaves: tuple[Leaf, ...]) -> int:
+    """Return the index of the time (s) among the numbers of a row; the tick has index 0."""
+    fields = [(leaf.name, leaf.code) for leaf in leaves]
+    if fields[0] != ("tick", "q"):
+        raise RowError(f"the first field of a row is its tick, not {fields[0][0]}")
+    if ("time", "d") not in fields:
+        raise RowError("a row needs a field time in seconds")
+    return fields.index(("time", "d"))
 
 
 def _serialise(*parts: records.McapRecord) -> bytes:
@@ -74,7 +91,7 @@ class RowWriter:
     def __init__(
         self,
         path: str | os.PathLike[str],
-        row_type: type | MessageSchema,
+        schema: RowSchema,
         attachments: dict[str, bytes],
         metadata: dict[str, dict[str, str]],
         *,
@@ -86,16 +103,15 @@ class RowWriter:
         RowError, or OSError when the head of the file cannot be written.
         """
         self.path = Path(path)
-        self._form = row_type if isinstance(row_type, MessageSchema) else message_schema(row_type)
-        leaves = row_layout.leaves_of_schema(self._form.schema)
-        self._time = time_index(leaves)
+        leaves = schema.leaves
+        self._time = _time_index(leaves)
         self._size = 8 * len(leaves)
         self._stride = MESSAGE_BYTES + self._size
         message = np.dtype([*_MESSAGE, ("row", f"V{self._size}")])
         # The open chunk; the fields that all messages share are set once.
         self._open = np.zeros(max(1, CHUNK_BYTES // self._stride), message)
         self._open["opcode"], self._open["length"] = Opcode.MESSAGE, self._stride - 9
-        self._open["channel"], self._open["cdr"] = CHANNEL_ID, np.void(row_layout.CDR_HEADER)
+        self._open["channel"], self._open["cdr"] = CHANNEL_ID, np.void(CDR_HEADER)
         self._filled = 0  # messages in the open chunk
         self._start = start_utc_ns
         self._latest = start_utc_ns
@@ -107,18 +123,15 @@ class RowWriter:
         self._metadata: list[records.MetadataIndex] = []
         self._rows = 0
         self.committed = 0
-        self._schema = records.Schema(
-            SCHEMA_ID, self._form.schema.encode(), "ros2msg", self._form.name
-        )
-        self._channel = channel_record()
+        self._schema = records.Schema(SCHEMA_ID, schema.text.encode(), "ros2msg", schema.name)
         self.descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
         self._closed = False
         # Written twice, as the standard allows: a schema has no check sum, and rows need it.
-        descriptions = (self._schema, self._channel) * 2
+        descriptions = (self._schema, CHANNEL) * 2
         head = _serialise(records.Header("ros2", "wec-rig"), *descriptions)
         self._queue(MCAP0_MAGIC + head)
         encoded = {
-            SCHEMA_RECORD: {"sum": schema_checksum(*self._form)},
+            SCHEMA_RECORD: {"sum": schema_checksum(*schema)},
             CLOCK_RECORD: {START_KEY: str(start_utc_ns)},
         }
         for name, pairs in {**metadata, **encoded}.items():
@@ -283,7 +296,7 @@ class RowWriter:
         )
         groups: list[tuple[Opcode, list[Any]]] = [
             (Opcode.SCHEMA, [self._schema]),
-            (Opcode.CHANNEL, [self._channel]),
+            (Opcode.CHANNEL, [CHANNEL]),
             (Opcode.STATISTICS, [statistics]),
             (Opcode.CHUNK_INDEX, chunks),
             (Opcode.ATTACHMENT_INDEX, self._attachments),

@@ -81,8 +81,23 @@ def has_consumer(fd: int) -> bool:
     return False
 
 
+def _header_value(field: _Field, doc: str) -> Any:
+    """Return a property with the present value of a header field."""
+    at = int(field)
+    return property(lambda ring: ring._header[at], doc=doc)
+
+
 class _Ring:
     """The mapping and header fields that both ends share."""
+
+    head: int = _header_value(_Field.HEAD, "Number of rows stored so far.")
+    tail: int = _header_value(_Field.TAIL, "Number of rows safe on disk.")
+    dropped: int = _header_value(_Field.DROPPED, "Number of rows lost because the ring was full.")
+    state: int = _header_value(_Field.STATE, "`ProducerState`.")
+    abandoned: int = _header_value(_Field.ABANDONED, "1: no consumer will save rows any more.")
+    start_utc_ns: int = _header_value(
+        _Field.START_UTC, "UTC of run time zero, ns since 1970; 0 until the producer has a clock."
+    )
 
     def __init__(self, fd: int) -> None:
         self._map = mmap.mmap(fd, os.fstat(fd).st_size)
@@ -91,36 +106,6 @@ class _Ring:
             raise ValueError("this file descriptor is not a ring of rows")
         self.row_size: int = self._header[_Field.ROW_SIZE]
         self.capacity: int = self._header[_Field.CAPACITY]
-
-    @property
-    def head(self) -> int:
-        """Number of rows stored so far."""
-        return self._header[_Field.HEAD]
-
-    @property
-    def tail(self) -> int:
-        """Number of rows safe on disk."""
-        return self._header[_Field.TAIL]
-
-    @property
-    def dropped(self) -> int:
-        """Number of rows lost because the ring was full."""
-        return self._header[_Field.DROPPED]
-
-    @property
-    def state(self) -> int:
-        """`Producer` state."""
-        return self._header[_Field.STATE]
-
-    @property
-    def start_utc_ns(self) -> int:
-        """UTC of run time zero, nanoseconds since 1970; 0 until the producer has a clock."""
-        return self._header[_Field.START_UTC]
-
-    @property
-    def abandoned(self) -> bool:
-        """Whether no consumer will save rows any more."""
-        return bool(self._header[_Field.ABANDONED])
 
 
 class RingWriter(_Ring):

@@ -48,37 +48,10 @@ def _fields(row_type: type, where: str = "") -> dict[str, Any]:
     return {name: hints[name] for name in names}
 
 
-def _leaf(path: tuple[str, ...], hint: Any) -> Leaf:
-    where = ".".join(path)
-    if get_origin(hint) is not Annotated:
-        raise RowError(f"{where}: {hint} has no unit; write Annotated[float, unit]")
-    kind, unit = get_args(hint)[:2]
-    if kind not in (float, int) or not isinstance(unit, str) or not unit:
-        raise RowError(f"{where}: only float and int leaves with a unit text, not {hint}")
-    return Leaf(path, "d" if kind is float else "q", unit)
-
-
-def _collect_leaves(row_type: type, path: tuple[str, ...], named: dict[str, type]) -> list[Leaf]:
-    found: list[Leaf] = []
-    fields = _fields(row_type, ".".join(path))
-    if named.setdefault(row_type.__name__, row_type) is not row_type:
-        where = ".".join(path)
-        raise RowError(f"{where}: a second type named {row_type.__name__}; a schema has one")
-    for name, hint in fields.items():
-        here = (*path, name)
-        if not FIELD_NAME.fullmatch(name):
-            raise RowError(f"{'.'.join(here)}: not a ROS field name ([a-z][a-z0-9_]*)")
-        if isinstance(hint, type) and issubclass(hint, tuple):
-            found += _collect_leaves(hint, here, named)
-        else:
-            found.append(_leaf(here, hint))
-    return found
-
-
 @lru_cache
 def leaves(row_type: type) -> tuple[Leaf, ...]:
     """Return all numbers of a row type in storage order; raise RowError naming an invalid field."""
-    return tuple(_collect_leaves(row_type, (), {}))
+    return schema(row_type).leaves
 
 
 def layout(row_type: type) -> struct.Struct:
@@ -95,13 +68,12 @@ def packer(row_type: type) -> Callable[[Any, int, Any], None]:
 
     def parts(kind: type, expression: str) -> list[str]:
         hints = list(_fields(kind).values())
-        nested = [isinstance(h, type) and issubclass(h, tuple) for h in hints]
-        if not any(nested):
+        if not any(map(_is_nested, hints)):
             return [f"*{expression}"]
         out: list[str] = []
-        for i, (hint, is_nested) in enumerate(zip(hints, nested, strict=True)):
+        for i, hint in enumerate(hints):
             here = f"{expression}[{i}]"
-            out += parts(hint, here) if is_nested else [here]
+            out += parts(hint, here) if _is_nested(hint) else [here]
         return out
 
     leaves(row_type)  # raise for an invalid type before generating code from it
@@ -112,40 +84,65 @@ def packer(row_type: type) -> Callable[[Any, int, Any], None]:
     return pack
 
 
-def schema_name(row_type: type) -> str:
-    """Return the name of the row type as a ROS 2 message."""
-    return f"{PACKAGE}/msg/{row_type.__name__}"
+class RowSchema(NamedTuple):
+    """A row as a ROS 2 message: its whole layout, for processes and files without its type."""
+
+    name: str
+    text: str  # ros2msg, with units in the comments
+
+    @property
+    def leaves(self) -> tuple[Leaf, ...]:
+        """The numbers of a row in storage order; RowError or KeyError for an invalid text."""
+        return _leaves_of_text(self.text)
 
 
-def schema(row_type: type) -> str:
-    """Return the row type as a ros2msg schema, with units in the comments."""
-    seen: dict[str, str] = {}
+def schema(row_type: type) -> RowSchema:
+    """Return the schema of a row type; raise RowError naming a field that cannot be stored."""
+    types: dict[str, type] = {}
+    bodies: dict[str, str] = {}
 
-    def define(kind: type) -> str:
-        lines = []
-        for name, hint in _fields(kind).items():
-            if isinstance(hint, type) and issubclass(hint, tuple):
-                seen.setdefault(hint.__name__, define(hint))
+    def define(kind: type, path: tuple[str, ...]) -> str:
+        where, lines = ".".join(path), []
+        fields = _fields(kind, where)
+        if types.setdefault(kind.__name__, kind) is not kind:
+            raise RowError(f"{where}: a second type named {kind.__name__}; a schema has one")
+        for name, hint in fields.items():
+            here = (*path, name)
+            if not FIELD_NAME.fullmatch(name):
+                raise RowError(f"{'.'.join(here)}: not a ROS field name ([a-z][a-z0-9_]*)")
+            if _is_nested(hint):
+                body = define(hint, here)
+                bodies.setdefault(hint.__name__, body)
                 lines.append(f"{PACKAGE}/{hint.__name__} {name}")
             else:
-                leaf = _leaf((name,), hint)
-                lines.append(
-                    f"{'float64' if leaf.code == 'd' else 'int64'} {name}  # [{leaf.unit}]"
-                )
+                number, unit = _number(hint, ".".join(here))
+                lines.append(f"{number} {name}  # [{unit}]")
         return "\n".join(lines) + "\n"
 
-    leaves(row_type)
-    text = define(row_type)
-    for name, body in seen.items():
+    text = define(row_type, ())
+    for name, body in bodies.items():
         text += f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{body}"
-    return text
+    return RowSchema(f"{PACKAGE}/msg/{row_type.__name__}", text)
+
+
+def _is_nested(hint: Any) -> bool:
+    return isinstance(hint, type) and issubclass(hint, tuple)
+
+
+def _number(hint: Any, where: str) -> tuple[str, str]:
+    """Return the ROS type and the unit of a leaf."""
+    if get_origin(hint) is not Annotated:
+        raise RowError(f"{where}: {hint} has no unit; write Annotated[float, unit]")
+    kind, unit = get_args(hint)[:2]
+    if kind not in (float, int) or not isinstance(unit, str) or not unit:
+        raise RowError(f"{where}: only float and int leaves with a unit text, not {hint}")
+    return ("float64" if kind is float else "int64"), unit
 
 
 _SCHEMA_FIELD = re.compile(r"(?P<type>\S+) (?P<name>\S+)(?:\s+# \[(?P<unit>.*)\])?")
 
 
-def leaves_of_schema(text: str) -> tuple[Leaf, ...]:
-    """Return the leaves of a schema written by `schema`, to read a file by its own description."""
+def _leaves_of_text(text: str) -> tuple[Leaf, ...]:
     sections = re.split(r"=+\nMSG: ", text)
     bodies = {"": sections[0]}
     for section in sections[1:]:

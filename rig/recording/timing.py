@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.recording.row_layout import leaves
+from rig.recording.row_layout import Leaf
 
 _BINS = 100_000  # 1 us each; values above 0.1 s count in the last bin
 _PERCENTILES = {"p50": 0.50, "p99": 0.99, "p999": 0.999}
@@ -18,8 +18,8 @@ _PERCENTILES = {"p50": 0.50, "p99": 0.99, "p999": 0.999}
 class TimingCertificate:
     """Accumulates the timing fields of packed rows."""
 
-    def __init__(self, row_type: type) -> None:
-        names = [leaf.name for leaf in leaves(row_type)]
+    def __init__(self, leaves: tuple[Leaf, ...]) -> None:
+        names = [leaf.name for leaf in leaves]
         self._width = len(names)
         self._lateness = names.index("timing.lateness")
         self._work = names.index("timing.work")

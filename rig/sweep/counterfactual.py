@@ -17,8 +17,6 @@ from scipy.stats import t as student
 
 from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
-from rig.analysis.windows import Window, read_windows
-from rig.execution.replay import logged_campaign
 from rig.identification.incident_waves import (
     ELEVATION,
     FORCES,
@@ -27,9 +25,11 @@ from rig.identification.incident_waves import (
     wave_maker_lines,
 )
 from rig.planning.campaign import Campaign, Plan, build_plan
+from rig.planning.campaign.recorded import logged_campaign
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import Window, read_windows
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
 from rig.sweep.simulator import simulation_of

@@ -14,9 +14,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from rig.analysis import panel, phrases, picture
+from rig.analysis import panel
 from rig.analysis.mesh import XY
-from rig.analysis.picture import ACCENT, DARK, MUTED
 from rig.analysis.points import Matrix, gain_matrix, stations_of
 from rig.analysis.rows import COMPLETE, row_table
 from rig.analysis.run_columns import known_columns
@@ -24,6 +23,8 @@ from rig.analysis.surfaces import NO_POINTS, write_surfaces
 from rig.config import ranges
 from rig.config.columns import OTHER_COLUMNS
 from rig.config.problems import format_number
+from rig.presentation import phrases, picture
+from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.stations import shown, station_names
 
 _MAX_LINES = 40  # of one panel; more cannot be distinguished

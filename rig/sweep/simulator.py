@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
 from rig import kinds
-from rig.analysis.windows import Window
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
 from rig.laws import Law
 from rig.planning.campaign import Campaign, CampaignParts, InputFile, Plan
+from rig.recording.runs.windows import Window
 from rig.stations import Station
 
 ROOM = "simulation"

@@ -7,7 +7,8 @@ import json
 import os
 import platform
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -17,7 +18,7 @@ from rig.config.problems import ConfigError, Problem, format_value
 from rig.laws import OWN_MODULES
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.law_trial import trial_problems
-from rig.recording.runs.create import BusyError, RunLock, lock_run, write_json
+from rig.recording.runs.create import BusyError, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
 from rig.sweep.journal import Journal
@@ -124,15 +125,18 @@ def _workers_digest(request: SweepRequest, base: Campaign, files: CampaignFiles)
     return _digest(request, (base, *named_campaigns))
 
 
-def lock_folder(sweep: Sweep) -> RunLock:
+@contextmanager
+def lock_folder(sweep: Sweep) -> Iterator[None]:
     """Lock the sweep's folder; raise BusyError if another process runs the same sweep."""
-    try:
-        return lock_run(sweep.folder)
-    except BusyError:
-        raise BusyError(
-            f"{sweep.folder}: another process runs the same sweep; wait for it or end it: finished "
-            "cases are kept"
-        ) from None
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(lock_run(sweep.folder))
+        except BusyError:
+            raise BusyError(
+                f"{sweep.folder}: another process runs the same sweep; wait for it or end it: "
+                "finished cases are kept"
+            ) from None
+        yield
 
 
 class Remaining(NamedTuple):

@@ -16,28 +16,28 @@ from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 from rig.processes import handover
-from rig.processes.io_process import end_condition, report_event, run_io_process
+from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
+from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
-from rig.wires.messages import NodeHealth
+from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, open_mailboxes
 
 _POLL_INTERVAL_S = 0.02  # s between two posts of the nodes' health
 _REPORT_INTERVAL_S = 5.0  # s between two messages about a lost bus
 
 
-def serve(job: dict[str, Any]) -> None:
+def serve(job: IoJob) -> None:
     """Set up and monitor the nodes until terminated or until the loop has ended."""
-    config, ended = job["config"], end_condition(job["lifeline"])
-    slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
+    config, ended = job.config, end_condition(job.lifeline)
+    slots = open_mailboxes(job.mailboxes)
     if refused := scheduling.acquire_for_io():
-        report_event(event="message", text=f"no priority over other work: {refused}")
-    interface, channel, bit_rate, options = config["bus"]
-    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+        report(Notice(f"no priority over other work: {refused}"))
+    bus = BusSettings.from_json(config["bus"])
     nodes = config["nodes"]
     try:
         service = Service(bus)
     except LinkError as error:
-        report_event(event="refused", why=str(error))
+        report(Refused(str(error)))
         return
     try:
         try:
@@ -46,10 +46,10 @@ def serve(job: dict[str, Any]) -> None:
             for node in nodes:
                 service.start(node["node"])
         except ServiceError as error:
-            report_event(event="refused", why=str(error))
+            report(Refused(str(error)))
             return
         _post_health(service, nodes, slots)
-        report_event(event="ready", facts=facts)
+        report(Ready(facts))
         last_report = -_REPORT_INTERVAL_S
         while not ended():
             time.sleep(_POLL_INTERVAL_S)
@@ -58,7 +58,7 @@ def serve(job: dict[str, Any]) -> None:
             except LinkError as error:  # the health messages age, and the loop stops for it
                 if time.monotonic() - last_report > _REPORT_INTERVAL_S:
                     last_report = time.monotonic()
-                    report_event(event="message", text=str(error))
+                    report(Notice(str(error)))
         for node in nodes:
             service.stop(node["node"])
     finally:
@@ -106,7 +106,7 @@ def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str,
     now = time.monotonic()
     for node in nodes:
         node_health = health[node["node"]]
-        slots[f"{node['name']}_health"].post(
+        slots[f"{node['name']}{HEALTH_SUFFIX}"].post(
             NodeHealth(
                 node_health.nmt,
                 node_health.last_heartbeat,

@@ -1,10 +1,11 @@
-"""Survey of a rig's wires: the devices that answer, and whether their objects are as required.
+"""Survey of a CAN bus: the nodes that answer, and whether their objects are as required.
 
 The survey only reads.
 """
 
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any, NamedTuple
 
 from drivers.canopen import arming, emcy, statusword
@@ -13,8 +14,6 @@ from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import NodeIdentity, NodeStatus, Service
-from rig.kinds.wavebot.hardware.job import WaveBotJob
-from rig.wires.line_survey import LineSurvey, survey_line, unit_troubles
 from rig.wires.wire_check import bus_problem
 
 SCAN_TIMEOUT_S = 0.4  # s in which every node of the bus must answer the first request
@@ -53,75 +52,46 @@ class NodeSurvey(NamedTuple):
 class BusSurvey(NamedTuple):
     """The survey of the CAN bus."""
 
-    bus: BusSettings
-    load: float  # of a run, in the worst case, 0 to 1
+    interface: str
+    channel: str
+    bit_rate: int  # bit/s
+    planned_load: float  # of a run, in the worst case, 0 to 1
     trouble: str  # why the bus is out of reach; empty: it is not
     nodes: tuple[NodeSurvey, ...]
-    unexpected_nodes: tuple[int, ...]  # not in the rig file
+    unlisted_nodes: tuple[int, ...]  # on the bus, but not in the rig file
 
 
-class RigSurvey(NamedTuple):
-    """The survey of all wires of a rig."""
-
-    can: BusSurvey
-    lines: tuple[LineSurvey, ...]
-    at: float  # s, monotonic, end of the survey
-
-    @property
-    def trouble(self) -> tuple[str, ...]:
-        """Every device that does not answer or differs from the rig file; empty: none."""
-        return tuple(self._trouble())
-
-    def _trouble(self) -> Iterator[str]:
-        if self.can.trouble:
-            yield f"CAN: {self.can.trouble}"
-        for node in self.can.nodes:
-            for text in node.trouble if not self.can.trouble else ():
-                yield f"{node.name} (node {node.node}) {text}"
-        for line in self.lines:
-            yield from unit_troubles(line)
+def bus_troubles(can: BusSurvey) -> Iterator[str]:
+    """Yield the problems of a bus that is out of reach, or those of its nodes."""
+    if can.trouble:
+        yield f"CAN: {can.trouble}"
+        return
+    for node in can.nodes:
+        for text in node.trouble:
+            yield f"{node.name} (node {node.node}) {text}"
 
 
-def survey(job: WaveBotJob) -> RigSurvey:
-    """Survey every wire of a rig's job; a wire out of reach is reported, no error is raised."""
-    can = None
-    lines = []
-    for process in job.io_processes:
-        if process.module == "rig.wires.can_service":
-            can = _survey_bus(process.config, job.load.total)
-        else:
-            lines.append(survey_line(process.name.removeprefix("line "), process.config))
-    assert can is not None
-    return RigSurvey(can, tuple(lines), time.monotonic())
-
-
-def _survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
-    interface, channel, bit_rate, options = config["bus"]
-    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
-    nodes = config["nodes"]
+def survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
+    """Survey a CAN bus; ``config`` is that of its service process, ``load`` that of a run."""
+    bus, nodes = BusSettings.from_json(config["bus"]), config["nodes"]
     absent = tuple(_silent_node(node_settings) for node_settings in nodes)
+    survey = BusSurvey(bus.interface, bus.channel, bus.bit_rate, load, "", absent, ())
     if why := bus_problem(bus):
-        return BusSurvey(bus, load, why, absent, ())
+        return survey._replace(trouble=why)
     try:
-        service = Service(bus, _ANSWER_TIMEOUT_S)
+        with closing(Service(bus, _ANSWER_TIMEOUT_S)) as service:
+            listed = {node_settings["node"] for node_settings in nodes}
+            for node in listed:
+                service.watch(node)
+            unlisted = set(service.scan(SCAN_TIMEOUT_S)) - listed
+            service.ignore_process_data()
+            found = [_survey_node(service, node_settings) for node_settings in nodes]
+            _wait_for_heartbeats(service, found)
+            health, now = service.health(), time.monotonic()
+            found = [_with_health(node, health[node.node], now) for node in found]
     except LinkError as error:
-        return BusSurvey(bus, load, str(error), absent, ())
-    try:
-        for node_settings in nodes:
-            service.watch(node_settings["node"])
-        strangers = set(service.scan(SCAN_TIMEOUT_S)) - {
-            node_settings["node"] for node_settings in nodes
-        }
-        service.ignore_process_data()
-        found = [_survey_node(service, node_settings) for node_settings in nodes]
-        _wait_for_heartbeats(service, found)
-        health, now = service.health(), time.monotonic()
-        found = [_with_health(node, health[node.node], now) for node in found]
-    except LinkError as error:
-        return BusSurvey(bus, load, str(error), absent, ())
-    finally:
-        service.close()
-    return BusSurvey(bus, load, "", tuple(found), tuple(sorted(strangers)))
+        return survey._replace(trouble=str(error))
+    return survey._replace(nodes=tuple(found), unlisted_nodes=tuple(sorted(unlisted)))
 
 
 def _silent_node(settings: dict[str, Any]) -> NodeSurvey:

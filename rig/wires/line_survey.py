@@ -35,9 +35,9 @@ class UnitSurvey(NamedTuple):
     unit: int
     registers: str
     answers: bool
-    took: float  # s from request to answer
-    request_time: float  # s, monotonic, time of the request
-    written: bool  # a run writes the block, so its content is no measurement
+    answered_in_s: float  # from request to answer
+    age: float | None  # s, from the request to the end of the line's survey; None: no answer
+    written_by_run: bool  # so its content is no measurement
     values: tuple[SurveyedValue, ...]
     trouble: str
 
@@ -71,38 +71,43 @@ def survey_line(name: str, config: dict[str, Any]) -> LineSurvey:
     survey = LineSurvey(name, config["kind"], address, why, ())
     if why:
         return survey
-    units = []
+    units: list[UnitSurvey] = []
+    requested_at: list[float] = []
     line = create_line(config, [])
     try:
         for polled_block in parse_blocks(config):
             if not rtu:  # a silent unit costs the connection
                 line.close()
                 line = create_line(config, [])
+            requested_at.append(time.monotonic())
             units.append(_survey_unit(line, polled_block))
             if line.open_count == 0:
                 return survey._replace(trouble=units[-1].trouble)
     finally:
         line.close()
-    return survey._replace(units=tuple(units))
+    now = time.monotonic()
+    return survey._replace(
+        units=tuple(
+            unit._replace(age=now - at) if unit.answers else unit
+            for unit, at in zip(units, requested_at, strict=True)
+        )
+    )
 
 
 def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
     block, requested_at = polled_block.block, time.monotonic()
     last = block.first + block.size - 1
     where = f"{block.table} {block.first}" + (f"-{last}" if block.size > 1 else "")
-    survey = UnitSurvey(
-        polled_block.name, block.unit, where, False, 0.0, requested_at, polled_block.written, (), ""
-    )
+    written = polled_block.written
+    survey = UnitSurvey(polled_block.name, block.unit, where, False, 0.0, None, written, (), "")
     try:
         raw = _read_block(line, block)
     except LineError as error:
-        if polled_block.written and isinstance(
-            error, ExceptionResponseError
-        ):  # its outputs cannot be read
-            return survey._replace(answers=True, took=time.monotonic() - requested_at)
+        if written and isinstance(error, ExceptionResponseError):  # its outputs cannot be read
+            return survey._replace(answers=True, answered_in_s=time.monotonic() - requested_at)
         return survey._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
-    survey = survey._replace(answers=True, took=time.monotonic() - requested_at)
-    if polled_block.written:
+    survey = survey._replace(answers=True, answered_in_s=time.monotonic() - requested_at)
+    if written:
         return survey
     try:
         numbers = registers.decode(block, raw, polled_block.high_word_first)

@@ -5,13 +5,14 @@ serial port belongs to one program, and network devices send only to a program t
 """
 
 import time
+from contextlib import closing
 from typing import NamedTuple
 
-from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import Wiring
+from rig.config.wiring import CanBus
+from rig.wires.job import wiring_of
 from rig.wires.wire_check import bus_problem, listening_problem
 
 LISTEN_S = 2.5  # s: heartbeats of drives come every 0.1 to 1 s
@@ -32,35 +33,28 @@ class BusActivity(NamedTuple):
     """The received messages of a bus, and why others could not be received."""
 
     nodes: tuple[NodeActivity, ...]
-    unexpected_nodes: tuple[int, ...]  # nodes that send but are not in the rig file
+    unlisted_nodes: tuple[int, ...]  # nodes that send but are not in the rig file
     trouble: tuple[str, ...]
 
 
 def listen(rig: BaseRigFile) -> BusActivity:
     """Listen to the rig's CAN bus for `LISTEN_S` seconds; nothing is sent on any wire."""
-    wiring = rig.wiring
-    if not isinstance(wiring, Wiring):
-        return BusActivity(
-            (), (), ("none of the bench's wires can be listened to without sending",)
-        )
-    can = wiring.can
-    bus = BusSettings(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
+    wiring = wiring_of(rig)
+    can = next((wire.part for wire in wiring.wires() if isinstance(wire.part, CanBus)), None)
+    if can is None:
+        return BusActivity((), (), ("none of the rig's wires can be listened to without sending",))
+    bus = can.settings()
     if why := listening_problem(bus) or bus_problem(bus):
         return BusActivity((), (), (f"CAN: {why}",))
-    nodes = {name: getattr(wiring, name).node for name in ("heave", "surge", "stator")}
+    nodes = {name: drive.node for name, drive in wiring.drives().items()}
     try:
-        service = Service(bus)
+        with closing(Service(bus)) as service:
+            for node in nodes.values():
+                service.watch(node)
+            sending = service.scan(LISTEN_S, send_requests=False)
+            health, now = service.health(), time.monotonic()
     except LinkError as error:
         return BusActivity((), (), (f"CAN: {error}",))
-    try:
-        for node in nodes.values():
-            service.watch(node)
-        sending = service.scan(LISTEN_S, send_requests=False)
-        health, now = service.health(), time.monotonic()
-    except LinkError as error:
-        return BusActivity((), (), (f"CAN: {error}",))
-    finally:
-        service.close()
     activity = []
     for name, node in nodes.items():
         node_health = health[node]

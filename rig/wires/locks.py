@@ -13,23 +13,22 @@ see each other's locks.
 import errno
 import itertools
 import os
-import pwd
 import socket
 import stat
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from hashlib import sha256
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from drivers.canopen.bus_settings import SOCKETCAND_PORT
+from drivers.canopen.bus_settings import BusSettings
+from rig.config import wiring
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import AnyLine, TcpLine
-from rig.kinds.oswec_bench.config.wiring import BenchWiring
 from rig.recording import process_identity
 from rig.recording.runs.create import BusyError
+from rig.wires.wire_check import user_name
 
 _PREFIX = "wec-rig/"
 _MAX_NAME_BYTES = 100  # bytes of a name; the kernel takes 107
@@ -99,28 +98,26 @@ def acquire(wires: Iterable[Wire], holder: str) -> WireLocks:
 
 def wires_in(rig: BaseRigFile) -> tuple[Wire, ...]:
     """Return every wire of a rig file; none if it has no wiring."""
-    wiring = rig.wiring
-    if wiring is None:
-        return ()
-    if isinstance(wiring, BenchWiring):
-        cell = wiring.load_cell
-        wires = [
-            serial_wire("encoders", wiring.encoders.port),
-            serial_wire("servo", wiring.servo.port),
-            network_wire("load cell", "udp", cell.host, cell.port),
-        ]
-    else:
-        can = wiring.can
-        wires = [can_wire(can.interface, can.channel, can.options)]
-    return (*wires, *(_modbus_wire(f"line {name}", line) for name, line in wiring.lines.items()))
+    return () if rig.wiring is None else tuple(map(lockable, rig.wiring.wires()))
 
 
-def can_wire(interface: str, channel: str, options: Mapping[str, Any]) -> Wire:
-    """Return the wire of a CAN bus from python-can's interface, channel and options.
+def lockable(wire: wiring.Wire) -> Wire:
+    """Return a wire of a rig's wiring with its identities."""
+    part = wire.part
+    if isinstance(part, wiring.CanBus):
+        return can_wire(part.settings())
+    if isinstance(part, wiring.TcpLine | wiring.UdpDevice):
+        return network_wire(wire.name, wire.kind, part.host, part.port)
+    return serial_wire(wire.name, part.port)
+
+
+def can_wire(bus: BusSettings) -> Wire:
+    """Return the wire of a CAN bus.
 
     A bus behind a serial port (slcan) has the identity of that port. A bus behind a socketcand of
     this host also has the identity of the kernel's interface of that name, where there is one.
     """
+    interface, channel = bus.interface, bus.channel
     name, address = "CAN", f"{interface} {channel}"
     if "/" in channel:
         port = channel.partition("@")[0]  # slcan takes PORT@BAUD
@@ -128,12 +125,12 @@ def can_wire(interface: str, channel: str, options: Mapping[str, Any]) -> Wire:
     if interface == "socketcan":
         return Wire(name, address, frozenset({f"can/socketcan/{_kernel_interface_name(channel)}"}))
     if interface == "socketcand":
-        host, port = str(options.get("host", "127.0.0.1")), options.get("port", SOCKETCAND_PORT)
-        ends = _endpoint_identities("socketcand", host, port)
+        host, port_number = bus.endpoint
+        ends = _endpoint_identities("socketcand", host, port_number)
         identities = {f"can/{end}/{channel}" for end in ends}
         if any("/127." in end or "/::1:" in end for end in ends) and _is_kernel_interface(channel):
             identities.add(f"can/socketcan/{_kernel_interface_name(channel)}")
-        return Wire(name, f"{address} at {host}:{port}", frozenset(identities))
+        return Wire(name, f"{address} at {host}:{port_number}", frozenset(identities))
     return Wire(name, address, frozenset({f"can/{interface}/{channel}"}))
 
 
@@ -155,12 +152,6 @@ def serial_wire(name: str, port: str) -> Wire:
 def network_wire(name: str, kind: str, host: str, port: int) -> Wire:
     """Return the wire of a TCP or UDP endpoint (``kind``: tcp, udp): all addresses of its host."""
     return Wire(name, f"{host}:{port}", frozenset(_endpoint_identities(kind, host, port)))
-
-
-def _modbus_wire(name: str, line: AnyLine) -> Wire:
-    if isinstance(line, TcpLine):
-        return network_wire(name, "tcp", line.host, line.port)
-    return serial_wire(name, line.port)
 
 
 def _endpoint_identities(kind: str, host: str, port: object) -> set[str]:
@@ -249,7 +240,7 @@ def _holder_text(identity: str) -> str:
         return "another program; try again"
     pid, uid, _ = _CREDENTIALS.unpack(credentials)
     label, began = _read_label(pid)
-    holder = f"{label} (process {pid}, user {_user_name(uid)})"
+    holder = f"{label} (process {pid}, user {user_name(uid)})"
     if process_identity.start_ticks(pid) is None or process_identity.start_ticks(pid) != began:
         return (
             f"{holder}, which was killed; its loop is coming to a stop: try again in some seconds"
@@ -266,9 +257,3 @@ def _read_label(pid: int) -> tuple[str, int | None]:
             began, _, label = name.split("/", 2)
             return label, int(began) if began.isdigit() else None
     return "a program", process_identity.start_ticks(pid)
-
-
-def _user_name(uid: int) -> str:
-    with suppress(KeyError):
-        return pwd.getpwuid(uid).pw_name
-    return str(uid)

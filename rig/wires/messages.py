@@ -4,6 +4,7 @@
 the time of the request for it, so that its age is never too small.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from controllers.signals import (
@@ -19,6 +20,7 @@ from controllers.signals import (
     Volt,
     Watt,
 )
+from rig.processes.mailbox import Mailbox
 
 
 class AnalyserMessage(NamedTuple):
@@ -75,7 +77,7 @@ class NodeHealth(NamedTuple):
 
 
 class EncodersMessage(NamedTuple):
-    """Counts of both encoders of a bench, latched by one edge."""
+    """Counts of the encoders at motor and shaft, latched by one edge."""
 
     motor: Count  # turns included, positive as the gearbox output's angle
     shaft: Count
@@ -101,7 +103,7 @@ class SetPointMessage(NamedTuple):
 
 
 class WrenchMessage(NamedTuple):
-    """Values of the six-axis load cell, z along the shaft, with the bench's signs."""
+    """Values of the six-axis load cell, z along the shaft, with the rig's signs."""
 
     fx: Newton
     fy: Newton
@@ -120,7 +122,7 @@ class BrakeCurrentMessage(NamedTuple):
 
 
 class AnalogOutputsMessage(NamedTuple):
-    """Analog outputs of a bench, commanded by the loop."""
+    """Analog outputs to servo drive and brake, commanded by the loop."""
 
     servo: Volt
     brake: Ampere
@@ -133,18 +135,15 @@ class WriteAcknowledgement(NamedTuple):
     stamp: Second  # send time of the newest acknowledged write
 
 
-ACKNOWLEDGEMENT_SUFFIX = (
-    "_done"  # ends the name of the mailbox in which the writing of another is acknowledged
-)
+# Ends the name of the mailbox in which the writing of another is acknowledged.
+ACKNOWLEDGEMENT_SUFFIX = "_done"
+HEALTH_SUFFIX = "_health"  # ends the name of the mailbox of a CANopen node's health
 MESSAGE_TYPES: dict[str, type] = {
     "analyser": AnalyserMessage,
     "cells": LoadCellsMessage,
     "probes": ProbesMessage,
     "inputs": InputsMessage,
     "outputs": OutputsMessage,
-    "heave_health": NodeHealth,
-    "surge_health": NodeHealth,
-    "stator_health": NodeHealth,
     "servo": ServoMessage,
     "set_point": SetPointMessage,
     "load_cell": WrenchMessage,
@@ -152,4 +151,12 @@ MESSAGE_TYPES: dict[str, type] = {
     "analog": AnalogOutputsMessage,
     "analog_done": WriteAcknowledgement,
 }
-"""The message type of each mailbox."""
+"""The message type of each mailbox, except those of the nodes' health."""
+
+
+def open_mailboxes(fds: Mapping[str, int]) -> dict[str, Mailbox]:
+    """Return the mailboxes behind file descriptors, each with its message type by its name."""
+    return {
+        name: Mailbox(fd, NodeHealth if name.endswith(HEALTH_SUFFIX) else MESSAGE_TYPES[name])
+        for name, fd in fds.items()
+    }

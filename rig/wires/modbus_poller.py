@@ -22,10 +22,16 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import ExceptionResponseError, Line, LineError, RtuSettings, TcpSettings
 from drivers.modbus.registers import RegisterBlock, RegisterValue
-from rig.processes.io_process import end_condition, report_event, run_io_process
+from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
+from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
-from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES, WriteAcknowledgement
+from rig.wires.messages import (
+    ACKNOWLEDGEMENT_SUFFIX,
+    MESSAGE_TYPES,
+    WriteAcknowledgement,
+    open_mailboxes,
+)
 
 _Answer = TypeVar("_Answer")
 MAX_BACK_OFF_S = 1.0  # s, longest pause between two requests to a unit that does not answer
@@ -213,25 +219,13 @@ def setup_blocks(polled: PolledBlock) -> list[tuple[RegisterBlock, RegisterPrese
 
 
 def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
-    """Yield the blocks of a line from its configuration (`rig.wires.modbus_lines`)."""
-    for settings in config["blocks"]:
-        values = tuple(RegisterValue(*value) for value in settings["values"])
-        block = registers.validated(
-            RegisterBlock(
-                settings["unit"], settings["table"], settings["first"], settings["size"], values
-            )
-        )
-        name = settings["name"]
-        setup = tuple(RegisterPreset(*each) for each in settings["prepare"])
-        yield PolledBlock(
-            name,
-            block,
-            settings["high_first"],
-            settings["period"],
-            setup,
-            settings["written"],
-            settings["counter"],
-        )
+    """Yield the blocks of a line from its configuration (`rig.wires.job`)."""
+    for name, block, high_word_first, period, setup, written, counter in config["blocks"]:
+        unit, table, first, size, values = block
+        decoded = tuple(RegisterValue(*value) for value in values)
+        validated = registers.validated(RegisterBlock(unit, table, first, size, decoded))
+        presets = tuple(RegisterPreset(*each) for each in setup)
+        yield PolledBlock(name, validated, high_word_first, period, presets, written, counter)
 
 
 def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:
@@ -240,19 +234,15 @@ def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:
     return Line(TcpSettings(**settings) if kind == "tcp" else RtuSettings(**settings), writable)
 
 
-def poll(job: dict[str, Any]) -> None:
+def poll(job: IoJob) -> None:
     """Poll one line until terminated or until the loop has ended."""
-    config, slots = job["config"], job["mailboxes"]
-
-    def find_mailbox(name: str) -> Mailbox | None:
-        return Mailbox(slots[name], MESSAGE_TYPES[name]) if name in slots else None
-
+    config, slots = job.config, open_mailboxes(job.mailboxes)
     tasks = [
         _BlockTask(
             block,
-            Mailbox(slots[block.name], MESSAGE_TYPES[block.name]),
+            slots[block.name],
             config["expiry"],
-            find_mailbox(f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}"),
+            slots.get(f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}"),
         )
         for block in parse_blocks(config)
     ]
@@ -260,8 +250,8 @@ def poll(job: dict[str, Any]) -> None:
     writable += [block for t in tasks for block, setup in setup_blocks(t.polled) if setup.write]
     line = create_line(config, writable)
     if refused := scheduling.acquire_for_io():
-        report_event(event="message", text=f"no priority over other work: {refused}")
-    ended = end_condition(job["lifeline"])
+        report(Notice(f"no priority over other work: {refused}"))
+    ended = end_condition(job.lifeline)
     began, ready = time.monotonic(), False
     try:
         while not ended():
@@ -271,13 +261,13 @@ def poll(job: dict[str, Any]) -> None:
                 time.sleep(min(pause, 0.1))
                 continue
             if text := task.turn(line):
-                report_event(event="message", text=text)
+                report(Notice(text))
             if not ready and all(each.answered for each in tasks):
                 ready = True
-                report_event(event="ready")
+                report(Ready())
             if not ready and time.monotonic() - began > READY_TIMEOUT_S:
                 silent = [f"{t.polled.name} ({t.trouble})" for t in tasks if not t.answered]
-                report_event(event="refused", why="; ".join(silent))
+                report(Refused("; ".join(silent)))
                 return
     finally:
         for task in tasks:  # write zeros; the module's own watchdog is the second safeguard

@@ -5,6 +5,7 @@ The scan sends only reads: of 0x1000 and the identity on CAN, of one register on
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from typing import NamedTuple
 
 from drivers.canopen.bus_settings import BusSettings
@@ -46,11 +47,8 @@ def scan_nodes(bus: BusSettings, timeout_s: float) -> tuple[DetectedNode, ...]:
     """Return the nodes that answer within ``timeout_s``; LinkError if the bus is out of reach."""
     if why := bus_problem(bus):
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
-    service = Service(bus)
-    try:
+    with closing(Service(bus)) as service:
         return tuple(DetectedNode(node, service.identity(node)) for node in service.scan(timeout_s))
-    finally:
-        service.close()
 
 
 def listen_for_nodes(bus: BusSettings, timeout_s: float) -> tuple[int, ...]:
@@ -60,11 +58,8 @@ def listen_for_nodes(bus: BusSettings, timeout_s: float) -> tuple[int, ...]:
     """
     if why := listening_problem(bus) or bus_problem(bus):
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
-    service = Service(bus)
-    try:
+    with closing(Service(bus)) as service:
         return service.scan(timeout_s, send_requests=False)
-    finally:
-        service.close()
 
 
 def scan_units(

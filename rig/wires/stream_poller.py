@@ -1,18 +1,18 @@
-"""The I/O process that converses with one device of the bench and posts its last message.
+"""The I/O process that converses with one device of its own wire and posts its last message.
 
 When the device falls silent, its values age and the loop stops for that; this process reports why.
 """
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 from drivers.conversation import Exchange
 from drivers.errors import CodecError, LinkError
-from rig.processes.io_process import end_condition, report_event, run_io_process
+from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
+from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
-from rig.wires.messages import MESSAGE_TYPES
+from rig.wires.messages import open_mailboxes
 from rig.wires.streams import Stream, create_stream
 
 PAUSE_S = 0.0004  # s between two turns on the line
@@ -24,19 +24,19 @@ _REPORT_INTERVAL_S = 5.0  # s between two messages about an intermittent problem
 EndCondition = Callable[[], bool]
 
 
-def converse(job: dict[str, Any]) -> None:
+def converse(job: IoJob) -> None:
     """Serve one device until terminated or until the loop has ended."""
-    config = job["config"]
-    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in job["mailboxes"].items()}
+    config = job.config
+    slots = open_mailboxes(job.mailboxes)
     try:
         stream = create_stream(config["kind"], config["settings"], slots)
         stream.link.open()
     except (CodecError, LinkError) as error:
-        report_event(event="refused", why=str(error))
+        report(Refused(str(error)))
         return
     if refused := scheduling.acquire_for_io():
-        report_event(event="message", text=f"no priority over other work: {refused}")
-    ended = end_condition(job["lifeline"])
+        report(Notice(f"no priority over other work: {refused}"))
+    ended = end_condition(job.lifeline)
     exchange, slot = Exchange(stream.link, stream.conversation), slots[config["kind"]]
     try:
         if _wait_until_ready(stream, exchange, slot, ended):
@@ -56,11 +56,11 @@ def _wait_until_ready(
         message = stream.read_message(now)
         if message is not None and now - message.stamp < MAX_READY_AGE_S:
             slot.post(message)
-            report_event(event="ready")
+            report(Ready())
             return True
         if now > until:
             problem = stream.conversation.explain(now) or stream.link.problem
-            report_event(event="refused", why=f"{stream.link.name}: {problem}")
+            report(Refused(f"{stream.link.name}: {problem}"))
             return False
         time.sleep(PAUSE_S)
     return False
@@ -76,7 +76,7 @@ def _serve(stream: Stream, exchange: Exchange, slot: Mailbox, ended: EndConditio
             slot.post(message)
         problem = stream.link.problem or stream.conversation.explain(now)
         if problem != last_problem and (not problem or now - last_report >= _REPORT_INTERVAL_S):
-            report_event(event="message", text=problem or "the device works again")
+            report(Notice(problem or "the device works again"))
             last_report, last_problem = now, problem
         time.sleep(PAUSE_S)
 

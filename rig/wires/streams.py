@@ -1,4 +1,4 @@
-"""The bench's devices that send by themselves or are addressed byte by byte.
+"""The devices with wires of their own, which send by themselves or are addressed byte by byte.
 
 Each stream is created from the device's part of the rig file, as JSON values, and from the few
 scales that are elsewhere in that file.
@@ -41,13 +41,6 @@ class Stream(NamedTuple):
 
 def _do_nothing(now: float) -> None:
     """Send nothing: the device takes no commands."""
-
-
-def create_stream(kind: str, settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
-    """Return the stream of an I/O process or the loop; CodecError for impossible settings."""
-    return {"encoders": encoder_stream, "servo": servo_stream, "load_cell": load_cell_stream}[kind](
-        settings, slots
-    )
 
 
 def encoder_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
@@ -183,6 +176,25 @@ def load_cell_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Str
 
     link = UdpLink(UdpSettings("load cell", settings["host"], settings["port"]))
     return Stream(link, reader, read_message, _do_nothing, _do_nothing)
+
+
+class StreamType(NamedTuple):
+    """A kind of stream: its constructor, and the mailboxes of its poller."""
+
+    create: Callable[[dict[str, Any], dict[str, Mailbox]], Stream]
+    mailboxes: tuple[str, ...]
+
+
+STREAM_TYPES = {
+    "encoders": StreamType(encoder_stream, ("encoders",)),
+    "servo": StreamType(servo_stream, ("servo", "set_point")),
+    "load_cell": StreamType(load_cell_stream, ("load_cell",)),
+}
+
+
+def create_stream(kind: str, settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
+    """Return the stream of an I/O process or the loop; CodecError for impossible settings."""
+    return STREAM_TYPES[kind].create(settings, slots)
 
 
 def _serial_link(device: str, settings: dict[str, Any]) -> SerialLink:

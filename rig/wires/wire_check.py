@@ -5,9 +5,10 @@ import os
 import pwd
 import socket
 from contextlib import suppress
+from ipaddress import ip_address
 from pathlib import Path
 
-from drivers.canopen.bus_settings import SOCKETCAND_PORT, BusSettings
+from drivers.canopen.bus_settings import BusSettings
 
 _TCP_TIMEOUT_S = 1.0  # s for a TCP connection
 
@@ -17,12 +18,8 @@ def bus_problem(bus: BusSettings) -> str:
 
     python-can itself would try to reach an absent socketcand for 10 s.
     """
-    options = dict(bus.options)
     if bus.interface == "socketcand":
-        host, port = (
-            str(options.get("host", "127.0.0.1")),
-            int(options.get("port", SOCKETCAND_PORT)),
-        )
+        host, port = bus.endpoint
         why = tcp_problem(host, port)
         return f"no socketcand at {host}:{port}: {why}" if why else ""
     if bus.interface == "socketcan":
@@ -62,6 +59,15 @@ def tcp_problem(host: str, port: int) -> str:
     return ""
 
 
+def is_loopback(host: str) -> bool:
+    """Return whether an address or `localhost` leads to this host itself."""
+    if host == "localhost":
+        return True
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return False
+
+
 def port_problem(path: str) -> str:
     """Return why this user cannot open a serial port; empty if this user can."""
     port = Path(path)
@@ -76,7 +82,7 @@ def port_problem(path: str) -> str:
 
 def current_user() -> str:
     """Return the name of this process's user."""
-    return _user_name(os.geteuid())
+    return user_name(os.geteuid())
 
 
 def file_owner(port: Path) -> str:
@@ -86,7 +92,7 @@ def file_owner(port: Path) -> str:
         letter if status.st_mode >> shift & 1 else "-"
         for shift, letter in zip(range(8, -1, -1), "rwxrwxrwx", strict=True)
     )
-    return f"{_user_name(status.st_uid)}:{group_name(status.st_gid)} {rights}"
+    return f"{user_name(status.st_uid)}:{group_name(status.st_gid)} {rights}"
 
 
 def group_name(number: int) -> str:
@@ -96,7 +102,8 @@ def group_name(number: int) -> str:
     return str(number)
 
 
-def _user_name(number: int) -> str:
+def user_name(number: int) -> str:
+    """Return the name of a user, or its number."""
     with suppress(KeyError):
         return pwd.getpwuid(number).pw_name
     return str(number)

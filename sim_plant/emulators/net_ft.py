@@ -1,7 +1,7 @@
 """The emulated ATI Net F/T: RDT records over UDP, and its two TCP services.
 
-Source: ATI Net F/T manual, RDT interface (UDP 49152), TCP interface (49151), XML pages. The
-status code of a saturated gage is not confirmed: a parameter.
+Source: ATI Net F/T manual, RDT interface (UDP 49152), TCP interface (49151, 20-byte requests), XML
+pages (netftapi2.xml). The status code of a saturated gage is not confirmed: a parameter.
 """
 
 from __future__ import annotations
@@ -9,18 +9,22 @@ from __future__ import annotations
 import asyncio
 import math
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import NamedTuple
+from xml.sax.saxutils import escape
 
 from sim_plant.emulators.background import BackgroundTask
 from sim_plant.emulators.device_faults import DeviceFaults
-from sim_plant.emulators.ft_calibration import Calibration, Wrench
+from sim_plant.emulators.ft_calibration import NEWTON, NEWTON_METRE, Calibration, Wrench
 from sim_plant.emulators.link_faults import LinkFaults
-from sim_plant.emulators.net_ft_services import ConfigurationPage, TcpService
 from sim_plant.units import Count, Hertz, Second
 
 HEADER = 0x1234
 STOP, REAL_TIME, BUFFERED, MULTI_UNIT, RESET_LATCH, BIAS = 0x00, 0x02, 0x03, 0x04, 0x41, 0x42
+READ, CALIBRATION, TRANSFORM, THRESHOLD = 0, 1, 2, 3
+REQUEST = 20  # bytes of a request over TCP
+UNIT_NAMES = ("N", "Nm")
 INTERNAL_RATE = 7000.0  # Hz, of ft_sequence
 MAX_BURST = 64  # most packets sent at once after a stall of the process; more are lost
 INT32_MAX = 0x7FFFFFFF
@@ -232,3 +236,117 @@ class NetFt(asyncio.DatagramProtocol):
             for at, piece in self.link.to_device.due_arrivals(loop.time()):
                 loop.call_at(at, self.handle_request, piece, self._sender)
             await asyncio.sleep(POLL_PERIOD)
+
+
+def scales(box: NetFt) -> list[int]:
+    """Return counts per 16-bit step, chosen so that the rating of each axis fits."""
+    calibration = box.settings.calibration
+    per_unit = [calibration.counts_per_force] * 3 + [calibration.counts_per_torque] * 3
+    return [
+        min(-(-int(rating * scale) // 32000), 0xFFFF)
+        for rating, scale in zip(calibration.ratings, per_unit, strict=True)
+    ]
+
+
+class BoxService(ABC):
+    """One TCP port of the box."""
+
+    def __init__(self, box: NetFt) -> None:
+        """`box` provides readings and settings."""
+        self._box = box
+        self._server: asyncio.Server | None = None
+        self.address = ""
+
+    async def start(self, host: str, port: int) -> None:
+        """Listen; port 0 selects a free port."""
+        self._server = await asyncio.start_server(self._serve, host, port)
+        self.address = "{}:{}".format(*self._server.sockets[0].getsockname()[:2])
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._server is not None:
+            self._server.close()
+
+    @abstractmethod
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one connection."""
+
+
+class TcpService(BoxService):
+    """Single readings and the calibration."""
+
+    def answer(self, request: bytes) -> bytes:
+        """Return the answer to a 20-byte request; empty for an unknown command."""
+        box = self._box
+        if request[0] == READ:
+            counts, status = box.counts_and_status()
+            steps = [
+                max(-32768, min(round(count / scale), 32767))
+                for count, scale in zip(counts, scales(box), strict=True)
+            ]
+            return struct.pack(">HH6h", 0x1234, status >> 16, *steps)
+        if request[0] == CALIBRATION:
+            calibration = box.settings.calibration
+            per_unit = calibration.counts_per_force, calibration.counts_per_torque
+            return struct.pack(">HBBII6H", 0x1234, NEWTON, NEWTON_METRE, *per_unit, *scales(box))
+        if request[0] in (TRANSFORM, THRESHOLD):
+            return struct.pack(">HBB", 0x1234, request[0], 0)
+        return b""
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            while True:
+                writer.write(self.answer(await reader.readexactly(REQUEST)))
+                await writer.drain()
+        except (asyncio.IncompleteReadError, ConnectionError):
+            pass
+        finally:
+            writer.close()
+
+
+class ConfigurationPage(BoxService):
+    """The page /netftapi2.xml."""
+
+    def text(self) -> str:
+        """Return the text of the page."""
+        box = self._box
+        calibration = box.settings.calibration
+        counts, status = box.counts_and_status()
+        entries = {
+            "runstat": f"0x{status:08X}",
+            "runft": ";".join(map(str, counts)),
+            "prodname": "Net F/T",
+            "setserial": calibration.serial,
+            "cfgnam": "Configuration #0",
+            "cfgcalsn": calibration.serial,
+            "cfgfu": str(NEWTON),
+            "scfgfu": UNIT_NAMES[0],
+            "cfgtu": str(NEWTON_METRE),
+            "scfgtu": UNIT_NAMES[1],
+            "cfgcpf": str(calibration.counts_per_force),
+            "cfgcpt": str(calibration.counts_per_torque),
+            "cfgmr": ";".join(f"{rating:g}" for rating in calibration.ratings),
+            "comrdte": "Enabled",
+            "comrdtrate": f"{box.settings.rate:.0f}",
+            "comrdtbsiz": str(box.settings.buffer),
+        }
+        lines = "".join(f"<{name}>{escape(value)}</{name}>\n" for name, value in entries.items())
+        return f'<?xml version="1.0" encoding="utf-8"?>\n<netft>\n{lines}</netft>\n'
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            head = await reader.readuntil(b"\r\n\r\n")
+            path = head.split(b" ")[1].split(b"?")[0] if head.count(b" ") > 1 else b""
+            found = head.startswith(b"GET ") and path == b"/netftapi2.xml"
+            body = self.text().encode() if found else b"not here"
+            status = "200 OK" if found else "404 Not Found"
+            writer.write(
+                f"HTTP/1.1 {status}\r\nContent-Type: text/xml\r\nContent-Length: {len(body)}\r\n"
+                "Connection: close\r\n\r\n".encode()
+                + body
+            )
+            await writer.drain()
+        except (asyncio.IncompleteReadError, asyncio.LimitOverrunError, ConnectionError):
+            pass
+        finally:
+            writer.close()

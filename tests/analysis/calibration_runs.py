@@ -154,7 +154,11 @@ def write(
     }
     encoded = {name: json.dumps(value).encode() for name, value in attachments.items()}
     writer = RowWriter(
-        folder / "run.mcap", row_type, encoded, {"run": {"run": folder.name}}, start_utc_ns=0
+        folder / "run.mcap",
+        row_layout.schema(row_type),
+        encoded,
+        {"run": {"run": folder.name}},
+        start_utc_ns=0,
     )
     for begin in range(0, len(data), 5000):
         writer.append(data[begin : begin + 5000].tobytes())

@@ -246,7 +246,7 @@ def write_run(
     run_status = {**STATUS, **status}
     writer = RowWriter(
         folder / "run.mcap",
-        row_type,
+        row_layout.schema(row_type),
         {name: json.dumps(value).encode() for name, value in files.items()},
         {"run": {"run": folder.name}},
         start_utc_ns=START,

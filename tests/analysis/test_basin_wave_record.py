@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from measured_data import reference
 
-from rig.analysis.wave_lines import Samples, estimate_lines, significant_height, split_periods
 from rig.planning.campaign.multisine import line_range as band
+from rig.spectra.wave_lines import Samples, estimate_lines, significant_height, split_periods
 
 REPEAT = 300.0
 CYCLES = np.array(band(0.2, 1.0, REPEAT))

@@ -18,6 +18,7 @@ from rig.cli.bench import _lost_ticks, _print_result
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
+from rig.recording.runs.folder import earlier_reasons
 
 DT = 0.001
 SHAPE = synthetic.Shape()
@@ -136,7 +137,7 @@ def test_sessions_report_lost_ticks(
     """`rig bench` at its end, and `rig show` of a session without results."""
     run = tripped(tmp_path / "run", config={"session": {"session": "driveline", "name": "x"}})
     outcome = SimpleNamespace(status="fault", reason="DRIVE_DROPPED")
-    ended: Any = SimpleNamespace(folder=run, outcome=outcome)
+    ended: Any = SimpleNamespace(folder=run, outcome=outcome, reasons=earlier_reasons())
     lost = _lost_ticks(ended)
     assert lost is not None
     _print_result(ended, "", lost)

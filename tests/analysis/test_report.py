@@ -14,18 +14,18 @@ from matplotlib.image import imread
 
 from rig.analysis import traces
 from rig.analysis.alarms import format_rows
-from rig.analysis.phrases import (
+from rig.analysis.report import summarise_run, write_products
+from rig.analysis.rows import row_table
+from rig.analysis.summary import as_text
+from rig.analysis.traces import decimate, write_traces
+from rig.kinds.wavebot.tick.reasons import WaveBotReason
+from rig.presentation.phrases import (
     format_power,
     format_signed,
     format_utc,
     mode_stamp,
     reason_text,
 )
-from rig.analysis.report import summarise_run, write_products
-from rig.analysis.rows import row_table
-from rig.analysis.summary import as_text
-from rig.analysis.traces import decimate, write_traces
-from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.realtime.limits import LimitFlag
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase

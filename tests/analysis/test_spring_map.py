@@ -28,7 +28,6 @@ from rig.realtime.sequence import Phase
 from rig.recording.calibration import (
     RecordingTime,
     apply_calibration,
-    invert_calibration,
     open_calibration,
 )
 from rig.recording.runs import RunError
@@ -108,7 +107,9 @@ def test_the_positioner_uses_the_map(
     assert "spring map" in {file.role for file in report.campaign.files}
     at = RecordingTime.from_utc("2100-01-01T00:00:00Z")
     assert (
-        invert_calibration(known.file, apply_calibration(known.file, 7.0, at).value, at).value
+        apply_calibration(
+            known.file, apply_calibration(known.file, 7.0, at).value, at, invert=True
+        ).value
         == 7.0
     )
     # the run's configuration contains the calibration and the resulting map

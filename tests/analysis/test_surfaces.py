@@ -13,9 +13,9 @@ from matplotlib.image import imread
 from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis.mesh import spans_surface, triangulate
-from rig.analysis.picture import framed_figure
 from rig.analysis.points import Point
 from rig.analysis.surfaces import draw_surfaces, write_surfaces
+from rig.presentation.picture import framed_figure
 
 
 def bowl(kp: float, ki: float) -> float:

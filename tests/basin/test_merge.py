@@ -12,11 +12,10 @@ import xarray
 from command_here import rig
 
 from rig.config import ConfigError
-from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
+from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, interpolate_cubic, merge
 from rig.interop.basin.products import row_means, write_products
-from rig.interop.basin.recording import read_recording
-from rig.interop.basin.resample import interpolate_cubic
 from rig.interop.basin.sync import rising_edge
+from rig.recording.channel_file import read_recording
 
 CLOCK = SyncChannels(run_sine="clock")
 
@@ -88,7 +87,7 @@ def test_sine_of_the_run_may_come_from_sync_csv(waves: Path, tmp_path: Path) -> 
     (folder / SYNC_FILE).write_text("time_s,syncSine,trigger\n" + text)
     merged = merge(folder, [MergeSource("waves", waves)], SyncChannels())
     assert merged.alarms == []
-    (alignment,) = merged.alignments
+    (alignment,) = (record.alignment for record in merged.records)
     assert alignment.method == "edge and sine"
     assert alignment.clock.to_run(40.0) == pytest.approx(47.2508, abs=1e-3)
 
@@ -152,8 +151,8 @@ def test_record_without_trigger_needs_an_offset(run: Path, tmp_path: Path) -> No
 def test_matched_probe_replaces_the_sine(run: Path, waves: Path) -> None:
     """The basin's probe 1 is the run's probe 1: seven blocks of 10 s without noise."""
     source = MergeSource("waves", waves, match=("BRIDGEPROBE01", "probes.probe_1"))
-    (alignment,) = merge(run, [source], SyncChannels()).alignments
-    assert (alignment.method, alignment.alarms, alignment.drift_known) == (
+    (alignment,) = (record.alignment for record in merge(run, [source], SyncChannels()).records)
+    assert (alignment.method, alignment.alarms, alignment.lags is not None) == (
         "edge and BRIDGEPROBE01",
         (),
         True,

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.interop.basin.align import SyncReference
-from rig.interop.basin.recording import Recording
 from rig.interop.basin.sync import Edge, ideal_sine
+from rig.recording.channel_file import Recording
 
 
 class Truth(NamedTuple):

@@ -23,7 +23,7 @@ import rig
 from rig.compilation import lifting
 from rig.compilation.column import Column
 from rig.config.law_settings import IMPEDANCE
-from rig.kinds.wavebot.rehearsal.devices import PlantDevices
+from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
 from rig.kinds.wavebot.simulation import plant_coupling
 from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
 from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
@@ -278,7 +278,7 @@ def test_conversions_equal_those_of_the_rehearsal_devices() -> None:
 
     readings = Readings(*range(100, 100 + len(Readings._fields)))
     world: Any = RecordingWorld(readings)
-    devices = PlantDevices(world, 0.001)
+    devices = WaveBotPlantDevices(world, 0.001)
     assert devices.read(0.0) == plant_coupling.sense(readings, world.delay)
     numbers = iter(range(200, 300))
 

@@ -21,6 +21,7 @@ from rig_command import rig_here
 
 from rig.execution import replay as replays
 from rig.execution.replay import replay
+from rig.kinds.oswec_bench import recorded
 from rig.kinds.oswec_bench import tick as oswec_bench
 from rig.kinds.oswec_bench.sessions import plan_session
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
@@ -62,7 +63,7 @@ def test_changed_law_of_the_bench_is_detected(
         error = 1e-6 if next(tick) == 900 else 0.0
         return motor._replace(velocity=motor.velocity + error), shaft
 
-    monkeypatch.setattr(replays.oswec_bench, "KIND", oswec_bench.KIND._replace(observe=observe))
+    monkeypatch.setattr(recorded, "KIND", oswec_bench.KIND._replace(observe=observe))
     code, out, _ = rig_here("replay", record("bench_velocity"), "--json")
     assert code == 1
     first = json.loads(out)["differences"][0]

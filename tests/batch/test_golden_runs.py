@@ -21,6 +21,7 @@ from rig_command import rig_here
 from rig.analysis.rows import row_table
 from rig.execution import replay as replays
 from rig.execution.replay import replay
+from rig.kinds.wavebot import recorded
 from rig.recording.runs import open_run
 
 
@@ -48,7 +49,7 @@ NEWER_LIMITS = ("heave.current_difference_", "surge.current_difference_", "power
 def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such runs lack the comparison of current, force and power with the command."""
     monkeypatch.setattr(replays, "run_info", facts_without_limits(*NEWER_LIMITS))
-    subject = replays._wavebot_target(replays.run_info(record("cots")))
+    subject = recorded.recorded_task(replays.run_info(record("cots")))
     assert subject.params.rig.heave.limits.current_difference_stop == 500.0
     assert replay(record("cots")).identical
 
@@ -83,7 +84,7 @@ def test_one_changed_bit_of_one_tick_is_detected(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Today's code estimates one velocity, in tick 700, as the next float."""
-    original, tick = replays.KIND.observe, iter(range(10_000))
+    original, tick = recorded.KIND.observe, iter(range(10_000))
 
     def observe(*arguments: Any) -> Any:
         heave, surge = original(*arguments)
@@ -91,7 +92,7 @@ def test_one_changed_bit_of_one_tick_is_detected(
             heave = heave._replace(velocity=math.nextafter(heave.velocity, math.inf))
         return heave, surge
 
-    monkeypatch.setattr(replays, "KIND", replays.KIND._replace(observe=observe))
+    monkeypatch.setattr(recorded, "KIND", recorded.KIND._replace(observe=observe))
     code, out, _ = rig_here("replay", record(kind), "--json")
     assert code == 1
     result = json.loads(out)

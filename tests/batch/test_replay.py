@@ -16,6 +16,7 @@ from rig_command import rig_here
 
 from rig.execution import replay as replays
 from rig.execution.replay import replay
+from rig.kinds.wavebot import recorded
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import RunError
 
@@ -132,13 +133,13 @@ def test_changed_gain_is_detected_at_its_first_tick(regular: Path, tmp_path: Pat
 
 def test_changed_cycle_is_detected(regular: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Today's code estimates all velocities a thousandth too high."""
-    original = replays.KIND.observe
+    original = recorded.KIND.observe
 
     def observe(*arguments: Any) -> Any:
         heave, surge = original(*arguments)
         return heave._replace(velocity=heave.velocity * 1.001), surge
 
-    monkeypatch.setattr(replays, "KIND", replays.KIND._replace(observe=observe))
+    monkeypatch.setattr(recorded, "KIND", recorded.KIND._replace(observe=observe))
     report = replay(regular)
     assert "heave.estimate.velocity" in {difference.field for difference in report.differences}
     assert "heave.command.force" in {difference.field for difference in report.differences}

@@ -6,6 +6,7 @@ import math
 from datetime import date
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -19,10 +20,11 @@ from rig.recording.calibration import (
     ValidityError,
     apply_calibration,
     apply_correction,
-    invert_calibration,
-    invert_correction,
     open_history,
 )
+
+invert_correction = partial(apply_correction, invert=True)
+invert_calibration = partial(apply_calibration, invert=True)
 
 LOG_RATES = {
     10_000: 7690, 5000: 3845, -6000: -4614, -8000: -6152, -10_000: -7690, -12_000: -9228,

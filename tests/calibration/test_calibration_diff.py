@@ -12,10 +12,10 @@ from calibration_files import CALIBRATIONS, calibration
 from log_books import MASK4_LOG, write_log
 from measured_data import needs, reference
 
-from rig.interop.legacy.testlog import read_log
+from rig.interop.legacy.testlog import read_log, values_in_log
 from rig.recording.calibration import RecordingTime, open_history
 from rig.recording.calibration.diff import IncomparableError, compare_calibrations
-from rig.recording.calibration.sources import PRODUCTS, RecordedValue, values_in_log, values_in_runs
+from rig.recording.calibration.sources import PRODUCTS, RecordedValue, values_in_runs
 
 FILE = "waveBotCtrlMdl_2023_09_21_04_46_26"
 

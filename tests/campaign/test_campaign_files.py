@@ -9,8 +9,8 @@ import pytest
 
 from rig.config import CampaignFile, ConfigError
 from rig.planning.campaign import check_campaign, open_campaign, resolved_config
-from rig.planning.campaign.points import spring_map_problems
 from rig.planning.campaign.stability import largest_ki, total_stiffness
+from rig.planning.campaign.stator import spring_map_problems
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -17,14 +17,14 @@ from wired_rig import CONFIGS, rig, running
 from rig.cli import BAD_INPUT, FAILED, OK
 from rig.cli.bench import BenchOptions
 from rig.cli.bench import main as bench
-from rig.cli.bench_devices_view import render
 from rig.cli.devices import main as devices
+from rig.cli.devices_view import render
 from rig.config import load
 from rig.host.finding import Host, Verdict
 from rig.host.rig_wires import findings
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
-from rig.kinds.oswec_bench.hardware.job import build_bench_job
-from rig.kinds.oswec_bench.hardware.survey import survey_bench
+from rig.kinds.oswec_bench.hardware.job import build_job
+from rig.wires.survey import survey
 
 SESSION = CONFIGS / "sessions" / "driveline_short.yaml"
 
@@ -109,18 +109,18 @@ def test_all_devices_answer(sim: Sim, capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_survey_leaves_the_servo_unpowered(sim: Sim) -> None:
     """The survey reads only the servo drive's name and two records of values."""
-    job = build_bench_job(load(sim.path, BenchRigFile)[0])
+    job = build_job(load(sim.path, BenchRigFile)[0])
     for _ in range(2):
-        streams = {stream.name: stream for stream in survey_bench(job).streams}
+        streams = {stream.name: stream for stream in survey(job).streams}
         values = {value.name: value.value for value in streams["servo"].values}
         assert values["powered"] == 0.0
 
 
 def test_no_text_of_the_view_is_cut(sim: Sim) -> None:
-    found = survey_bench(build_bench_job(load(sim.path, BenchRigFile)[0]))
+    found = survey(build_job(load(sim.path, BenchRigFile)[0]))
     for width in (80, 120):
         console = Console(width=width, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-        console.print(render("Wires of a test", found))
+        console.print(render("Wires of a test", found, all_objects=False))
         text = console.export_text()
         console.file.close()
         assert "…" not in text
@@ -143,13 +143,13 @@ def test_the_doctor_checks_the_wires_of_a_bench(sim: Sim, tmp_path: Path) -> Non
     emulated, _ = load(sim.path, BenchRigFile)
     verdicts = {finding.check: finding.verdict for finding in findings(Host(), emulated)}
     assert verdicts == {
-        "encoder bridge": Verdict.GOOD, "servo drive": Verdict.GOOD, "line outputs": Verdict.GOOD,
+        "encoders": Verdict.GOOD, "servo": Verdict.GOOD, "line outputs": Verdict.GOOD,
         "line io": Verdict.GOOD, "load cell": Verdict.NOTE,
     }  # fmt: skip
     without_devices, _ = load(rig_file(tmp_path), BenchRigFile)
     verdicts = {finding.check: finding.verdict for finding in findings(Host(), without_devices)}
     # Only warnings: `rig sim` may start later.
-    assert verdicts["servo drive"] == verdicts["line io"] == Verdict.WARNING
+    assert verdicts["servo"] == verdicts["line io"] == Verdict.WARNING
 
 
 def test_a_bench_without_wiring_cannot_be_emulated(

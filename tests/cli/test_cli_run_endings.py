@@ -19,6 +19,7 @@ from rig.host import disk
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
 from rig.realtime.limits import LimitFlag, WarningFlag
+from rig.realtime.reasons import reason_table
 from rig.realtime.sequence import Phase
 
 
@@ -31,7 +32,7 @@ def test_flags_of_every_axis_are_named() -> None:
         "surge.warned": int(WarningFlag.POSITION),
         "unlimited": 3,
     }
-    assert row_as_json(row) == {
+    assert row_as_json(row, reason_table()) == {
         "heave.command.limited": ["SLEW"],
         "surge.command.limited": ["SLEW", "MODE"],
         "command.limited": ["CURRENT_RMS"],

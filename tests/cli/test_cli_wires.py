@@ -27,8 +27,8 @@ from rig.cli.scan_commands import SerialLine, scan_can, scan_modbus
 from rig.config import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import build_job
-from rig.wires.can_survey import survey
 from rig.wires.locks import acquire, wires_in
+from rig.wires.survey import survey
 
 
 class Sim(NamedTuple):

@@ -16,7 +16,7 @@ from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.session_file import SessionFile
-from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import check_session, is_session
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -125,7 +125,7 @@ def reported_problems(folder: Path, text: str, **others: str) -> list[tuple[str,
     for name, content in others.items():
         (folder / f"{name}.yaml").write_text(content)
     (folder / "x.yaml").write_text(text)
-    report = check_session(folder / "x.yaml", further_check=session_problems)
+    report = check_session(folder / "x.yaml", further_check=problems)
     return [(Path(p.file).name, p.key, p.message) for p in report.problems]
 
 
@@ -207,7 +207,7 @@ def test_every_shipped_session_can_be_run() -> None:
     assert len(sessions) >= 10
     for path in sessions:
         assert is_session(path)
-        report = check_session(path, further_check=session_problems)
+        report = check_session(path, further_check=problems)
         assert report.ok, report.text()
         assert json.loads(report.to_json())["rows"]
     assert not is_session(CONFIGS / "campaigns" / "quick.yaml")

@@ -14,7 +14,6 @@ import pytest
 from rig.config import ConfigError, SourceLocation, load, load_mapping
 from rig.config.law_settings import IMPEDANCE
 from rig.identification import bem, comparison
-from rig.interop.basin.recording import read_recording
 from rig.interop.legacy.table import read_table
 from rig.interop.legacy.testlog import read_log
 from rig.kinds.oswec_bench.sessions import open_session
@@ -23,6 +22,7 @@ from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.mask4.signals import read_signals
 from rig.planning.campaign import matrix_csv
 from rig.recording.calibration.history import open_calibration
+from rig.recording.channel_file import read_recording
 from rig.recording.runs import RunError, mcap_file, open_run
 from rig.regular_file import (
     MAX_CONFIG_BYTES,

@@ -12,7 +12,7 @@ from core_runs import plan
 from controllers.oswec_position import Component
 from controllers.signals import PanelSense
 from rig.config import load_mapping
-from rig.kinds.oswec_bench.rehearsal.devices import BenchDevices, connect
+from rig.kinds.oswec_bench.rehearsal.devices import BenchPlantDevices, connect
 from rig.kinds.oswec_bench.sessions import open_session, plan_session
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.tick import (
@@ -94,7 +94,7 @@ class Quiet:
         """Nothing to release."""
 
 
-def simulated_bench(name: str = "oswec_bench") -> BenchDevices:
+def simulated_bench(name: str = "oswec_bench") -> BenchPlantDevices:
     """Return the simulated bench as shipped, interpreted, with a fixed seed."""
     mapping, _ = load_mapping(CONFIGS / "plants" / f"{name}.yaml")
     return connect({"plant": mapping, "seed": 1, "compiled": False}, DT)

@@ -21,7 +21,7 @@ from controllers.signals import (
 from rig.config import CampaignFile, load, load_mapping
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.config import LimitsFile, RigFile
-from rig.kinds.wavebot.rehearsal.devices import PlantDevices, connect
+from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
 from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.realtime import cycle, sequence
@@ -161,7 +161,7 @@ class ModifiedDevices:
         self._inner.close()
 
 
-def plant(sea: dict[str, Any] = WAVES) -> PlantDevices:
+def plant(sea: dict[str, Any] = WAVES) -> WaveBotPlantDevices:
     """Return the simulated plant as shipped, interpreted, with a seed."""
     path = CONFIGS / "plants" / "wavebot.yaml"
     mapping, _ = load_mapping(path)

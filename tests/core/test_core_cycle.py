@@ -28,7 +28,7 @@ from rig.realtime.safety import (
 )
 from rig.realtime.sequence import Phase
 from rig.recording.ring import ProducerState
-from rig.recording.row_layout import leaves, leaves_of_schema, schema
+from rig.recording.row_layout import leaves, schema
 
 
 def wave(amplitude: float, f: float = 2.0) -> Callable[[float], float]:
@@ -59,7 +59,7 @@ def check_whole(result: RunResult) -> None:
 
 @pytest.mark.parametrize("kind", [BENCH, PAIR], ids=lambda kind: kind.row_type.__name__)
 def test_the_schema_of_each_row_type_lists_its_leaves(kind: cycle.Kind) -> None:
-    assert leaves_of_schema(schema(kind.row_type)) == leaves(kind.row_type)
+    assert schema(kind.row_type).leaves == leaves(kind.row_type)
 
 
 def test_a_bench_runs_its_plan() -> None:

@@ -8,14 +8,14 @@ import time
 import pytest
 
 from rig.processes import display
-from rig.processes.display import Display
+from rig.processes.display import drawing_thread
 
 
 def test_the_last_value_is_drawn_before_the_end() -> None:
     drawn = list[int]()
-    with Display(drawn.append) as shown:
+    with drawing_thread(drawn.append) as show:
         for value in range(100):
-            shown.show(value)
+            show(value)
     assert drawn[-1] == 99
     assert drawn == sorted(set(drawn))
 
@@ -29,9 +29,9 @@ def test_a_blocked_terminal_delays_no_caller(monkeypatch: pytest.MonkeyPatch) ->
         drawn.append(value)
 
     began = time.monotonic()
-    with Display(draw) as shown:
+    with drawing_thread(draw) as show:
         for value in range(1000):
-            shown.show(value)
+            show(value)
     assert time.monotonic() - began < 5.0
     assert drawn == []
     goes_on.set()
@@ -42,9 +42,9 @@ def test_an_exception_of_drawing_reaches_the_caller() -> None:
         raise ZeroDivisionError(value)
 
     def supervise() -> None:
-        with Display(draw) as shown:
+        with drawing_thread(draw) as show:
             for value in range(1000):
-                shown.show(value)
+                show(value)
                 time.sleep(0.01)
 
     began = time.monotonic()
@@ -57,8 +57,8 @@ def test_an_exception_of_the_last_drawing_is_not_lost() -> None:
     def draw(value: int) -> None:
         raise ZeroDivisionError(value)
 
-    with pytest.raises(ZeroDivisionError), Display(draw) as shown:
-        shown.show(1)
+    with pytest.raises(ZeroDivisionError), drawing_thread(draw) as show:
+        show(1)
 
 
 def test_an_error_of_the_caller_has_priority() -> None:
@@ -66,8 +66,8 @@ def test_an_error_of_the_caller_has_priority() -> None:
         raise ZeroDivisionError(value)
 
     def supervise() -> None:
-        with Display(draw) as shown:
-            shown.show(1)
+        with drawing_thread(draw) as show:
+            show(1)
             raise KeyError
 
     with pytest.raises(KeyError):

@@ -54,9 +54,9 @@ def stop_of(result: RunResult) -> Any:
     return next(row for row in result.rows if row.safety.mode >= STOP_1)
 
 
-def reason(result: RunResult) -> Reason:
+def reason(result: RunResult) -> int:
     assert result.end is not None
-    return Reason(result.end.reason)
+    return result.end.reason
 
 
 def test_without_a_fault_the_plan_runs_to_its_end() -> None:

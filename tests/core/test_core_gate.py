@@ -179,5 +179,5 @@ def test_of_two_simultaneous_faults_the_worse_counts(i: int, j: int) -> None:
         reason = WaveBotReason.STALE_LOAD_CELL  # a silent string pot cannot disagree
     assert result.rows[54].safety.mode == RUN
     assert result.rows[55].safety.reason == reason
-    expected = STOP_0 if safety.CATEGORY[reason] == 0 else STOP_1
+    expected = STOP_0 if KIND.reason_table.categories[reason] == 0 else STOP_1
     assert result.rows[55].safety.mode == expected

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from rig.kinds.wavebot import tick as wavebot
 from rig.processes import handover
 from rig.processes.handover import HandoverError
-from rig.processes.loop_process import LoopJob
+from rig.processes.messages import LoopJob
 from rig.realtime import cycle
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, -2.2e-308, 1e308, 0.1])
@@ -67,7 +67,7 @@ def test_the_shipped_parameters_and_a_job_are_restored() -> None:
     restored = params()
     second = handover.loads(cycle.Params, handover.dumps(restored), **WAVEBOT_TYPES)
     assert bits(second) == bits(restored)
-    job = LoopJob(1, 0, 0.001, 3, 4, 5, restored, json.dumps({"seed": 1}), 1.0)
+    job = LoopJob(True, False, 0.001, 3, 4, 5, restored, {"seed": 1}, 1.0)
     assert bits(handover.loads(LoopJob, handover.dumps(job), **WAVEBOT_TYPES)) == bits(job)
 
 

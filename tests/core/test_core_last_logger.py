@@ -16,13 +16,15 @@ import pytest
 from core_runs import unflatten
 
 from rig.kinds.wavebot.tick import WaveBotRow
-from rig.processes import last_logger
+from rig.processes import handover, last_logger
 from rig.processes.last_logger import LastLogger
+from rig.processes.messages import LoggerJob
 from rig.realtime.loop import LoopResult
 from rig.realtime.reasons import Reason
 from rig.recording import ring
+from rig.recording.folder_watch import open_folder
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_layout import leaves
+from rig.recording.row_layout import leaves, schema
 from rig.recording.runs import create, mcap_file
 from rig.recording.runs.recover import recover
 
@@ -56,13 +58,17 @@ def rows() -> tuple[int, ring.RingWriter]:
     return fd, writer
 
 
-def request(run: Path, fd: int) -> str:
-    job = {
-        **{"kind": "wavebot", "ring": fd, "supervisor": GONE, "folder": str(run)},
-        **{"part": "run.mcap.part0", "attachments": ["config.json"], "run": "a"},
-        **{"mode": "rehearsal", "clock": "virtual", "rate_hz": 1000.0, "disk_timeout_s": 1.0},
-    }
-    return json.dumps({"job": job, "ring": fd, "folder": -1})
+def job_of(run: Path, fd: int) -> LoggerJob:
+    return LoggerJob(
+        **{"ring": fd, "rows": schema(WaveBotRow), "supervisor": GONE, "folder": str(run)},
+        **{
+            "folder_lock": open_folder(run),
+            "part": "run.mcap.part0",
+            "attachments": ("config.json",),
+        },
+        **{"run": "a", "mode": "rehearsal", "clock": "virtual"},
+        **{"rate_hz": 1000.0, "disk_timeout_s": 1.0},
+    )
 
 
 def ticks(path: Path) -> Any:
@@ -75,7 +81,7 @@ def test_a_logger_started_by_the_loop_saves_every_row(
     monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
     fd, writer = rows
     (run / "run.mcap.part0").write_bytes(b"")  # of a logger that was killed at its start
-    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
+    LastLogger(job_of(run, fd), GONE).save_remaining_rows(writer, END)
     assert writer.tail == writer.head == 900
     assert np.array_equal(ticks(run / "run.mcap.part1"), np.arange(900))
     ring_fd = recover(run, None, NOW)
@@ -96,13 +102,15 @@ def test_without_a_logger_the_exact_loss_is_recorded(
     fd, writer = rows
     reader = ring.RingReader(fd)
     saved = reader.take(300)
-    out = RowWriter(run / "run.mcap.part0", WaveBotRow, {}, {}, start_utc_ns=writer.start_utc_ns)
+    out = RowWriter(
+        run / "run.mcap.part0", schema(WaveBotRow), {}, {}, start_utc_ns=writer.start_utc_ns
+    )
     out.append(saved)
     out.flush()
     out.close()
     reader.commit()
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
+    LastLogger(job_of(run, fd), GONE).save_remaining_rows(writer, END)
     progress = json.loads((run / "progress.json").read_text())
     assert progress["final"] is True
     assert (progress["ticks"], progress["saved"], progress["last_tick"]) == (900, 300, 899)
@@ -120,7 +128,7 @@ def test_the_loop_starts_no_logger_while_the_supervisor_lives(
 ) -> None:
     monkeypatch.setattr(last_logger, "SUPERVISED_TIMEOUT_S", 0.2)
     fd, writer = rows
-    LastLogger(request(run, fd), os.getppid()).save_remaining_rows(writer, END)
+    LastLogger(job_of(run, fd), os.getppid()).save_remaining_rows(writer, END)
     assert sorted(path.name for path in run.iterdir()) == [
         *("config.json", "privileges.json", "run.json")
     ]
@@ -141,7 +149,7 @@ def test_a_slow_logger_is_not_joined_by_a_second(
 
     timer = threading.Timer(1.0, die)
     timer.start()
-    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
+    LastLogger(job_of(run, fd), GONE).save_remaining_rows(writer, END)
     timer.join()
     assert found == [[]]
     assert np.array_equal(ticks(run / "run.mcap.part0"), np.arange(900))
@@ -156,7 +164,7 @@ def test_a_logger_that_hangs_keeps_its_rows(
     monkeypatch.setattr(last_logger, "HANG_TIMEOUT_S", 0.3)
     fd, writer = rows
     lock = ring.lock_consumer(fd)
-    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
+    LastLogger(job_of(run, fd), GONE).save_remaining_rows(writer, END)
     os.close(lock)
     assert list(run.glob("*.mcap*")) == []
     assert json.loads((run / "progress.json").read_text())["saved"] == 0
@@ -169,11 +177,10 @@ def test_two_loggers_write_one_after_the_other(
     fd, writer = rows
     first = ring.lock_consumer(fd)
     reader = ring.RingReader(fd)
-    job = json.loads(request(run, fd))["job"]
-    command = [sys.executable, "-m", "rig.recording.logger"]
+    command = [sys.executable, "-m", "rig.processes.logger"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, text=True, pass_fds=(fd,)) as second:
         assert second.stdin is not None
-        second.stdin.write(json.dumps(list(job.values())))
+        second.stdin.write(handover.dumps(job_of(run, fd)))
         second.stdin.close()
         with pytest.raises(subprocess.TimeoutExpired):
             second.wait(1.5)
@@ -186,10 +193,10 @@ def test_two_loggers_write_one_after_the_other(
     assert np.array_equal(ticks(run / "run.mcap.part0"), np.arange(300, 900))
 
 
-def test_without_a_request_the_call_returns_at_once(
+def test_without_a_job_the_call_returns_at_once(
     rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
     _, writer = rows
-    LastLogger("", GONE).save_remaining_rows(writer, END)
+    LastLogger(None, GONE).save_remaining_rows(writer, END)
     assert writer.tail == 0

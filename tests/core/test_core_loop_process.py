@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from core_process import output
 
+from rig.processes.messages import Refused, read_report
 from rig.realtime import loop
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0, STOP_1
@@ -45,14 +46,14 @@ def privileges(job):
 loop_process.VirtualClock, loop_process._privileges = Clock, privileges
 loop_process.ignore_terminal_signals = lambda: None
 rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
-job = loop_process.LoopJob(0, 0, DT, rows, mail, os.getppid(), bench_params(), "{}", 1.0)
+job = loop_process.LoopJob(False, False, DT, rows, mail, os.getppid(), bench_params(), {}, 1.0)
 sys.stdin = io.StringIO(handover.dumps(job))
 code = 0
 try:
     loop_process.main(lambda law: BENCH, connect)
 except SystemExit as end:
     code = end.code
-print(json.dumps({"event": "order", "order": order, "code": code}))
+print(json.dumps(["order", order, code]))
 """
 
 
@@ -72,7 +73,7 @@ rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
 devices = bench()
 devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monotonic()))
 params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stall
-job = loop_process.LoopJob(1, 0, DT, rows, mail, os.getppid(), params, "{}", TIMEOUT)
+job = loop_process.LoopJob(True, False, DT, rows, mail, os.getppid(), params, {}, TIMEOUT)
 sys.stdin = io.StringIO(handover.dumps(job))
 loop_process.main(lambda law: BENCH, lambda config, dt: devices)
 reader, modes = ring.RingReader(rows), []
@@ -81,42 +82,49 @@ while block := reader.take():
     modes += [row.unpack_from(block, at) for at in range(0, len(block), row.size)]
 names = [leaf.name for leaf in row_layout.leaves(BENCH.row_type)]
 tick, mode, reason = (names.index(n) for n in ("tick", "safety.mode", "safety.reason"))
-print(json.dumps({"event": "rows", "rows": [[r[tick], r[mode], r[reason]] for r in modes]}))
+print(json.dumps(["rows", [[r[tick], r[mode], r[reason]] for r in modes]]))
 """
 
 
-def events_of(trouble: str) -> dict[str, Any]:
-    lines = output(f"TROUBLE = {trouble!r}\n{CODE}").splitlines()
-    return {one["event"]: one for one in map(json.loads, lines)}
+def outputs_of(code: str) -> dict[str, Any]:
+    """Return the reports by the name of their type, and what the code itself prints."""
+    found: dict[str, Any] = {}
+    for line in output(code).splitlines():
+        name, *values = json.loads(line)
+        found[name] = values if name in ("order", "rows") else read_report(line)
+    return found
+
+
+def reports_of(trouble: str) -> dict[str, Any]:
+    return outputs_of(f"TROUBLE = {trouble!r}\n{CODE}")
 
 
 def test_the_wires_are_warmed_up_last_before_the_first_tick() -> None:
-    events = events_of("")
-    assert events["order"]["order"][:5] == [
+    found = reports_of("")
+    order, _ = found["order"]
+    assert order[:5] == [
         "connect", "privileges", "warm up 0.001", "clock", "first tick",
     ]  # fmt: skip
-    assert events["order"]["order"][-1] == "close"
-    assert events["end"]["ticks"] > 400
+    assert order[-1] == "close"
+    assert found["LoopResult"].ticks > 400
 
 
 @pytest.mark.parametrize("why", ["no process data from surge in 3 s"])
 def test_silent_wires_are_reported_and_released(why: str) -> None:
-    events = events_of(why)
-    assert events["refused"]["why"] == why
-    assert events["order"]["code"] == 78
-    assert events["order"]["order"] == ["connect", "privileges", "warm up 0.001", "close"]
-    assert "start" not in events
+    found = reports_of(why)
+    assert found["Refused"] == Refused(why)
+    assert found["order"] == [["connect", "privileges", "warm up 0.001", "close"], 78]
+    assert "LoopPrivileges" not in found
 
 
 def silent(timeout: float) -> dict[str, Any]:
-    lines = output(f"TIMEOUT = {timeout!r}\n{SILENT}").splitlines()
-    return {one["event"]: one for one in map(json.loads, lines)}
+    return outputs_of(f"TIMEOUT = {timeout!r}\n{SILENT}")
 
 
 def test_a_silent_supervisor_is_a_controlled_stop_on_the_real_clock() -> None:
-    events = silent(0.2)
-    assert events["end"]["reason"] == Reason.SUPERVISOR_LOST
-    rows = events["rows"]["rows"]
+    found = silent(0.2)
+    assert found["LoopResult"].reason == Reason.SUPERVISOR_LOST
+    (rows,) = found["rows"]
     first = next(tick for tick, _, why in rows if why == Reason.SUPERVISOR_LOST)
     # Posted while the wires warm up, read every 50 ms; a busy host only delays it.
     assert 0.15 <= first * 0.001 <= 0.2 + loop.EXTERNAL_REQUEST_INTERVAL + 0.2
@@ -126,4 +134,4 @@ def test_a_silent_supervisor_is_a_controlled_stop_on_the_real_clock() -> None:
 
 
 def test_a_supervisor_within_its_timeout_stops_nothing() -> None:
-    assert silent(30.0)["end"]["reason"] == Reason.PLAN_END
+    assert silent(30.0)["LoopResult"].reason == Reason.PLAN_END

@@ -20,12 +20,11 @@ from rig.kinds.wavebot import tick as wavebot
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording.row_layout import (
     RowError,
+    RowSchema,
     layout,
     leaves,
-    leaves_of_schema,
     packer,
     schema,
-    schema_name,
 )
 
 ROWS = (WaveBotRow, BenchRow, PairRow)
@@ -92,7 +91,7 @@ def test_any_nested_type_is_laid_out_the_same_everywhere(row_type: Any, data: An
             part = getattr(part, name)
         assert part == value
         assert leaf.name == ".".join(leaf.path)
-    assert leaves_of_schema(schema(row_type)) == found
+    assert schema(row_type).leaves == found
 
 
 @pytest.mark.parametrize("row_type", ROWS)
@@ -100,14 +99,14 @@ def test_every_field_of_a_row_has_a_unit_in_the_schema(row_type: Any) -> None:
     found = leaves(row_type)
     assert all(leaf.unit for leaf in found)
     assert len({leaf.name for leaf in found}) == len(found)
-    assert leaves_of_schema(schema(row_type)) == found
+    assert schema(row_type).leaves == found
     row = unflatten(row_type, range(len(found)))
     as_read = layout(row_type).unpack(packed_row(row_type, row))
     assert as_read == tuple(range(len(found)))
     assert found[0].name == "tick"
     assert found[-1].name == "tick_end"
     assert found[0].code == found[-1].code == "q"
-    assert schema_name(row_type) == f"wec_rig/msg/{row_type.__name__}"
+    assert schema(row_type).name == f"wec_rig/msg/{row_type.__name__}"
 
 
 def test_the_wavebot_row_has_the_fields_of_the_analysis() -> None:
@@ -189,7 +188,7 @@ def test_two_types_of_one_name_are_refused() -> None:
 
 def test_a_foreign_schema_line_is_refused() -> None:
     with pytest.raises(RowError, match="not understood"):
-        leaves_of_schema("float64\n")
+        _ = RowSchema("", "float64\n").leaves
 
 
 def test_floats_are_stored_bit_by_bit() -> None:

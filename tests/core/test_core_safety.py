@@ -16,16 +16,19 @@ from controllers.signals import AxisSense, Demand
 from rig import kinds
 from rig.realtime import axis, safety
 from rig.realtime.reasons import Reason, TripReason, reason_table
-from rig.realtime.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE, Mode
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE, Mode
 from rig.recording.runs.folder import earlier_reasons
 
 PARAMS = safety.Params(enable_ticks=6, stop_ticks=4)
+
+ALL_CATEGORIES = tuple(category for _, category in REASONS.values())
 
 
 def step(state: safety.State, tick: int, **changes: Any) -> safety.State:
     """Return the state after one step with the given inputs, the others normal."""
     inputs = {
         "trip": 0, "request": 0, "plan_finished": False, "power_required": True, "drive_on": True,
+        "category": ALL_CATEGORIES,
         **changes,
     }  # fmt: skip
     return safety.step(PARAMS, state, tick, **inputs)
@@ -237,7 +240,7 @@ class Interleavings(RuleBasedStateMachine):
             assert self.trip == 0
             assert self.safety_state.reason == 0
         aborted = self.request == safety.REQUEST_ABORT
-        if aborted or (self.trip and CATEGORY[self.trip] == 0):
+        if aborted or (self.trip and ALL_CATEGORIES[self.trip] == 0):
             assert mode == STOP_0
             assert (self.force, self.enable) == (0.0, 0)
         elif self.trip:

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from drivers.canopen.bus_settings import BusSettings
 from rig.execution.campaign import run_campaign
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.tasks import wired_mode
@@ -162,6 +163,10 @@ def same(one: Wire, other: Wire) -> bool:
     return bool(one.identities & other.identities)
 
 
+def can_bus(interface: str, channel: str, options: dict[str, Any]) -> Wire:
+    return can_wire(BusSettings(interface, channel, 500_000, tuple(options.items())))
+
+
 def test_all_names_of_a_wire_share_one_lock(tmp_path: Path) -> None:
     tcp = network_wire("a", "tcp", "127.0.0.1", 502)
     for name in ("localhost", "127.1", "0.0.0.0", "::ffff:127.0.0.1", "LOCALHOST"):
@@ -181,21 +186,21 @@ def test_all_names_of_a_wire_share_one_lock(tmp_path: Path) -> None:
         assert same(early, serial_wire("b", str(link)))
         (tmp_path / "folder").symlink_to(tmp_path)
         assert same(early, serial_wire("b", str(tmp_path / "folder" / "by-id")))
-        assert same(serial_wire("a", str(link)), can_wire("slcan", f"{device}@115200", {}))
+        assert same(serial_wire("a", str(link)), can_bus("slcan", f"{device}@115200", {}))
         assert not same(serial_wire("a", device), serial_wire("b", "/dev/null"))
     finally:
         os.close(master)
         os.close(slave)
 
     here, there = {"host": "localhost"}, {"host": "127.0.0.1", "port": 29536, "tcp_tune": True}
-    assert same(can_wire("socketcand", "can0", here), can_wire("socketcand", "can0", there))
-    assert not same(can_wire("socketcand", "can0", here), can_wire("socketcand", "can1", here))
-    assert same(can_wire("socketcan", "can0", {}), can_wire("socketcan", "can0", {"fd": True}))
-    assert not same(can_wire("pcan", "PCAN_USBBUS1", {}), can_wire("kvaser", "PCAN_USBBUS1", {}))
+    assert same(can_bus("socketcand", "can0", here), can_bus("socketcand", "can0", there))
+    assert not same(can_bus("socketcand", "can0", here), can_bus("socketcand", "can1", here))
+    assert same(can_bus("socketcan", "can0", {}), can_bus("socketcan", "can0", {"fd": True}))
+    assert not same(can_bus("pcan", "PCAN_USBBUS1", {}), can_bus("kvaser", "PCAN_USBBUS1", {}))
     # a socketcand on this host serves the kernel's interface of that name
-    assert same(can_wire("socketcand", "lo", here), can_wire("socketcan", "lo", {}))
-    elsewhere = can_wire("socketcand", "lo", {"host": "192.0.2.1"})
-    assert not same(elsewhere, can_wire("socketcan", "lo", {}))
+    assert same(can_bus("socketcand", "lo", here), can_bus("socketcan", "lo", {}))
+    elsewhere = can_bus("socketcand", "lo", {"host": "192.0.2.1"})
+    assert not same(elsewhere, can_bus("socketcan", "lo", {}))
 
 
 def test_long_names_stay_distinct() -> None:

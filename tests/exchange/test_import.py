@@ -129,7 +129,7 @@ def test_sine_and_trigger_are_imported_for_merging(run: Path, tmp_path: Path) ->
     path = tmp_path / "tank.csv"
     path.write_text("\n".join(["time_s,SINESIGNAL,TTLTrigger,BUOY04", *lines]) + "\n")
     merged = merge(run, [MergeSource("tank", path)], SyncChannels())
-    (before_rows,) = merged.alignments
+    (before_rows,) = (record.alignment for record in merged.records)
     assert (before_rows.method, before_rows.alarms) == ("edge and sine", ())
     assert before_rows.clock.to_run(100.0) == pytest.approx(104.002, abs=1e-4)
 

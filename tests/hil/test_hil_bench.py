@@ -17,7 +17,7 @@ from benchmarks.support.host import Busy, others
 from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.products.driveline import analyse_driveline
 from rig.kinds.oswec_bench.products.points import open_session
-from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import check_session
 from rig.kinds.oswec_bench.tasks import rehearsal_mode, session_task, wired_mode
 from rig.processes.run_types import ExecutionMode
@@ -75,7 +75,7 @@ def rig_file(folder: Path) -> Path:
 
 
 def run_session(path: Path, rig: Path, folder: Path, on_wires: bool) -> RunResult:
-    report = check_session(path, session_problems, rig)
+    report = check_session(path, problems, rig)
     assert report.session is not None, report.text()
     assert report.plan is not None
     session, plan = report.session, report.plan

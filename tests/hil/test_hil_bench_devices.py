@@ -14,20 +14,19 @@ from rig.config import load
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware import devices as bench_devices
 from rig.kinds.oswec_bench.hardware.devices import BenchDevices
-from rig.kinds.oswec_bench.hardware.job import BenchJob, Loop, build_bench_job
+from rig.kinds.oswec_bench.hardware.job import Loop, build_job
 from rig.kinds.oswec_bench.tick import Command
-from rig.kinds.wavebot.hardware.job import WiringError
 from rig.processes import mailbox
-from rig.processes.mailbox import Mailbox
 from rig.wires import streams
+from rig.wires.job import WiredJob, WiringError
 from rig.wires.messages import (
-    MESSAGE_TYPES,
     BrakeCurrentMessage,
     EncodersMessage,
     InputsMessage,
     ServoMessage,
     WrenchMessage,
     WriteAcknowledgement,
+    open_mailboxes,
 )
 
 NAMES = ("servo", "set_point", "load_cell", "brake", "inputs", "analog", "analog_done")
@@ -68,19 +67,19 @@ class Bridge:
         self.closed = True
 
 
-def job(folder: Path, loop: Loop = "velocity", **servo: Any) -> BenchJob:
+def job(folder: Path, loop: Loop = "velocity", **servo: Any) -> WiredJob:
     shipped = CONFIGS / "rigs" / "oswec_bench_hil.yaml"
     tree = {"extends": str(shipped), "wiring": {"servo": servo}}
     rig, _ = load(write_yaml(folder / "rig.yaml", tree), BenchRigFile)
-    return build_bench_job(rig, loop)
+    return build_job(rig, loop)
 
 
 class Rig:
     """Devices on mailboxes, whose other ends the test uses."""
 
-    def __init__(self, bench_job: BenchJob, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, bench_job: WiredJob, monkeypatch: pytest.MonkeyPatch) -> None:
         fds = {name: mailbox.create() for name in NAMES}
-        self.slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in fds.items()}
+        self.slots = open_mailboxes(fds)
         self.bridge = Bridge()
         bridge: Any = self.bridge
         stream = streams.Stream(
@@ -183,7 +182,7 @@ def test_silent_devices_are_named_before_the_first_tick(
 def test_a_rig_without_wires_is_refused_by_name() -> None:
     rig, _ = load(CONFIGS / "rigs" / "oswec_bench.yaml", BenchRigFile)
     with pytest.raises(WiringError, match="no wiring: it can only be rehearsed"):
-        build_bench_job(rig)
+        build_job(rig)
 
 
 def test_the_load_cell_may_be_mounted_the_other_way_round() -> None:

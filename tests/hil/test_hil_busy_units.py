@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import random
 import threading
@@ -17,11 +16,11 @@ import pytest
 
 from rig.config import load
 from rig.kinds.wavebot.config import LimitsFile, RigFile
-from rig.processes import mailbox
+from rig.processes import handover, mailbox
 from rig.processes.child import Child
-from rig.processes.mailbox import Mailbox
-from rig.wires.messages import MESSAGE_TYPES
-from rig.wires.modbus_lines import modbus_pollers
+from rig.processes.messages import IoJob, Notice, Ready, Refused, Report
+from rig.wires.job import modbus_pollers
+from rig.wires.messages import open_mailboxes
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import Answer, ModbusUnit
@@ -81,7 +80,7 @@ class Observation(NamedTuple):
 
     oldest: dict[str, float]  # s, by block: largest age after the first value
     values: dict[str, int]  # by block: number of different values
-    events: list[dict[str, Any]]
+    reports: list[Report]
     refused: int  # requests that were answered by an exception
 
 
@@ -106,21 +105,23 @@ def poll_units(
         wiring = load(CONFIGS / "rigs" / "wavebot_hil.yaml", RigFile)[0].wiring
         assert wiring is not None
         line = wiring.lines["io"].model_copy(update={"port": units.port})
-        blocks = {
+        changes = {
+            "lines": {**wiring.lines, "io": line},
             "analyser": wiring.analyser.model_copy(update={"line": "io", "unit": 1}),
             "inputs": wiring.inputs.model_copy(update={"unit": 2}),
             "outputs": wiring.outputs.model_copy(update={"unit": 2}),
         }
-        (poller,) = modbus_pollers({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
+        pollers = modbus_pollers(wiring.model_copy(update=changes))
+        (poller,) = (each for each in pollers if each.name == "line io")
         fds = {name: mailbox.create() for name in poller.mailboxes}
         lifeline, loop_end = os.pipe()  # as the loop holds it
-        job = {"config": poller.config, "mailboxes": fds, "lifeline": lifeline}
+        job = handover.dumps(IoJob(poller.config, fds, lifeline))
         inherited = (lifeline, *fds.values())
-        child = Child(poller.module, json.dumps(job), inherited, folder / "stderr")
+        child = Child(poller.module, job, inherited, folder / "stderr")
         try:
-            slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in fds.items()}
-            oldest, values, events = observe(child, slots, timeout_s)
-            return Observation(oldest, values, events, units.refused)
+            slots = open_mailboxes(fds)
+            oldest, values, reports = observe(child, slots, timeout_s)
+            return Observation(oldest, values, reports, units.refused)
         finally:
             child.process.terminate()
             child.end(5.0)
@@ -131,12 +132,12 @@ def poll_units(
 def observe(child: Child, slots: dict[str, Any], timeout_s: float) -> tuple[Any, Any, Any]:
     oldest = {"analyser": 0.0, "inputs": 0.0}
     stamps = {name: set[float]() for name in oldest}
-    events: list[dict[str, Any]] = []
+    reports: list[Report] = []
     until = time.monotonic() + timeout_s
     while time.monotonic() < until and child.alive():
-        new = child.read_events()
-        events += new
-        if any(event["event"] == "ready" for event in new):
+        new = child.read_reports()
+        reports += new
+        if any(isinstance(report, Ready) for report in new):
             until = time.monotonic() + SECONDS
         for name, block_stamps in stamps.items():
             message = slots[name].read()
@@ -144,13 +145,15 @@ def observe(child: Child, slots: dict[str, Any], timeout_s: float) -> tuple[Any,
                 block_stamps.add(message.stamp)
                 oldest[name] = max(oldest[name], time.monotonic() - message.stamp)
         time.sleep(0.002)
-    events += child.read_events()
+    reports += child.read_reports()
     counts = {name: len(block_stamps) for name, block_stamps in stamps.items()}
-    return oldest, counts, events
+    return oldest, counts, reports
 
 
 def message_text(observation: Observation) -> str:
-    return "\n".join(event.get("text", event.get("why", "")) for event in observation.events)
+    return "\n".join(
+        report[0] for report in observation.reports if isinstance(report, Notice | Refused)
+    )
 
 
 def analyser_age_limit() -> float:
@@ -165,7 +168,7 @@ def test_half_busy_units_keep_giving_values(code: int, tmp_path: Path) -> None:
     print(observation.oldest, observation.values, observation.refused)
     assert observation.refused > 100
     assert message_text(observation) == ""
-    assert observation.events[-1]["event"] == "ready"
+    assert isinstance(observation.reports[-1], Ready)
     assert observation.oldest["analyser"] < 0.5 * analyser_age_limit()
     assert observation.oldest["inputs"] < 0.5
     assert observation.values["analyser"] > 0.7 * SECONDS / 0.05  # it averages over 50 ms
@@ -178,9 +181,9 @@ def test_an_always_busy_unit_is_reported_and_delays_no_other(tmp_path: Path) -> 
     assert observation.values["analyser"] == 0
     assert "analyser: " in message_text(observation)
     assert "refused with exception 6, busy" in message_text(observation)
-    (refused,) = [event for event in observation.events if event["event"] == "refused"]
-    assert "analyser" in refused["why"]
-    assert "inputs" not in refused["why"]
+    (refused,) = [each for each in observation.reports if isinstance(each, Refused)]
+    assert "analyser" in refused.why
+    assert "inputs" not in refused.why
     assert observation.oldest["inputs"] < alone.oldest["inputs"] + 0.1
 
 

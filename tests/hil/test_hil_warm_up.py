@@ -17,11 +17,10 @@ from drivers.canopen.scaling import CurrentScale
 from rig.config import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware import devices as hardware
-from rig.kinds.wavebot.hardware.devices import WaveBotDevices
+from rig.kinds.wavebot.hardware.devices import WaveBotDevices, WaveBotDeviceSettings
 from rig.kinds.wavebot.hardware.job import build_job
-from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
 from rig.processes import handover
-from rig.wires.messages import MESSAGE_TYPES
+from rig.wires.messages import MESSAGE_TYPES, NodeHealth
 
 DT = 0.001
 RIG = Path(__file__).resolve().parents[2] / "configs" / "rigs" / "wavebot_hil.yaml"
@@ -96,8 +95,9 @@ def config() -> WaveBotDeviceSettings:
 
 
 def create_devices(config: WaveBotDeviceSettings, bus: Bus) -> WaveBotDevices:
+    health = {f"{name}_health": NodeHealth for name in ("heave", "surge", "stator")}
     slots: dict[str, Any] = {
-        name: Slot(message_type) for name, message_type in MESSAGE_TYPES.items()
+        name: Slot(message_type) for name, message_type in {**MESSAGE_TYPES, **health}.items()
     }
     return WaveBotDevices(config, bus, slots)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.identification.periods import (
+from rig.spectra.periods import (
     amplitudes,
     common_period_ticks,
     excited_lines,

@@ -11,17 +11,16 @@ from log_books import COLUMNS, write_log
 from openpyxl.styles.colors import Color
 
 from rig.config.problems import ConfigError
-from rig.interop.legacy.testlog import (
+from rig.interop.legacy.testlog import RunLog, find_links, read_log
+from rig.interop.legacy.testlog.entry import (
     Amplitude,
     Bias,
+    Cell,
     Condition,
     Gain,
     RemarkKind,
-    RunLog,
     Spring,
     WaveKind,
-    find_links,
-    read_log,
 )
 from rig.interop.legacy.testlog.notes import read_bias
 from rig.interop.legacy.testlog.settings import EntrySettings, read_settings
@@ -112,7 +111,11 @@ def test_wave_name_is_not_read_as_a_current() -> None:
 
 
 def settings(wavebot: str, notes: str = "") -> EntrySettings:
-    return read_settings(wavebot, notes, ("E1", "F1"))
+    return read_settings(Cell("E1", wavebot), Cell("F1", notes))
+
+
+def remarked(parsed: EntrySettings) -> list[tuple[RemarkKind, str]]:
+    return [(remark.kind, remark.cell) for remark in parsed.remarks]
 
 
 @pytest.mark.parametrize(
@@ -138,12 +141,12 @@ def test_spring_rates_in_free_text(wavebot: str, rate: float | None) -> None:
 
 def test_spring_rates_that_are_doubtful_become_remarks() -> None:
     parsed = settings("springK=-3000, spring at -2307")
-    assert (parsed.spring, parsed.remarks) == (None, [(K.SPRING_SEVERAL, 0)])
-    assert settings("GainMatrix010_2; spring rate corrected").remarks == [(K.SPRING_UNSPECIFIED, 0)]
-    assert settings("ramps, mag spring home").remarks == [(K.SPRING_UNSPECIFIED, 0)]
+    assert (parsed.spring, remarked(parsed)) == (None, [(K.SPRING_SEVERAL, "E1")])
+    for text in ("GainMatrix010_2; spring rate corrected", "ramps, mag spring home"):
+        assert remarked(settings(text)) == [(K.SPRING_UNSPECIFIED, "E1")]
     noted = settings("GainMatrix024", "varies Kp, magK=-7620: resistors left off")
     assert noted.spring == Spring(-7620.0, "F1")
-    assert noted.remarks == [(K.SPRING_IN_NOTES, 1)]
+    assert remarked(noted) == [(K.SPRING_IN_NOTES, "F1")]
     planned = settings("GainMatrix005", "this is -8000 magSpring, plan to run -10000 and -12000")
     assert planned.spring is None
 
@@ -162,7 +165,7 @@ def test_letters_after_currents_are_amperes_or_phase_realisations() -> None:
     assert settings("Sinusoids 10A and freq [0.25,0.3 ]").amplitudes == (Amplitude(10.0),)
     unknown = settings("multisine [10;??]amps")
     assert unknown.amplitudes == (Amplitude(10.0),)
-    assert unknown.remarks == [(K.AMPLITUDE_UNKNOWN, 0)]
+    assert remarked(unknown) == [(K.AMPLITUDE_UNKNOWN, "E1")]
     noted = settings("multisine [10;20]amps", "[10A; 10B; 20A], 30A splash, 3A threshold")
     assert noted.order == (Amplitude(10.0, "A"), Amplitude(10.0, "B"), Amplitude(20.0, "A"))
     assert settings("[A,B] 2.5 repeats").amplitudes == ()
@@ -175,34 +178,34 @@ def test_gains_and_the_range_that_matlab_takes_as_empty() -> None:
         Gain("heave", "ki", (500.0, 1000.0, 1500.0), "E1"),
         Gain("surge", "kp", (-2500.0,), "E1"),
     )
-    assert parsed.remarks == [(K.RANGE_EMPTY, 0)]
+    assert remarked(parsed) == [(K.RANGE_EMPTY, "E1")]
     assert settings("", "Kp=[-2000:500: -1000]").gains[0].values == (-2000.0, -1500.0, -1000.0)
     assert settings("springK=-3000, magK=-1, fixed KpKi").gains == ()
 
 
 def test_drive_scheme_and_surge() -> None:
     parsed = settings("ramps w/ custom drive, surge is disabled, SVPWM")
-    assert (parsed.drive, parsed.drive_cell, parsed.scheme, parsed.surge) == (
+    assert (parsed.drive, parsed.drive_source, parsed.scheme, parsed.surge) == (
         "custom", "E1", "SVPWM", "disabled",
     )  # fmt: skip
     parsed = settings("GainMatrix028", "*** RUN WITH AMC DRIVE*** surge drive ENABLED")
-    assert (parsed.drive, parsed.drive_cell, parsed.scheme, parsed.surge) == (
+    assert (parsed.drive, parsed.drive_source, parsed.scheme, parsed.surge) == (
         "COTS",
         "F1",
         "",
         "enabled",
     )
-    assert settings("surge drive disables, SVPM").remarks == [
-        (K.SCHEME_MISSPELT, 0), (K.SURGE_MISSPELT, 0),
+    assert remarked(settings("surge drive disables, SVPM")) == [
+        (K.SCHEME_MISSPELT, "E1"), (K.SURGE_MISSPELT, "E1"),
     ]  # fmt: skip
     several = settings("GainMatrix026", "one each [SVPWM;Hyst], varies driveHystTol")
-    assert (several.scheme, several.remarks) == (
+    assert (several.scheme, remarked(several)) == (
         "",
-        [(K.SCHEME_IN_NOTES, 1), (K.SCHEME_SEVERAL, 1)],
+        [(K.SCHEME_IN_NOTES, "F1"), (K.SCHEME_SEVERAL, "F1")],
     )
     other = settings("SineTri", "run 2 w/ Hyst")
-    assert (other.scheme, other.remarks) == ("SineTri", [(K.SCHEME_SEVERAL, 1)])
-    assert settings("SVPWM EXCEPT DC BUS at 150V (ran manually)").bus_voltage == 150.0
+    assert (other.scheme, remarked(other)) == ("SineTri", [(K.SCHEME_SEVERAL, "F1")])
+    assert settings("SVPWM EXCEPT DC BUS at 150V (ran manually)").bus_voltage_v == 150.0
     assert settings("spring +10kN/m, surge Kp adjusted manually").surge == "by hand"
 
 
@@ -218,7 +221,7 @@ def test_drive_scheme_and_surge() -> None:
     ],
 )
 def test_actions_on_the_zero_of_the_position(text: str, bias: Any) -> None:
-    assert read_bias(text, "F1") == (None if bias is None else Bias(*bias, "F1"))
+    assert read_bias(Cell("F1", text)) == (None if bias is None else Bias(*bias, "F1"))
 
 
 def test_rows_without_run_id_are_separators(tmp_path: Path) -> None:

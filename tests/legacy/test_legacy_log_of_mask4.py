@@ -10,19 +10,16 @@ import pytest
 from log_books import MASK4_LOG
 from measured_data import needs, reference
 
-from rig.interop.legacy.testlog import (
+from rig.interop.legacy.testlog import Entry, RunLog, find_links, read_log
+from rig.interop.legacy.testlog.entry import (
     Activity,
     Amplitude,
     Condition,
-    Entry,
     Gain,
     RemarkKind,
-    RunLog,
     Spring,
     Wave,
     WaveKind,
-    find_links,
-    read_log,
 )
 from rig.interop.legacy.testlog.waves import SEAS
 

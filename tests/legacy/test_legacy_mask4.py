@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from rig.config.problems import ConfigError
-from rig.interop.legacy import mask4, mask4_file
-from rig.interop.legacy.mask4_rows import UnknownLeadRowsError, add_auxiliary_rows, classify_rows
+from rig.interop.legacy import mask4
+from rig.interop.legacy.mask4 import UnknownLeadRowsError, add_auxiliary_rows, classify_rows
 from rig.interop.legacy.matrix import (
     COLUMN_ORDER,
     GainMatrix,
     format_csv,
-    matrix_problems,
     read_csv,
 )
 from rig.planning.campaign import open_campaign
@@ -64,15 +63,15 @@ def test_file_as_in_the_report(tmp_path: Path) -> None:
         COLUMN_ORDER[:3],
         rows_of("-2000,0,490.9 -2500,0,490.9 -2500,0,-5715 -2000,1000,-5715"),
     )
-    lines = [matrix_file.lines[i] for i in matrix_file.roles.measured]
+    lines = [matrix_file.file.lines[i] for i in matrix_file.roles.measured]
     assert lines == [4, 5, 7, 8]
-    assert [matrix_file.lines[i] for i in matrix_file.roles.lead] == [2, 3]
-    assert [matrix_file.lines[i] for i in matrix_file.roles.doubled] == [6]
+    assert [matrix_file.file.lines[i] for i in matrix_file.roles.lead] == [2, 3]
+    assert [matrix_file.file.lines[i] for i in matrix_file.roles.doubled] == [6]
     assert matrix_file.roles.end is not None
-    assert matrix_file.lines[matrix_file.roles.end] == 9
-    assert [matrix_file.lines[i] for i in matrix_file.roles.after_end] == [10]
+    assert matrix_file.file.lines[matrix_file.roles.end] == 9
+    assert [matrix_file.file.lines[i] for i in matrix_file.roles.after_end] == [10]
     assert matrix_file.remarks == ("rows after the end mark: 1 (line 10), never reached, left out",)
-    assert matrix_file.columns_from == "header"
+    assert matrix_file.file.names_from == "header"
 
 
 @pytest.mark.parametrize(
@@ -180,7 +179,7 @@ def test_columns_of_the_custom_drive(tmp_path: Path) -> None:
 def test_values_a_campaign_refuses_are_located_in_the_legacy_file(tmp_path: Path) -> None:
     text = "dischargeLevel,Ki,Kp,springK\n" + "1,0,-1,0\n" + "16,40000,500,0\n" * 2
     matrix_file = mask4.read(write_file(tmp_path, text))
-    found = matrix_problems(matrix_file.matrix, matrix_file.location)
+    found = matrix_file.problems(matrix_file.matrix)
     assert [(p.line, p.column, p.key) for p in found] == [
         (4, 3, "kp_n_s_per_m"),
         (4, 2, "ki_n_per_m"),
@@ -250,7 +249,7 @@ def test_write_and_read_round_trip(
     tmp_path: Path, suffix: str, matrix: GainMatrix, header: bool
 ) -> None:
     path = tmp_path / f"g{suffix}"
-    mask4_file.write(path, matrix, header=header)
+    mask4.write(path, matrix, header=header)
     names = ",".join(("kp_n_s_per_m", "ki_n_per_m", "spring_n_per_m", *matrix.columns[3:]))
     matrix_file = mask4.read(path, None if header else names)
     assert matrix_file.matrix == matrix
@@ -260,7 +259,7 @@ def test_write_and_read_round_trip(
 def test_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
     matrix = GainMatrix(COLUMN_ORDER[:3], ((490.9, -2000.0, 0.1 + 0.2), (-5715.0, -2000.0, 0.0)))
     path = tmp_path / "g.mat"
-    mask4_file.write(path, matrix)
+    mask4.write(path, matrix)
     assert mask4.read(path).matrix == matrix
     inside = loadmat(path)
     assert inside["GainMatrix"].shape == (6, 3)
@@ -271,11 +270,11 @@ def test_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
 
 def test_invalid_rows_are_not_written(tmp_path: Path) -> None:
     bad = GainMatrix(COLUMN_ORDER[:3], ((0.0, -999.0, 0.0), (float("nan"), 1.0, 0.0)))
-    message = refusal(lambda: mask4_file.write(tmp_path / "g.xls", bad))
+    message = refusal(lambda: mask4.write(tmp_path / "g.xls", bad))
     for part in ("-999 ends a matrix", "nan is not a finite number", "out of range", "'.xls'"):
         assert part in message
     assert "no row to write" in refusal(
-        lambda: mask4_file.write(tmp_path / "g.csv", bad._replace(rows=()))
+        lambda: mask4.write(tmp_path / "g.csv", bad._replace(rows=()))
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -284,7 +283,7 @@ def test_todays_matrix_round_trip(tmp_path: Path) -> None:
     source = CONFIGS / "campaigns" / "csv_matrix.csv"
     today = read_csv(source)[0]
     assert len(today.rows) == 6  # without its end mark
-    mask4_file.write(tmp_path / "old.xlsx", today)
+    mask4.write(tmp_path / "old.xlsx", today)
     back = mask4.read(tmp_path / "old.xlsx").matrix
     repeats = write_file(tmp_path, format_csv(back, ["note"]), "csv_matrix.csv")
     assert read_csv(repeats) == (today, ())

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.config.problems import ConfigError
-from rig.interop.legacy import sign_conventions, stepped
-from rig.interop.legacy.sign_conventions import (
+from rig.interop.legacy import stepped
+from rig.interop.legacy.stepped import (
     FOSWEC_GEAR_RATIO,
     LUPA_SPROCKET_RADIUS,
     SourceRig,
@@ -51,15 +51,11 @@ def bench(tmp_path: Path) -> Path:
 
 def test_zero_rows_at_both_ends_are_not_active(bench: Path) -> None:
     matrix_file = stepped.read(bench, "lupa")
-    assert (len(matrix_file.rows), matrix_file.zero_rows_before, matrix_file.zero_rows_after) == (
-        17,
-        2,
-        2,
-    )
+    assert (len(matrix_file.rows), matrix_file.active) == (17, range(2, 15))
     assert [matrix_file.rows[i] for i in matrix_file.active] == [
         (0.0, 50.0 * n) for n in range(28, 41)
     ]
-    assert (matrix_file.columns, matrix_file.columns_from, matrix_file.remarks) == (
+    assert (matrix_file.columns, matrix_file.file.names_from, matrix_file.remarks) == (
         ("stiffness", "damping"),
         "style",
         (),
@@ -82,7 +78,7 @@ def test_header_or_list_gives_the_column_order(tmp_path: Path) -> None:
         write_file(tmp_path, "damping [N*s/m],stiffness [N/m]\n1400,-20\n"), "lupa"
     )
     assert matrix_file.rows == ((-20.0, 1400.0),)
-    assert matrix_file.columns_from == "header"
+    assert matrix_file.file.names_from == "header"
     matrix_file = stepped.read(write_file(tmp_path, "7,1400,-20\n"), "lupa", "-,damping,stiffness")
     assert matrix_file.rows == ((-20.0, 1400.0),)
     assert "1 columns left out" in matrix_file.remarks
@@ -108,28 +104,6 @@ def test_fewer_rows_than_columns_are_remarked(tmp_path: Path) -> None:
     matrix_file = stepped.read(write_file(tmp_path, "0,1,0,0,0,0,0,2\n" * 7), "foswec")
     assert "7 rows and 8 columns: MATLAB's length() gives the larger" in matrix_file.remarks[0]
     assert stepped.read(write_file(tmp_path, "0,1,0,0,0,0,0,2\n" * 8), "foswec").remarks == ()
-
-
-def block(time: float, step: float, nrows: int) -> int:
-    """The loop of the public Simulink block, verbatim."""
-    idx = math.ceil(time / step)
-    while idx > nrows:
-        idx = idx - nrows
-    return idx
-
-
-def test_block_starts_out_of_range_and_repeats() -> None:
-    times = [0.0, 0.001, 30.0, 30.001, 120.0, 120.001, 150.0, 1e4]
-    rows = [stepped.played_row(t, 30.0, 4) for t in times]
-    assert [played.row for played in rows] == [0, 1, 1, 2, 4, 1, 1, 2]
-    assert [played.lap for played in rows] == [0, 0, 0, 0, 0, 1, 1, 83]
-
-
-@given(st.floats(0, 1e5), st.floats(0.5, 100), st.integers(1, 80))
-def test_played_row_equals_the_block(time: float, step: float, count: int) -> None:
-    played = stepped.played_row(time, step, count)
-    assert played.row == block(time, step, count)
-    assert played.row + played.lap * count == math.ceil(time / step)
 
 
 gain = st.floats(-3000, 3000)
@@ -218,7 +192,7 @@ def test_invalid_statement_is_refused_with_every_problem(tmp_path: Path) -> None
 def test_missing_parameters_of_a_statement() -> None:
     nothing: dict[str, object] = {}
     all_four = ("lever", "gear", "positive_damping", "spring_rate")
-    assert sign_conventions.missing_parameters("lupa", nothing) == all_four
-    assert sign_conventions.missing_parameters("foswec", nothing) == (*all_four, "flap")
+    assert stepped.missing_parameters("lupa", nothing) == all_four
+    assert stepped.missing_parameters("foswec", nothing) == (*all_four, "flap")
     message: dict[str, object] = {"lever": 0.5, "gear": 1.0, "spring_rate": 0.0}
-    assert sign_conventions.missing_parameters("lupa", message) == ("positive_damping",)
+    assert stepped.missing_parameters("lupa", message) == ("positive_damping",)

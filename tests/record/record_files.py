@@ -1,14 +1,14 @@
 """WaveBot rows with a different number in every field, and files of them."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.runs.mcap_file import row_dtype
+from rig.recording.runs.mcap_file import blocks, row_dtype, scan
 
 START = 1_760_000_000_000_000_000  # ns, UTC
 DTYPE = row_dtype(row_layout.leaves(WaveBotRow))
@@ -31,7 +31,7 @@ def rows(count: int, first: int = 0, dt: float = 1e-3) -> Any:
 def writer(path: Path, **attachments: bytes) -> RowWriter:
     """Return a writer of WaveBot rows with the common start."""
     metadata = {"run": {"run": "test"}}
-    return RowWriter(path, WaveBotRow, attachments, metadata, start_utc_ns=START)
+    return RowWriter(path, row_layout.schema(WaveBotRow), attachments, metadata, start_utc_ns=START)
 
 
 def write(path: Path, data: Any, flush_every: int = 500, finish: bool = True) -> Path:
@@ -45,3 +45,24 @@ def write(path: Path, data: Any, flush_every: int = 500, finish: bool = True) ->
     else:
         out.close()
     return path
+
+
+class Salvaged(NamedTuple):
+    """All that can be read of a file."""
+
+    blocks: list[Any]
+    rows: int
+    last_tick: int | None
+    finished: bool
+    unread: int
+    damage: list[str]
+
+
+def salvage(path: Path) -> Salvaged:
+    """Return every whole row of a file, finished or not."""
+    contents = scan(path)
+    damage = list(contents.damage)
+    found = list(blocks(contents, damage))
+    last = int(found[-1]["tick"][-1]) if found else None
+    rows = sum(map(len, found))
+    return Salvaged(found, rows, last, contents.finished, contents.unread, damage)

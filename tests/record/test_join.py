@@ -17,7 +17,6 @@ from mcap.writer import Writer
 
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout, runs
-from rig.recording import row_schema as row_form
 from rig.recording.runs import RunError, mcap_records
 from rig.recording.runs.mcap_file import blocks, scan
 
@@ -50,7 +49,7 @@ def test_a_kill_loses_only_unflushed_rows(tmp_path: Path) -> None:
             child.send_signal(signal.SIGKILL)
             output += child.stdout.readlines()
         flushed = int([line for line in output if line.endswith("\n")][-1])
-        found = runs.salvage(path)
+        found = files.salvage(path)
         assert found.rows >= flushed
         assert found.last_tick == found.rows - 1
         assert found.rows <= flushed + 100  # the next block may be written, but not reported yet
@@ -70,7 +69,7 @@ def test_a_truncated_file_gives_the_rows_before_the_cut(tmp_path: Path) -> None:
         if rows == 0:
             assert scan(path).chunks == ()
             continue
-        found = runs.salvage(path)
+        found = files.salvage(path)
         assert found.rows == rows
         assert np.array_equal(np.concatenate(found.blocks), files.rows(rows))
 
@@ -117,7 +116,7 @@ def test_a_damaged_chunk_is_skipped_and_reported(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[chunk.offset + chunk.length // 2] ^= 0xFF
     path.write_bytes(data)
-    found = runs.salvage(path)
+    found = files.salvage(path)
     assert found.rows == 900
     assert len(found.damage) == 1
     assert f"chunk at byte {chunk.offset}" in found.damage[0]
@@ -140,7 +139,7 @@ def test_a_destroyed_record_head_does_not_hide_what_follows(
     data = bytearray(path.read_bytes())
     data[begin : begin + 40] = b"\xee" * 40
     path.write_bytes(data)
-    found = runs.salvage(path)
+    found = files.salvage(path)
     assert found.rows == 900
     assert found.damage
     assert found.unread > 0
@@ -155,13 +154,15 @@ def test_an_unreadable_file_is_no_success(tmp_path: Path) -> None:
     chunk = scan(whole).chunks[0]
     data[chunk.offset : chunk.offset + chunk.length] = bytes(chunk.length)
     rubbish.write_bytes(data)
-    for path, output in ((empty, "empty"), (head, "no channel"), (rubbish, "none of its 1 chunks")):
+    for path, output in (
+        (empty, "empty"),
+        (head, "no channel"),
+        (rubbish, "none of the parts' rows is readable"),
+    ):
         with pytest.raises(RunError, match=output):
-            runs.salvage(path)
-        with pytest.raises(RunError):
             runs.join([path], tmp_path / "out.mcap")
     with pytest.raises(FileNotFoundError):
-        runs.salvage(tmp_path / "nothing")
+        runs.join([tmp_path / "nothing"], tmp_path / "out.mcap")
     with pytest.raises(RunError, match="no parts"):
         runs.join([], tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
@@ -174,8 +175,8 @@ def test_an_unreadable_file_is_no_success(tmp_path: Path) -> None:
 
 def test_a_part_without_rows_is_not_damage(tmp_path: Path) -> None:
     part = files.write(tmp_path / "run.mcap.part0", files.rows(0), finish=False)
-    found = runs.salvage(part)
-    assert (found.rows, found.first_tick) == (0, None)
+    found = files.salvage(part)
+    assert (found.rows, found.last_tick, found.damage) == (0, None, [])
     assert runs.join([part], tmp_path / "run.mcap").clean
 
 
@@ -202,10 +203,10 @@ def test_without_metadata_the_start_comes_from_a_row(tmp_path: Path, loose: bool
 
 def write_loose(file: BinaryIO, rows: Any) -> None:
     """Write a file like another writer: messages without chunks, no metadata."""
-    form = row_form.message_schema(WaveBotRow)
+    form = row_layout.schema(WaveBotRow)
     out = Writer(file, use_chunking=False)
     out.start("ros2", "another")
-    schema = out.register_schema(form.name, "ros2msg", form.schema.encode())
+    schema = out.register_schema(form.name, "ros2msg", form.text.encode())
     channel = out.register_channel("/row", "cdr", schema)
     for row in rows:
         at = files.START + int(row["time"] * 1e9 + 0.5)

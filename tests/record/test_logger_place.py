@@ -17,9 +17,18 @@ import record_files as files
 from mcap.reader import make_reader
 
 from rig.kinds.wavebot.tick import WaveBotRow
-from rig.recording import logger, ring
+from rig.processes import logger
+from rig.processes.logger import RunLogger
+from rig.processes.messages import (
+    DiskState,
+    LoggerJob,
+    RecordLost,
+    RecordMoved,
+    read_report,
+)
+from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker
-from rig.recording.logger import LoggerJob, RunLogger
+from rig.recording.row_layout import schema
 from rig.recording.runs import create, open_run
 from rig.recording.runs.mcap_file import scan
 
@@ -56,7 +65,7 @@ def log_of(run_folder: Path, timeout_s: float = 0.1, part: str = "run.mcap.part0
         writer.put(tuple_of(row))
     writer.finish()
     attached = ("config.json", "privileges.json")
-    job = LoggerJob("wavebot", fd, os.getppid(), str(run_folder), part, attached, "a",
+    job = LoggerJob(fd, schema(WaveBotRow), os.getppid(), str(run_folder), -1, part, attached, "a",
               "rehearsal", "virtual", 1000.0, timeout_s)  # fmt: skip
     return RunLogger(job)
 
@@ -84,11 +93,15 @@ def refusing(monkeypatch: pytest.MonkeyPatch, error: int, *below: Path) -> None:
     monkeypatch.setattr(os, "pwrite", refuse)
 
 
-def saved(folder: Path, output: str) -> list[dict[str, Any]]:
+def saved(folder: Path, output: str) -> list[Any]:
     assert np.array_equal(open_run(folder, ["tick"])["tick"].values, np.arange(COUNT))
     assert (folder / "config.json").exists()
     assert json.loads((folder / "run.json").read_text())["run"] == "a"
-    return [json.loads(line) for line in output.splitlines()]
+    return reports(output)
+
+
+def reports(output: str) -> list[Any]:
+    return [read_report(line) for line in output.splitlines()]
 
 
 @pytest.mark.parametrize("error", [errno.EROFS, errno.EIO, errno.ENOSPC])
@@ -98,9 +111,9 @@ def test_a_failed_disk_moves_the_record_to_a_rescue_folder(
     log = log_of(run_folder)
     refusing(monkeypatch, error, run_folder.parent)
     assert log.run() == 0
-    events = saved(run_folder.parents[1] / "home" / "a.rescued", capfd.readouterr().out)
-    assert {"lost", "place"} <= {event["event"] for event in events}
-    assert os.strerror(error) in next(each["why"] for each in events if each["event"] == "place")
+    sent = saved(run_folder.parents[1] / "home" / "a.rescued", capfd.readouterr().out)
+    assert {RecordLost, RecordMoved} <= {type(each) for each in sent}
+    assert os.strerror(error) in next(each.why for each in sent if isinstance(each, RecordMoved))
     assert not (run_folder.parent / "a.rescued").exists()  # no partial file is left
 
 
@@ -142,8 +155,8 @@ def test_a_failed_rescue_folder_is_replaced_by_the_next(
 
     monkeypatch.setattr(log._writer, "switch_file", fails_later)
     assert log.run() == 0
-    events = saved(last / "a.rescued", capfd.readouterr().out)
-    places = [each["folder"] for each in events if each["event"] == "place"]
+    sent = saved(last / "a.rescued", capfd.readouterr().out)
+    places = [each.folder for each in sent if isinstance(each, RecordMoved)]
     assert places == [str(home / "a.rescued"), str(last / "a.rescued")]
 
 
@@ -166,8 +179,8 @@ def test_without_a_writable_folder_the_logger_ends(
     began = time.monotonic()
     assert log.run() == logger.EXIT_ROWS_LOST
     assert time.monotonic() - began < 10.0
-    events = [json.loads(line)["event"] for line in capfd.readouterr().out.splitlines()]
-    assert events == ["disk", "lost", "place", "lost"]
+    sent = [type(each) for each in reports(capfd.readouterr().out)]
+    assert sent == [DiskState, RecordLost, RecordMoved, RecordLost]
 
 
 def test_the_rescue_folder_has_its_own_timeout(

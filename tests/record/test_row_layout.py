@@ -59,7 +59,7 @@ def as_message(store: Any, row: Any, hint: type) -> Any:
         as_message(store, value, inner) if isinstance(inner, type) else value
         for value, inner in zip(row, hints.values(), strict=True)
     ]
-    return store.types[row_layout.schema_name(hint)](*values)
+    return store.types[row_layout.schema(hint).name](*values)
 
 
 @settings(max_examples=50, deadline=None)
@@ -76,8 +76,8 @@ def test_all_layouts_agree(data: st.DataObject) -> None:
     assert np.array([tuple(numbers)], row_dtype(leaves)).tobytes() == packed
     # An independent encoder that gets the schema alone.
     store = get_typestore(Stores.EMPTY)
-    name = row_layout.schema_name(row_type)
-    store.register(get_types_from_msg(row_layout.schema(row_type), name))
+    name, text = row_layout.schema(row_type)
+    store.register(get_types_from_msg(text, name))
     encoded = store.serialize_cdr(as_message(store, row, row_type), name)
     assert bytes(encoded) == row_layout.CDR_HEADER + packed
 
@@ -85,7 +85,7 @@ def test_all_layouts_agree(data: st.DataObject) -> None:
 @settings(max_examples=50, deadline=None)
 @given(row_types())
 def test_the_schema_gives_the_layout(row_type: Any) -> None:
-    assert row_layout.leaves_of_schema(row_layout.schema(row_type)) == row_layout.leaves(row_type)
+    assert row_layout.schema(row_type).leaves == row_layout.leaves(row_type)
 
 
 def refused(hint: Any, name: str = "value") -> str:

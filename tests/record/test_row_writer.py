@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
-from rig.recording import row_layout, runs
+from rig.recording import row_layout
 from rig.recording.mcap_writer import CHUNK_BYTES, RowWriter
 from rig.recording.runs.mcap_file import blocks, scan
 
@@ -135,9 +135,9 @@ class NoTime(NamedTuple):
 
 def test_a_row_needs_tick_and_time(tmp_path: Path) -> None:
     with pytest.raises(row_layout.RowError, match="first field of a row is its tick, not position"):
-        RowWriter(tmp_path / "a", NoTick, {}, {}, start_utc_ns=0)
+        RowWriter(tmp_path / "a", row_layout.schema(NoTick), {}, {}, start_utc_ns=0)
     with pytest.raises(row_layout.RowError, match="needs a field time"):
-        RowWriter(tmp_path / "b", NoTime, {}, {}, start_utc_ns=0)
+        RowWriter(tmp_path / "b", row_layout.schema(NoTime), {}, {}, start_utc_ns=0)
     assert not list(tmp_path.iterdir())
 
 
@@ -181,7 +181,7 @@ def test_a_full_disk_loses_no_row_and_leaves_whole_records(disk: Disk) -> None:
         except OSError:
             failures += 1
             assert os.path.getsize(out.path) == out.committed
-            so_far = runs.salvage(out.path)
+            so_far = files.salvage(out.path)
             assert so_far.unread == 0
             assert so_far.last_tick == so_far.rows - 1
     assert failures > 2
@@ -213,4 +213,4 @@ def test_close_without_finish_leaves_a_readable_file(tmp_path: Path) -> None:
     out.append(files.rows(100, 100).tobytes())
     assert out.pending >= 100 * 808
     out.close()
-    assert runs.salvage(out.path).last_tick == 99
+    assert files.salvage(out.path).last_tick == 99

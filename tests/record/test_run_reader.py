@@ -124,8 +124,8 @@ def test_files_of_other_writers_are_read(tmp_path: Path, compression: Compressio
     with path.open("wb") as file:
         out = Writer(file, chunk_size=50_000, compression=compression)
         out.start("ros2")
-        text = row_layout.schema(WaveBotRow).encode()
-        schema = out.register_schema(row_layout.schema_name(WaveBotRow), "ros2msg", text)
+        name, text = row_layout.schema(WaveBotRow)
+        schema = out.register_schema(name, "ros2msg", text.encode())
         other = out.register_channel("/words", "json", 0)
         channel = out.register_channel("/row", "cdr", schema)
         for i in range(700):

@@ -16,7 +16,7 @@ from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
 from rig.kinds.oswec_bench.rehearsal.devices import connect
-from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
+from rig.kinds.oswec_bench.rehearsal.job import plant_settings
 from rig.kinds.oswec_bench.sessions import Session, check_session, plan_session
 from rig.kinds.oswec_bench.sessions.assemble import (
     bench_params,
@@ -55,7 +55,7 @@ def measure_rows(session: Session) -> Rows:
     """Run the loop's cycle without its processes; return every row's measurement as arrays."""
     plan = plan_session(session)
     params, step = bench_params(session, plan), cycle.make(KIND)
-    devices = connect(session_plant_settings(session), DT)
+    devices = connect(plant_settings(session), DT)
     state, no_delay = cycle.start(KIND, params, 0), cycle.Timing(0.0, 0.0, 0)
     motor, shaft = motor_radians_per_count(session.rig), shaft_radians_per_count(session.rig)
     samples: dict[int, list[tuple[float, ...]]] = {}

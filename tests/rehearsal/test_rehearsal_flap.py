@@ -19,7 +19,7 @@ from rig_command import rig_here
 
 from rig.config import load
 from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
-from rig.kinds.oswec_bench.rehearsal.job import session_problems
+from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import check_session
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
@@ -194,7 +194,7 @@ def test_the_best_damping_in_a_one_second_sea(tmp_path: Path) -> None:
 
 
 def problems_of(path: Path) -> list[tuple[str, str]]:
-    report = check_session(path, further_check=session_problems)
+    report = check_session(path, further_check=problems)
     return [(problem.key, problem.message) for problem in report.problems]
 
 

@@ -168,7 +168,7 @@ def test_a_logger_killed_after_the_deletion(campaign: Path, runs: Path) -> None:
     from test_rehearsal_unhappy import kill
 
     def kill_and_delete() -> None:
-        kill("rig.recording.logger")
+        kill("rig.processes.logger")
         shutil.rmtree(find_run(runs))
 
     result = rehearse(campaign, runs, at_time(20.0, kill_and_delete))
@@ -189,7 +189,7 @@ def test_rows_missing_after_a_move_are_counted(
     )
 
     def kill_and_delete() -> None:
-        kill("rig.recording.logger")
+        kill("rig.processes.logger")
         shutil.rmtree(find_run(runs))
 
     result = rehearse(campaign, runs, at_time(20.0, kill_and_delete))

@@ -82,7 +82,7 @@ def ticks(folder: Path) -> Any:
 
 
 def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: Path) -> None:
-    once = Once(20.0, lambda: kill("rig.recording.logger"))
+    once = Once(20.0, lambda: kill("rig.processes.logger"))
     result = rehearse(campaign, tmp_path / "runs", once)
     assert once.done
     assert result.outcome.status == "complete"
@@ -98,7 +98,7 @@ def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
     """The part of a killed logger has a bad sector."""
 
     def kill_and_damage() -> None:
-        kill("rig.recording.logger")
+        kill("rig.processes.logger")
         (part,) = (tmp_path / "runs").glob(f"*/{MCAP}.part0")
         chunk = scan(part).chunks[1]
         with part.open("r+b") as file:
@@ -120,8 +120,8 @@ def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
 
 def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
     first, second = (
-        Once(10.0, lambda: kill("rig.recording.logger")),
-        Once(25.0, lambda: kill("rig.recording.logger")),
+        Once(10.0, lambda: kill("rig.processes.logger")),
+        Once(25.0, lambda: kill("rig.processes.logger")),
     )
 
     def on_snapshot(snapshot: Snapshot) -> None:
@@ -164,7 +164,7 @@ def test_hung_logger_is_replaced(
     campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervisor, "STALL_TIMEOUT_S", 3.0)
-    once = Once(20.0, lambda: suspend("rig.recording.logger"))
+    once = Once(20.0, lambda: suspend("rig.processes.logger"))
     result = rehearse(campaign, tmp_path / "runs", once)
     assert once.done
     assert (result.outcome.status, result.outcome.logger_restarts) == ("complete", 1)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.identification.periods import analyse, synthesise
 from rig.kinds.wavebot.twin import drivetrain, electrics
 from rig.kinds.wavebot.twin.group import Group, least_squares
 from rig.kinds.wavebot.twin.hull import identify_hull
 from rig.kinds.wavebot.twin.records import PowerBlocks, Record
 from rig.kinds.wavebot.twin.seas import BEM_DEVIATION, SCALE, Coefficient, excitation_scale
+from rig.spectra.periods import analyse, synthesise
 
 PERIOD, LINES = 20.0, 50
 SHAPE = drivetrain.DrivetrainShape(True, 0.33047, 0.33047 / 1.649, 0.002)

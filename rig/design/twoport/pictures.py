@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.analysis import picture
 from rig.design.twoport.network import (
     Complexes,
     Floats,
@@ -35,6 +34,7 @@ from rig.design.twoport.network import (
     output_impedance,
     two_port,
 )
+from rig.presentation import picture
 
 COLOURS = ("#0b6e99", "#2e933c", "#d1495b", "#8d5a97", "#c77d0a", "#5c6b73")
 SUBTITLE = "theory, on measured impedances"

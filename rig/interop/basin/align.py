@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.interop.basin.clock import Clock, constant_clock, fit_clock
-from rig.interop.basin.recording import Floats, Recording
 from rig.interop.basin.sync import Edge, PhaseTrack, correlation_lag, phase_track, rising_edge
+from rig.recording.channel_file import Floats, Recording
 
 MAX_EDGE_DIFFERENCE = (
     0.025  # s, between edge and sine; half a step at 50 Hz on both sides explains 20 ms
@@ -59,25 +59,35 @@ class Lags(NamedTuple):
 
 
 class Alignment(NamedTuple):
-    """A recorder's clock in run time, its method of alignment, consistency checks and alarms."""
+    """A recorder's clock in run time, its method of alignment, and the measured offsets."""
 
     method: str  # "edge and sine", "edge", "stated", "stated and sine", "edge and CHANNEL"
     clock: Clock
     edge_time: float | None  # s of the recorder, rise of its trigger
     edge_offset: float | None  # s, offset (run minus recorder) at the edge, by the edge alone
-    edge_residual: float | None  # s, edge_offset minus the clock's offset at the edge
+    lags: Lags | None  # of the fit; None where only one moment is known
+    residuals: Floats  # s, lags minus fit
     remarks: tuple[str, ...]  # notes for a reader of the result
-    alarms: tuple[str, ...] = ()  # failed consistency checks
-    correlation_offset: float | None = None  # s, offset at the middle of the sine's samples
-    correlation_residual: float | None = None  # s, correlation_offset minus the clock's there
-    snr_db: float | None = None  # of the sine, the smaller of both sides
-    lag_times: Floats = np.zeros(0)  # s of the recorder, times of the fitted lags
-    residuals: Floats = np.zeros(0)  # s, lags minus fit
 
     @property
-    def drift_known(self) -> bool:
-        """Whether the alignment estimated the drift: it needs lags at more than one moment."""
-        return len(self.lag_times) > 0
+    def edge_residual(self) -> float | None:
+        """``edge_offset`` minus the clock's offset at the edge, s."""
+        if self.edge_offset is None or self.edge_time is None:
+            return None
+        return self.edge_offset - (float(self.clock.to_run(self.edge_time)) - self.edge_time)
+
+    @property
+    def correlation_residual(self) -> float | None:
+        """Offset by correlation minus the clock's in the middle of the sine's samples, s."""
+        if self.lags is None or self.lags.correlation_offset is None:
+            return None
+        middle = self.clock.middle
+        return self.lags.correlation_offset - (float(self.clock.to_run(middle)) - middle)
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """A message for each failed consistency check; none without lags."""
+        return tuple(_alarms(self, self.lags)) if self.lags is not None else ()
 
 
 def align(
@@ -96,43 +106,27 @@ def align(
     """
     remarks: list[str] = []
     edge = rising_edge(record.time, record.channels[ttl]) if ttl else None
-    initial = _initial_clock(edge, reference.edge, stated_offset, ttl, remarks)
-    offset_source = "stated" if stated_offset is not None else "edge"
-    edge_offset = reference.edge.time - edge.time if edge and reference.edge else None
+    clock = initial = _initial_clock(edge, reference.edge, stated_offset, ttl, remarks)
+    method = "stated" if stated_offset is not None else "edge"
     lags = (
         match_lags(record, match, initial)
         if match is not None
         else _sine_lags(record, sine, reference.sine, initial, remarks)
     )
-    clock, residuals = (initial, None) if lags is None else fit_clock(lags.time, lags.lag)
-    edge_residual = None
-    if edge_offset is not None and edge is not None:
-        edge_residual = edge_offset - (float(clock.to_run(edge.time)) - edge.time)
-    alignment = Alignment(
-        offset_source,
+    residuals = np.zeros(0)
+    if lags is not None:
+        clock, residuals = fit_clock(lags.time, lags.lag)
+        method = f"{method} and {lags.source}"
+    else:
+        remarks.append("drift is not known: the sine is not on both sides")
+    return Alignment(
+        method,
         clock,
         edge.time if edge else None,
-        edge_offset,
-        edge_residual,
+        reference.edge.time - edge.time if edge and reference.edge else None,
+        lags,
+        residuals,
         tuple(remarks),
-    )
-    if lags is None or residuals is None:
-        return alignment._replace(
-            remarks=(*remarks, "drift is not known: the sine is not on both sides")
-        )
-    correlation_offset = lags.correlation_offset
-    correlation_residual = None
-    if correlation_offset is not None:
-        fitted_offset = float(clock.to_run(clock.middle)) - clock.middle
-        correlation_residual = correlation_offset - fitted_offset
-    return alignment._replace(
-        method=f"{offset_source} and {lags.source}",
-        alarms=tuple(_alarms(clock, lags.snr_db, edge_residual, correlation_residual)),
-        correlation_offset=correlation_offset,
-        correlation_residual=correlation_residual,
-        snr_db=lags.snr_db,
-        lag_times=lags.time,
-        residuals=residuals,
     )
 
 
@@ -196,9 +190,9 @@ def format_alignment(alignment: Alignment) -> str:
     if np.isfinite(clock.offset_error):
         parts[0] += f" ± {clock.offset_error:.4f}"
     parts[0] += f" s at {clock.middle:.1f} s of the record"
-    if alignment.drift_known:
+    if alignment.lags is not None:
         parts.append(f"drift {1e6 * clock.drift:+.2f} ± {1e6 * clock.drift_error:.2f} ppm")
-    if alignment.edge_residual is not None and alignment.drift_known:
+    if alignment.edge_residual is not None and alignment.lags is not None:
         parts.append(f"trigger {1e3 * alignment.edge_residual:+.1f} ms from it")
     return f"{alignment.method}: {', '.join(parts)}"
 
@@ -255,10 +249,9 @@ def _correlation_offset(
     return initial.offset - lag
 
 
-def _alarms(
-    clock: Clock, snr: float | None, edge_residual: float | None, correlation_residual: float | None
-) -> list[str]:
-    """Return a message for each failed consistency check."""
+def _alarms(alignment: Alignment, lags: Lags) -> list[str]:
+    clock, edge_residual = alignment.clock, alignment.edge_residual
+    correlation_residual, snr = alignment.correlation_residual, lags.snr_db
     alarms = []
     if edge_residual is not None and abs(edge_residual) > MAX_EDGE_DIFFERENCE:
         alarms.append(

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.interop.basin.recording import Floats
+from rig.recording.channel_file import Floats
 
 UNKNOWN_DRIFT_ERROR = (
     50e-6  # standard deviation of an unknown drift: the tolerance of quartz clocks

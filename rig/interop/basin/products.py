@@ -9,11 +9,11 @@ import numpy as np
 import xarray
 from matplotlib.axes import Axes
 
-from rig.analysis import picture
 from rig.interop.basin.align import MAX_EDGE_DIFFERENCE, Alignment, format_alignment
 from rig.interop.basin.merge import MergedRecords, to_json
-from rig.interop.basin.recording import Recording
+from rig.presentation import picture
 from rig.realtime.sequence import Phase
+from rig.recording.channel_file import Recording
 
 LINE_COLOUR, EDGE_COLOUR = "#0b6e99", picture.ACCENT
 _SMOOTHING_LAGS = 30  # window of the moving average through the residuals
@@ -66,7 +66,7 @@ def row_means(table: xarray.Dataset) -> list[dict[str, Any]]:
 
 def write_picture(merged: MergedRecords, path: Path) -> Path:
     """Draw each file's lags minus the fitted clock, and the residual of its trigger."""
-    count = len(merged.sources)
+    count = len(merged.records)
     figure, body = picture.framed_figure(
         10.0,
         2.6 * count + 0.2,
@@ -77,34 +77,28 @@ def write_picture(merged: MergedRecords, path: Path) -> Path:
         "; ".join(merged.alarms),
     )
     panels: Any = np.atleast_1d(body.subplots(count, 1))
-    for axes, source, record, alignment in zip(
-        panels, merged.sources, merged.records, merged.alignments, strict=True
-    ):
-        _plot_residuals(axes, record, alignment)
+    for axes, (source, recording, alignment) in zip(panels, merged.records, strict=True):
+        _plot_residuals(axes, recording, alignment)
         axes.set_title(f"{source.name}:  {format_alignment(alignment)}", fontsize=8.5, loc="left")
     panels[-1].set_xlabel("recorder's time, s", fontsize=8)
     return picture.save(figure, path)
 
 
 def _plot_residuals(axes: Axes, record: Recording, alignment: Alignment) -> None:
-    if len(alignment.lag_times):
-        width = min(_SMOOTHING_LAGS, len(alignment.lag_times))
+    if alignment.lags is not None:
+        time = alignment.lags.time
+        width = min(_SMOOTHING_LAGS, len(time))
         weights = np.full(width, 1.0 / width)
-        middle = np.convolve(alignment.lag_times, weights, "valid")
+        middle = np.convolve(time, weights, "valid")
         smooth = _residuals_ms(
             alignment, middle, np.convolve(alignment.residuals, weights, "valid")
         )
-        size = 3.0 if len(alignment.lag_times) < 300 else 1.5
-        values = _residuals_ms(alignment, alignment.lag_times, alignment.residuals)
+        size = 3.0 if len(time) < 300 else 1.5
+        values = _residuals_ms(alignment, time, alignment.residuals)
         axes.plot(
-            alignment.lag_times,
-            values,
-            ".",
-            ms=size,
-            color=LINE_COLOUR,
-            alpha=0.45,
+            time, values, ".", ms=size, color=LINE_COLOUR, alpha=0.45,
             label="each lag",
-        )
+        )  # fmt: skip
         axes.plot(middle, smooth, color=LINE_COLOUR, lw=1.2, label=f"mean of {width}")
     else:
         axes.text(

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from rig.interop.basin.recording import Floats
+from rig.recording.channel_file import Floats
 
 MIN_SAMPLES = 5  # of a cycle that is fitted with three coefficients
 _PEAK_HALF_WIDTH = 0.15  # s, either side of the best lag, of the polynomial through the peak

@@ -8,8 +8,8 @@ import difflib
 import re
 from typing import NamedTuple
 
-from rig.config.problems import Problem, format_value
-from rig.interop.legacy.table import SKIPPED, Table, TableRow
+from rig.config.problems import ConfigError, Problem, format_value
+from rig.interop.legacy.table import SKIPPED, Table, TableRow, to_numbers
 
 SPRING, KP, KI = "spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m"
 
@@ -77,22 +77,79 @@ REQUIRED = (SPRING, KP, KI)
 _UNIT = re.compile(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*")
 
 
-def names_from_header(
-    table: Table, header: TableRow, known: tuple[Column, ...], needed: tuple[str, ...]
-) -> tuple[tuple[str, ...], list[Problem]]:
-    """Return the names of the columns by their header, and all problems of the header."""
+class NumberTable(NamedTuple):
+    """The rows of a file as numbers, in columns with today's names."""
+
+    table: Table
+    names: tuple[str, ...]  # in the order of the file; `SKIPPED` for a column left out
+    names_from: str  # header, list, or style
+    rows: tuple[tuple[float, ...], ...]
+
+    @property
+    def lines(self) -> tuple[int, ...]:
+        """Line of the file of each row."""
+        return tuple(row.line for row in self.table.rows)
+
+    def problem(self, row: int, name: str, value: float, message: str) -> Problem:
+        """Return a problem of a column in a row (from 0)."""
+        column = self.names.index(name) + 1
+        return self.table.problem(self.lines[row], column, name, value, message)
+
+
+def name_columns(
+    table: Table,
+    known: tuple[Column, ...],
+    needed: tuple[str, ...],
+    given: str | None = None,
+    order: tuple[str, ...] = (),
+) -> NumberTable:
+    """Return a table with the names of its columns, from ``given``, its header, or ``order``.
+
+    ``given`` is a list such as `Kp,Ki,springK,-`; ``order`` is that of the files without a header.
+    Raises `ConfigError` for unknown columns, for missing ones of ``needed``, for a list that
+    contradicts the header, and for every cell that is not a number.
+    """
+    header = table.header
+    if given is not None:
+        labels = [word.strip() for word in given.split(",")]
+        names, problems = _resolve_names(table, 1, labels, known, needed)
+        if header is not None and not problems:
+            problems = _disagreements(table, header, names, known)
+    elif header is not None:
+        names, problems = _resolve_names(table, header.line, _labels(header), known, needed)
+    elif order:
+        names, problems = order, []
+    else:
+        message = (
+            "the file has no header, and the column order of the MASK4 files is unpublished; "
+            "list the columns, as in --columns Kp,Ki,springK"
+        )
+        raise ConfigError([table.problem(1, 0, "columns", None, message)])
+    if problems:
+        raise ConfigError(problems)
+    names_from = "list" if given is not None else "header" if header is not None else "style"
+    return NumberTable(table, names, names_from, to_numbers(table, names))
+
+
+def _labels(header: TableRow) -> list[str]:
     labels = [("" if cell is None else str(cell)) for cell in header.cells]
     while labels and not labels[-1]:
         labels.pop()
-    return _resolve_names(table, header.line, labels, known, needed)
+    return labels
 
 
-def names_from_list(
-    table: Table, given: str, known: tuple[Column, ...], needed: tuple[str, ...]
-) -> tuple[tuple[str, ...], list[Problem]]:
-    """Return the names of the columns by a list such as `Kp,Ki,springK,-`, and its problems."""
-    labels = [word.strip() for word in given.split(",")]
-    return _resolve_names(table, 0, labels, known, needed)
+def _disagreements(
+    table: Table, header: TableRow, names: tuple[str, ...], known: tuple[Column, ...]
+) -> list[Problem]:
+    """Return a problem for each column that a readable header and the list name differently."""
+    in_header, unread = _resolve_names(table, header.line, _labels(header), known, ())
+    pairs = enumerate(zip(in_header, names, strict=False), start=1)
+    return [
+        table.problem(header.line, i, "columns", head, f"the header says {head}, the list {name}")
+        for i, (head, name) in pairs
+        if not unread  # unknown names contradict nothing
+        if SKIPPED not in (head, name) and head != name
+    ]
 
 
 def _resolve_names(
@@ -105,13 +162,13 @@ def _resolve_names(
             first = names.index(name) + 1
             message = f"{label!r} is {name}, which is column {first} already"
         if message:
-            problems.append(table.problem(line or 1, i, "columns", label, message))
+            problems.append(table.problem(line, i, "columns", label, message))
             name = f"column {i}"
         names.append(name)
     missing = [name for name in needed if name not in names]
     if missing and not problems:
         message = f"no column for {', '.join(missing)} among {', '.join(labels)}"
-        problems.append(table.problem(line or 1, 0, "columns", None, message))
+        problems.append(table.problem(line, 0, "columns", None, message))
     return tuple(names), problems
 
 

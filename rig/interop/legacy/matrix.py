@@ -8,10 +8,10 @@ from typing import NamedTuple
 from controllers import impedance
 from rig.config.columns import END_MARK
 from rig.config.matrix import combination_model
-from rig.config.problems import ConfigError, Problem, display_path, format_number
+from rig.config.problems import ConfigError, format_number
 from rig.config.ranges import allowed_values
-from rig.interop.legacy.columns import KI, KP, MASK4, REQUIRED, SPRING, names_from_header
-from rig.interop.legacy.table import Table, read_table, to_numbers
+from rig.interop.legacy.columns import KI, KP, MASK4, REQUIRED, SPRING, name_columns
+from rig.interop.legacy.table import read_table
 
 COLUMN_ORDER = tuple(column.name for column in MASK4)
 
@@ -23,12 +23,13 @@ class GainMatrix(NamedTuple):
     rows: tuple[tuple[float, ...], ...]
 
 
-class MatrixLocation(NamedTuple):
-    """Location of a matrix in its file."""
+class RefusedValue(NamedTuple):
+    """A value that a campaign refuses."""
 
-    table: Table
-    lines: tuple[int, ...]  # line of the file of each row
-    positions: tuple[int, ...]  # column of the file (from 1) of each column; 0 if none
+    row: int  # from 0
+    name: str
+    value: float
+    message: str
 
 
 def select_columns(names: tuple[str, ...], rows: Iterable[tuple[float, ...]]) -> GainMatrix:
@@ -38,24 +39,14 @@ def select_columns(names: tuple[str, ...], rows: Iterable[tuple[float, ...]]) ->
     return GainMatrix(columns, tuple(tuple(row[i] for i in indices) for row in rows))
 
 
-def matrix_problems(
-    matrix: GainMatrix, location: MatrixLocation | None = None, path: Path | None = None
-) -> list[Problem]:
-    """Return a problem for every value that a campaign refuses, located in the source file."""
-    problems = []
-    for i, row in enumerate(matrix.rows):
-        for j, (name, value) in enumerate(zip(matrix.columns, row, strict=True)):
-            message = _value_problem(name, value)
-            if not message:
-                continue
-            if location is not None:
-                line, column = location.lines[i], location.positions[j]
-                problems.append(location.table.problem(line, column, name, value, message))
-            else:
-                problems.append(
-                    Problem(display_path(path or Path("matrix")), i + 1, name, value, message)
-                )
-    return problems
+def refused_values(matrix: GainMatrix) -> list[RefusedValue]:
+    """Return every value of a matrix that a campaign refuses."""
+    return [
+        RefusedValue(i, name, value, message)
+        for i, row in enumerate(matrix.rows)
+        for name, value in zip(matrix.columns, row, strict=True)
+        if (message := _value_problem(name, value))
+    ]
 
 
 def _value_problem(name: str, value: float) -> str:
@@ -74,8 +65,7 @@ def _value_problem(name: str, value: float) -> str:
 
 def exact_text(value: float) -> str:
     """Return a number as text that reads back to the same bits, whole numbers without a point."""
-    text = repr(value)
-    return text.removesuffix(".0")
+    return repr(value).removesuffix(".0")
 
 
 def format_csv(matrix: GainMatrix, comments: Iterable[str] = ()) -> str:
@@ -92,14 +82,12 @@ def read_csv(path: Path) -> tuple[GainMatrix, tuple[int, ...]]:
     Raises `ConfigError` with every problem.
     """
     table = read_table(path)
-    house_columns = tuple(column._replace(legacy=column.name, aliases=()) for column in MASK4)
     if table.header is None:
         message = f"no header; allowed {','.join(REQUIRED)} and more columns of a campaign"
         raise ConfigError([table.problem(1, 0, "", None, message)])
-    names, problems = names_from_header(table, table.header, house_columns, REQUIRED)
-    if problems:
-        raise ConfigError(problems)
-    matrix = select_columns(names, to_numbers(table, names))
+    house_columns = tuple(column._replace(legacy=column.name, aliases=()) for column in MASK4)
+    numbers = name_columns(table, house_columns, REQUIRED)
+    matrix = select_columns(numbers.names, numbers.rows)
     kp_column = matrix.columns.index(KP)
     ends = [i for i, row in enumerate(matrix.rows) if row[kp_column] == END_MARK]
     rows = matrix.rows[: ends[0]] if ends else matrix.rows
@@ -116,31 +104,21 @@ def format_campaign(
 
     ``extra_lines`` are inserted before the matrix, which replaces any kind of matrix of the base.
     """
-    entries = (
-        ", ".join(f"{n}: {exact_text(v)}" for n, v in zip(matrix.columns, row, strict=True))
-        for row in matrix.rows
-    )
-    lines = [
-        f"extends: {base}",
-        f"name: {name}",
-        *extra_lines,
-        "matrix:",
-        "  grid:",
-        "  csv:",
-        "  list:",
-    ]
-    return "\n".join([*lines, *(f"    - {{{entry}}}" for entry in entries)]) + "\n"
+    lines = [f"extends: {base}", f"name: {name}", *extra_lines]
+    lines += ["matrix:", "  grid:", "  csv:", "  list:"]
+    for row in matrix.rows:
+        cells = zip(matrix.columns, map(exact_text, row), strict=True)
+        lines.append(f"    - {{{', '.join(f'{column}: {text}' for column, text in cells)}}}")
+    return "\n".join(lines) + "\n"
 
 
 def summary(matrix: GainMatrix) -> str:
     """Return the number of rows, and of values of the three main columns, as one line."""
-    counts = {
-        name: len({row[matrix.columns.index(name)] for row in matrix.rows})
-        for name in (SPRING, KP, KI)
-    }
-    rates, kps, kis = counts.values()
-    rows = len(matrix.rows)
-    return f"{_count(rows, 'row')}, {_count(rates, 'spring rate')}, {kps} x Kp, {kis} x Ki"
+    rates, kps, kis = (
+        len({row[matrix.columns.index(name)] for row in matrix.rows}) for name in (SPRING, KP, KI)
+    )
+    rows = _count(len(matrix.rows), "row")
+    return f"{rows}, {_count(rates, 'spring rate')}, {kps} x Kp, {kis} x Ki"
 
 
 def _count(count: int, thing: str) -> str:

@@ -11,7 +11,9 @@ import re
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
@@ -57,15 +59,11 @@ def read_table(path: Path, sheet: str | None = None, variable: str | None = None
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
-        raise _file_error(path, f"{path.suffix!r} is not read; allowed {', '.join(SUFFIXES)}")
+        raise file_error(path, f"{path.suffix!r} is not read; allowed {', '.join(SUFFIXES)}")
     for name, given, suffix in (("sheet", sheet, ".xlsx"), ("variable", variable, ".mat")):
         if given is not None and kind != suffix:
-            raise _file_error(path, f"a {name} is named, but only {suffix} files have one")
-    try:
-        data = read_regular(path, MAX_TABLE_BYTES)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise _file_error(path, f"cannot be read: {reason}") from None
+            raise file_error(path, f"a {name} is named, but only {suffix} files have one")
+    data = read_bytes(path)
     if kind == ".xlsx":
         header, rows = None, _read_sheet(path, data, sheet)
     elif kind == ".mat":
@@ -113,7 +111,7 @@ def to_numbers(table: Table, names: tuple[str, ...]) -> tuple[tuple[float, ...],
     if problems:
         raise ConfigError(problems)
     if not rows:
-        raise _file_error(table.path, "no row of numbers")
+        raise file_error(table.path, "no row of numbers")
     return tuple(rows)
 
 
@@ -128,16 +126,44 @@ def cell_problem(cell: object) -> str:
     return ""
 
 
-def _file_error(path: Path, message: str) -> ConfigError:
-    return ConfigError([Problem(display_path(path), 1, "", None, message)])
+def file_error(path: Path, *messages: str) -> ConfigError:
+    """Return an error with problems of a whole file."""
+    return ConfigError(Problem(display_path(path), 1, "", None, message) for message in messages)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the contents of a spreadsheet or table; raise `ConfigError` if it cannot be read."""
+    try:
+        return read_regular(path, MAX_TABLE_BYTES)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise file_error(path, f"cannot be read: {reason}") from None
+
+
+@contextmanager
+def open_workbook(path: Path, data: bytes, *, read_only: bool = False) -> Iterator[Any]:
+    """Open a workbook; in the context, damaged contents raise `ConfigError`.
+
+    With ``read_only`` the sheets are read from ``data`` only as they are used.
+    """
+    import openpyxl  # noqa: PLC0415 - a third of a second; most files are not workbooks
+    from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # openpyxl warns of unknown styles and extensions
+            yield openpyxl.load_workbook(io.BytesIO(data), data_only=True, read_only=read_only)
+    except (
+        *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
+        *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
+    ) as error:
+        raise file_error(path, f"not readable as a workbook: {error}") from None
 
 
 def _limited(path: Path, rows: Iterable[TableRow]) -> list[TableRow]:
-    limited: list[TableRow] = []
-    for row in rows:
-        if len(limited) >= MAX_ROWS:
-            raise _file_error(path, f"more than {MAX_ROWS} rows; allowed at most {MAX_ROWS}")
-        limited.append(row)
+    limited = list(islice(rows, MAX_ROWS + 1))
+    if len(limited) > MAX_ROWS:
+        raise file_error(path, f"more than {MAX_ROWS} rows; allowed at most {MAX_ROWS}")
     return limited
 
 
@@ -145,7 +171,7 @@ def _read_text(path: Path, data: bytes) -> list[TableRow]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise _file_error(path, f"the file is not UTF-8 text (byte {error.start})") from None
+        raise file_error(path, f"the file is not UTF-8 text (byte {error.start})") from None
     lines = [
         "" if line.lstrip().startswith(_COMMENTS) else line
         for line in text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -180,29 +206,18 @@ def _parse_cell(text: str) -> object:
 
 
 def _read_sheet(path: Path, data: bytes, name: str | None) -> list[TableRow]:
-    import openpyxl  # noqa: PLC0415 - a third of a second; most files are not workbooks
-    from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # openpyxl warns of unknown styles and extensions
-        try:
-            book = openpyxl.load_workbook(io.BytesIO(data), data_only=True, read_only=True)
-            sheets = {sheet.title: sheet for sheet in book.worksheets}
-            tables = {
-                title: _limited(path, _sheet_rows(sheet))
-                for title, sheet in sheets.items()
-                if name is None or title == name
-            }
-        except (
-            *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
-            *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
-        ) as error:
-            raise _file_error(path, f"not readable as a workbook: {error}") from None
+    with open_workbook(path, data, read_only=True) as book:
+        sheets = {sheet.title: sheet for sheet in book.worksheets}
+        tables = {
+            title: _limited(path, _sheet_rows(sheet))
+            for title, sheet in sheets.items()
+            if name is None or title == name
+        }
     if name is not None and name not in tables:
-        raise _file_error(path, f"no sheet {name!r}; there are {', '.join(sheets)}")
+        raise file_error(path, f"no sheet {name!r}; there are {', '.join(sheets)}")
     full = {title: rows for title, rows in tables.items() if rows}
     if len(full) > 1:
-        raise _file_error(path, f"several sheets, name one: {', '.join(full)}")
+        raise file_error(path, f"several sheets, name one: {', '.join(full)}")
     return next(iter(full.values()), [])
 
 
@@ -234,7 +249,7 @@ def _read_matrix(
     try:
         variables = matlab.load_variables(data)
     except ValueError as error:
-        raise _file_error(path, str(error)) from None
+        raise file_error(path, str(error)) from None
     full = {key: rows for key, rows in variables.matrices.items() if name in (None, key)}
     if len(full) != 1:
         names_text = ", ".join(variables.names) or "nothing"
@@ -243,10 +258,10 @@ def _read_matrix(
             f"{finding} among {names_text}; name one "
             "(a MATLAB table is not a matrix: save table2array)"
         )
-        raise _file_error(path, message)
+        raise file_error(path, message)
     array = next(iter(full.values()))
     if len(array[0]) > MAX_COLUMNS:
-        raise _file_error(path, f"{len(array[0])} columns; allowed at most {MAX_COLUMNS}")
+        raise file_error(path, f"{len(array[0])} columns; allowed at most {MAX_COLUMNS}")
     names = variables.texts.get("columns")
     header = TableRow(1, tuple(names)) if names else None
     return header, _limited(path, (TableRow(i, tuple(row)) for i, row in enumerate(array, start=1)))

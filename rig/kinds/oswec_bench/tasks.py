@@ -1,8 +1,8 @@
 """A session of the bench as a task to run, and the modes in which it runs."""
 
-from rig.kinds.oswec_bench.hardware.job import build_bench_job
-from rig.kinds.oswec_bench.rehearsal import emulation as bench_emulation
-from rig.kinds.oswec_bench.rehearsal.job import session_plant_settings
+from rig.kinds.oswec_bench.hardware import job as hardware
+from rig.kinds.oswec_bench.rehearsal import emulation
+from rig.kinds.oswec_bench.rehearsal.job import plant_settings
 from rig.kinds.oswec_bench.sessions import (
     Session,
     SessionPlan,
@@ -12,7 +12,7 @@ from rig.kinds.oswec_bench.sessions import (
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.tick import KIND
 from rig.processes.run_types import ExecutionMode, Task
-from rig.wires.locks import wires_in
+from rig.wires import job as wired_rig
 
 _WIRED_DEVICES = "rig.kinds.oswec_bench.hardware.devices"
 
@@ -23,21 +23,18 @@ def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
         "rehearsal",
         real_clock,
         "rig.kinds.oswec_bench.rehearsal.devices",
-        session_plant_settings(session),
+        plant_settings(session),
     )
 
 
 def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
-    """Return the mode with the devices on the bench's wires, or with emulated ones on the far end.
+    """Return the mode with the devices on the rig's wires, or with emulated ones on the far end.
 
     WiringError lists all reasons why these wires must not be powered.
     """
-    job = build_bench_job(session.rig, session.file.loop)
-    wires = wires_in(session.rig)
-    if not emulated:
-        return ExecutionMode("hardware", True, _WIRED_DEVICES, job.devices, job.io_processes, wires)
-    io_processes = (bench_emulation.emulator_process(session), *job.io_processes)
-    return ExecutionMode("hil", True, _WIRED_DEVICES, job.devices, io_processes, wires)
+    devices = emulation.emulator_process(session) if emulated else None
+    wired_job = hardware.build_job(session.rig, session.file.loop)
+    return wired_rig.wired_mode(wired_job, session.rig, _WIRED_DEVICES, devices)
 
 
 def session_task(session: Session, plan: SessionPlan) -> Task:

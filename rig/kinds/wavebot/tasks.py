@@ -12,7 +12,7 @@ from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.processes.run_types import ExecutionMode, Task
-from rig.wires.locks import wires_in
+from rig.wires import job as wired_rig
 
 _WIRED_DEVICES = "rig.kinds.wavebot.hardware.devices"
 
@@ -29,19 +29,9 @@ def wired_mode(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
 
     WiringError lists all reasons why these wires must not be powered.
     """
+    devices = emulation.emulator_process(campaign) if emulated else None
     wired_job = hardware.build_job(campaign.rig)
-    wires = wires_in(campaign.rig)
-    if not emulated:
-        return ExecutionMode(
-            "hardware",
-            True,
-            _WIRED_DEVICES,
-            wired_job.devices,
-            wired_job.io_processes,
-            wires,
-        )
-    io_processes = (emulation.emulator_process(campaign), *wired_job.io_processes)
-    return ExecutionMode("hil", True, _WIRED_DEVICES, wired_job.devices, io_processes, wires)
+    return wired_rig.wired_mode(wired_job, campaign.rig, _WIRED_DEVICES, devices)
 
 
 def campaign_task(campaign: Campaign, plan: Plan) -> Task:

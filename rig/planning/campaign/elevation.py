@@ -7,7 +7,7 @@ import numpy as np
 
 from rig.config.problems import format_number
 from rig.config.sea import RecordedSea
-from rig.interop.basin.recording import METRES_PER_UNIT, Floats, read_recording, record_error
+from rig.recording.channel_file import METRES_PER_UNIT, Floats, read_recording, record_error
 
 _RATE_TOLERANCE = 1e-3  # relative; time columns are rounded
 

@@ -26,16 +26,9 @@ from rig.planning.campaign.input_files import (
     load_named_source,
     sort_problems,
 )
-from rig.planning.campaign.order import order_points
 from rig.planning.campaign.pieces import CampaignParts, valid_parts, valid_sea
 from rig.planning.campaign.point import MAX_ROWS, Point
-from rig.planning.campaign.points import (
-    count_points,
-    hoist_points,
-    matrix_points,
-    spring_map_problems,
-    stator_positions,
-)
+from rig.planning.campaign.points import count_points, matrix_points
 from rig.planning.campaign.reference import (
     ReferenceRecord,
     read_reference_record,
@@ -43,6 +36,12 @@ from rig.planning.campaign.reference import (
 )
 from rig.planning.campaign.set_points import drive_setting_problems
 from rig.planning.campaign.stability import set_point_stability_problems, stability_problems
+from rig.planning.campaign.stator import (
+    hoist_points,
+    order_rows,
+    spring_map_problems,
+    stator_positions,
+)
 from rig.planning.campaign.windows import WindowError, calibration_window, row_windows
 
 T = TypeVar("T")
@@ -250,7 +249,7 @@ def _campaign_problems(campaign: CampaignFile, rows: int, locate: SourceMap) -> 
 def _first_point(campaign: CampaignFile, points: tuple[Point, ...], rig: RigFile) -> Point:
     """Return the point of the first row."""
     positions = stator_positions(points, rig.spring)
-    first, *_ = order_points(points, campaign.order, campaign.repeat, campaign.seed, positions)
+    first, *_ = order_rows(campaign, positions)
     return points[first.point]
 
 

@@ -20,12 +20,11 @@ from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import Setpoints
 from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.laws import Law
-from rig.planning.campaign.order import order_points
 from rig.planning.campaign.point import Point
-from rig.planning.campaign.points import stator_positions
-from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
+from rig.planning.campaign.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.planning.campaign.set_points import RowSetting, row_setting, setting_type, zero_setting
 from rig.planning.campaign.stability import max_stable_ki
+from rig.planning.campaign.stator import order_rows, stator_positions
 from rig.planning.campaign.windows import RowWindows, calibration_window, row_windows
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase, Segments
 
@@ -87,14 +86,12 @@ def build_plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) 
             row,
             repetition.point,
             repetition.repetition,
-            positions[points[repetition.point].spring_rate],
+            positions[repetition.point],
             row_setting(campaign, rig, points[repetition.point]),
             windows.periods,
             windows.measure,
         )
-        for row, repetition in enumerate(
-            order_points(points, campaign.order, campaign.repeat, campaign.seed, positions)
-        )
+        for row, repetition in enumerate(order_rows(campaign, positions))
     )
     plan_segments = [
         *_opening_segments(campaign, rig, rows[0]),
@@ -210,19 +207,16 @@ def _assemble(
 ) -> Plan:
     """Return the plan with its segments in ticks."""
     rate = float(rig.rate_hz)
-    segments, kept, settings = cut_into_ticks(plan_segments, rate)
-    ticks = segments.ticks
-
-    def seconds(phase: Phase) -> float:
-        return sum(n for n, p in zip(ticks, kept, strict=True) if p.phase is phase) / rate
-
+    table = cut_into_ticks(plan_segments, rate)
+    segments, kept, settings = table
+    ticks, seconds = segments.ticks, phase_seconds(table, rate)
     phases = PhaseSeconds(
-        tare=seconds(Phase.TARE),
-        lead_in=seconds(Phase.LEAD_IN),
-        moving=seconds(Phase.MOVING),
-        settle=seconds(Phase.SETTLE),
-        measure=seconds(Phase.MEASURE),
-        tail=seconds(Phase.TAIL),
+        tare=seconds[Phase.TARE],
+        lead_in=seconds[Phase.LEAD_IN],
+        moving=seconds[Phase.MOVING],
+        settle=seconds[Phase.SETTLE],
+        measure=seconds[Phase.MEASURE],
+        tail=seconds[Phase.TAIL],
     )
     waves = sum(n for n, p in zip(ticks, kept, strict=True) if p.waves) / rate
     moves = sum(1 for i in range(1, len(rows)) if rows[i].spring_rate != rows[i - 1].spring_rate)

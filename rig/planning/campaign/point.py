@@ -30,20 +30,12 @@ class Point(NamedTuple):
     values: dict[str, float]  # by the set point's name (`rig.config.columns`)
     locations: dict[str, ValueLocation]
 
-    @property
-    def spring_rate(self) -> float:
-        """N/m."""
-        return self.values["spring_rate"]
-
-    @property
-    def kp(self) -> float:
-        """N*s/m."""
-        return self.values["kp"]
-
-    @property
-    def ki(self) -> float:
-        """N/m."""
-        return self.values["ki"]
+    def __getattr__(self, name: str) -> float:
+        """Return the value of a column by its name."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(f"the point has no {name}") from None
 
 
 def make_point(columns: Iterable[Column], pairs: Iterable[tuple[float, ValueLocation]]) -> Point:

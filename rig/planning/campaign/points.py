@@ -3,13 +3,10 @@
 import itertools
 import math
 
-from controllers import magnetic_spring
 from rig.config.columns import Column
 from rig.config.matrix import Matrix
-from rig.config.problems import ConfigError, Problem, format_key, format_number
+from rig.config.problems import Problem, format_key
 from rig.config.yaml_source import KeyPath, SourceMap
-from rig.kinds.wavebot.config.hoist import Hoist
-from rig.kinds.wavebot.config.rig_file import MagneticSpring
 from rig.laws import Law
 from rig.planning.campaign import matrix_csv
 from rig.planning.campaign.point import Point, ValueLocation, make_point
@@ -44,7 +41,7 @@ def matrix_points(
     for i, combination in enumerate(matrix.combinations or ()):
         at = ("matrix", "list", i)
         given = [c for c in columns if getattr(combination, c.key) is not None]
-        pairs = [(getattr(combination, c.key), _locate_value((*at, c.key), locate)) for c in given]
+        pairs = [(getattr(combination, c.key), locate_value((*at, c.key), locate)) for c in given]
         points.append(make_point(given, pairs))
     return tuple(points)
 
@@ -63,63 +60,11 @@ def _locate_values(
     """Return each value with its location in a list; for a number or range, that of the key."""
     entries = ((*key, i) for i in range(len(values)))
     locations = [
-        _locate_value(entry if entry in locate.locations else key, locate) for entry in entries
+        locate_value(entry if entry in locate.locations else key, locate) for entry in entries
     ]
     return list(zip(values, locations, strict=True))
 
 
-def _locate_value(key: KeyPath, locate: SourceMap) -> ValueLocation:
+def locate_value(key: KeyPath, locate: SourceMap) -> ValueLocation:
+    """Return the location of the value at a key."""
     return ValueLocation(locate(key), format_key(key))
-
-
-def stator_positions(points: tuple[Point, ...], spring: MagneticSpring) -> dict[float, float]:
-    """Return the stator position (%) that the loop will command for each spring rate (N/m)."""
-    params = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
-    return {
-        point.spring_rate: magnetic_spring.stator_position(params, point.spring_rate)
-        for point in points
-    }
-
-
-def hoist_points(
-    hoist: Hoist, spring: MagneticSpring, locate: SourceMap, law: Law
-) -> tuple[Point, ...]:
-    """Return the hoist's stations as points without gains, with the spring rates of the rig's map.
-
-    Raises `ConfigError` for stations outside the map, to which the stator cannot be moved.
-    """
-    points, problems = [], []
-    low, high = spring.map[0].stator_percent, spring.map[-1].stator_percent
-    for i, station in enumerate(hoist.stations_percent):
-        key: KeyPath = ("hoist", "stations_percent", i)
-        location = _locate_value(key if key in locate.locations else key[:2], locate)
-        rate = spring.rate(station)
-        if rate is None:
-            allowed = f"allowed {format_number(low)} .. {format_number(high)} %"
-            message = f"stator position {format_number(station)} is outside the rig's spring map"
-            problems.append(location.problem(station, f"{message}; {allowed}"))
-            continue
-        none = {column.name: 0.0 for column in law.columns if column.default is None}
-        values = {"spring_rate": rate, **none}
-        points.append(Point(values, dict.fromkeys(values, location)))
-    if problems:
-        raise ConfigError(problems)
-    return tuple(points)
-
-
-def spring_map_problems(points: tuple[Point, ...], spring: MagneticSpring) -> tuple[Problem, ...]:
-    """Return a problem, with its location, for each spring rate outside the rig's spring map."""
-    rates, _ = spring.by_rate()
-    outside = dict.fromkeys(
-        (point.spring_rate, point.locations["spring_rate"])
-        for point in points
-        if not rates[0] <= point.spring_rate <= rates[-1]
-    )
-    return tuple(
-        location.problem(
-            rate,
-            f"spring rate {format_number(rate)} is outside the rig's spring map; "
-            f"allowed {format_number(rates[0])} .. {format_number(rates[-1])} N/m",
-        )
-        for rate, location in outside
-    )

@@ -15,6 +15,7 @@ from rig.laws import Law, LawError, find, load_source
 from rig.planning.campaign.input_files import hash_input_file
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.reference import ReferenceRecord, read_reference_record
+from rig.recording.runs import RunError, RunInfo
 
 
 class RecordedCampaign(NamedTuple):
@@ -47,6 +48,16 @@ def campaign_from_record(config: dict[str, Any], law_source: bytes = b"") -> Rec
         ),
         _read_record(file, config),
     )
+
+
+def logged_campaign(run: RunInfo) -> RecordedCampaign:
+    """Return the campaign of a run; RunError if its record has none that is valid today."""
+    try:
+        return campaign_from_record(run.config, run.law_source)
+    except KeyError as error:
+        raise RunError(f"{run.run}: its record holds no configuration ({error})") from None
+    except ValueError as error:
+        raise RunError(f"{run.run}: its configuration is not valid today: {error}") from None
 
 
 def law_from_record(config: dict[str, Any], law_source: bytes) -> Law:

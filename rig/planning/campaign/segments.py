@@ -64,6 +64,14 @@ def cut_into_ticks(plan_segments: Sequence[PlanSegment[S]], rate: float) -> Segm
     return SegmentTable(segments, tuple(kept), table)
 
 
+def phase_seconds(table: SegmentTable[S], rate: float) -> dict[Phase, float]:
+    """Return the planned duration of each phase, s."""
+    seconds = dict.fromkeys(Phase, 0.0)
+    for ticks, segment in zip(table.segments.ticks, table.plan_segments, strict=True):
+        seconds[segment.phase] += ticks
+    return {phase: ticks / rate for phase, ticks in seconds.items()}
+
+
 def _restarts(kept: Sequence[PlanSegment[S]]) -> tuple[int, ...]:
     """Return the index at which each segment restarts: the first one of its row or of its phase."""
     first: dict[tuple[int, Phase | None], int] = {}

@@ -5,31 +5,44 @@ number of wave periods that fits. For irregular and recorded seas it is 10 s of 
 exactly one repeat period. `mask4` gives the windows of the MASK4 report (Sandia): the same for
 regular seas, and for irregular ones rows of 300 s measured from 2 s on, which is 2 s short of the
 repeat period. In calm water the measurement is whole repeat periods of an open-loop reference, or
-whole cycles of a hoist.
+whole cycles of a motion.
 
 A wave calibration has no rows, but one window of whole periods after the lead-in.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from rig.config.campaign_file import Timing
 from rig.config.problems import format_number
 from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
 from rig.config.yaml_source import KeyPath
-from rig.kinds.wavebot.config.hoist import Hoist
 
 _ROUNDING = 1e-9  # periods; a window that is shorter than whole periods only by rounding fits
 
 
+class CyclicMotion(Protocol):
+    """A motion of the body in whole cycles, in calm water."""
+
+    @property
+    def cycles(self) -> int:
+        """Number of cycles of a row."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Duration of a cycle, s."""
+        ...
+
+
 class RowWindows(NamedTuple):
-    """The parts of a row's interval, s, and the interval before it if the stator moves."""
+    """The parts of a row's interval, s, and the interval before it if a part of the rig moves."""
 
     settle: float
     measure: float
     tail: float
-    move: float  # minimum length of the extra interval in which the stator moves
+    move: float  # minimum length of the extra interval in which a part of the rig moves
     periods: int  # wave or repeat periods in the measurement; 0: not a whole number
 
     @property
@@ -49,18 +62,20 @@ class WindowError(Exception):
 
 
 def row_windows(
-    sea: AnySea, timing: Timing, reference: AnyReference = None, hoist: Hoist | None = None
+    sea: AnySea,
+    timing: Timing,
+    reference: AnyReference = None,
+    motion: CyclicMotion | None = None,
 ) -> RowWindows:
     """Return the windows of every row of a campaign; raises `WindowError` if none fits.
 
-    Before a row with another spring rate, its combination is held for an extra interval while the
-    stator moves, as in the MASK4 report. For an irregular sea this would take 300 s, so there the
-    settling time is the minimum (the plan waits for the stator in any case); `mask4` keeps the
-    whole interval.
+    Before a row for which a part of the rig moves, its combination is held for an extra interval,
+    as in the MASK4 report. For an irregular sea this would take 300 s, so there the settling time
+    is the minimum (the plan waits for the part in any case); `mask4` keeps the whole interval.
     """
-    if hoist is not None:  # whole cycles cover the travel, whatever the position at the start
+    if motion is not None:  # whole cycles cover the travel, whatever the position at the start
         settle = _value_or(timing.settle_s, 2.0)
-        return RowWindows(settle, hoist.cycles * hoist.period, 0.0, settle, hoist.cycles)
+        return RowWindows(settle, motion.cycles * motion.period, 0.0, settle, motion.cycles)
     if isinstance(sea, CalmSea):
         if reference is None:
             return _calm_windows(timing)

@@ -11,8 +11,6 @@ from rig.recording.calibration.correction import (
     ValidityError,
     apply_calibration,
     apply_correction,
-    invert_calibration,
-    invert_correction,
 )
 from rig.recording.calibration.history import (
     CalibrationHistory,
@@ -30,8 +28,6 @@ __all__ = [
     "ValidityError",
     "apply_calibration",
     "apply_correction",
-    "invert_calibration",
-    "invert_correction",
     "open_calibration",
     "open_history",
 ]

@@ -62,25 +62,28 @@ class CalibratedValue(NamedTuple):
 
 
 def apply_correction(
-    correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float
+    correction: ScaleCorrection | OffsetCorrection | TableCorrection,
+    value: float,
+    *,
+    invert: bool = False,
 ) -> float:
-    """Return the corrected value of a recorded one.
+    """Return the corrected value of a recorded one; with ``invert``, the recorded of a corrected.
 
     Raise `ValidityError` beyond the ends of a table, ValueError for a value or result that is not
     finite.
     """
-    if isinstance(correction, TableCorrection):
+    number = _decimal(value)
+    with localcontext() as context:
+        context.prec = DIGITS
+        if isinstance(correction, ScaleCorrection):
+            factor = _decimal(correction.factor)
+            return _float(number / factor if invert else number * factor)
+        if isinstance(correction, OffsetCorrection):
+            offset = _decimal(correction.offset)
+            return _float(number - offset if invert else number + offset)
+        if invert:
+            return _interpolate(correction.corrected, correction.recorded, value)
         return _interpolate(correction.recorded, correction.corrected, value)
-    return _scale_or_offset(correction, value, forward=True)
-
-
-def invert_correction(
-    correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float
-) -> float:
-    """Return the recorded value of a corrected one; raise as `apply_correction` does."""
-    if isinstance(correction, TableCorrection):
-        return _interpolate(correction.corrected, correction.recorded, value)
-    return _scale_or_offset(correction, value, forward=False)
 
 
 def is_valid(valid: Validity, time: RecordingTime) -> bool:
@@ -107,54 +110,26 @@ def is_valid(valid: Validity, time: RecordingTime) -> bool:
 
 
 def apply_calibration(
-    calibration: CalibrationFile, value: float, time: RecordingTime
+    calibration: CalibrationFile, value: float, time: RecordingTime, *, invert: bool = False
 ) -> CalibratedValue:
-    """Return a recorded value as read with a calibration.
+    """Return a recorded value as read with a calibration; with ``invert``, a corrected as recorded.
 
     Raise `ValidityError` where the calibration does not hold and its file has `outside: refuse`.
     """
-    inside = _check_validity(calibration, time)
-    result = apply_correction(calibration.correction, value) if inside else float(value)
-    return CalibratedValue(result, float(value), calibration.title, inside)
-
-
-def invert_calibration(
-    calibration: CalibrationFile, value: float, time: RecordingTime
-) -> CalibratedValue:
-    """Return a corrected value as it would be recorded; raise as `apply_calibration` does."""
-    inside = _check_validity(calibration, time)
-    result = invert_correction(calibration.correction, value) if inside else float(value)
-    return CalibratedValue(result, float(value), calibration.title, inside)
-
-
-def _check_validity(calibration: CalibrationFile, at: RecordingTime) -> bool:
-    inside = is_valid(calibration.valid, at)
+    inside = is_valid(calibration.valid, time)
     if not inside and calibration.outside == "refuse":
         raise ValidityError(
-            f"{calibration.title} does not hold for {at.description()}: "
+            f"{calibration.title} does not hold for {time.description()}: "
             f"valid for {calibration.valid.description()}"
         )
-    return inside
-
-
-def _scale_or_offset(
-    correction: ScaleCorrection | OffsetCorrection, value: float, *, forward: bool
-) -> float:
-    number = _decimal(value)
-    with localcontext() as context:
-        context.prec = DIGITS
-        if isinstance(correction, ScaleCorrection):
-            factor = _decimal(correction.factor)
-            result = number * factor if forward else number / factor
-        else:
-            offset = _decimal(correction.offset)
-            result = number + offset if forward else number - offset
-    return _float(result)
+    result = float(value)
+    if inside:
+        result = apply_correction(calibration.correction, value, invert=invert)
+    return CalibratedValue(result, float(value), calibration.title, inside)
 
 
 def _interpolate(xs: tuple[float, ...], ys: tuple[float, ...], value: float) -> float:
     """Return the linear interpolation; it is exact at the pairs."""
-    number = _decimal(value)
     if xs[0] > xs[-1]:
         xs, ys = xs[::-1], ys[::-1]
     if not xs[0] <= value <= xs[-1]:
@@ -163,9 +138,7 @@ def _interpolate(xs: tuple[float, ...], ys: tuple[float, ...], value: float) -> 
     i = max(i for i in range(len(xs) - 1) if xs[i] <= value)
     x0, x1 = _decimal(xs[i]), _decimal(xs[i + 1])
     y0, y1 = _decimal(ys[i]), _decimal(ys[i + 1])
-    with localcontext() as context:
-        context.prec = DIGITS
-        return _float(y0 + (number - x0) * (y1 - y0) / (x1 - x0))
+    return _float(y0 + (_decimal(value) - x0) * (y1 - y0) / (x1 - x0))
 
 
 def _decimal(value: float) -> Decimal:

@@ -72,26 +72,20 @@ def compare_calibrations(
         except ValidityError as error:
             undetermined.setdefault(entry.where, entry.note or str(error))
             continue
-        if entry.value is None:
-            if rules[0] == rules[1]:
-                unchanged += 1
-            else:
-                changed.append(_change(entry, None, None))
-            continue
-        if (
-            entry.is_mean
-            and rules[0] != rules[1]
-            and any(isinstance(r, TableCorrection) for r in rules)
-        ):
-            undetermined.setdefault(
-                entry.where, "a mean cannot be corrected by a table; read the record"
-            )
+        differ = rules[0] != rules[1]
+        if entry.is_mean and differ and any(isinstance(r, TableCorrection) for r in rules):
+            message = "a mean cannot be corrected by a table; read the record"
+            undetermined.setdefault(entry.where, message)
             continue
         before, after = _read(old, entry), _read(new, entry)
-        if before == after:
+        if before == after and not (entry.value is None and differ):
             unchanged += 1
-        else:
-            changed.append(_change(entry, before, after))
+            continue
+        changed.append(
+            ChangedValue(
+                entry.where, entry.field, entry.value, before, after, entry.note, entry.products
+            )
+        )
     return CalibrationDifference(
         old.title,
         new.title,
@@ -99,12 +93,6 @@ def compare_calibrations(
         tuple(changed),
         unchanged,
         tuple(undetermined.items()),
-    )
-
-
-def _change(entry: RecordedValue, before: float | None, after: float | None) -> ChangedValue:
-    return ChangedValue(
-        entry.where, entry.field, entry.value, before, after, entry.note, entry.products
     )
 
 
@@ -120,7 +108,8 @@ def _rule(calibration: CalibrationFile, at: RecordingTime) -> object:
 
 
 def _read(calibration: CalibrationFile, entry: RecordedValue) -> float | None:
-    assert entry.value is not None
+    if entry.value is None:
+        return None
     try:
         return apply_calibration(calibration, entry.value, entry.time).value
     except ValidityError:
@@ -129,17 +118,15 @@ def _read(calibration: CalibrationFile, entry: RecordedValue) -> float | None:
 
 def _keys(old: CalibrationFile, new: CalibrationFile) -> tuple[tuple[str, object, object], ...]:
     """Return the keys in which the two files differ, leaf by leaf."""
-    before, after = _leaves(_plain(old)), _leaves(_plain(new))
-    names = dict.fromkeys((*before, *after))
+    before, after = (
+        _leaves(file.model_dump(mode="json", by_alias=True, exclude_none=True))
+        for file in (old, new)
+    )
     return tuple(
         (name, before.get(name), after.get(name))
-        for name in names
+        for name in dict.fromkeys((*before, *after))
         if before.get(name) != after.get(name)
     )
-
-
-def _plain(calibration: CalibrationFile) -> dict[str, Any]:
-    return calibration.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def _leaves(mapping: dict[str, Any], prefix: str = "") -> dict[str, object]:

@@ -1,13 +1,11 @@
-"""Recorded values of calibrated quantities: in the entries of a test log and in run folders."""
+"""Recorded values of calibrated quantities in run folders."""
 
 import csv
 import io
-from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
 from rig.config.calibration_file import TORQUE_CONSTANT_KEY
-from rig.interop.legacy.testlog import Activity, Entry, RunLog
 from rig.recording.calibration.correction import RecordingTime
 from rig.recording.runs import RunError, list_runs, run_info
 from rig.recording.runs.folder import RunInfo
@@ -20,13 +18,6 @@ PRODUCTS = (
 )
 """Files of a run's folder that are computed from its record."""
 
-_OF_AN_ACTIVITY = {
-    Activity.GAIN_MATRIX: ("row table", "power surfaces"),
-    Activity.GAINS: ("row table",),
-    Activity.BY_HAND: ("row table",),
-    Activity.MULTISINE: ("identified impedance",),
-}
-
 
 class RecordedValue(NamedTuple):
     """A recorded value of a quantity, and the products computed from it."""
@@ -38,31 +29,6 @@ class RecordedValue(NamedTuple):
     note: str  # reason of a missing value
     products: tuple[str, ...]  # products computed from it
     is_mean: bool = False  # a mean over many recorded values
-
-
-def values_in_log(log: RunLog, quantity: str) -> tuple[RecordedValue, ...]:
-    """Return every record of a quantity in a log, and every gain matrix that contains it."""
-    if quantity != "spring_rate":
-        return ()
-    return tuple(value for entry in log.entries if (value := _of_entry(entry)) is not None)
-
-
-def recording_time(entry: Entry) -> RecordingTime:
-    """Return the time of an entry's run, by its number and the date in its file's name."""
-    day = date.fromisoformat(entry.recorded[:10]) if entry.recorded else None
-    return RecordingTime(entry.series_name, entry.run, day)
-
-
-def _of_entry(entry: Entry) -> RecordedValue | None:
-    products = [name for a in entry.activities for name in _OF_AN_ACTIVITY.get(a, ())]
-    rests = tuple(dict.fromkeys(products))
-    if entry.spring is not None:
-        value = entry.spring.written_n_per_m
-        return RecordedValue(entry.name, entry.spring.cell, recording_time(entry), value, "", rests)
-    if not entry.matrix:
-        return None
-    note = f"spring rates stand in {entry.matrix}, not in the log"
-    return RecordedValue(entry.name, f"row {entry.row}", recording_time(entry), None, note, rests)
 
 
 def values_in_runs(folder: Path, quantity: str) -> tuple[RecordedValue, ...]:
@@ -83,28 +49,16 @@ def values_in_runs(folder: Path, quantity: str) -> tuple[RecordedValue, ...]:
 def _of_run(path: Path, info: RunInfo, quantity: str) -> list[RecordedValue]:
     at = RecordingTime.from_utc(info.started_utc)
     products = tuple(name for name in PRODUCTS if (path / name).is_file())
-    if quantity == "spring_rate":
+    # The spring map converts the stator's position.
+    if key := {"spring_rate": "spring_rate", "spring_map": "stator"}.get(quantity):
         return [
-            RecordedValue(
-                info.run, f"row {row['row']}", at, float(row["spring_rate"]), "", products
-            )
+            RecordedValue(info.run, f"row {row['row']}", at, float(row[key]), "", products)
             for row in info.plan.get("rows", [])
         ]
-    if quantity == "spring_map":  # the map converts the stator's position
-        return [
-            RecordedValue(info.run, f"row {row['row']}", at, float(row["stator"]), "", products)
-            for row in info.plan.get("rows", [])
-        ]
-    if quantity == "torque_constant":
-        return _in_config(info, at, products)
-    return _in_table(path, info, at, products)
-
-
-def _in_config(info: RunInfo, at: RecordingTime, products: tuple[str, ...]) -> list[RecordedValue]:
-    value = info.config_number(*TORQUE_CONSTANT_KEY)
-    if value is None:
-        return []
-    return [RecordedValue(info.run, ".".join(TORQUE_CONSTANT_KEY), at, value, "", products)]
+    if quantity != "torque_constant":
+        return _in_table(path, info, at, products)
+    value, name = info.config_number(*TORQUE_CONSTANT_KEY), ".".join(TORQUE_CONSTANT_KEY)
+    return [] if value is None else [RecordedValue(info.run, name, at, value, "", products)]
 
 
 def _in_table(

@@ -8,8 +8,8 @@ from rig.recording.runs.folder import (
     mcap_files,
     run_info,
 )
-from rig.recording.runs.join import JoinResult, SalvagedFile, join, salvage
-from rig.recording.runs.mcap_file import RunError
+from rig.recording.runs.join import JoinResult, join
+from rig.recording.runs.mcap_records import RunError
 from rig.recording.runs.reader import open_run
 
 __all__ = [
@@ -17,12 +17,10 @@ __all__ = [
     "RunError",
     "RunInfo",
     "RunListEntry",
-    "SalvagedFile",
     "attachments",
     "join",
     "list_runs",
     "mcap_files",
     "open_run",
     "run_info",
-    "salvage",
 ]

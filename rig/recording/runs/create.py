@@ -3,11 +3,14 @@
 import fcntl
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from rig.realtime.reasons import Reason
+from rig.recording.folder_watch import open_folder
 from rig.recording.runs.folder import STATUS
 
 
@@ -54,31 +57,21 @@ def write_rows_done(folder: Path, done: int) -> None:
     write_json(folder, STATUS, status | {"rows_done": done})
 
 
-class RunLock:
-    """A lock on a run's folder; held until it is closed by every process that inherits it."""
+@contextmanager
+def lock_run(folder: Path) -> Iterator[int]:
+    """Lock a run's folder against all other writers of its record; yield the descriptor.
 
-    def __init__(self, fd: int) -> None:
-        self.fd = fd
-
-    def __enter__(self) -> "RunLock":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        os.close(self.fd)
-
-
-def lock_run(folder: Path) -> RunLock:
-    """Lock a run's folder against all other writers of its record.
-
-    Raise BusyError if another process holds the lock: the run is going on, or another recovery is
-    at work. Some network file systems have no such lock; there the function does nothing.
+    The lock is held until every process that inherits the descriptor has closed it. Raise BusyError
+    if another process holds it: the run is going on, or another recovery is at work. Some network
+    file systems have no such lock; there the function does nothing.
     """
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    fd = open_folder(folder)
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        with suppress(OSError):
+            try:
+                fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BusyError(f"{folder} is still being written") from None
+        yield fd
+    finally:
         os.close(fd)
-        raise BusyError(f"{folder} is still being written") from None
-    except OSError:
-        pass
-    return RunLock(fd)

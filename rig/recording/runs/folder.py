@@ -15,12 +15,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.realtime import reasons
 from rig.realtime.reasons import ReasonTable
 from rig.recording import process_identity
-from rig.recording.row_schema import CLOCK_RECORD, START_KEY
-from rig.recording.runs.mcap_file import FileContents, RunError, scan
+from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
+from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
+from rig.recording.runs.mcap_records import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 from rig.stations import Station, from_records
 
@@ -30,6 +30,14 @@ STATUS = "run.json"
 CONFIG = "config.json"
 LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
+_MASK4_STATIONS = (  # of runs recorded before 2027, whose plans list none
+    Station("mechanical_1", "lcb * velocity", "mechanical (column load cell)", "mechanical",
+            "mech 1", alias="mechanical", running_mean=True, force="load.lcb", shown=True),
+    Station("mechanical_2", "trs * velocity", "mechanical (shaft torque sensor)",
+            "mechanical (shaft)", "mech 2", alias="shaft", force="load.trs"),
+    Station("ac", "ac", "electrical AC", "electrical AC", "AC", running_mean=True, shown=True),
+    Station("dc", "dc", "electrical DC", "electrical DC", "DC", running_mean=True, shown=True),
+)  # fmt: skip
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 
 
@@ -61,39 +69,30 @@ def mcap_parts(folder: Path) -> list[Path]:
 
 def attachments(run: str | os.PathLike[str]) -> dict[str, bytes]:
     """Return all attachments of a run's MCAP file(s) by name; the latest of a name counts."""
-    found: dict[str, bytes] = {}
-    for each in _scanned(run):
-        found.update(each.attachments)
-    return found
+    return merge_descriptions(_scanned(run))[0]
 
 
 def _scanned(run: str | os.PathLike[str]) -> list[FileContents]:
     """Scan the run's files; raise RunError if none of them can be read."""
-    found: list[FileContents] = []
-    failure: RunError | None = None
-    for path in mcap_files(run):
-        try:
-            found.append(scan(path))
-        except RunError as error:
-            failure = error
-    if failure is not None and not found:
-        raise failure
-    return found
+    contents, damage = scan_all(mcap_files(run))
+    if not contents:
+        raise RunError("; ".join(damage))
+    return contents
 
 
 class RunInfo(NamedTuple):
     """Description of a run from its files; an empty text or dict where they lack it."""
 
     run: str  # run id
-    mode: str
-    campaign: str
-    status: dict[str, Any]
-    config: dict[str, Any]
-    plan: dict[str, Any]
-    code: dict[str, Any]
-    host: dict[str, Any]
-    timing: dict[str, Any]
-    metadata: dict[str, dict[str, str]]
+    mode: str = ""
+    campaign: str = ""
+    status: dict[str, Any] = {}  # noqa: RUF012
+    config: dict[str, Any] = {}  # noqa: RUF012
+    plan: dict[str, Any] = {}  # noqa: RUF012
+    code: dict[str, Any] = {}  # noqa: RUF012
+    host: dict[str, Any] = {}  # noqa: RUF012
+    timing: dict[str, Any] = {}  # noqa: RUF012
+    metadata: dict[str, dict[str, str]] = {}  # noqa: RUF012
     law_source: bytes = b""  # of a law that was given by its file
 
     @property
@@ -107,13 +106,17 @@ class RunInfo(NamedTuple):
         return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
     @property
-    def stations(self) -> tuple[Station, ...]:
-        """The power stations in the plan, in the order of the flow of power.
+    def kind(self) -> str:
+        """The kind of rig (`rig.kinds`); empty if the record does not name it."""
+        rig = self.config.get("rig")
+        recorded = rig.get("kind") if isinstance(rig, dict) else None
+        return str(recorded or self.status.get("kind") or "")
 
-        Runs recorded before 2027 do not list them: they have those of the WaveBot.
-        """
+    @property
+    def stations(self) -> tuple[Station, ...]:
+        """The power stations in the plan, in the order of the flow of power."""
         listed = self.plan.get("stations")
-        return STATIONS if listed is None else from_records(listed)
+        return _MASK4_STATIONS if listed is None else from_records(listed)
 
     @property
     def reasons(self) -> ReasonTable:
@@ -142,19 +145,22 @@ class RunInfo(NamedTuple):
         return {key: value for key, value in flat.items() if value}
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    return parse_json(read_regular(path, MAX_TABLE_BYTES))
-
-
 def parse_json(data: bytes | None) -> dict[str, Any]:
     """Return a JSON file as a mapping; empty if it is missing or no mapping."""
-    if data is None:
-        return {}
-    try:
-        value = json.loads(data)
-    except ValueError:
-        return {}
-    return value if isinstance(value, dict) else {}
+    with contextlib.suppress(ValueError):
+        value = json.loads(data or b"")
+        return value if isinstance(value, dict) else {}
+    return {}
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """Return a small JSON file; empty if it does not exist or is no mapping."""
+    return parse_json(_read_bytes(path))
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Return the bytes of a file; none if there is no such file."""
+    return read_regular(path, MAX_TABLE_BYTES) if path.is_file() else b""
 
 
 def _campaign(config: dict[str, Any]) -> str:
@@ -168,19 +174,12 @@ def run_info(
 ) -> RunInfo:
     """Return the description of a run; ``contents``: its scanned files if they exist already."""
     path = Path(run)
-    scanned = list(contents) if contents is not None else _scanned(run)
-    attached: dict[str, bytes] = {}
-    metadata: dict[str, dict[str, str]] = {}
-    for each in scanned:
-        attached.update(each.attachments)
-        metadata.update(each.metadata)
+    attached, metadata = merge_descriptions(_scanned(run) if contents is None else contents)
 
     def read(*names: str) -> dict[str, Any]:
         for name in names:
-            file = path / name
-            if path.is_dir() and file.is_file() and (found := _read_json(file)):
-                return found
-            if found := parse_json(attached.get(name)):
+            found = _read_json(path / name) or parse_json(attached.get(name))
+            if found:
                 return found
         return {}
 
@@ -200,11 +199,6 @@ def run_info(
         metadata=metadata,
         law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
     )
-
-
-def _read_bytes(path: Path) -> bytes:
-    """Return the bytes of a file; none if there is no such file."""
-    return read_regular(path, MAX_TABLE_BYTES) if path.is_file() else b""
 
 
 class RunListEntry(NamedTuple):
@@ -261,17 +255,11 @@ def _quick_info(path: Path) -> RunInfo:
         mode=_mode(status),
         campaign=str(status.get("campaign") or _campaign(_read_json(path / CONFIG))),
         status=status,
-        config={},
-        plan={},
-        code={},
-        host={},
-        timing={},
-        metadata={},
     )
 
 
 def _list_entry(path: Path) -> RunListEntry:
-    found = RunInfo(path.name, "", "", {}, {}, {}, {}, {}, {}, {})
+    found = RunInfo(path.name)
     problem, size = "", 0
     mcaps: list[Path] = []
     try:

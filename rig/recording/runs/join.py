@@ -4,34 +4,21 @@ import contextlib
 import json
 import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_schema import CLOCK_RECORD, START_KEY, MessageSchema
+from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY, RowWriter
 from rig.recording.runs import mcap_file
-from rig.recording.runs.mcap_file import FileContents, Records, RunError
+from rig.recording.runs.account import TickCounter
+from rig.recording.runs.mcap_file import FileContents, Records
+from rig.recording.runs.mcap_records import RunError
 from rig.recording.runs.state import RECOVERY
 from rig.recording.runs.verify import read_back
 
 _FLUSH_ROWS = 50_000  # rows in memory while joining
-
-
-class SalvagedFile(NamedTuple):
-    """Readable content of one file."""
-
-    path: Path
-    contents: FileContents
-    blocks: tuple[Records, ...]  # the rows
-    rows: int
-    first_tick: int | None
-    last_tick: int | None
-    finished: bool  # the file's writer finished it
-    unread: int  # bytes at a cut-off end or in damaged places
-    damage: tuple[str, ...]  # damaged places that were skipped
 
 
 class JoinResult(NamedTuple):
@@ -40,42 +27,20 @@ class JoinResult(NamedTuple):
     path: Path
     rows: int
     duplicates: int  # rows dropped because an earlier part has their tick
-    missing: int  # ticks between first and last that no part holds
     gaps: tuple[tuple[int, int], ...]  # first and last missing tick of each gap
     unread: int  # bytes
     damage: tuple[str, ...]
     crc: int  # CRC-32 of the packed rows in order
 
     @property
+    def missing(self) -> int:
+        """Number of ticks between first and last that no part holds."""
+        return sum(last - first + 1 for first, last in self.gaps)
+
+    @property
     def clean(self) -> bool:
         """Whether nothing is missing or damaged between the first and the last row."""
         return self.missing == 0 and not self.damage
-
-
-def salvage(path: str | os.PathLike[str]) -> SalvagedFile:
-    """Return every whole row of a file, finished or not.
-
-    Damaged places are skipped and reported. Raise RunError if the file has no description of its
-    rows, or if it has data and none is readable: an unreadable file is never an empty success.
-    """
-    contents = mcap_file.scan(path)
-    damage = list(contents.damage)
-    blocks = tuple(mcap_file.blocks(contents, damage))
-    rows = sum(len(block) for block in blocks)
-    if rows == 0 and contents.chunks:
-        raise RunError(f"{path}: none of its {len(contents.chunks)} chunks is readable")
-    ends = [int(block["tick"][i]) for block in blocks if len(block) for i in (0, -1)]
-    return SalvagedFile(
-        contents.path,
-        contents,
-        blocks,
-        rows,
-        ends[0] if ends else None,
-        ends[-1] if ends else None,
-        contents.finished,
-        contents.unread,
-        tuple(damage),
-    )
 
 
 def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> JoinResult:
@@ -91,20 +56,16 @@ def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
     out = Path(out)
     if out.exists():
         raise FileExistsError(f"{out} exists already")
-    parts, damage = _open(segments)
+    parts, damage = mcap_file.scan_all(segments)
+    if not parts:
+        raise RunError(f"{'; '.join(damage) or 'no parts to join'}; {mcap_file.UNREADABLE_HINT}")
     first = parts[0]
     if any(part.schema != first.schema for part in parts):
         raise RunError(f"{first.path.parent}: the parts hold rows of different kinds")
-    attachments: dict[str, bytes] = {}
-    metadata: dict[str, dict[str, str]] = {}
-    for part in parts:
-        attachments |= part.attachments
-        metadata |= part.metadata
-    start = _start(parts)
+    attachments, metadata = mcap_file.merge_descriptions(parts)
     temporary = out.with_name(out.name + ".joining")
     temporary.unlink(missing_ok=True)
-    form = MessageSchema(first.schema_name, first.schema)
-    writer = RowWriter(temporary, form, attachments, metadata, start_utc_ns=start)
+    writer = RowWriter(temporary, first.schema, attachments, metadata, start_utc_ns=_start(parts))
     try:
         joined = _copy(parts, writer, out, damage)
         writer.attach(RECOVERY, _recovery_record(parts, joined))
@@ -129,11 +90,10 @@ def _start(parts: list[FileContents]) -> int:
     starts = {int(text) for text in texts if text.isdigit()}
     if len(starts) > 1:
         raise RunError(f"{parts[0].path.parent}: the parts do not agree on the run's start")
-    for part in parts if not starts else []:
-        start = mcap_file.utc_of_zero(part)
-        if start is not None:
-            return start
-    return starts.pop() if starts else 0
+    if starts:
+        return starts.pop()
+    from_rows = (mcap_file.utc_of_zero(part) for part in parts)
+    return next((start for start in from_rows if start is not None), 0)
 
 
 def _sync(path: Path) -> None:
@@ -157,48 +117,33 @@ def _recovery_record(parts: list[FileContents], joined: JoinResult) -> bytes:
     return json.dumps(record, indent=2).encode()
 
 
-def _open(segments: Sequence[str | os.PathLike[str]]) -> tuple[list[FileContents], list[str]]:
-    parts: list[FileContents] = []
-    damage: list[str] = []
-    for path in segments:
-        try:
-            parts.append(mcap_file.scan(path))
-        except RunError as error:
-            damage.append(str(error))
-        else:
-            damage += parts[-1].damage
-    if not parts:
-        raise RunError(f"{'; '.join(damage) or 'no parts to join'}; {mcap_file.UNREADABLE_HINT}")
-    return parts, damage
-
-
 def _copy(parts: list[FileContents], writer: RowWriter, out: Path, damage: list[str]) -> JoinResult:
-    last: int | None = None
-    rows = duplicates = missing = crc = 0
-    gaps: list[tuple[int, int]] = []
-    for block in mcap_file.merged_blocks(parts, damage):
-        if len(block) == 0:
-            continue
-        # A tick may also repeat within a part, if its logger read the ring again.
-        ticks = block["tick"].astype(np.int64)
-        start = [ticks[0] - 1 if last is None else last]
-        before = np.maximum.accumulate(np.concatenate((start, ticks)))[:-1]
-        kept = ticks > before
-        duplicates += int(len(ticks) - kept.sum())
-        if not kept.any():
-            continue
-        kept_ticks, previous_ticks = ticks[kept], before[kept]
-        for i in np.flatnonzero(kept_ticks - previous_ticks > 1).tolist():
-            gaps.append((int(previous_ticks[i]) + 1, int(kept_ticks[i]) - 1))
-            missing += int(kept_ticks[i] - previous_ticks[i]) - 1
-        last = int(kept_ticks[-1])
-        rows += len(kept_ticks)
-        packed = np.ascontiguousarray(block[kept]).tobytes()
+    read = crc = 0
+    counter = TickCounter()
+
+    def count_read() -> Iterator[Records]:
+        nonlocal read
+        for block in mcap_file.merged_blocks(parts, damage):
+            read += len(block)
+            yield block
+
+    for block in mcap_file.unrepeated(count_read()):
+        counter.add(block)
+        packed = np.ascontiguousarray(block).tobytes()
         crc = zlib.crc32(packed, crc)
         writer.append(packed)
         if writer.pending > _FLUSH_ROWS * parts[0].stride:
             writer.flush()
-    if rows == 0 and any(part.chunks for part in parts):
+    account = counter.result(None)
+    if account.first_tick is None and any(part.chunks for part in parts):
         raise RunError(f"{out}: none of the parts' rows is readable: {'; '.join(damage)}")
-    unread = sum(part.unread for part in parts)
-    return JoinResult(out, rows, duplicates, missing, tuple(gaps), unread, tuple(damage), crc)
+    gaps = [(gap.first, gap.last) for gap in account.gaps if gap.first > (account.first_tick or 0)]
+    return JoinResult(
+        path=out,
+        rows=account.rows,
+        duplicates=read - account.rows,
+        gaps=tuple(gaps),
+        unread=sum(part.unread for part in parts),
+        damage=tuple(damage),
+        crc=crc,
+    )

@@ -12,6 +12,7 @@ import numpy as np
 from rig.recording.mcap_writer import CHUNK_BYTES
 from rig.recording.row_layout import Leaf
 from rig.recording.runs import folder, mcap_file
+from rig.recording.runs.mcap_records import RunError
 from rig.recording.runs.state import RecordCheck, RecordState
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class RunFiles(NamedTuple):
 
     contents: tuple[mcap_file.FileContents, ...]  # in the order of time
     leaves: tuple[Leaf, ...]
-    damage: tuple[str, ...] = ()  # descriptions of files that cannot be read at all
+    damage: tuple[str, ...] = ()  # descriptions of unreadable files and of damaged places
 
     @property
     def max_rows(self) -> int:
@@ -39,27 +40,18 @@ class RunFiles(NamedTuple):
 def open_files(run: str | os.PathLike[str]) -> RunFiles:
     """Scan the files of a run folder (or one MCAP file); raise RunError if none can be read.
 
-    If one of several files cannot be read at all, it is left out and reported in ``damage``.
+    A file of several that cannot be read at all is left out, and ``damage`` names it.
     """
-    contents: list[mcap_file.FileContents] = []
-    damage: list[str] = []
-    folder_path, listed = Path(run), folder.mcap_files(run)
-    spare = (
-        [path for path in folder.mcap_parts(folder_path) if path not in listed]
-        if folder_path.is_dir()
-        else []
-    )
-    for path in (*listed, *spare):
-        if path in spare and contents:
-            break
-        try:
-            contents.append(mcap_file.scan(path))
-        except mcap_file.RunError as error:
-            damage.append(str(error))
+    listed = folder.mcap_files(run)
+    contents, damage = mcap_file.scan_all(listed)
+    if not contents and Path(run).is_dir():  # parts that a recovery left beside its file
+        spare = (path for path in folder.mcap_parts(Path(run)) if path not in listed)
+        contents, unreadable = mcap_file.scan_all(spare)
+        damage += unreadable
     if not contents:
-        raise mcap_file.RunError(f"{'; '.join(damage)}; {mcap_file.UNREADABLE_HINT}")
+        raise RunError(f"{'; '.join(damage)}; {mcap_file.UNREADABLE_HINT}")
     if any(c.schema != contents[0].schema for c in contents):
-        raise mcap_file.RunError(f"{run}: its parts hold rows of different kinds")
+        raise RunError(f"{run}: its parts hold rows of different kinds")
     return RunFiles(tuple(contents), contents[0].leaves, tuple(damage))
 
 
@@ -90,21 +82,11 @@ def blocks(run: RunFiles, check: RecordCheck | None = None) -> Iterator[mcap_fil
     Damaged parts are left out and reported to ``check``, which also counts the ticks. The blocks
     are for selecting fields: other bytes may lie between the rows.
     """
-    last = -1
     damage = None if check is None else check.damage
-    for block in mcap_file.merged_blocks(run.contents, damage, packed=False):
-        if len(block) == 0:
-            continue
-        ticks = block["tick"]
-        fresh = block
-        if ticks[0] <= last or (ticks[1:] <= ticks[:-1]).any():
-            before = np.maximum.accumulate(np.concatenate(([last], ticks)))[:-1]
-            fresh = block[ticks > before]
-        if len(fresh):
-            last = int(fresh["tick"][-1])
-            if check is not None:
-                check.add(fresh)
-            yield fresh
+    for block in mcap_file.unrepeated(mcap_file.merged_blocks(run.contents, damage, packed=False)):
+        if check is not None:
+            check.add(block)
+        yield block
 
 
 def check_record(run: str | os.PathLike[str]) -> RecordState:

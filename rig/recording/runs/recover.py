@@ -13,7 +13,8 @@ from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import create, folder, mcap_file
 from rig.recording.runs.account import EndReport, TickAccount, account_ticks
 from rig.recording.runs.join import join
-from rig.recording.runs.mcap_file import FileContents, RunError
+from rig.recording.runs.mcap_file import FileContents
+from rig.recording.runs.mcap_records import RunError
 from rig.recording.runs.state import LOOP, end_report, logger_status, read_json
 from rig.recording.runs.verify import ReadBack, read_back
 
@@ -134,16 +135,9 @@ def _recover_sources(
 
 def _compare_with_sources(sources: tuple[Path, ...], done: FileContents) -> tuple[int, list[str]]:
     """Return unread bytes and damage of the sources; raise RunError if ``done`` is not of them."""
-    unread, damage = 0, list[str]()
+    parts, damage = mcap_file.scan_all(sources)
     ticks = set[int]()
-    for path in sources:
-        try:
-            part = mcap_file.scan(path)
-        except RunError as error:
-            damage.append(str(error))
-            continue
-        unread += part.unread
-        damage += part.damage
+    for part in parts:
         for block in mcap_file.blocks(part, damage):
             ticks.update(block["tick"][[0, -1]].tolist() if len(block) else ())
         if part.metadata.get("run") != done.metadata.get("run"):
@@ -153,7 +147,7 @@ def _compare_with_sources(sources: tuple[Path, ...], done: FileContents) -> tupl
         found_ticks.update(ticks.intersection(block["tick"].tolist()))
     if found_ticks != ticks:
         raise RunError(f"{done.path} exists and lacks rows of {sources[0].parent}: {_OUTPUT_HINT}")
-    return unread, damage
+    return sum(part.unread for part in parts), damage
 
 
 def _outcome(

@@ -1,6 +1,5 @@
 """State of a run's record: whether it holds every executed tick, and by whose report."""
 
-import json
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import folder
 from rig.recording.runs.account import EndReport, TickAccount, TickCounter
-from rig.recording.runs.mcap_file import FileContents, Records
+from rig.recording.runs.mcap_file import FileContents, Records, merge_descriptions
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 COMPLETE, RECOVERED = "complete", "recovered"
@@ -89,12 +88,15 @@ class RecordState(NamedTuple):
 
 
 class RecordCheck:
-    """Checks a record while its rows are read: counts ticks and collects damage."""
+    """Checks a record while its rows are read: counts ticks and collects damage.
 
-    def __init__(self, contents: Sequence[FileContents], damage: Iterable[str] = ()) -> None:
+    ``contents`` and ``damage``: results of the scan of its files.
+    """
+
+    def __init__(self, contents: Sequence[FileContents], damage: Iterable[str]) -> None:
         self._contents = contents
         self._counter = TickCounter()
-        self.damage = [*damage, *(text for each in contents for text in each.damage)]
+        self.damage = list(damage)
 
     def add(self, block: Records) -> None:
         """Count the next rows, each tick once, in order."""
@@ -103,9 +105,7 @@ class RecordCheck:
     def state(self, run: str | os.PathLike[str]) -> RecordState:
         """Return the state of the run's record after all its rows were read."""
         place = Path(run)
-        attachments: dict[str, bytes] = {}
-        for each in self._contents:
-            attachments.update(each.attachments)
+        attachments, _ = merge_descriptions(self._contents)
         status, progress = logger_status(attachments), dict[str, Any]()
         if place.is_dir():
             status = read_json(place / folder.STATUS) or status
@@ -123,9 +123,8 @@ class RecordCheck:
 
 def read_json(path: Path) -> dict[str, Any]:
     """Return a small JSON file; empty if it cannot be read."""
-    with suppress(OSError, ValueError):
-        value = json.loads(read_regular(path, MAX_TABLE_BYTES))
-        return value if isinstance(value, dict) else {}
+    with suppress(OSError):
+        return folder.parse_json(read_regular(path, MAX_TABLE_BYTES))
     return {}
 
 
@@ -171,16 +170,12 @@ def end_report(
             str(status.get("witness") or "the supervisor"),
             True,
         )
+    last, skipped = _int_or_none(progress.get("last_tick")), _int_or_none(progress.get("skipped"))
     if progress.get("final") is True and isinstance(progress.get("ticks"), int):
-        last, skipped = (
-            _int_or_none(progress.get("last_tick")),
-            _int_or_none(progress.get("skipped")),
-        )
         return EndReport(progress["ticks"], last, skipped, LOOP, True)
     last_log = logger_status(attachments)
     if isinstance(last_log.get("ticks"), int):
         return EndReport(last_log["ticks"], None, None, "the logger", True)
-    last, skipped = _int_or_none(progress.get("last_tick")), _int_or_none(progress.get("skipped"))
     if last is None or skipped is None:
         return None
     return EndReport(last + 1 - skipped, last, skipped, "the supervisor", False)
@@ -188,10 +183,7 @@ def end_report(
 
 def logger_status(attachments: dict[str, bytes]) -> dict[str, Any]:
     """Return the last logger's report of the run's end; empty if it did not survive to it."""
-    with suppress(ValueError):
-        status = json.loads(attachments.get("status.json", b""))
-        return status if isinstance(status, dict) else {}
-    return {}
+    return folder.parse_json(attachments.get("status.json", b""))
 
 
 def _int_or_none(value: Any) -> int | None:

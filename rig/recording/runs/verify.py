@@ -21,7 +21,7 @@ from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
 
 from rig.recording import row_layout
 from rig.recording.mcap_writer import MESSAGE_BYTES
-from rig.recording.runs.mcap_file import RunError
+from rig.recording.runs.mcap_records import RunError
 from rig.regular_file import open_regular
 
 MAX_PARSED = 100_000  # messages parsed one by one, approximately

@@ -84,7 +84,7 @@ class HiddenLosses:
         time = start + T
         torque = torque + 0.03 * (1.0 - np.exp(-time / 600.0)) + random.normal(0.0, 0.02, COUNT)
         current = motor_torque / 17.0 + random.normal(0.0, 0.0008) + random.normal(0.0, 0.01, COUNT)
-        moving = losses.moving_samples(v, 5)
+        moving = periods.moving_samples(v, 5)
         return MovingSamples(v[moving], a[moving], torque[moving], current[moving], time[moving])
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import play_operator as bench
 import pytest
 
-from rig.kinds.oswec_bench.products import deflection, periods, regressions
+from rig.kinds.oswec_bench.products import deflection, driveline, periods
 
 DT = 0.001
 
@@ -65,12 +65,12 @@ def test_backlash_and_stiffness_reproduce_the_thesis_trends(
     points: list[deflection.ShaftLag],
 ) -> None:
     """The signs of figures 2.4 and 2.5 follow from a model without explicit trends."""
-    trends = regressions.fit_regressions(points)
+    trends = driveline.fit_regressions(points)
     assert trends.amplitude.slope > 0.0
     assert trends.amplitude.r_squared > 0.85
     assert trends.velocity_phase.slope < 0.0
     assert 0.5 < trends.velocity_phase.r_squared < 0.9
-    assert regressions.explained_variance(points) > 0.97
+    assert driveline.explained_variance(points) > 0.97
     worst = max(each.deflection_high for each in points) / bench.DEGREE
     assert 0.24 < worst < 0.26
 
@@ -83,10 +83,10 @@ def test_equation_2_6_halves_the_deflection(
     before = deflection.pooled_percentile([each.deflection for each in motions])
     after = deflection.pooled_percentile(
         [
-            regressions.correct_offline(
+            driveline.correct_offline(
                 each,
-                regressions.predict_correction(
-                    regressions.leave_one_out(points, i), point, delay_over_torque=by_torque
+                driveline.predict_correction(
+                    driveline.leave_one_out(points, i), point, delay_over_torque=by_torque
                 ),
                 point.amplitude,
             )
@@ -101,12 +101,12 @@ def test_the_offline_correction_undoes_a_pure_delay_and_loss() -> None:
     t = DT * np.arange(3000)
     motor, shaft = (a * np.cos(2.0 * np.pi * (t - s) / 1.5) for a, s in ((0.2, 0.0), (0.19, 0.01)))
     motion = deflection.trim_motion(motor, shaft, t, periods.cut_periods(len(t), 1.5, DT))
-    correction = regressions.Correction(0.01, 0.01 / 1.5)
-    assert regressions.correct_offline(motion, correction, 0.2) == pytest.approx(
+    correction = driveline.Correction(0.01, 0.01 / 1.5)
+    assert driveline.correct_offline(motion, correction, 0.2) == pytest.approx(
         motion.shaft, abs=1e-9
     )
 
 
 def test_regressions_refuse_two_set_points(points: list[deflection.ShaftLag]) -> None:
     with pytest.raises(ValueError, match="2 set points"):
-        regressions.fit_regressions(points[:2])
+        driveline.fit_regressions(points[:2])

@@ -90,6 +90,17 @@ class Remark(NamedTuple):
     text: str
 
 
+class Cell(NamedTuple):
+    """A cell of the log as text."""
+
+    name: str  # such as A54
+    text: str  # a number as text; empty for a blank cell
+
+    def remark(self, kind: RemarkKind, text: str | None = None) -> Remark:
+        """Return a remark on this cell that quotes ``text``, or all of the cell."""
+        return Remark(kind, self.name, self.text.strip() if text is None else text)
+
+
 class Wave(NamedTuple):
     """One sea. A regular sea has an amplitude, an irregular one Hs; never both."""
 

@@ -2,7 +2,7 @@
 
 import re
 
-from rig.interop.legacy.testlog.entry import Bias, RemarkKind
+from rig.interop.legacy.testlog.entry import Bias, Cell, Remark, RemarkKind
 
 _PATTERNS = tuple(
     (kind, re.compile(words, re.IGNORECASE))
@@ -49,22 +49,21 @@ _BIAS_PATTERNS = tuple(
 _RELATION_TO_RUN = re.compile(r"\b(before|after) this (?:run|test)", re.IGNORECASE)
 
 
-def read_notes(text: str) -> tuple[tuple[RemarkKind, str], ...]:
-    """Return the kinds of irregularity in a text, each with the sentences that mention it."""
-    sentences = _SENTENCE.split(text.strip())
-    kinds = []
+def read_notes(cell: Cell) -> list[Remark]:
+    """Return a remark for each kind of irregularity, with the sentences that mention it."""
+    sentences = [sentence.strip() for sentence in _SENTENCE.split(cell.text.strip())]
+    remarks = []
     for kind, pattern in _PATTERNS:
-        matching = [sentence.strip() for sentence in sentences if pattern.search(sentence)]
-        if matching:
-            kinds.append((kind, " ".join(matching)))
-    return tuple(kinds)
+        if matching := [sentence for sentence in sentences if pattern.search(sentence)]:
+            remarks.append(cell.remark(kind, " ".join(matching)))
+    return remarks
 
 
-def read_bias(text: str, cell: str) -> Bias | None:
-    """Return the action on the zero of the heave position that a text mentions; None if none."""
-    for sentence in _SENTENCE.split(text):
+def read_bias(cell: Cell) -> Bias | None:
+    """Return the action on the zero of the heave position that a cell mentions; None if none."""
+    for sentence in _SENTENCE.split(cell.text):
         for action, pattern in _BIAS_PATTERNS:
             if pattern.search(sentence):
                 when = _RELATION_TO_RUN.search(sentence)
-                return Bias(action, when[1].lower() if when else "", cell)
+                return Bias(action, when[1].lower() if when else "", cell.name)
     return None

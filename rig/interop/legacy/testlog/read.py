@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.config.problems import ConfigError, Problem, display_path
+from rig.interop.legacy.table import read_bytes
 from rig.interop.legacy.testlog.entry import (
+    Cell,
     Condition,
     Entry,
     Remark,
@@ -19,7 +21,6 @@ from rig.interop.legacy.testlog.notes import read_bias, read_notes
 from rig.interop.legacy.testlog.settings import read_settings
 from rig.interop.legacy.testlog.sheet import SheetRow, read_sheet
 from rig.interop.legacy.testlog.waves import read_waves
-from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 _RUN = re.compile(r"\s*([A-Za-z][A-Za-z0-9]*)_(\d{1,6})\s*")
 _FILE = re.compile(r"\w+?_(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
@@ -62,13 +63,7 @@ def read_log(path: Path) -> RunLog:
     repeated run IDs. Every other irregularity becomes a remark of its entry.
     """
     path = Path(path)
-    try:
-        data = read_regular(path, MAX_TABLE_BYTES)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise ConfigError(
-            [Problem(display_path(path), 1, "", None, f"cannot be read: {reason}")]
-        ) from None
+    data = read_bytes(path)
     rows = read_sheet(path, data)
     run_ids = _run_ids(path, rows)
     entries: list[Entry] = []
@@ -91,10 +86,10 @@ def read_log(path: Path) -> RunLog:
 
 
 def _separator(row: SheetRow, later_runs: list[tuple[str, int] | None]) -> Separator:
-    filled = [(c, t.strip()) for c, t in zip(row.cells, row.texts, strict=True) if t.strip(" *")]
+    filled = [cell for cell in row.cells if cell.text.strip(" *")]
     following = next((run[1] for run in later_runs if run is not None), 0)
-    cell = filled[0][0] if filled else row.cells[0]
-    return Separator(row.row, cell, " / ".join(text for _, text in filled), following)
+    text = " / ".join(cell.text.strip() for cell in filled)
+    return Separator(row.row, (filled or row.cells)[0].name, text, following)
 
 
 def _run_ids(path: Path, rows: tuple[SheetRow, ...]) -> list[tuple[str, int] | None]:
@@ -103,7 +98,7 @@ def _run_ids(path: Path, rows: tuple[SheetRow, ...]) -> list[tuple[str, int] | N
     problems = []
     seen: dict[tuple[str, int], int] = {}
     for row in rows:
-        text = row.texts[0]
+        text = row.cells[0].text
         match = _RUN.fullmatch(text)
         if match is None:
             if any(c.isalnum() for c in text):
@@ -125,95 +120,73 @@ def _run_ids(path: Path, rows: tuple[SheetRow, ...]) -> list[tuple[str, int] | N
 
 
 def _entry(row: SheetRow, run_id: tuple[str, int], drive: _DriveInUse) -> Entry:
-    run_text, series_text, file_text, waves_text, wavebot, notes = row.texts
-    cell_of = dict(
-        zip(("run", "series", "file", "waves", "wavebot", "notes"), row.cells, strict=True)
-    )
+    run, series, file, waves, wavebot, notes = row.cells
     remarks = []
-    if run_text != run_text.strip():
-        remarks.append(Remark(RemarkKind.RUN_ID_SPACES, cell_of["run"], repr(run_text)))
-    file, recorded = _parse_file_name(file_text, cell_of["file"], remarks)
-    waves = read_waves(waves_text)
-    remarks += [Remark(kind, cell_of["waves"], text) for kind, text in waves.remarks]
-    has_waves = any(wave.kind is not WaveKind.CALM for wave in waves.waves)
-    series = _parse_series(series_text, cell_of["series"], remarks, has_waves=has_waves)
-    cells = (cell_of["wavebot"], cell_of["notes"])
-    settings = read_settings(wavebot, notes, cells)
-    remarks += [Remark(kind, cells[i], (wavebot, notes)[i].strip()) for kind, i in settings.remarks]
-    drive_name, drive_source = (
-        (settings.drive, settings.drive_cell) if settings.drive else (drive.name, drive.source)
-    )
-    if not settings.drive and drive.from_run:
-        remarks.append(
-            Remark(
-                RemarkKind.DRIVE_CARRIED, cell_of["wavebot"], f"{drive_name}, from {drive_source}"
-            )
-        )
-    if drive_name == "custom" and has_waves and not settings.scheme:
-        remarks.append(Remark(RemarkKind.SCHEME_UNSPECIFIED, cell_of["wavebot"], wavebot.strip()))
-    for text, cell in ((waves_text, cell_of["waves"]), (wavebot, cells[0]), (notes, cells[1])):
-        remarks += [Remark(kind, cell, quoted) for kind, quoted in read_notes(text)]
+    if run.text != run.text.strip():
+        remarks.append(run.remark(RemarkKind.RUN_ID_SPACES, repr(run.text)))
+    file_name, recorded = _parse_file_name(file, remarks)
+    parsed = read_waves(waves.text)
+    remarks += [waves.remark(kind, text) for kind, text in parsed.remarks]
+    has_waves = any(wave.kind is not WaveKind.CALM for wave in parsed.waves)
+    wave_series = _parse_series(series, remarks, has_waves=has_waves)
+    settings = read_settings(wavebot, notes)
+    remarks += settings.remarks
+    if not settings.drive:
+        settings = settings._replace(drive=drive.name, drive_source=drive.source)
+        if drive.from_run:
+            text = f"{drive.name}, from {drive.source}"
+            remarks.append(wavebot.remark(RemarkKind.DRIVE_CARRIED, text))
+    if settings.drive == "custom" and has_waves and not settings.scheme:
+        remarks.append(wavebot.remark(RemarkKind.SCHEME_UNSPECIFIED))
+    for cell in (waves, wavebot, notes):
+        remarks += read_notes(cell)
     if row.condition is Condition.UNKNOWN:
-        remarks.append(Remark(RemarkKind.COLOUR_UNKNOWN, cell_of["run"], ""))
-    biases = (read_bias(wavebot, cells[0]), read_bias(notes, cells[1]))
+        remarks.append(run.remark(RemarkKind.COLOUR_UNKNOWN, ""))
+    biases = (read_bias(wavebot), read_bias(notes))
+    fields = settings._asdict() | {"remarks": tuple(remarks)}
     return Entry(
         run=run_id[1],
         series_name=run_id[0],
         row=row.row,
-        wave_series=series,
-        file=file,
+        wave_series=wave_series,
+        file=file_name,
         recorded=recorded,
-        file_text=file_text,
-        waves=waves.waves,
-        waves_text=waves_text,
-        wavebot_text=wavebot,
-        notes=notes,
-        activities=settings.activities,
-        matrix=settings.matrix,
-        gains=settings.gains,
-        spring=settings.spring,
-        stator_percent=settings.stator,
-        drive=drive_name,
-        drive_source=drive_source,
-        scheme=settings.scheme,
-        surge=settings.surge,
-        bus_voltage_v=settings.bus_voltage,
-        amplitudes=settings.amplitudes,
-        order=settings.order,
+        file_text=file.text,
+        waves=parsed.waves,
+        waves_text=waves.text,
+        wavebot_text=wavebot.text,
+        notes=notes.text,
         biases=tuple(bias for bias in biases if bias is not None),
         condition=row.condition,
-        remarks=tuple(remarks),
+        **fields,
     )
 
 
-def _parse_file_name(text: str, cell: str, remarks: list[Remark]) -> tuple[str, str]:
+def _parse_file_name(file: Cell, remarks: list[Remark]) -> tuple[str, str]:
     """Return the name of a run's record and the time in it; both empty for an invalid name."""
-    name = text.strip()
-    if not name:
-        remarks.append(Remark(RemarkKind.FILE_MISSING, cell, ""))
-        return "", ""
+    name = file.text.strip()
     if match := _FILE.fullmatch(name):
         year, month, day, *clock = match.groups()
         return name, f"{year}-{month}-{day}T{':'.join(clock)}"
-    partial = _PARTIAL.fullmatch(name)
-    kind = RemarkKind.FILE_PARTIAL if partial else RemarkKind.FILE_NO_NAME
-    remarks.append(Remark(kind, cell, name))
+    kind = RemarkKind.FILE_MISSING
+    if name:
+        partial = _PARTIAL.fullmatch(name)
+        kind = RemarkKind.FILE_PARTIAL if partial else RemarkKind.FILE_NO_NAME
+    remarks.append(file.remark(kind))
     return "", ""
 
 
-def _parse_series(
-    text: str, cell: str, remarks: list[Remark], *, has_waves: bool
-) -> tuple[int, ...]:
-    if not text.strip():
+def _parse_series(series: Cell, remarks: list[Remark], *, has_waves: bool) -> tuple[int, ...]:
+    if not series.text.strip():
         if has_waves:
-            remarks.append(Remark(RemarkKind.SERIES_MISSING, cell, ""))
+            remarks.append(series.remark(RemarkKind.SERIES_MISSING))
         return ()
-    parts = [part.strip() for part in text.split(",")]
+    parts = [part.strip() for part in series.text.split(",")]
     if not all(word.isdecimal() for word in parts):
-        remarks.append(Remark(RemarkKind.SERIES_UNREADABLE, cell, text))
+        remarks.append(series.remark(RemarkKind.SERIES_UNREADABLE, series.text))
         return ()
     if len(parts) > 1:
-        remarks.append(Remark(RemarkKind.SERIES_SEVERAL, cell, text))
+        remarks.append(series.remark(RemarkKind.SERIES_SEVERAL, series.text))
     return tuple(int(word) for word in parts)
 
 

@@ -1,10 +1,13 @@
 """Relations between runs of a test log: wave series, shared files, repeated gain matrices."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple, TypeVar
 
-from rig.interop.legacy.testlog.entry import Bias, Entry
+from rig.interop.legacy.testlog.entry import Bias
 from rig.interop.legacy.testlog.read import RunLog
+
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 class Repeat(NamedTuple):
@@ -26,45 +29,37 @@ class Links(NamedTuple):
     biases: tuple[tuple[int, Bias], ...]  # run, and action on the heave position's zero
 
 
-_COMPARED: tuple[tuple[str, Callable[[Entry], object]], ...] = (
-    ("waves", lambda entry: entry.waves),
-    ("drive", lambda entry: entry.drive),
-    ("scheme", lambda entry: entry.scheme),
-    ("surge", lambda entry: entry.surge),
-)
+_COMPARED = ("waves", "drive", "scheme", "surge")
 
 
 def find_links(log: RunLog) -> Links:
     """Return the relations between the runs of a log."""
-    series: dict[int, list[int]] = {}
-    files: dict[str, list[int]] = {}
-    matrices: dict[str, list[Entry]] = {}
-    for entry in log.entries:
-        for number in entry.wave_series:
-            series.setdefault(number, []).append(entry.run)
-        if entry.file:
-            files.setdefault(entry.file, []).append(entry.run)
-        if entry.matrix:
-            matrices.setdefault(entry.matrix, []).append(entry)
+    entries = log.entries
+    series = _group((number, entry.run) for entry in entries for number in entry.wave_series)
+    files = _group((entry.file, entry.run) for entry in entries if entry.file)
+    matrices = _group((entry.matrix, entry) for entry in entries if entry.matrix)
     numbers = sorted(series)
     span = range(numbers[0], numbers[-1]) if numbers else range(0)
     return Links(
-        wave_series={number: tuple(series[number]) for number in numbers},
+        wave_series={number: series[number] for number in numbers},
         unnamed_series=tuple(number for number in span if number not in series),
-        shared_files={name: tuple(runs) for name, runs in files.items() if len(runs) > 1},
+        shared_files={name: runs for name, runs in files.items() if len(runs) > 1},
         matrices={name: tuple(e.run for e in group) for name, group in matrices.items()},
         repeats=tuple(
-            Repeat(name, tuple(e.run for e in group), _differences(group))
+            Repeat(
+                name,
+                tuple(entry.run for entry in group),
+                tuple(f for f in _COMPARED if len({getattr(entry, f) for entry in group}) > 1),
+            )
             for name, group in matrices.items()
             if len(group) > 1
         ),
-        biases=tuple((entry.run, bias) for entry in log.entries for bias in entry.biases),
+        biases=tuple((entry.run, bias) for entry in entries for bias in entry.biases),
     )
 
 
-def _differences(entries: list[Entry]) -> tuple[str, ...]:
-    return tuple(
-        name
-        for name, value_of in _COMPARED
-        if any(value_of(entry) != value_of(entries[0]) for entry in entries)
-    )
+def _group(pairs: Iterable[tuple[K, V]]) -> dict[K, tuple[V, ...]]:
+    groups: dict[K, tuple[V, ...]] = {}
+    for key, value in pairs:
+        groups[key] = (*groups.get(key, ()), value)
+    return groups

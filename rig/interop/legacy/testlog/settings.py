@@ -3,7 +3,15 @@
 import re
 from typing import NamedTuple
 
-from rig.interop.legacy.testlog.entry import Activity, Amplitude, Gain, RemarkKind, Spring
+from rig.interop.legacy.testlog.entry import (
+    Activity,
+    Amplitude,
+    Cell,
+    Gain,
+    Remark,
+    RemarkKind,
+    Spring,
+)
 
 SCHEMES = {"svpwm": "SVPWM", "svpm": "SVPWM", "dpwm": "DPWM", "sinetri": "SineTri", "hyst": "Hyst"}
 
@@ -40,57 +48,51 @@ _BUS = re.compile(r"DC ?BUS at (\d+(?:\.\d+)?)\s*V\b", re.IGNORECASE)
 _COTS = re.compile(r"\bAMC drive\b", re.IGNORECASE)
 _CUSTOM = re.compile(r"\bcustom drive\b", re.IGNORECASE)
 
-Remarks = list[tuple[RemarkKind, int]]  # kind, and cell: 0 WaveBot, 1 notes
-
 
 class EntrySettings(NamedTuple):
-    """Settings in the two cells of an entry, and the irregularities of their text."""
+    """Settings of an entry, by its fields, as far as the text of its two cells gives them."""
 
     activities: tuple[Activity, ...]
     matrix: str
     gains: tuple[Gain, ...]
     spring: Spring | None
-    stator: tuple[float, ...]
+    stator_percent: tuple[float, ...]
     drive: str
-    drive_cell: str
+    drive_source: str
     scheme: str
     surge: str
-    bus_voltage: float | None
+    bus_voltage_v: float | None
     amplitudes: tuple[Amplitude, ...]
     order: tuple[Amplitude, ...]
-    remarks: Remarks
+    remarks: list[Remark]
 
 
-def read_settings(wavebot: str, notes: str, cells: tuple[str, str]) -> EntrySettings:
-    """Return the settings in an entry's text; ``cells`` are the names of its two cells."""
-    remarks: Remarks = []
-    gains = tuple(
-        gain
-        for text, cell in zip((wavebot, notes), cells, strict=True)
-        for gain in _gains(text, cell)
-    )
+def read_settings(wavebot: Cell, notes: Cell) -> EntrySettings:
+    """Return the settings in the text of an entry, and the irregularities of the text."""
+    remarks: list[Remark] = []
+    gains = (*_gains(wavebot), *_gains(notes))
     if any(not gain.values for gain in gains):
-        remarks.append((RemarkKind.RANGE_EMPTY, 0))
-    matrix = _MATRIX.search(wavebot)
-    activities = tuple(activity for activity, pattern in _ACTIVITIES if pattern.search(wavebot))
-    gains_in_wavebot_cell = any(gain.cell == cells[0] for gain in gains)
+        remarks.append(wavebot.remark(RemarkKind.RANGE_EMPTY))
+    matrix = _MATRIX.search(wavebot.text)
+    activities = [activity for activity, pattern in _ACTIVITIES if pattern.search(wavebot.text)]
+    gains_in_wavebot_cell = any(gain.cell == wavebot.name for gain in gains)
     if gains_in_wavebot_cell and Activity.GAIN_MATRIX not in activities:
-        activities = (*activities, Activity.GAINS)
-    amplitudes, unknown = _amplitudes(wavebot)
+        activities.append(Activity.GAINS)
+    amplitudes, unknown = _amplitudes(wavebot.text)
     if unknown:
-        remarks.append((RemarkKind.AMPLITUDE_UNKNOWN, 0))
-    order = _amplitudes(" ".join(match[0] for match in _LIST.finditer(notes)))[0]
-    stator = _STATOR.search(wavebot)
-    bus = _BUS.search(wavebot)
-    drive, drive_cell = _drive(wavebot, notes)
+        remarks.append(wavebot.remark(RemarkKind.AMPLITUDE_UNKNOWN))
+    order = _amplitudes(" ".join(match[0] for match in _LIST.finditer(notes.text)))[0]
+    stator = _STATOR.search(wavebot.text)
+    bus = _BUS.search(wavebot.text)
+    drive, drive_source = _drive(wavebot, notes)
     return EntrySettings(
-        activities,
+        tuple(activities),
         f"GainMatrix{matrix[1]}" if matrix else "",
         gains,
-        _spring(wavebot, notes, cells, remarks),
+        _spring(wavebot, notes, remarks),
         tuple(float(word) for word in stator[1].split(",")) if stator else (),
         drive,
-        cells[drive_cell] if drive else "",
+        drive_source,
         _scheme(wavebot, notes, remarks),
         _surge(wavebot, notes, remarks),
         float(bus[1]) if bus else None,
@@ -100,20 +102,20 @@ def read_settings(wavebot: str, notes: str, cells: tuple[str, str]) -> EntrySett
     )
 
 
-def _spring(wavebot: str, notes: str, cells: tuple[str, str], remarks: Remarks) -> Spring | None:
-    rates = _rates(wavebot, _SPRINGS)
+def _spring(wavebot: Cell, notes: Cell, remarks: list[Remark]) -> Spring | None:
+    rates = _rates(wavebot.text, _SPRINGS)
     if len(rates) > 1:
-        remarks.append((RemarkKind.SPRING_SEVERAL, 0))
+        remarks.append(wavebot.remark(RemarkKind.SPRING_SEVERAL))
         return None
     if rates:
-        return Spring(rates[0], cells[0])
-    if _SPRING_MENTIONED.search(wavebot):
-        remarks.append((RemarkKind.SPRING_UNSPECIFIED, 0))
-    noted = _rates(notes, _SPRING_NOTES)
+        return Spring(rates[0], wavebot.name)
+    if _SPRING_MENTIONED.search(wavebot.text):
+        remarks.append(wavebot.remark(RemarkKind.SPRING_UNSPECIFIED))
+    noted = _rates(notes.text, _SPRING_NOTES)
     if len(noted) != 1:
         return None
-    remarks.append((RemarkKind.SPRING_IN_NOTES, 1))
-    return Spring(noted[0], cells[1])
+    remarks.append(notes.remark(RemarkKind.SPRING_IN_NOTES))
+    return Spring(noted[0], notes.name)
 
 
 def _rates(text: str, patterns: tuple[tuple[float, re.Pattern[str]], ...]) -> tuple[float, ...]:
@@ -126,15 +128,13 @@ def _rates(text: str, patterns: tuple[tuple[float, re.Pattern[str]], ...]) -> tu
     return tuple(dict.fromkeys(rates))
 
 
-def _gains(text: str, cell: str) -> list[Gain]:
+def _gains(cell: Cell) -> list[Gain]:
     gains = []
-    for match in _GAIN.finditer(text):
-        axis, letter, gain, value_text = match.groups()
-        surge = "surge" in (axis or "").lower() or letter == "s"
-        values = _range(
-            [float(word) for word in value_text.strip("[] ").split(":") if word.strip()]
-        )
-        gains.append(Gain("surge" if surge else "heave", f"k{gain}", values, cell))
+    for axis, letter, gain, value_text in _GAIN.findall(cell.text):
+        named = "surge" if axis.lower() == "surge" or letter == "s" else "heave"
+        words = value_text.strip("[] ").split(":")
+        values = _range([float(word) for word in words if word.strip()])
+        gains.append(Gain(named, f"k{gain}", values, cell.name))
     return gains
 
 
@@ -174,40 +174,40 @@ def _amplitudes(text: str) -> tuple[tuple[Amplitude, ...], bool]:
     return tuple(amplitudes), unknown
 
 
-def _drive(wavebot: str, notes: str) -> tuple[str, int]:
-    for cell, text in enumerate((wavebot, notes)):
-        if _COTS.search(text):
-            return "COTS", cell
-        if _CUSTOM.search(text):
-            return "custom", cell
-    return "", 0
+def _drive(wavebot: Cell, notes: Cell) -> tuple[str, str]:
+    """Return the drive that the text names, and the cell that names it."""
+    for cell in (wavebot, notes):
+        if _COTS.search(cell.text):
+            return "COTS", cell.name
+        if _CUSTOM.search(cell.text):
+            return "custom", cell.name
+    return "", ""
 
 
-def _scheme(wavebot: str, notes: str, remarks: Remarks) -> str:
-    in_wavebot = [word.lower() for word in _SCHEME.findall(wavebot)]
-    in_notes = [word.lower() for word in _SCHEME.findall(notes)]
-    cell = 0 if in_wavebot else 1
-    names = in_wavebot or in_notes
+def _scheme(wavebot: Cell, notes: Cell, remarks: list[Remark]) -> str:
+    in_wavebot = [word.lower() for word in _SCHEME.findall(wavebot.text)]
+    in_notes = [word.lower() for word in _SCHEME.findall(notes.text)]
+    names, cell = (in_wavebot, wavebot) if in_wavebot else (in_notes, notes)
     if "svpm" in names:
-        remarks.append((RemarkKind.SCHEME_MISSPELT, cell))
+        remarks.append(cell.remark(RemarkKind.SCHEME_MISSPELT))
     schemes = list(dict.fromkeys(SCHEMES[word] for word in names))
-    if schemes and cell:
-        remarks.append((RemarkKind.SCHEME_IN_NOTES, 1))
+    if schemes and cell is notes:
+        remarks.append(notes.remark(RemarkKind.SCHEME_IN_NOTES))
     if len(schemes) > 1:
-        remarks.append((RemarkKind.SCHEME_SEVERAL, cell))
+        remarks.append(cell.remark(RemarkKind.SCHEME_SEVERAL))
         return ""
     if in_wavebot and {SCHEMES[word] for word in in_notes} - set(schemes):
-        remarks.append((RemarkKind.SCHEME_SEVERAL, 1))
+        remarks.append(notes.remark(RemarkKind.SCHEME_SEVERAL))
     return schemes[0] if schemes else ""
 
 
-def _surge(wavebot: str, notes: str, remarks: Remarks) -> str:
-    for cell, text in enumerate((wavebot, notes)):
-        if match := _SURGE.search(text):
+def _surge(wavebot: Cell, notes: Cell, remarks: list[Remark]) -> str:
+    for cell in (wavebot, notes):
+        if match := _SURGE.search(cell.text):
             state = match[1].lower()
             if state == "disables":
-                remarks.append((RemarkKind.SURGE_MISSPELT, cell))
+                remarks.append(cell.remark(RemarkKind.SURGE_MISSPELT))
             return "disabled" if state.startswith("disable") else "enabled"
-        if _SURGE_BY_HAND.search(text):
+        if _SURGE_BY_HAND.search(cell.text):
             return "by hand"
     return ""

@@ -1,19 +1,13 @@
 """Read the spreadsheet of a test log: its rows as text, and the meaning of their colours."""
 
-import io
 import re
-import warnings
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree.ElementTree import ParseError
 
-from rig.config.problems import ConfigError, Problem, display_path
-from rig.interop.legacy.testlog.entry import Condition
+from rig.interop.legacy.table import MAX_ROWS, file_error, open_workbook
+from rig.interop.legacy.testlog.entry import Cell, Condition
 
 COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
-MAX_ROWS = 10_000
 
 _LEGEND = (
     ("slightly unusual", Condition.UNUSUAL),
@@ -36,8 +30,7 @@ class SheetRow(NamedTuple):
     """A row of the log as text."""
 
     row: int
-    texts: tuple[str, ...]  # one for each of `COLUMNS`; numbers as text, blank cells empty
-    cells: tuple[str, ...]  # their names, such as A54
+    cells: tuple[Cell, ...]  # one for each of `COLUMNS`
     condition: Condition
 
 
@@ -46,43 +39,27 @@ def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
 
     Raises `ConfigError` if the file is not a workbook, or if no sheet has the columns of a log.
     """
-    import openpyxl  # noqa: PLC0415 - a third of a second; only this function needs it
-    from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # openpyxl warns of unknown styles and extensions
-            book = openpyxl.load_workbook(io.BytesIO(data), data_only=True)
-    except (
-        *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
-        *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
-    ) as error:
-        raise _file_error(path, 1, f"not readable as a workbook: {error}") from None
-    for sheet in book.worksheets:
+    with open_workbook(path, data) as book:
+        sheets = book.worksheets
+    for sheet in sheets:
         columns_at = _find_columns(sheet)
         if columns_at is not None:
             break
     else:
-        columns = ", ".join(COLUMNS)
-        raise _file_error(path, 1, f"no sheet has the columns of a test log: {columns}")
+        raise file_error(path, f"no sheet has the columns of a test log: {', '.join(COLUMNS)}")
     if sheet.max_row > MAX_ROWS:
-        raise _file_error(path, 1, f"{sheet.max_row} rows; allowed at most {MAX_ROWS}")
+        raise file_error(path, f"{sheet.max_row} rows; allowed at most {MAX_ROWS}")
     theme = _theme_colours(book.loaded_theme)
-    others = [other for other in book.worksheets if other is not sheet]
-    legend = _read_legend(others, theme)
+    legend = _read_legend([other for other in sheets if other is not sheet], theme)
     rows = []
     for line in sheet.iter_rows(min_row=2):
-        cells = [line[i] for i in columns_at]
-        texts = tuple(_cell_text(cell.value) for cell in cells)
-        if any(text.strip() for text in texts):
-            names = tuple(str(cell.coordinate) for cell in cells)
-            condition = _condition(_fill_colour(cells[0], theme), legend)
-            rows.append(SheetRow(cells[0].row, texts, names, condition))
+        first = line[columns_at[0]]
+        cells = tuple(Cell(line[i].coordinate, _cell_text(line[i].value)) for i in columns_at)
+        if any(cell.text.strip() for cell in cells):
+            colour = _fill_colour(first, theme)
+            condition = Condition.PLAIN if colour is None else legend.get(colour, Condition.UNKNOWN)
+            rows.append(SheetRow(first.row, cells, condition))
     return tuple(rows)
-
-
-def _file_error(path: Path, line: int, message: str) -> ConfigError:
-    return ConfigError([Problem(display_path(path), line, "", None, message)])
 
 
 def _find_columns(sheet: Any) -> tuple[int, ...] | None:
@@ -132,9 +109,3 @@ def _read_legend(sheets: list[Any], theme: dict[int, str]) -> dict[Colour, Condi
                 if colour is not None and label.lower() in text.lower():
                     legend[colour] = condition
     return legend
-
-
-def _condition(colour: Colour | None, legend: dict[Colour, Condition]) -> Condition:
-    if colour is None:
-        return Condition.PLAIN
-    return legend.get(colour, Condition.UNKNOWN)

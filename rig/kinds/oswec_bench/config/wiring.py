@@ -4,27 +4,15 @@ A rehearsal needs no wiring. A property of a device that no manual confirms has 
 """
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from rig.config.model import FileModel, RuleViolation, WholeNumber
 from rig.config.problems import format_number
-from rig.config.wiring import AnyLine, Registers, check_register_blocks
+from rig.config.wiring import BlockContent, Registers, SerialPort, UdpDevice, Wiring
 
 _POSITION_BITS = {"SSI1": 22, "SSI2": 22, "SSI4": 19, "SSI6": 22, "SSI9": 19}
-
-
-class SerialPort(FileModel):
-    """A serial port; a path under /dev/serial/by-id always names the same adapter."""
-
-    port: str = Field(min_length=1)
-    baud: WholeNumber = Field(ge=1200, le=4_000_000)
-    parity: Literal["N", "E", "O"]
-    stop_bits: Literal[1, 2]
-    rts_cts: bool = False  # hardware handshake
-    echo: bool = False  # a two-wire RS-485 adapter that receives its own bytes
-    low_latency: bool = False  # request the adapter's driver to deliver bytes at once
 
 
 class EncoderChannel(FileModel):
@@ -40,6 +28,8 @@ class EncoderChannel(FileModel):
 
 class EncoderBridge(SerialPort):
     """The bridge that latches both encoders with one edge."""
+
+    description: ClassVar[str] = "encoder bridge"
 
     motor: EncoderChannel
     shaft: EncoderChannel
@@ -89,6 +79,8 @@ class AnalogCommand(FileModel):
 class ServoDrive(SerialPort):
     """The Compax3: power, set-points and actual values over its serial line."""
 
+    description: ClassVar[str] = "servo drive, Compax3"
+
     address: WholeNumber | None = Field(ge=0, le=99)  # null: RS-232
     identity: str = Field(min_length=1)  # what its name must begin with
     enabled_word: WholeNumber = Field(ge=1, le=65_535)  # control word: powered, motion enabled
@@ -121,11 +113,12 @@ class ServoDrive(SerialPort):
             )
 
 
-class LoadCell(FileModel):
+class LoadCell(UdpDevice):
     """The ATI load cell with a Net F/T box."""
 
-    host: str = Field(min_length=1)  # numeric address: resolving a name could block
-    port: WholeNumber = Field(ge=1, le=65_535)
+    description: ClassVar[str] = "ATI Net F/T"
+    protocol: ClassVar[str] = "RDT over UDP"
+
     counts_per_force: float = Field(gt=0, le=1e9)
     counts_per_torque: float = Field(gt=0, le=1e9)
     force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]
@@ -137,30 +130,29 @@ class LoadCell(FileModel):
     silence_s: float = Field(gt=0, le=5)
 
 
-class BenchWiring(FileModel):
-    """The wiring of the bench."""
+class BenchWiring(Wiring):
+    """The wiring of the bench.
+
+    The digital inputs are for monitoring only: the stop chain is hard-wired.
+    """
 
     encoders: EncoderBridge
     servo: ServoDrive
     load_cell: LoadCell
-    lines: dict[str, AnyLine]
-    inputs: Registers  # e_stop, limit_switch: monitoring only, the stop chain is hard-wired
-    analog: Registers  # servo (V), brake (A): outputs
-    brake: Registers  # current (A), measured at the brake
-    output_expiry_s: float = Field(ge=0.05, le=10)  # age at which an output command expires
-
-    def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that every block of registers has its values and its line."""
-        yield from check_register_blocks(self, self.lines, BENCH_SLOT_SIGNALS)
+    inputs: Annotated[
+        Registers, BlockContent("I/O coupler: digital inputs", ("e_stop", "limit_switch"))
+    ]
+    analog: Annotated[
+        Registers,  # V, A
+        BlockContent(
+            "I/O coupler: analog outputs for servo and brake", ("servo", "brake"), written=True
+        ),
+    ]
+    brake: Annotated[
+        Registers, BlockContent("measuring amplifier: current of the brake", ("current",))  # A
+    ]
 
 
 def max_counts(channel: EncoderChannel) -> int:
     """Return the maximum counts per turn that the SSI word of an encoder can carry."""
     return 1 << _POSITION_BITS[channel.protocol]
-
-
-BENCH_SLOT_SIGNALS = {
-    "inputs": ("e_stop", "limit_switch"),
-    "analog": ("servo", "brake"),
-    "brake": ("current",),
-}

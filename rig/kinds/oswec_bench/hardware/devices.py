@@ -6,13 +6,12 @@ alone translates between the messages of the wires and the signals of the loop.
 """
 
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from controllers.blocks import clamp
 from controllers.signals import PanelSense
 from drivers.compax3 import analog_command
 from drivers.conversation import Exchange
-from rig.kinds.oswec_bench.hardware.settings import BenchDeviceSettings
 from rig.kinds.oswec_bench.tick import (
     BrakeSense,
     Command,
@@ -24,12 +23,22 @@ from rig.kinds.oswec_bench.tick import (
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
 from rig.wires import streams
-from rig.wires.messages import MESSAGE_TYPES, AnalogOutputsMessage, SetPointMessage
+from rig.wires.messages import AnalogOutputsMessage, SetPointMessage, open_mailboxes
 from rig.wires.streams import Stream
 
 MAILBOX_INPUTS = ("servo", "load_cell", "brake", "inputs", "analog_done")
 WARM_UP_TIMEOUT_S = 3.0  # s in which every device must give a value
 _MAX_WARM_UP_AGE_S = 0.1  # s, of every value at the end of the warm-up
+
+
+class BenchDeviceSettings(NamedTuple):
+    """Scales from the loop's volts and amperes to the commands on the wires."""
+
+    analog: int  # 1: the velocity command goes through the analog output; 0: to the drive itself
+    output: analog_command.Params  # calibration of the analog output, volts over volts
+    velocity_per_volt: float  # rad/s at the motor per volt
+    torque_per_ampere: float  # N m at the motor, nominal
+    max_brake_current: float  # A, limit of the brake's output
 
 
 class BenchDevices:
@@ -117,6 +126,6 @@ class BenchDevices:
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:
     """Return the devices for a configuration of `rig.kinds.oswec_bench.hardware.job`."""
     settings: BenchDeviceSettings = handover.loads(BenchDeviceSettings, config["devices"])
-    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in config["mailboxes"].items()}
-    encoders = streams.create_stream("encoders", config["encoders"], slots)
+    slots = open_mailboxes(config["mailboxes"])
+    encoders = streams.create_stream("encoders", config["streams"]["encoders"], slots)
     return BenchDevices(settings, encoders, slots)

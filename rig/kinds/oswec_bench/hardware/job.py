@@ -1,75 +1,45 @@
 """The supervisor's side of a wired bench: the settings of its loop and its I/O processes."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from drivers.compax3 import analog_command
-from drivers.errors import CodecError
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
-from rig.kinds.oswec_bench.config.wiring import BENCH_SLOT_SIGNALS, BenchWiring
-from rig.kinds.oswec_bench.hardware.settings import BenchDeviceSettings
-from rig.kinds.wavebot.hardware.job import WiringError
+from rig.kinds.oswec_bench.config.wiring import BenchWiring
+from rig.kinds.oswec_bench.hardware.devices import BenchDeviceSettings
 from rig.processes import handover
-from rig.processes.io_processes import IoProcess
-from rig.wires import streams
-from rig.wires.modbus_lines import modbus_pollers
+from rig.wires.job import (
+    WiredJob,
+    WiringError,
+    modbus_pollers,
+    stream_poller,
+    stream_problems,
+    wiring_of,
+)
 
 Loop = Literal["velocity", "torque"]
 """The control loop of the servo drive that a session uses."""
 
 
-class BenchJob(NamedTuple):
-    """The I/O processes and device settings of a wired session."""
-
-    io_processes: tuple[IoProcess, ...]
-    devices: dict[str, Any]  # for `devices.connect`, without mailboxes
-
-
-def build_bench_job(rig: BenchRigFile, loop: Loop = "velocity") -> BenchJob:
+def build_job(rig: BenchRigFile, loop: Loop = "velocity") -> WiredJob:
     """Return the job of a rig file with `wiring`; WiringError lists all reasons against it."""
-    wiring = rig.wiring
-    if wiring is None:
-        raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
-    settings = _stream_settings(rig, wiring, loop)
-    problems = []
-    for kind, stream_settings in settings.items():
-        try:
-            streams.create_stream(kind, stream_settings, {})
-        except CodecError as error:
-            problems.append(f"{kind}: {error}")
-    if problems:
-        raise WiringError("\n".join(problems))
-    slots = {"servo": ("servo", "set_point"), "load_cell": ("load_cell",)}
-    processes = [
-        IoProcess(
-            kind.replace("_", " "),
-            "rig.wires.stream_poller",
-            {"kind": kind, "settings": settings[kind]},
-            names,
-        )
-        for kind, names in slots.items()
-    ]
-    blocks = {name: getattr(wiring, name) for name in BENCH_SLOT_SIGNALS}
-    processes += modbus_pollers(wiring.lines, blocks, ("analog",), wiring.output_expiry_s)
-    devices = {
-        "devices": handover.dumps(_device_settings(rig, wiring, loop)),
-        "encoders": settings["encoders"],
+    wiring = wiring_of(rig)
+    encoders: dict[str, Any] = wiring.encoders.model_dump() | {
+        "motor_counts": rig.servo.encoder.counts_per_revolution,
+        "shaft_counts": rig.shaft_encoder.counts_per_revolution,
     }
-    return BenchJob(tuple(processes), devices)
-
-
-def _stream_settings(
-    rig: BenchRigFile, wiring: BenchWiring, loop: Loop
-) -> dict[str, dict[str, Any]]:
-    """Return the settings of each stream as JSON values."""
-    return {
-        "encoders": wiring.encoders.model_dump()
-        | {
-            "motor_counts": rig.servo.encoder.counts_per_revolution,
-            "shaft_counts": rig.shaft_encoder.counts_per_revolution,
-        },
+    polled: dict[str, dict[str, Any]] = {
         "servo": wiring.servo.model_dump() | {"loop": loop},
         "load_cell": wiring.load_cell.model_dump(),
     }
+    loop_streams = {"encoders": encoders}
+    if problems := stream_problems(loop_streams | polled):
+        raise WiringError("\n".join(problems))
+    pollers = (stream_poller(kind, settings) for kind, settings in polled.items())
+    devices = {
+        "devices": handover.dumps(_device_settings(rig, wiring, loop)),
+        "streams": loop_streams,
+    }
+    return WiredJob((*pollers, *modbus_pollers(wiring)), devices)
 
 
 def _device_settings(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> BenchDeviceSettings:

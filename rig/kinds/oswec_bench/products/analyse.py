@@ -4,50 +4,72 @@ file.
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.analysis import picture
 from rig.analysis.stop_reason import Ending, LostTicks, describe_ending, find_stop
 from rig.kinds.oswec_bench.products import (
-    brake_report,
+    brake_map,
     driveline_report,
-    flap_decay_report,
-    flap_pto_report,
-    flap_rao_report,
-    flap_stiffness_report,
-    losses_report,
-    torque_report,
-    tracking_report,
-    velocity_report,
+    flap_decay,
+    flap_pto,
+    flap_rao,
+    flap_stiffness,
+    losses,
+    torque_constant,
+    tracking,
+    velocity_constant,
 )
 from rig.kinds.oswec_bench.products.constants import FILE, read_constant, write_constants
 from rig.kinds.oswec_bench.products.estimate import Estimate
-from rig.kinds.oswec_bench.products.page import page_notes, write_page
 from rig.kinds.oswec_bench.products.points import SessionRun, open_session, session_config
-from rig.kinds.oswec_bench.products.result import FigureSpec, Result, format_estimate
-from rig.kinds.oswec_bench.products.tables import result_as_dict, write_tables
+from rig.kinds.oswec_bench.products.report import (
+    page_notes,
+    result_as_dict,
+    write_page,
+    write_tables,
+)
+from rig.kinds.oswec_bench.products.result import Result
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import RunInfo, list_runs, run_info
 from rig.recording.runs.state import RecordState
 
-_SINGLE_RUN: dict[str, Callable[[SessionRun], Result]] = {
-    "torque_constant": torque_report.analyse_session,
-    "velocity_constant": velocity_report.analyse_session,
-    "brake_map": brake_report.analyse_session,
-    "flap_hydrostatic": flap_stiffness_report.analyse_session,
-    "flap_rao": flap_rao_report.analyse_session,
-    "flap_pto_sweep": flap_pto_report.analyse_session,
+Against = str | os.PathLike[str] | None
+"""The reference run that a caller asks for."""
+
+
+def _baseline(session: SessionRun, run: Path, against: Against) -> SessionRun | None:
+    """Return the run without correction or in open loop that serves as the baseline."""
+    if against is None and not _is_baseline(session_config(session.metadata)):
+        against = _find_baseline(session, run)
+    return open_session(against) if against is not None else None
+
+
+def _constant(
+    kind: str, name: str, _session: SessionRun, run: Path, against: Against
+) -> Estimate | None:
+    """Return a constant from the newest analysed run of a kind of session in the same folder."""
+    other = Path(against) if against is not None else _find_analysed_run(run, kind)
+    return read_constant(other, name) if other else None
+
+
+_motor_constant = partial(_constant, "torque_constant", "torque_constant_motor")
+_flap_stiffness = partial(_constant, "flap_hydrostatic", "flap_stiffness")
+_ANALYSES: dict[str, tuple[Callable[..., Result], Callable[..., Any] | None]] = {
+    "torque_constant": (torque_constant.analyse_session, None),
+    "velocity_constant": (velocity_constant.analyse_session, None),
+    "brake_map": (brake_map.analyse_session, None),
+    "flap_hydrostatic": (flap_stiffness.analyse_session, None),
+    "flap_rao": (flap_rao.analyse_session, None),
+    "flap_pto_sweep": (flap_pto.analyse_session, None),
+    "driveline": (driveline_report.analyse_session, _baseline),
+    "torque_tracking": (tracking.analyse_session, _baseline),
+    "losses": (losses.analyse_session, _motor_constant),
+    "flap_free_decay": (flap_decay.analyse_session, _flap_stiffness),
 }
-_WITH_BASELINE: dict[str, Callable[[SessionRun, SessionRun | None], Result]] = {
-    "driveline": driveline_report.analyse_session,
-    "torque_tracking": tracking_report.analyse_session,
-}
-_WITH_CONSTANT: dict[str, tuple[Callable[[SessionRun, Estimate | None], Result], str, str]] = {
-    "losses": (losses_report.analyse_session, "torque_constant", "torque_constant_motor"),
-    "flap_free_decay": (flap_decay_report.analyse_session, "flap_hydrostatic", "flap_stiffness"),
-}
-KINDS = (*_SINGLE_RUN, *_WITH_BASELINE, *_WITH_CONSTANT)
+"""Analysis of each kind of session, and the reference that it takes as second argument."""
+KINDS = tuple(_ANALYSES)
 """Sessions that have an analysis."""
 
 
@@ -84,7 +106,7 @@ class Summary(NamedTuple):
             lines.append(
                 f"  {marks[each.target_met]}{each.quantity:<{width}}  {'; '.join(details)}"
             )
-        lines += [f"  {name} = {format_estimate(c)}" for name, c in self.result.constants.items()]
+        lines += [f"  {name} = {each}" for name, each in self.result.constants.items()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 
@@ -105,9 +127,7 @@ class Summary(NamedTuple):
         }
 
 
-def analyse(
-    run_folder: str | os.PathLike[str], against: str | os.PathLike[str] | None = None
-) -> Summary:
+def analyse(run_folder: str | os.PathLike[str], against: Against = None) -> Summary:
     """Analyse a session's run and write all results into its folder.
 
     ``against`` names the reference run. For a corrected or closed-loop run it is the run without
@@ -132,7 +152,7 @@ def analyse(
         "ending": ending.description,
         **session.record.attributes(),
     }
-    figures = [_draw_figure(each, attributes, folder) for each in result.figures]
+    figures = [each.save(attributes, folder) for each in result.figures]
     files = [
         *write_tables(result, attributes, folder),
         *write_constants(result, session, folder),
@@ -152,23 +172,17 @@ def analyse(
     )
 
 
-def _result(session: SessionRun, run: Path, against: str | os.PathLike[str] | None) -> Result:
-    if session.kind in _SINGLE_RUN:
-        if against is not None:
-            raise ValueError(f"a session {session.kind} takes no reference run")
-        return _SINGLE_RUN[session.kind](session)
-    if session.kind in _WITH_CONSTANT:
-        analysis, kind, constant = _WITH_CONSTANT[session.kind]
-        other = Path(against) if against is not None else _find_analysed_run(run, kind)
-        return analysis(session, read_constant(other, constant) if other else None)
-    if session.kind not in _WITH_BASELINE:
+def _result(session: SessionRun, run: Path, against: Against) -> Result:
+    if session.kind not in _ANALYSES:
         raise ValueError(
             f"session {session.kind!r} has no analysis; known kinds: {', '.join(KINDS)}"
         )
+    analysis, reference = _ANALYSES[session.kind]
+    if reference is not None:
+        return analysis(session, reference(session, run, against))
     if against is not None:
-        return _WITH_BASELINE[session.kind](session, open_session(against))
-    other = None if _is_baseline(session_config(session.metadata)) else _find_baseline(session, run)
-    return _WITH_BASELINE[session.kind](session, open_session(other) if other else None)
+        raise ValueError(f"a session {session.kind} takes no reference run")
+    return analysis(session)
 
 
 def _is_baseline(config: dict[str, Any]) -> bool:
@@ -219,9 +233,3 @@ def _find_analysed_run(run: Path, kind: str) -> Path | None:
             if config.get("session") == kind:
                 return each.path
     return None
-
-
-def _draw_figure(spec: FigureSpec, attributes: dict[str, Any], folder: Path) -> Path:
-    figure, body = picture.framed_figure(*spec.size, spec.title, attributes, "", spec.caption)
-    spec.draw(body)
-    return picture.save(figure, folder / f"{spec.name}.png")

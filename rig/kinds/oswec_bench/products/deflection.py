@@ -14,6 +14,7 @@ from rig.kinds.oswec_bench.products import periods
 from rig.kinds.oswec_bench.products.estimate import Floats
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 
+DEGREE = float(np.pi / 180.0)
 WINDOW = 0.015  # s, of the moving-window differentiator
 PERCENTILE = 95.0  # percentile that rates a deflection
 
@@ -51,7 +52,7 @@ def trim_motion(motor: Floats, shaft: Floats, torque: Floats, cut: PeriodCut) ->
         cut,
         periods.detrend(motor, cut),
         periods.detrend(shaft, cut),
-        torque[cut.edges[0] : cut.edges[-1]],
+        cut.trim(torque),
     )
 
 

@@ -3,27 +3,105 @@
 The analysis follows chapter 2 of the OSWEC thesis. A corrected set point is rated by reference
 minus shaft, compared with the uncorrected one of the same amplitude and damping; the drive's own
 following error (reference minus motor) is listed separately.
+
+Trends between set points and the position correction that follows from them are figures 2.4 and 2.5
+and equation 2.6. The thesis relates the phase shift to the motor's velocity; a compliance delays by
+torque per velocity, so the delay over rms torque is fitted, too.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rig.kinds.oswec_bench.products import periods, regressions, torque_map
+from rig.kinds.oswec_bench.products import periods, torque_map
 from rig.kinds.oswec_bench.products.deflection import (
     WINDOW,
     Motion,
     ShaftLag,
-    error_percentile,
     pooled_percentile,
     shaft_lag,
 )
-from rig.kinds.oswec_bench.products.estimate import Floats
+from rig.kinds.oswec_bench.products.estimate import Floats, Line, fit_line
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
-from rig.kinds.oswec_bench.products.regressions import Correction, Regressions
 from rig.kinds.oswec_bench.products.torque_map import TorqueMap
 
-DEGREE = float(np.pi / 180.0)
+
+class Regressions(NamedTuple):
+    """Lines through the means of the set points."""
+
+    amplitude: Line  # amplitude difference, rad, over rms torque, N*m
+    velocity_phase: Line  # phase shift, share of the period, over rms motor velocity, rad/s
+    torque_phase: Line  # phase shift, share of the period, over rms torque, N*m
+
+
+class Correction(NamedTuple):
+    """Amplitude and advance: removed from a motor's sine to predict the shaft, or added to a
+    command.
+    """
+
+    amplitude: float  # rad
+    advance: float  # share of the period
+
+
+def fit_regressions(points: list[ShaftLag]) -> Regressions:
+    """Return the three trends over at least three set points; ValueError for fewer."""
+    torque = [each.rms_torque for each in points]
+    phase = [float(each.phase_shift.mean()) for each in points]
+    amplitude = [float(each.amplitude_difference.mean()) for each in points]
+    if len(points) < 3:
+        raise ValueError(f"{len(points)} set points; regressions need at least 3")
+    return Regressions(
+        fit_line(torque, amplitude),
+        fit_line([each.rms_velocity for each in points], phase),
+        fit_line(torque, phase),
+    )
+
+
+def explained_variance(points: list[ShaftLag]) -> float:
+    """Return R^2 of the phase shift over 1/v and T/v: the joint effect of gap and compliance.
+
+    Each term is a deflection over a velocity. Velocity alone (Fig. 2.4) leaves out the torque,
+    which differs fourfold between dampings at one velocity.
+    """
+    v = np.array([each.rms_velocity for each in points])
+    torque = np.array([each.rms_torque for each in points])
+    phase = np.array([float(each.phase_shift.mean()) for each in points])
+    design = np.stack([1.0 / v, torque / v, np.ones(len(v))], axis=1)
+    residual = phase - design @ np.linalg.lstsq(design, phase, rcond=None)[0]
+    return 1.0 - float((residual * residual).sum() / ((phase - phase.mean()) ** 2).sum())
+
+
+def leave_one_out(points: list[ShaftLag], left_out: int) -> Regressions:
+    """Return the trends of all set points but one, for rating that one."""
+    return fit_regressions([each for i, each in enumerate(points) if i != left_out])
+
+
+def predict_correction(
+    regressions: Regressions, point: ShaftLag, *, delay_over_torque: bool = False
+) -> Correction:
+    """Return the correction of a set point by its rms velocity and torque.
+
+    ``delay_over_torque`` uses the delay over torque instead of the thesis's phase over velocity.
+    """
+    advance = (
+        regressions.torque_phase.at(point.rms_torque)
+        if delay_over_torque
+        else regressions.velocity_phase.at(point.rms_velocity)
+    )
+    return Correction(float(regressions.amplitude.at(point.rms_torque)), float(advance))
+
+
+def correct_offline(motion: Motion, correction: Correction, amplitude: float) -> Floats:
+    """Return the motor's motion corrected towards the shaft's, rad: equation 2.6 of the thesis.
+
+    Theta = (1 - dA / A) FFT(theta_m) exp(-i omega phi), transformed back; ``amplitude`` A in rad.
+    """
+    spectrum = np.fft.rfft(motion.motor)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(len(motion.motor), motion.cut.dt)
+    spectrum *= (1.0 - correction.amplitude / amplitude) * np.exp(
+        -1j * omega * correction.advance * motion.cut.period
+    )
+    return np.fft.irfft(spectrum, len(motion.motor))
 
 
 class DrivelineSetpoint(NamedTuple):
@@ -100,7 +178,7 @@ def analyse_point(point: SetpointData) -> DrivelineSetpoint:
 
 def _drive_gain_and_lag(point: SetpointData, motion: Motion) -> tuple[float, float]:
     """Return gain and lag of the velocity loop under load; NaN if there was no command."""
-    command = periods.fundamentals(point.trim(point.volts, motion.cut), motion.cut).mean()
+    command = periods.fundamentals(motion.cut.trim(point.volts), motion.cut).mean()
     if not abs(command) > 1e-6:
         return float("nan"), float("nan")
     ratio = 1j * motion.cut.omega * periods.fundamentals(motion.motor, motion.cut).mean() / command
@@ -113,37 +191,29 @@ def analyse_driveline(session: SessionRun, baseline: SessionRun | None = None) -
     if session.irregular:
         points = [each._replace(lag=_lag_by_delay(each)) for each in points]
     uncorrected = [each for each in points if each.point.correction_name == "none"]
-    baseline_points = [analyse_point(p) for p in baseline.complete_points] if baseline else []
-    reference_points = {
-        each.setpoint: each for each in baseline_points if each.point.correction_name == "none"
-    }
-    reference_points |= {each.setpoint: each for each in uncorrected}
     corrected = [each for each in points if each.point.correction_name != "none"]
-    sinusoids = [] if session.irregular else uncorrected
-    fitted_regressions = (
-        regressions.fit_regressions([e.lag for e in sinusoids]) if len(sinusoids) >= 3 else None
-    )
+    baseline_points = [analyse_point(p) for p in baseline.complete_points] if baseline else []
+    references = {
+        each.setpoint: each
+        for each in (*baseline_points, *uncorrected)
+        if each.point.correction_name == "none"
+    }
+    pairs_by_name: dict[str, list[tuple[DrivelineSetpoint, DrivelineSetpoint]]] = {}
+    for each in corrected:
+        if each.setpoint in references:
+            pairs = pairs_by_name.setdefault(each.point.correction_name, [])
+            pairs.append((each, references[each.setpoint]))
+    sinusoids = [] if session.irregular else [each.lag for each in uncorrected]
+    trends = fit_regressions(sinusoids) if len(sinusoids) >= 3 else None
     binned = [torque_map.bin_deflection(each.motion) for each in uncorrected]
     binned = [each for each in binned if len(each.torque) >= 4]
-    names = dict.fromkeys(each.point.correction_name for each in corrected)
-    schemes = [
-        CorrectionScheme(name, pairs)
-        for name in names
-        if (
-            pairs := [
-                (each, reference_points[each.setpoint])
-                for each in corrected
-                if each.point.correction_name == name and each.setpoint in reference_points
-            ]
-        )
-    ]
     return DrivelineResult(
         uncorrected,
         corrected,
-        fitted_regressions,
-        _offline_errors(uncorrected, fitted_regressions),
+        trends,
+        _offline_errors(uncorrected, trends),
         torque_map.fit_map(binned) if len(binned) >= 3 else None,
-        schemes,
+        [CorrectionScheme(name, pairs) for name, pairs in pairs_by_name.items()],
     )
 
 
@@ -155,52 +225,30 @@ def _lag_by_delay(point: DrivelineSetpoint) -> ShaftLag:
     """
     motor, cut = point.motion.motor, point.motion.cut
     velocity = periods.velocity(motor, cut.dt, WINDOW)
-    deflection = point.motion.deflection
-    delays = [
-        float((d * v).sum() / (v * v).sum())
-        for d, v in zip(
-            periods.split_periods(deflection, cut),
-            periods.split_periods(velocity, cut),
-            strict=True,
-        )
-    ]
+    pieces = (periods.split_periods(each, cut) for each in (point.motion.deflection, velocity))
+    delays = [float((d * v).sum() / (v * v).sum()) for d, v in zip(*pieces, strict=True)]
     return point.lag._replace(phase_shift=np.array(delays) / cut.period)
 
 
 def _offline_errors(
-    uncorrected: list[DrivelineSetpoint], all_regressions: Regressions | None
+    uncorrected: list[DrivelineSetpoint], trends: Regressions | None
 ) -> OfflineErrors | None:
-    if all_regressions is None or len(uncorrected) < 4:
+    if trends is None or len(uncorrected) < 4:
         return None
     lags = [each.lag for each in uncorrected]
+    left_out = [leave_one_out(lags, i) for i in range(len(lags))]
 
-    def error(i: int, correction: Correction) -> Floats:
-        motion = uncorrected[i].motion
-        return regressions.correct_offline(motion, correction, lags[i].amplitude) - motion.shaft
-
-    left_out_regressions = [regressions.leave_one_out(lags, i) for i in range(len(lags))]
-    indices = range(len(lags))
-    return OfflineErrors(
-        [error(i, regressions.predict_correction(all_regressions, lags[i])) for i in indices],
-        [
-            error(i, regressions.predict_correction(left_out_regressions[i], lags[i]))
-            for i in indices
-        ],
-        [
-            error(
-                i,
-                regressions.predict_correction(
-                    left_out_regressions[i], lags[i], delay_over_torque=True
-                ),
+    def errors(trends: list[Regressions], *, delay_over_torque: bool = False) -> list[Floats]:
+        return [
+            correct_offline(
+                each.motion,
+                predict_correction(fitted, each.lag, delay_over_torque=delay_over_torque),
+                each.lag.amplitude,
             )
-            for i in indices
-        ],
-    )
+            - each.motion.shaft
+            for each, fitted in zip(uncorrected, trends, strict=True)
+        ]
 
-
-def max_deflection(result: DrivelineResult) -> float:
-    """Return the largest 95th percentile of the deflection of any uncorrected set point, rad."""
-    return max(
-        (error_percentile(each.motion.deflection) for each in result.uncorrected),
-        default=float("nan"),
+    return OfflineErrors(
+        errors([trends] * len(lags)), errors(left_out), errors(left_out, delay_over_torque=True)
     )

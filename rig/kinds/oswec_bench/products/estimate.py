@@ -4,6 +4,8 @@ Samples of one run are not independent of each other, so no interval is based on
 interval is based on the scatter between oscillations, set points or runs, as the functions state.
 """
 
+from collections.abc import Callable, Sequence
+from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,9 +33,39 @@ class Estimate(NamedTuple):
     unit: str
     method: str  # short description, with the basis of the interval
 
+    def __str__(self) -> str:
+        """Return value, interval and unit, with as many digits as the interval supports."""
+        if isnan(self.value):
+            return "–"
+        unit = "" if self.unit == "1" else f" {self.unit.replace('*', '·')}"
+        if isnan(self.uncertainty) or self.uncertainty == 0.0:
+            return f"{format_number(self.value)}{unit}"
+        exponent = int(f"{abs(self.uncertainty):e}".partition("e")[2])
+        digits = f".{max(0, 1 - exponent)}f"
+        return f"{self.value:{digits}} ± {self.uncertainty:{digits}}{unit}".replace("-", "−")
+
     def covers(self, truth: float) -> bool:
         """Return whether a value lies within the interval."""
         return abs(truth - self.value) <= self.uncertainty
+
+    def scaled(self, factor: float, unit: str) -> "Estimate":
+        """Return the estimate times a factor, in another unit."""
+        return Estimate(factor * self.value, factor * self.uncertainty, unit, self.method)
+
+    def widened(self, half_width: float) -> "Estimate":
+        """Return the estimate, its interval widened in quadrature by that of another error, which
+        no scatter reveals.
+        """
+        return self._replace(uncertainty=float(np.hypot(self.uncertainty, half_width)))
+
+    def with_cell_error(self) -> "Estimate":
+        """Return an estimate proportional to a torque, its interval widened by the cell's error."""
+        return self.widened(CELL_UNCERTAINTY * self.value)
+
+
+def format_number(value: float, digits: int = 4) -> str:
+    """Return a number for people: minus sign, dash for NaN."""
+    return "–" if isnan(value) else f"{value:.{digits}g}".replace("-", "−")
 
 
 def coverage_factor(degrees_of_freedom: float) -> float:
@@ -41,35 +73,22 @@ def coverage_factor(degrees_of_freedom: float) -> float:
 
     The result is NaN without degrees of freedom.
     """
-    return (
-        float(student.ppf(0.5 + 0.5 * CONFIDENCE, degrees_of_freedom))
-        if degrees_of_freedom > 0
-        else float("nan")
-    )
+    if degrees_of_freedom <= 0:
+        return float("nan")
+    return float(student.ppf(0.5 + 0.5 * CONFIDENCE, degrees_of_freedom))
 
 
 def mean(values: Any, unit: str, method: str) -> Estimate:
     """Return the mean of equally accurate and independent values; values that are not finite are
-    ignored.
+    ignored. Without any value the mean is NaN.
     """
     samples = np.asarray(values, np.float64)
     samples = samples[np.isfinite(samples)]
     if len(samples) == 0:
         return Estimate(float("nan"), float("nan"), unit, method)
     error = np.std(samples, ddof=1) / np.sqrt(len(samples)) if len(samples) > 1 else np.nan
-    return Estimate(
-        float(samples.mean()), float(coverage_factor(len(samples) - 1) * error), unit, method
-    )
-
-
-def with_floor(estimate: Estimate, share: float) -> Estimate:
-    """Return the estimate, its interval widened in quadrature by a share of its value.
-
-    The share stands for an error that no scatter reveals.
-    """
-    return estimate._replace(
-        uncertainty=float(np.hypot(estimate.uncertainty, share * estimate.value))
-    )
+    half_width = float(coverage_factor(len(samples) - 1) * error)
+    return Estimate(float(samples.mean()), half_width, unit, method)
 
 
 def jackknife(estimates: Floats, left_out: Floats) -> Floats:
@@ -86,3 +105,91 @@ def jackknife(estimates: Floats, left_out: Floats) -> Floats:
         (group_count - 1) / group_count * (deviations * deviations).sum(axis=0)
     )
     return half_widths
+
+
+def jackknifed(values: Floats, left_out: Any, units: Sequence[str], method: str) -> list[Estimate]:
+    """Return ``values`` (n,) as estimates, with intervals by the jackknife over ``left_out``."""
+    half_widths = jackknife(values, np.array(left_out))
+    return [
+        Estimate(float(value), float(half_width), unit, method)
+        for value, half_width, unit in zip(values, half_widths, units, strict=True)
+    ]
+
+
+def solve_groups(
+    groups: Sequence[tuple[Floats, Floats]], solve: Callable[[Any, Any], Any]
+) -> Floats:
+    """Return least squares over all groups, then without each: (groups + 1, unknowns).
+
+    A group is its design (samples, unknowns) and its values (samples,). ``solve`` solves normal
+    equations, whose columns are scaled to equal size.
+    """
+    scale = np.sqrt(sum((x * x).sum(axis=0) for x, _ in groups))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    grams = np.array([(x / scale).T @ (x / scale) for x, _ in groups])
+    right_sides = np.array([(x / scale).T @ y for x, y in groups])
+    gram, right = grams.sum(axis=0), right_sides.sum(axis=0)
+    left_out = zip(gram - grams, right - right_sides, strict=True)
+    solutions: Floats = np.array([solve(g, r) for g, r in [(gram, right), *left_out]]) / scale
+    return solutions
+
+
+class Line(NamedTuple):
+    """Least squares of y = intercept + slope x over independent points."""
+
+    slope: float
+    intercept: float
+    residual_std: float  # standard deviation of the residuals, unit of y
+    mean_x: float  # mean of x
+    sum_squares_x: float  # sum of (x - mean_x)^2
+    r_squared: float
+    point_count: int
+
+    def at(self, x: Any) -> Any:
+        """Return the line's value at x."""
+        return self.intercept + self.slope * np.asarray(x, np.float64)
+
+    def band(self, x: Any) -> Floats:
+        """Return the half width of the 95 % confidence band of the line at x, unit of y."""
+        deviation = np.asarray(x, np.float64) - self.mean_x
+        variance = 1.0 / self.point_count + deviation * deviation / self.sum_squares_x
+        factor = coverage_factor(self.point_count - 2) * self.residual_std
+        half_width: Floats = factor * np.sqrt(variance)
+        return half_width
+
+    def slope_estimate(self, unit: str = "", method: str = "") -> Estimate:
+        """Return the slope with its interval, by the scatter of the points about the line."""
+        standard_error = self.residual_std / np.sqrt(self.sum_squares_x)
+        half_width = float(coverage_factor(self.point_count - 2) * standard_error)
+        return Estimate(self.slope, half_width, unit, method)
+
+    def intercept_estimate(self, unit: str = "", method: str = "") -> Estimate:
+        """Return the value at x = 0 with its interval."""
+        return Estimate(self.intercept, float(self.band(0.0)), unit, method)
+
+
+def fit_line(x: Any, y: Any) -> Line:
+    """Return the line through at least two points with different x; ValueError for fewer."""
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    finite = np.isfinite(x) & np.isfinite(y)
+    x, y = x[finite], y[finite]
+    mean_x = x.mean() if len(x) else 0.0
+    deviation = x - mean_x
+    sum_squares_x = float((deviation * deviation).sum())
+    if len(x) < 2 or sum_squares_x == 0.0:
+        raise ValueError(f"no line through {len(x)} points at one x")
+    mean_y = y.mean()
+    slope = float((deviation * (y - mean_y)).sum() / sum_squares_x)
+    residual = y - mean_y - slope * deviation
+    residual_squares = float((residual * residual).sum())
+    total_squares = float(((y - mean_y) ** 2).sum())
+    residual_std = float(np.sqrt(residual_squares / (len(x) - 2))) if len(x) > 2 else float("nan")
+    return Line(
+        slope,
+        float(mean_y - slope * mean_x),
+        residual_std,
+        float(mean_x),
+        sum_squares_x,
+        1.0 - residual_squares / total_squares if total_squares > 0.0 else float("nan"),
+        len(x),
+    )

@@ -1,5 +1,5 @@
-"""Free decay of the flap: natural period, and linear, quadratic and dry damping, from the whole
-motion.
+"""The free decay session of the flap: natural period, and linear, quadratic and dry damping, from
+the whole motion.
 
 Equation of motion per inertia, with radiation as a memory of second order (h of v = theta', at rest
 at the release):
@@ -18,11 +18,15 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 from scipy.signal import bilinear, find_peaks, lfilter, savgol_filter
 
-from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknife
-from rig.kinds.oswec_bench.products.losses import moving_samples
+from rig.kinds.oswec_bench.products import figures
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
+from rig.kinds.oswec_bench.products.periods import moving_samples
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
 
 WINDOW, ORDER = 0.15, 5  # s and degree of the polynomials whose derivatives are taken
 MIN_SPEED_SHARE = 0.1  # share of a release's top speed
@@ -86,12 +90,12 @@ def prepare_release(angle: Floats, dt: float) -> Release:
         raise ValueError("the flap does not move after the release")
     length = min(len(angle), int(moves[-1]) + round(0.5 / dt))
     window_samples = 2 * round(0.5 * WINDOW / dt) + 1
-    derivatives = [
+    smooth, velocity, acceleration = (
         savgol_filter(angle, window_samples, ORDER, deriv=k, delta=dt)[:length] for k in range(3)
-    ]
-    fitted_samples = moving_samples(derivatives[1], window_samples // 2, MIN_SPEED_SHARE) > 0
+    )
+    fitted_samples = moving_samples(velocity, window_samples // 2, MIN_SPEED_SHARE) > 0
     fitted_samples[:window_samples] = False  # the window would contain both sides of the release
-    return Release(dt, derivatives[0], derivatives[1], derivatives[2], fitted_samples)
+    return Release(dt, smooth, velocity, acceleration, fitted_samples)
 
 
 def fit_decay(releases: list[Release]) -> Decay:
@@ -101,9 +105,8 @@ def fit_decay(releases: list[Release]) -> Decay:
 
     def residuals(logs: Floats) -> Floats:
         designs = [_design_matrix(each, logs) for each in releases]
-        out: Floats = (
-            np.concatenate(designs) @ _linear_coefficients(designs, releases) - accelerations
-        )
+        linear = _linear_coefficients(designs, releases)
+        out: Floats = np.concatenate(designs) @ linear - accelerations
         return out
 
     accelerations = np.concatenate([each.acceleration[each.fitted_samples] for each in releases])
@@ -126,26 +129,18 @@ def fit_decay(releases: list[Release]) -> Decay:
         right_sides.append(full_design.T @ residual)
     gram, right = sum(grams), sum(right_sides)
     unknowns = np.concatenate([linear, logs])
-    leave_one_out = [
-        _derived_quantities(
-            _fit_from_unknowns(unknowns + np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0])
-        )
+    changes = [
+        np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0]
         for g, r in zip(grams, right_sides, strict=True)
     ]
+    leave_one_out = [_derived_quantities(_fit_from_unknowns(unknowns + each)) for each in changes]
     fit = _fit_from_unknowns(unknowns)
     values = _derived_quantities(fit)
     if not np.isfinite(values).all():
         raise ValueError("the flap does not swing")
-    half_widths = jackknife(values, np.array(leave_one_out))
     units = ("s", "1/s", "1", "1/s^2", "s^2/rad", "rad", "rad")
     method = f"acceleration by least squares, jackknife over {len(releases)} releases"
-    return Decay(
-        fit,
-        *(
-            Estimate(float(v), float(h), u, method)
-            for v, h, u in zip(values, half_widths, units, strict=True)
-        ),
-    )
+    return Decay(fit, *jackknifed(values, leave_one_out, units, method))
 
 
 def _design_matrix(release: Release, logs: Floats) -> Floats:
@@ -173,16 +168,11 @@ def _linear_coefficients(designs: list[Floats], releases: list[Release]) -> Floa
 
 def _start_logs(releases: list[Release]) -> Floats:
     """Return logarithms of a memory several times faster than the flap's swing."""
-    frequencies = [
-        float(
-            np.sqrt(
-                -(r.acceleration * r.angle)[r.fitted_samples].sum()
-                / (r.angle**2)[r.fitted_samples].sum()
-            )
-        )
+    squares = [
+        -(r.acceleration * r.angle)[r.fitted_samples].sum() / (r.angle**2)[r.fitted_samples].sum()
         for r in releases
     ]
-    natural_frequency = float(np.median(frequencies))
+    natural_frequency = float(np.median(np.sqrt(squares)))
     return np.log([6.0 * natural_frequency, 12.0 * natural_frequency * natural_frequency])
 
 
@@ -258,3 +248,122 @@ def simulate_release(fit: Fit, start_angle: float, count: int, dt: float) -> Flo
         v, step = next_velocity, dt
         angle += dt * v
     return angles
+
+
+def simulated(fit: Fit, release: Release) -> Release:
+    """Return a release with the angles of the fitted flap."""
+    start_angle, count = float(release.angle[0]), len(release.angle)
+    return release._replace(angle=simulate_release(fit, start_angle, count, release.dt))
+
+
+class MeasuredRelease(NamedTuple):
+    """A release as measured."""
+
+    point: SetpointData
+    release: Release
+    losses: list[HalfSwingLoss]
+
+
+def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> Result:
+    """Analyse a run; with the flap's ``stiffness`` (N*m/rad) the result contains moments, too."""
+    points = session.complete_points
+    releases = [prepare_release(point.shaft, point.dt) for point in points]
+    decay = fit_decay(releases)
+    measured = [
+        MeasuredRelease(point, each, half_swing_losses(each, decay.rest_angle.value))
+        for point, each in zip(points, releases, strict=True)
+    ]
+    facts = {
+        "flap_natural_period": ("natural period of small swings", decay.period),
+        "flap_decay_rate": ("decay rate of small swings", decay.decay_rate),
+        "flap_damping_ratio": ("damping ratio, linear", decay.damping_ratio),
+        "flap_quadratic_over_spring": ("quadratic damping over spring", decay.quadratic),
+        "flap_friction_angle": ("dry friction over spring", decay.friction),
+    }
+    notes = [
+        "The flap alone, with its rigid coupling removed; added inertia and radiation are those "
+        "at its natural period. Dry friction is that of bearings and seals.",
+    ]
+    if stiffness is None:
+        notes.append("No moments: there is no analysed flap_hydrostatic run in the same folder.")
+    else:
+        facts |= _moments(decay, stiffness)
+    return Result(
+        (table("flap_releases", "Releases", measured, COLUMNS),),
+        tuple(compare(label, each, "not run") for label, each in facts.values()),
+        {name: each for name, (_, each) in facts.items()},
+        (flap_decay(measured, decay), flap_extinction(measured, decay)),
+        tuple(notes),
+    )
+
+
+def _moments(decay: Decay, stiffness: Estimate) -> dict[str, tuple[str, Estimate]]:
+    """Return inertia and damping by the spring rate.
+
+    Inertia and linear damping include radiation.
+    """
+
+    def scaled(factor: float, unit: str, *shares: Estimate) -> Estimate:
+        relative = [each.uncertainty / each.value for each in (stiffness, *shares)]
+        value = factor * stiffness.value
+        method = f"{shares[0].method}; spring {stiffness.method}"
+        return Estimate(value, abs(value) * float(np.linalg.norm(relative)), unit, method)
+
+    natural, rate, dry = decay.natural_squared, decay.decay_rate, decay.friction
+    inertia = scaled(1.0 / natural.value, "kg*m^2", natural)
+    quadratic = scaled(decay.quadratic.value, "N*m*s^2/rad^2", decay.quadratic)
+    linear = scaled(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural)
+    return {
+        "flap_inertia": ("inertia with added inertia", inertia),
+        "flap_linear_damping": ("linear damping, radiation included", linear),
+        "flap_quadratic_damping": ("quadratic damping", quadratic),
+        "flap_dry_friction": ("dry friction", scaled(dry.value, "N*m", dry)),
+    }
+
+
+COLUMNS: Columns[MeasuredRelease] = {
+    "row": lambda r: r.point.row,
+    "released at [deg]": lambda r: r.point.plan_value("release_deg"),
+    "measured start [deg]": lambda r: float(np.degrees(r.release.angle[0])),
+    "half swings": lambda r: len(r.losses),
+    "rest angle [deg]": lambda r: float(np.degrees(r.release.angle[-1])),
+}
+
+
+@figures.figure(
+    "Free decay of the flap",
+    "Blue: measured; red: the fit, integrated.",
+    axes=("time since the release, s", "angle, deg"),
+    size=(7.6, 4.8),
+)
+def flap_decay(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
+    for _, release, _ in releases:
+        axes.plot(release.time, np.degrees(release.angle), color=figures.BLUE, lw=1.8)
+        fitted = simulated(decay.fit, release)
+        axes.plot(release.time, np.degrees(fitted.angle), "--", color=figures.RED, lw=0.9)
+    axes.set_xlim(0.0, None)
+    lines = (
+        f"natural period {decay.period}",
+        f"damping ratio {decay.damping_ratio}",
+        f"quadratic damping over spring {decay.quadratic}",
+        f"friction holds within {decay.friction.scaled(180.0 / np.pi, 'deg')}",
+    )
+    figures.annotate_corner(axes, "\n".join(lines), "upper right")
+
+
+@figures.figure(
+    "Amplitude loss of half a swing over its amplitude",
+    "Points: turning points of each release; red: those of the fit.",
+    axes=("mean amplitude of half a swing, deg", "amplitude loss, deg"),
+    size=(7.2, 4.6),
+)
+def flap_extinction(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
+    for (point, release, measured), colour in figures.shaded(releases):
+        fitted = half_swing_losses(simulated(decay.fit, release), decay.rest_angle.value)
+        if measured and fitted:
+            label = f"{point.plan_value('release_deg'):g} deg"
+            axes.plot(*np.degrees(measured).T, "o", ms=6, color=colour, label=label)
+            axes.plot(*np.degrees(fitted).T, "+", ms=10, color=figures.RED)
+    axes.set_xlim(0.0, None)
+    axes.set_ylim(0.0, None)
+    figures.legend(axes, title="released at")

@@ -1,4 +1,4 @@
-"""The motor as a damper of the flap in waves: power over damping, and the optimal damping.
+"""The power take-off session of the flap: power over the motor's damping, and the optimal damping.
 
 Between flap and load cell the motor is a load R + i X. A flap of intrinsic impedance Z under a
 moment F delivers to it the power
@@ -16,11 +16,20 @@ Intervals are by leaving out one damping at a time.
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 
-from rig.kinds.oswec_bench.products import periods
-from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknife, mean
+from rig.kinds.oswec_bench.products import figures, periods
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
+
+IDEAL_DAMPING = (42.0, 104.0)
+"""N*m*s/rad: ideal dampings in waves of 1 to 2 s and 0.1 m (OSWEC thesis, section 2.1)."""
+
+WINDOW = 0.02
+"""Window of the moving-window differentiator, s."""
 
 MIN_DAMPINGS = 5
 """Minimum number of dampings for a fit of three unknowns."""
@@ -56,23 +65,17 @@ def pto_point(
 
     Angles (rad) and torques (N*m, positive as the motor's on the flap) are as measured.
     """
-    trimmed = slice(cut.edges[0], cut.edges[-1])
-    velocities = [
-        periods.velocity(period_powers, cut.dt, window)[trimmed] for period_powers in (shaft, motor)
-    ]
-    torques = [torque[trimmed], motor_torque[trimmed]]
+    velocities = [cut.trim(periods.velocity(each, cut.dt, window)) for each in (shaft, motor)]
+    torques = [cut.trim(torque), cut.trim(motor_torque)]
     powers = []
     for speed, torque_signal, place in zip(velocities, torques, ("cell", "motor"), strict=True):
-        period_powers = [
-            -float(np.mean(part)) for part in periods.split_periods(speed * torque_signal, cut)
-        ]
-        powers.append(
-            mean(period_powers, "W", f"at the {place}, {cut.period_count} periods by their scatter")
-        )
-    ratio = -(
-        periods.fundamentals(torques[0], cut).mean()
-        / periods.fundamentals(velocities[0], cut).mean()
+        parts = periods.split_periods(speed * torque_signal, cut)
+        method = f"at the {place}, {cut.period_count} periods by their scatter"
+        powers.append(mean([-float(np.mean(part)) for part in parts], "W", method))
+    torque_wave, velocity_wave = (
+        periods.fundamentals(each, cut).mean() for each in (torques[0], velocities[0])
     )
+    ratio = -(torque_wave / velocity_wave)
     amplitude = abs(periods.fundamentals(periods.detrend(shaft, cut), cut).mean())
     return PtoPoint(float(ratio.real), float(ratio.imag), powers[0], powers[1], float(amplitude))
 
@@ -91,25 +94,16 @@ def optimal_damping(points: list[PtoPoint]) -> OptimalDamping | None:
     damping = np.array([each.damping for each in points])
     power = np.array([each.power.value for each in points])
     largest = int(np.argmax(power))
-    start = np.array(
-        [3.0 * power[largest] * damping[largest], 0.5 * damping[largest], damping[largest]]
-    )
+    best = damping[largest]
+    start = np.array([3.0 * power[largest] * best, 0.5 * best, best])
     unknowns = _fit_unknowns(damping, power, start)
-    values = _optimum(unknowns)
-    indices = np.arange(len(points))
-    leave_one_out = np.array(
-        [
-            _optimum(_fit_unknowns(damping[indices != i], power[indices != i], unknowns))
-            for i in indices
-        ]
-    )
-    half_widths = jackknife(values, leave_one_out)
+    left_out = [
+        _optimum(_fit_unknowns(damping[kept], power[kept], unknowns))
+        for kept in ~np.eye(len(points), dtype=bool)
+    ]
     method = f"power of a damper through {len(points)} dampings, jackknife over them"
-    return OptimalDamping(
-        unknowns,
-        Estimate(float(values[0]), float(half_widths[0]), "N*m*s/rad", method),
-        Estimate(float(values[1]), float(half_widths[1]), "W", method),
-    )
+    units = ("N*m*s/rad", "W")
+    return OptimalDamping(unknowns, *jackknifed(_optimum(unknowns), left_out, units, method))
 
 
 def _fit_unknowns(damping: Floats, power: Floats, start: Floats) -> Floats:
@@ -127,3 +121,126 @@ def _fit_unknowns(damping: Floats, power: Floats, start: Floats) -> Floats:
 def _optimum(unknowns: Floats) -> Floats:
     a, b, c = unknowns
     return np.array([c, a / (2.0 * (b + c))])
+
+
+class Sweep(NamedTuple):
+    """All dampings in one sea."""
+
+    label: str
+    suffix: str  # of the names of its constants
+    rows: list[tuple[SetpointData, PtoPoint]]  # in the order of damping
+    optimum: OptimalDamping | None
+
+    @property
+    def summary(self) -> str:
+        """Optimal damping and its power."""
+        if self.optimum is None:
+            return f"too few dampings for a fit ({len(self.rows)} of {MIN_DAMPINGS})"
+        return f"{self.optimum.damping}, {self.optimum.power}"
+
+
+def analyse_session(session: SessionRun) -> Result:
+    """Analyse a run of the session."""
+    if not session.complete_points:
+        raise ValueError("no set point was measured completely")
+    sweeps = _sweeps(session)
+    constants: dict[str, Estimate] = {}
+    for each in sweeps:
+        if each.optimum is not None:
+            constants[f"flap_best_damping{each.suffix}"] = each.optimum.damping
+            constants[f"flap_best_power{each.suffix}"] = each.optimum.power
+    low, high = IDEAL_DAMPING
+    thesis = f"{low:g} to {high:g} N·m·s/rad in waves of 1 to 2 s"
+    rows = [(each.label, *row) for each in sweeps for row in each.rows]
+    return Result(
+        (table("flap_power", "Power by set point", rows, COLUMNS),),
+        tuple(
+            compare(f"optimal damping and its power, waves {each.label}", each.summary, thesis)
+            for each in sweeps
+        ),
+        constants,
+        (flap_power(sweeps), flap_damping(sweeps)),
+        (
+            "Positive power is absorbed from the waves. The motor's power follows from its "
+            "measured current and the constant in use, before electrical losses.",
+            "The optimal damping is the one at the load cell; the motor's inertia is part of the "
+            "flap's impedance.",
+        ),
+    )
+
+
+def _sweeps(session: SessionRun) -> list[Sweep]:
+    seas: dict[tuple[float, float], list[tuple[SetpointData, PtoPoint]]] = {}
+    for each in session.complete_points:
+        motor_torque = session.torque_constant * each.current
+        cut = each.whole_periods()
+        result = pto_point(each.shaft, each.motor, each.torque, motor_torque, cut, WINDOW)
+        sea = each.plan_value("wave_amplitude_m"), each.period
+        seas.setdefault(sea, []).append((each, result))
+    sweeps = []
+    for (wave, period), rows in sorted(seas.items()):
+        rows.sort(key=lambda row: row[1].damping)
+        label = f"{1e3 * wave:g} mm, " + ("irregular" if session.irregular else f"{period:g} s")
+        suffix = "" if len(seas) == 1 else f"_{round(1e3 * wave)}mm_{round(1e3 * period)}ms"
+        optimum = optimal_damping([result for _, result in rows])
+        sweeps.append(Sweep(label, suffix, rows, optimum))
+    return sweeps
+
+
+COLUMNS: Columns[tuple[str, SetpointData, PtoPoint]] = {
+    "row": lambda r: r[1].row,
+    "waves": lambda r: r[0],
+    "requested damping [N*m*s/rad]": lambda r: r[1].plan_value("pto_damping_n_m_s_per_rad"),
+    "measured damping [N*m*s/rad]": lambda r: r[2].damping,
+    "reactance [N*m*s/rad]": lambda r: r[2].reactance,
+    "amplitude [deg]": lambda r: float(np.degrees(r[2].amplitude)),
+    "power of the flap [W]": lambda r: r[2].power,
+    "power of the motor [W]": lambda r: r[2].motor_power.value,
+}
+
+
+@figures.figure(
+    "Power of the flap over the damping at the load cell",
+    "Points: measured at the load cell, 95 %; lines: the fit; crosses: power at the motor.",
+    axes=("damping at the load cell, N·m·s/rad", "mean power, W"),
+    size=(7.4, 4.8),
+)
+def flap_power(axes: Axes, sweeps: list[Sweep]) -> None:
+    max_power = 0.0
+    for each, colour in figures.shaded(sweeps):
+        points = [point for _, point in each.rows]
+        damping = [point.damping for point in points]
+        max_power = max(max_power, *(point.power.value for point in points))
+        label = each.label
+        if each.optimum is not None:
+            label += f": {each.summary}"
+            grid = np.linspace(0.0, 1.05 * max(damping), 300)
+            axes.plot(grid, expected_power(each.optimum.unknowns, grid), lw=1.2, color=colour)
+            optimum = each.optimum.damping.value, each.optimum.power.value
+            axes.plot(*optimum, "*", ms=11, color=figures.RED, zorder=5)
+        power = [point.power for point in points]
+        figures.draw_intervals(axes, damping, power, color=colour, label=label)
+        motor_power = [point.motor_power.value for point in points]
+        axes.plot(damping, motor_power, "x", ms=4, color=colour)
+    axes.set_xlim(0.0, None)
+    axes.set_ylim(0.0, 1.35 * max_power)
+    figures.legend(axes, "upper right", title="waves: optimal damping and its power (stars)")
+
+
+@figures.figure(
+    "Damping at the load cell over requested damping",
+    "Above the dashed line the gearbox's friction adds to the motor.",
+    axes=("requested damping of the motor, N·m·s/rad", "measured damping, N·m·s/rad"),
+    size=(6.4, 4.2),
+)
+def flap_damping(axes: Axes, sweeps: list[Sweep]) -> None:
+    max_requested = 0.0
+    for each, colour in figures.shaded(sweeps):
+        requested = [row.plan_value("pto_damping_n_m_s_per_rad") for row, _ in each.rows]
+        measured = [point.damping for _, point in each.rows]
+        max_requested = max(max_requested, *requested)
+        axes.plot(requested, measured, "o", ms=4, color=colour, label=each.label)
+    axes.plot([0.0, max_requested], [0.0, max_requested], "k--", lw=0.9)
+    axes.set_xlim(0.0, None)
+    axes.set_ylim(0.0, None)
+    figures.legend(axes, title="waves")

@@ -1,4 +1,4 @@
-"""Response of the flap to waves: angle per metre of elevation, line by line of the sea.
+"""The response session of the flap: angle per metre of elevation, line by line of the sea.
 
 Convention e^{+i omega t}: the elevation of a line is Re(A e^{i (omega t + phase)}), t on the wave
 clock, and the response is H = angle / elevation, so a positive phase leads. The fit over frequency
@@ -11,10 +11,20 @@ import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from scipy.optimize import least_squares
 
-from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknife, mean
+from rig.kinds.oswec_bench.products import figures, periods
+from rig.kinds.oswec_bench.products.estimate import (
+    Estimate,
+    Floats,
+    format_number,
+    jackknifed,
+    mean,
+)
 from rig.kinds.oswec_bench.products.periods import Complexes
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
 
 MIN_LINES = 7
 """Minimum number of lines for a fit of five unknowns."""
@@ -37,6 +47,11 @@ class Resonance(NamedTuple):
     peak: Estimate  # rad/m
     relative_rms: float  # rms of measured over fitted magnitude, less 1
 
+    @property
+    def at_peak(self) -> str:
+        """The peak and its period, for people."""
+        return f"{self.peak} at {self.period}"
+
 
 def response_lines(
     angle: Floats, edges: Any, sea: dict[str, Any], start_clock: float, dt: float
@@ -46,29 +61,27 @@ def response_lines(
     ``start_clock`` is the wave clock at the first of these samples.
     """
     lines = []
-    periods = list(itertools.pairwise(edges))
+    pieces = list(itertools.pairwise(edges))
+    method = f"{len(pieces)} periods, by their scatter"
     for cycles, amplitude, phase in zip(
         sea["cycles"], sea["amplitude_m"], sea["phase_rad"], strict=True
     ):
         omega = 2.0 * np.pi * cycles / sea["repeat_s"]
-        responses: Complexes = np.array([
-            2.0 * np.mean(angle[a:b] * np.exp(-1j * omega * (dt * np.arange(a, b) + start_clock)))
-            for a, b in periods
-        ]) / (amplitude * np.exp(1j * phase))  # fmt: skip
-        magnitude = mean(np.abs(responses), "rad/m", f"{len(periods)} periods, by their scatter")
-        magnitude = magnitude._replace(value=float(abs(responses.mean())))
-        lines.append(
-            ResponseLine(omega / (2.0 * np.pi), amplitude, complex(responses.mean()), magnitude)
-        )
+        elevation = amplitude * np.exp(1j * phase)
+        waves = [np.exp(-1j * omega * (dt * np.arange(a, b) + start_clock)) for a, b in pieces]
+        angles = [2.0 * np.mean(angle[a:b] * w) for (a, b), w in zip(pieces, waves, strict=True)]
+        responses: Complexes = np.array(angles) / elevation
+        response = responses.mean()
+        magnitude = mean(np.abs(responses), "rad/m", method)._replace(value=float(abs(response)))
+        lines.append(ResponseLine(omega / (2.0 * np.pi), amplitude, complex(response), magnitude))
     return lines
 
 
 def fitted_magnitude(unknowns: Any, omega: Floats) -> Floats:
     """Return |H| by the fit, rad/m."""
     natural_frequency, damping, *excitation = unknowns
-    denominator = np.hypot(
-        natural_frequency * natural_frequency - omega * omega, 2.0 * damping * omega
-    )
+    stiffness = natural_frequency * natural_frequency - omega * omega
+    denominator = np.hypot(stiffness, 2.0 * damping * omega)
     magnitude: Floats = np.abs(np.polyval(excitation[::-1], omega)) / denominator
     return magnitude
 
@@ -80,47 +93,28 @@ def fit_resonance(lines: list[ResponseLine]) -> Resonance | None:
     omega = 2.0 * np.pi * np.array([each.frequency for each in lines])
     magnitude = np.array([each.magnitude.value for each in lines])
     unknowns = _fit_unknowns(omega, magnitude, _start_unknowns(omega, magnitude))
-    values = _peak(unknowns, omega)
-    indices = np.arange(len(lines))
-    leave_one_out = np.array(
-        [
-            _peak(_fit_unknowns(omega[indices != i], magnitude[indices != i], unknowns), omega)
-            for i in indices
-        ]
-    )
-    half_widths = jackknife(values, leave_one_out)
+    left_out = [
+        _peak(_fit_unknowns(omega[kept], magnitude[kept], unknowns), omega)
+        for kept in ~np.eye(len(lines), dtype=bool)
+    ]
     method = f"resonance through {len(lines)} lines, jackknife over them"
-    relative_rms = float(
-        np.sqrt(np.mean((magnitude / fitted_magnitude(unknowns, omega) - 1.0) ** 2))
-    )
-    return Resonance(
-        unknowns,
-        Estimate(float(values[0]), float(half_widths[0]), "s", method),
-        Estimate(float(values[1]), float(half_widths[1]), "rad/m", method),
-        relative_rms,
-    )
+    period, peak = jackknifed(_peak(unknowns, omega), left_out, ("s", "rad/m"), method)
+    deviation = magnitude / fitted_magnitude(unknowns, omega) - 1.0
+    return Resonance(unknowns, period, peak, float(np.sqrt(np.mean(deviation**2))))
 
 
 def _start_unknowns(omega: Floats, magnitude: Floats) -> Floats:
-    peak_frequency = float(omega[np.argmax(magnitude)])
-    return np.array(
-        [
-            peak_frequency,
-            0.15 * peak_frequency,
-            0.3 * peak_frequency * peak_frequency * float(magnitude.max()),
-            0.0,
-            0.0,
-        ]
-    )
+    peak = float(omega[np.argmax(magnitude)])
+    excitation = 0.3 * peak * peak * float(magnitude.max())
+    return np.array([peak, 0.15 * peak, excitation, 0.0, 0.0])
 
 
 def _fit_unknowns(omega: Floats, magnitude: Floats, start: Floats) -> Floats:
     low = [0.2 * omega.min(), 1e-3, -np.inf, -np.inf, -np.inf]
     high = [2.0 * omega.max(), omega.max(), np.inf, np.inf, np.inf]
-    bounded_start = np.clip(start, low, high)
     solved = least_squares(
         lambda x: fitted_magnitude(x, omega) / magnitude - 1.0,
-        bounded_start,
+        np.clip(start, low, high),
         bounds=(low, high),
         x_scale="jac",
     )
@@ -134,3 +128,117 @@ def _peak(unknowns: Floats, omega: Floats) -> Floats:
     magnitude = fitted_magnitude(unknowns, frequencies)
     largest = int(np.argmax(magnitude))
     return np.array([2.0 * np.pi / frequencies[largest], magnitude[largest]])
+
+
+class ResponseCurve(NamedTuple):
+    """All lines of one wave amplitude (regular), or of one row (irregular), by frequency."""
+
+    label: str
+    suffix: str  # of the names of its constants
+    lines: list[ResponseLine]
+    resonance: Resonance | None
+
+
+def analyse_session(session: SessionRun) -> Result:
+    """Analyse a run in regular waves, or in an irregular sea."""
+    responses = [
+        (point, setpoint_response(point))
+        for point in session.complete_points
+        if point.plan_row.get("sea")
+    ]
+    if not responses:
+        raise ValueError("no set point with waves was measured completely")
+    curves = _curves_by_row(responses) if session.irregular else _curves_by_amplitude(responses)
+    constants: dict[str, Estimate] = {}
+    comparisons = []
+    for label, suffix, _, resonance in curves:
+        if resonance is not None:
+            constants[f"flap_rao_period{suffix}"] = resonance.period
+            constants[f"flap_rao_top{suffix}"] = resonance.peak
+            rms_percent = format_number(100.0 * resonance.relative_rms, 2)
+            measured = f"{resonance.at_peak}; rms error of points {rms_percent} %"
+            comparisons.append(compare(f"peak of the response, waves {label}", measured, "not run"))
+    rows = [(each.label, line) for each in curves for line in each.lines]
+    return Result(
+        (table("flap_rao", "Response amplitude operator", rows, COLUMNS),),
+        tuple(comparisons),
+        constants,
+        (flap_rao(curves),),
+        (
+            "Waves are those requested from the wave maker, calibrated without the flap; a "
+            "positive phase leads the crest at the hinge.",
+        ),
+    )
+
+
+def setpoint_response(point: SetpointData) -> list[ResponseLine]:
+    """Return the response at the lines of a set point's sea, drift removed."""
+    cut = point.whole_periods()
+    edges = cut.edges - cut.edges[0]
+    start_clock = point.wave_clock - point.encoder_age
+    angle = periods.detrend(point.shaft, cut)
+    return response_lines(angle, edges, point.plan_row["sea"], start_clock, point.dt)
+
+
+Responses = list[tuple[SetpointData, list[ResponseLine]]]
+
+
+def _curves_by_amplitude(responses: Responses) -> list[ResponseCurve]:
+    lines_by_amplitude: dict[float, list[ResponseLine]] = {}
+    for point, lines in responses:
+        lines_by_amplitude.setdefault(point.plan_value("wave_amplitude_m"), []).extend(lines)
+    curves = []
+    for wave, lines in sorted(lines_by_amplitude.items()):
+        lines.sort(key=lambda each: each.frequency)
+        suffix = "" if len(lines_by_amplitude) == 1 else f"_{round(1e3 * wave)}mm"
+        curves.append(ResponseCurve(f"{1e3 * wave:g} mm", suffix, lines, fit_resonance(lines)))
+    return curves
+
+
+def _curves_by_row(responses: Responses) -> list[ResponseCurve]:
+    curves = []
+    for point, lines in responses:
+        suffix = "" if len(responses) == 1 else f"_row{point.row}"
+        label = f"irregular, crest {1e3 * point.plan_value('wave_amplitude_m'):g} mm"
+        curves.append(ResponseCurve(label, suffix, lines, fit_resonance(lines)))
+    return curves
+
+
+COLUMNS: Columns[tuple[str, ResponseLine]] = {
+    "waves": lambda r: r[0],
+    "frequency [Hz]": lambda r: r[1].frequency,
+    "period [s]": lambda r: 1.0 / r[1].frequency,
+    "wave amplitude [m]": lambda r: r[1].wave_amplitude,
+    "amplitude of the flap [deg]": lambda r: float(
+        np.degrees(r[1].wave_amplitude * r[1].magnitude.value)
+    ),
+    "response [rad/m]": lambda r: r[1].magnitude,
+    "phase [deg]": lambda r: float(np.degrees(np.angle(r[1].response))),
+}
+
+
+@figures.figure(
+    "Response amplitude operator of the flap",
+    "Points with 95 % intervals; lines: the fitted resonance.",
+    axes=("frequency, Hz", "response, rad/m", "phase, deg"),
+    size=(7.4, 5.8),
+    height_ratios=(1.7, 1.0),
+)
+def flap_rao(panels: list[Axes], curves: list[ResponseCurve]) -> None:
+    upper, lower = panels
+    single = len(curves) == 1
+    for each, shade in figures.shaded(curves):
+        colour = figures.BLUE if single else shade
+        f = np.array([line.frequency for line in each.lines])
+        magnitudes = [line.magnitude for line in each.lines]
+        figures.draw_intervals(upper, f, magnitudes, color=colour, label=each.label)
+        phase = np.degrees(np.unwrap([np.angle(line.response) for line in each.lines]))
+        lower.plot(f, phase - 360.0 * np.round(phase[0] / 360.0), "o-", ms=4, lw=0.8, color=colour)
+        if each.resonance is not None:
+            grid = np.linspace(f.min(), f.max(), 400)
+            fitted = fitted_magnitude(each.resonance.unknowns, 2.0 * np.pi * grid)
+            upper.plot(grid, fitted, color=figures.RED if single else colour, lw=1.2)
+    peaks = [f"{each.label}: peak {each.resonance.at_peak}" for each in curves if each.resonance]
+    figures.annotate_corner(upper, "\n".join(peaks), "upper right")
+    upper.set_ylim(0.0, None)
+    figures.legend(upper, "lower left", title="waves")

@@ -1,4 +1,4 @@
-"""Losses of the driveline: behind the load cell by its torque, before it by the motor's current.
+"""The losses session: behind the load cell by its torque, before it by the motor's current.
 
     T_cell            = c+ [v > 0] - c- [v < 0] + b v + J a + z t + z' t^2
     K i - T_cell      = (d + s |T_cell|) sign(v) + b' v + J' a
@@ -13,11 +13,16 @@ group of samples (a set point, or a period if there are few set points) at a tim
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
+from matplotlib.axes import Axes
 
-from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknife
+from rig.kinds.oswec_bench.products import figures, periods
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed, mean, solve_groups
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
 
 MIN_GROUPS = 4
+WINDOW = 0.03  # s, of the differentiator
+_MAX_BEARING_TORQUE = 1.0  # N*m: a larger torque comes from a brake, not a bearing
 
 
 class MovingSamples(NamedTuple):
@@ -50,41 +55,13 @@ class LossesBeforeCell(NamedTuple):
     inertia: Estimate  # kg*m^2
 
 
-def moving_samples(velocity: Floats, guard_samples: int, min_share: float = 0.12) -> Floats:
-    """Return a mask of samples faster than a share of the top speed, with ``guard_samples`` on each
-    side.
-    """
-    fast = np.abs(velocity) > min_share * np.abs(velocity).max()
-    steady = fast & (np.sign(velocity) == np.sign(np.roll(velocity, 1)))
-    moving: Floats = minimum_filter1d(steady, 2 * guard_samples + 1)
-    return moving
-
-
-def _solve_with_leave_one_out(grams: Floats, right_sides: Floats) -> Floats:
-    """Return least squares of the sum of all groups, and without each: (groups + 1, unknowns)."""
-    gram, right = grams.sum(axis=0), right_sides.sum(axis=0)
-    systems = [
-        (gram, right),
-        *((gram - g, right - r) for g, r in zip(grams, right_sides, strict=True)),
-    ]
-    return np.array([np.linalg.lstsq(g, r, rcond=1e-12)[0] for g, r in systems])
-
-
 def _fit_groups(
     groups: list[tuple[Floats, Floats]], units: tuple[str, ...], group_name: str
 ) -> list[Estimate]:
     """Return coefficients of design (samples, unknowns) and value (samples,), group by group."""
-    scale = np.sqrt(sum((x * x).sum(axis=0) for x, _ in groups))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    grams = np.array([(x / scale).T @ (x / scale) for x, _ in groups])
-    right_sides = np.array([(x / scale).T @ y for x, y in groups])
-    solutions = _solve_with_leave_one_out(grams, right_sides) / scale
-    half_widths = jackknife(solutions[0], solutions[1:])
+    values, *left_out = solve_groups(groups, lambda g, r: np.linalg.lstsq(g, r, rcond=1e-12)[0])
     method = f"least squares, jackknife over {len(groups)} {group_name}"
-    return [
-        Estimate(float(value), float(width), unit, method)
-        for value, width, unit in zip(solutions[0], half_widths, units, strict=True)
-    ]
+    return jackknifed(values, left_out, units, method)
 
 
 def losses_behind_cell(groups: list[MovingSamples], group_name: str) -> LossesBehindCell:
@@ -116,22 +93,13 @@ def losses_before_cell(
     ``torque_constant`` (N*m/A) is the motor's own at the output; the intervals include the effect
     of its uncertainty.
     """
-    losses = _fit_losses_before_cell(groups, torque_constant.value, group_name)
-    constant_half_width = torque_constant.uncertainty
-    if not constant_half_width > 0.0:
+    value, half_width = torque_constant.value, torque_constant.uncertainty
+    losses = _fit_losses_before_cell(groups, value, group_name)
+    if not half_width > 0.0:
         return losses
-    shifted = _fit_losses_before_cell(
-        groups, torque_constant.value + constant_half_width, group_name
-    )
-    widened = (
-        estimate._replace(
-            uncertainty=float(
-                np.hypot(estimate.uncertainty, shifted_estimate.value - estimate.value)
-            )
-        )
-        for estimate, shifted_estimate in zip(losses, shifted, strict=True)
-    )
-    return LossesBeforeCell(*widened)
+    shifted = _fit_losses_before_cell(groups, value + half_width, group_name)
+    pairs = zip(losses, shifted, strict=True)
+    return LossesBeforeCell(*(each.widened(other.value - each.value) for each, other in pairs))
 
 
 def _fit_losses_before_cell(
@@ -147,5 +115,190 @@ def _fit_losses_before_cell(
         designs.append((np.stack(columns, axis=1), torque_constant * current - torque))
     units = ("N*m", "N*m*s/rad", "kg*m^2", *(("1",) if load_varies else ()))
     dry, viscous, inertia, *shares = _fit_groups(designs, units, group_name)
-    no_share = Estimate(float("nan"), float("nan"), "1", "the load hardly varied")
-    return LossesBeforeCell(dry, shares[0] if shares else no_share, viscous, inertia)
+    share = shares[0] if shares else mean([], "1", "the load hardly varied")
+    return LossesBeforeCell(dry, share, viscous, inertia)
+
+
+class LossPoint(NamedTuple):
+    """A set point with its samples at speed, by period."""
+
+    point: SetpointData
+    groups: list[MovingSamples]
+
+    @property
+    def all_samples(self) -> MovingSamples:
+        """All periods in one group."""
+        return MovingSamples(*(np.concatenate(column) for column in zip(*self.groups, strict=True)))
+
+    @property
+    def is_unbraked(self) -> bool:
+        """Whether only bearing and seal load the shaft."""
+        load = float(np.median(np.abs(self.all_samples.torque)))
+        commands = ("brake_current_a", "damping_n_m_s_per_rad")
+        has_brake_command = sum(self.point.plan_value(each, 0.0) for each in commands) > 0
+        return load < _MAX_BEARING_TORQUE or not has_brake_command
+
+
+def analyse_session(session: SessionRun, torque_constant: Estimate | None = None) -> Result:
+    """Analyse a run; ``torque_constant`` is the motor's own (N*m/A), from a torque constant
+    session.
+
+    By default the constant in use in the run is taken, and its error is not in the intervals.
+    """
+    points = [each for p in session.complete_points if (each := _loss_point(p)).groups]
+    if not points:
+        raise ValueError("no set point has a moving shaft")
+    constant = torque_constant or Estimate(
+        session.torque_constant, 0.0, "N*m/A", "in use in the run"
+    )
+    constants: dict[str, Estimate] = {}
+    comparisons, specs = [], []
+    if unbraked := [each for each in points if each.is_unbraked]:
+        behind = losses_behind_cell(*_group_samples(unbraked))
+        zero_half_width = _zero_half_width(unbraked)
+        behind = behind._replace(
+            positive=behind.positive.widened(zero_half_width),
+            negative=behind.negative.widened(zero_half_width),
+        )
+        constants |= {f"bearing_{name}": each for name, each in behind._asdict().items()}
+        del constants["bearing_drift_curvature"]
+        comparisons += [
+            compare(f"behind the cell, {name}", estimate, thesis)
+            for name, estimate, thesis in (
+                ("clockwise (dry)", behind.positive, "mostly below 0.15 N·m"),
+                ("counter-clockwise (dry)", behind.negative, "larger than clockwise"),
+                ("viscous", behind.viscous, "grows with speed"),
+            )
+        ]
+        comparisons.append(compare("drift of the cell's zero", behind.drift))
+        comparisons.append(compare("behind the cell, inertia", behind.inertia))
+        specs.append(losses_behind(unbraked, behind))
+    groups, group_name = _group_samples(points)
+    before = losses_before_cell(groups, constant, group_name)
+    shown = {name: each for name, each in before._asdict().items() if np.isfinite(each.value)}
+    constants |= {f"gearbox_{name}": each for name, each in shown.items()}
+    share = shown.get("share", "included in the dry part: the load did not vary")
+    specs.append(losses_before(points, constant.value, before))
+    return Result(
+        (
+            table(
+                "losses_points",
+                "Losses by set point, mean at speed",
+                [(each.point, each.all_samples) for each in points],
+                _columns(constant.value),
+            ),
+        ),
+        (
+            *comparisons,
+            compare("before the cell, dry", before.dry),
+            compare("before the cell, share of the load", share),
+            compare("before the cell, viscous", before.viscous),
+            compare("before the cell, inertia", before.inertia),
+        ),
+        constants,
+        tuple(specs),
+        (
+            f"Losses before the cell use the torque constant {constant}, {constant.method}"
+            + ("." if torque_constant else "; its error is not in their intervals."),
+            "A difference between directions is separated from a drift of the cell's zero: it is "
+            "constant over the run, and the zero is correct at the tare.",
+        ),
+    )
+
+
+def _zero_half_width(points: list[LossPoint]) -> float:
+    """Return the 95 % half width of the cell's zero, by its noise over the ticks of the tare."""
+    noise = float(np.mean([np.std(np.diff(each.point.torque)) for each in points])) / np.sqrt(2.0)
+    samples = max(1, min(each.point.tare_samples for each in points))
+    return float(1.96 * noise / np.sqrt(samples))
+
+
+def _loss_point(point: SetpointData) -> LossPoint:
+    cut = point.whole_periods()
+    velocity = periods.velocity(periods.detrend(point.motor, cut), cut.dt, WINDOW)
+    acceleration = periods.velocity(velocity, cut.dt, WINDOW)
+    moving = periods.moving_samples(velocity, round(WINDOW / cut.dt))
+    time = point.start_time + cut.dt * np.arange(len(velocity))
+    signals = [velocity, acceleration, cut.trim(point.torque), cut.trim(point.current), time]
+    groups = [MovingSamples(*each) for each in periods.split_moving(signals, moving, cut)]
+    return LossPoint(point, [each for each in groups if len(each.velocity) > 20])
+
+
+def _group_samples(points: list[LossPoint]) -> tuple[list[MovingSamples], str]:
+    if len(points) >= MIN_GROUPS:
+        return [each.all_samples for each in points], "set points"
+    return [group for each in points for group in each.groups], "periods"
+
+
+def _columns(constant: float) -> Columns[tuple[SetpointData, MovingSamples]]:
+    def before_cell(row: tuple[SetpointData, MovingSamples]) -> float:
+        samples = row[1]
+        loss = np.sign(samples.velocity) * (constant * samples.current - samples.torque)
+        return float(loss.mean())
+
+    return {
+        "row": lambda r: r[0].row,
+        "amplitude [deg]": lambda r: r[0].plan_value("amplitude_deg"),
+        "brake current [A]": lambda r: r[0].plan_value("brake_current_a", 0.0),
+        "rms velocity [rad/s]": lambda r: periods.rms(r[1].velocity),
+        "behind the cell, positive [N*m]": lambda r: float(r[1].torque[r[1].velocity > 0.0].mean()),
+        "behind the cell, negative [N*m]": lambda r: float(
+            -r[1].torque[r[1].velocity < 0.0].mean()
+        ),
+        "before the cell [N*m]": before_cell,
+    }
+
+
+@figures.figure(
+    "Losses behind the load cell over velocity",
+    "Some of the samples at speed, drift of the cell removed; red: the fit.",
+    axes=("velocity, rad/s", "torque of the load cell, N·m"),
+    size=(7.2, 4.6),
+)
+def losses_behind(axes: Axes, points: list[LossPoint], fit: LossesBehindCell) -> None:
+    end_time = max(float(each.all_samples.time.max()) for each in points)
+    for each, colour in figures.shaded(points):
+        velocity, _, torque, _, time = each.all_samples
+        some = slice(None, None, max(1, len(velocity) // 1500))
+        torque = torque - zero_drift(fit, time, end_time)
+        axes.plot(velocity[some], torque[some], ".", ms=1.5, color=colour, alpha=0.35)
+    x = np.linspace(0.0, _max_velocity(points), 50)
+    axes.plot(x, fit.positive.value + fit.viscous.value * x, color=figures.RED, lw=1.6)
+    axes.plot(-x, -fit.negative.value - fit.viscous.value * x, color=figures.RED, lw=1.6)
+    text = f"clockwise {fit.positive}\ncounter-clockwise {fit.negative}\nviscous {fit.viscous}"
+    figures.annotate_corner(axes, text, "upper left")
+
+
+@figures.figure(
+    "Losses before the load cell over velocity",
+    lambda points, constant, fit: (
+        f"Current times {constant:.2f} N·m/A minus cell torque and inertia; red: the fit."
+    ),
+    axes=("velocity, rad/s", "motor torque minus cell torque minus inertia, N·m"),
+    size=(7.2, 4.6),
+)
+def losses_before(
+    axes: Axes, points: list[LossPoint], constant: float, fit: LossesBeforeCell
+) -> None:
+    for each, colour in figures.shaded(points):
+        velocity, acceleration, torque, current, _ = each.all_samples
+        loss = constant * current - torque - fit.inertia.value * acceleration
+        edges = np.linspace(-np.abs(velocity).max(), np.abs(velocity).max(), 41)
+        bins = np.digitize(velocity, edges)
+        filled = [inside for k in range(1, 41) if (inside := bins == k).sum() > 10]
+        means = [(velocity[inside].mean(), loss[inside].mean()) for inside in filled]
+        axes.plot(*zip(*means, strict=True), ".", ms=4, color=colour)
+    axes.axhline(0.0, color=figures.BLUE, lw=0.5)
+    text = f"dry {fit.dry}\nviscous {fit.viscous}"
+    if np.isfinite(fit.share.value):
+        text += f"\nshare of load {fit.share}"
+    else:  # a single load has a single line
+        x = np.array([0.0, _max_velocity(points)])
+        line = fit.dry.value + fit.viscous.value * x
+        axes.plot(x, line, color=figures.RED, lw=1.2)
+        axes.plot(-x, -line, color=figures.RED, lw=1.2)
+    figures.annotate_corner(axes, text, "upper left")
+
+
+def _max_velocity(points: list[LossPoint]) -> float:
+    return max(float(np.abs(each.all_samples.velocity).max()) for each in points)

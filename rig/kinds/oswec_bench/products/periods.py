@@ -4,14 +4,14 @@ Arrays are (samples,) of evenly sampled signals and start with a period. Periods
 number of samples are cut at the nearest sample.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
-from rig.kinds.oswec_bench.products.estimate import Floats
-from rig.kinds.oswec_bench.products.linear_fit import fit_line
+from rig.kinds.oswec_bench.products.estimate import Floats, fit_line
 
 Complexes = npt.NDArray[np.complex128]
 
@@ -33,6 +33,10 @@ class PeriodCut(NamedTuple):
         """Angular frequency, rad/s."""
         return float(2.0 * np.pi / self.period)
 
+    def trim(self, values: Any) -> Any:
+        """Return the whole periods of a signal."""
+        return values[self.edges[0] : self.edges[-1]]
+
 
 def cut_periods(samples: int, period: float, dt: float, first: int = 0) -> PeriodCut:
     """Return the whole periods (s) from sample ``first`` on; ValueError if there is none."""
@@ -45,7 +49,7 @@ def cut_periods(samples: int, period: float, dt: float, first: int = 0) -> Perio
 
 def detrend(values: Floats, cut: PeriodCut) -> Floats:
     """Return the signal over its whole periods, without drift and mean."""
-    trimmed = values[cut.edges[0] : cut.edges[-1]]
+    trimmed = cut.trim(values)
     t = cut.dt * np.arange(len(trimmed))
     detrended: Floats = trimmed - trimmed.mean() - drift(values, cut) * (t - t.mean())
     return detrended
@@ -61,7 +65,7 @@ def drift(values: Floats, cut: PeriodCut) -> float:
     if cut.period_count < 2:
         return 0.0
     starts = cut.edges[:-1] - cut.edges[0]
-    sums = np.add.reduceat(values[cut.edges[0] : cut.edges[-1]], starts)
+    sums = np.add.reduceat(cut.trim(values), starts)
     centres = 0.5 * cut.dt * (cut.edges[:-1] + cut.edges[1:])
     return fit_line(centres, sums / np.diff(cut.edges)).slope
 
@@ -126,3 +130,21 @@ def velocity(angle: Floats, dt: float, window: float) -> Floats:
 def rms(values: Floats) -> float:
     """Return the root of the mean square."""
     return float(np.sqrt(np.mean(values * values)))
+
+
+def moving_samples(velocity: Floats, guard_samples: int, min_share: float = 0.12) -> Floats:
+    """Return a mask of samples faster than a share of the top speed, with ``guard_samples`` on each
+    side.
+    """
+    fast = np.abs(velocity) > min_share * np.abs(velocity).max()
+    steady = fast & (np.sign(velocity) == np.sign(np.roll(velocity, 1)))
+    moving: Floats = minimum_filter1d(steady, 2 * guard_samples + 1)
+    return moving
+
+
+def split_moving(signals: list[Floats], moving: Floats, cut: PeriodCut) -> list[list[Floats]]:
+    """Return the moving samples of signals that are cut to the periods, period by period."""
+    by_signal = [split_periods(each, cut) for each in (*signals, moving)]
+    return [
+        [signal[mask > 0] for signal in period] for *period, mask in zip(*by_signal, strict=True)
+    ]

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window, missing_rows, read_windows
 from rig.kinds.oswec_bench.products import periods
 from rig.kinds.oswec_bench.products.deflection import Motion, trim_motion
 from rig.kinds.oswec_bench.products.estimate import Floats
@@ -17,21 +16,13 @@ from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordCheck, RecordState
+from rig.recording.runs.windows import Window, missing_rows, read_windows
 
 FIELDS = (
     *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
     *("brake.current", "tared.motor", "tared.shaft", "tared.torque", "tared.samples"),
-    *("reference.angle", "reference.velocity", "reference.torque"),
-    *("correction.angle", "command.velocity", "command.volts", "command.torque"),
-    *(
-        "command.current",
-        "command.brake_torque",
-        "command.limited",
-        "demand.torque",
-        "encoders.age",
-        "plan.wave_clock",
-        "time",
-    ),
+    *("reference.angle", "reference.velocity", "reference.torque", "command.volts"),
+    *("command.current", "command.limited", "encoders.age", "plan.wave_clock", "time"),
 )
 
 
@@ -59,7 +50,6 @@ class SetpointData(NamedTuple):
     reference_angle: Floats  # rad, uncorrected reference
     reference_velocity: Floats  # rad/s
     reference_torque: Floats  # N*m
-    correction: Floats  # rad, added by the position correction
 
     @property
     def delayed_reference_angle(self) -> Floats:
@@ -84,21 +74,16 @@ class SetpointData(NamedTuple):
 
     def aligned_periods(self, command: Floats) -> PeriodCut:
         """Return the whole periods from a maximum of a command on, as in the thesis's figures."""
-        first = periods.first_maximum(command, self.period, self.dt)
         cut = self.whole_periods()
         if cut.period_count < 2:
             return cut
+        first = periods.first_maximum(command, self.period, self.dt)
         return periods.cut_periods(len(self.motor), self.period, self.dt, first)
 
     def motion(self) -> Motion:
         """Return motor, shaft and torque over the whole periods of the reference angle."""
-        return trim_motion(
-            self.motor, self.shaft, self.torque, self.aligned_periods(self.reference_angle)
-        )
-
-    def trim(self, values: Floats, cut: PeriodCut) -> Floats:
-        """Return a signal cut to whole periods."""
-        return values[cut.edges[0] : cut.edges[-1]]
+        cut = self.aligned_periods(self.reference_angle)
+        return trim_motion(self.motor, self.shaft, self.torque, cut)
 
 
 class SessionRun(NamedTuple):
@@ -109,7 +94,6 @@ class SessionRun(NamedTuple):
     name: str
     points: list[SetpointData]  # in the order of the run
     torque_constant: float  # N*m/A, in use in the run
-    velocity_constant: float  # rad/s/V, in use in the run
     irregular: bool  # the reference is not a sinusoid
     record: RecordState
     missing_rows: tuple[int, ...]  # rows without any tick in the record
@@ -154,7 +138,6 @@ def open_session(run: str | os.PathLike[str]) -> SessionRun:
         str(config.get("name") or config.get("session") or ""),
         list(latest.values()),
         float(scales.get("torque_constant_n_m_per_a") or np.nan),
-        float(scales.get("velocity_constant_rad_per_s_per_v") or np.nan),
         bool(config.get("irregular")),
         record,
         tuple(sorted(missing_rows(metadata.plan, latest, record))),
@@ -209,5 +192,4 @@ def _setpoint_data(
         field("reference.angle"),
         field("reference.velocity"),
         field("reference.torque"),
-        field("correction.angle"),
     )

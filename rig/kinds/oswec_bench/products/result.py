@@ -1,13 +1,15 @@
 """Results of a session's analysis, as tables, figures, page and calibration file use them."""
 
-from collections.abc import Callable, Mapping
-from math import isnan
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
-
-from matplotlib.figure import SubFigure
+from typing import Any, NamedTuple, TypeVar
 
 from rig.kinds.oswec_bench.products.estimate import Estimate
+from rig.kinds.oswec_bench.products.figures import FigureSpec
+
+R = TypeVar("R")
+Columns = Mapping[str, Callable[[R], Any]]
+"""Cell of a row by heading: ``name [unit]``, or ``name`` for texts and pure numbers."""
 
 
 class Column(NamedTuple):
@@ -26,6 +28,23 @@ class Table(NamedTuple):
     columns: tuple[Column, ...]
 
 
+def table(name: str, title: str, rows: Iterable[R], columns: Columns[R]) -> Table:
+    """Return a table with a row for each of ``rows``.
+
+    A column of estimates becomes two: their values and, ``name ±``, their half widths.
+    """
+    rows = tuple(rows)
+    filled = []
+    for heading, cell in columns.items():
+        quantity, _, rest = heading.partition(" [")
+        unit, values = rest.removesuffix("]"), tuple(cell(row) for row in rows)
+        if any(isinstance(value, Estimate) for value in values):
+            filled.append(Column(quantity, unit, tuple(each.value for each in values)))
+            quantity, values = f"{quantity} ±", tuple(each.uncertainty for each in values)
+        filled.append(Column(quantity, unit, values))
+    return Table(name, title, tuple(filled))
+
+
 class Comparison(NamedTuple):
     """A quantity compared with the thesis's."""
 
@@ -35,15 +54,24 @@ class Comparison(NamedTuple):
     measured: str
     target_met: bool | None  # whether the run meets the target; None without a target
 
+    @classmethod
+    def of_constant(cls, quantity: str, measured: Estimate, thesis: float) -> "Comparison":
+        """Return a constant, compared with the thesis's, from which it may differ by 2 %."""
+        deviation = measured.value / thesis - 1.0
+        text = f"{measured} ({100.0 * deviation:+z.1f} %)"
+        unit = measured.unit.replace("*", "·")
+        return cls(quantity, f"{thesis} {unit}", "within 2 %", text, abs(deviation) <= 0.02)
 
-class FigureSpec(NamedTuple):
-    """A figure of the thesis, redrawn from the run."""
 
-    name: str  # stem of its file name
-    title: str
-    caption: str
-    size: tuple[float, float]  # in
-    draw: Callable[[SubFigure], None]
+def compare(
+    quantity: str,
+    measured: str | Estimate,
+    thesis: str = "",
+    target: str = "",
+    target_met: bool | None = None,
+) -> Comparison:
+    """Return a measured quantity, compared with what the thesis and a target say of it."""
+    return Comparison(quantity, thesis, target, str(measured), target_met)
 
 
 class Result(NamedTuple):
@@ -55,28 +83,3 @@ class Result(NamedTuple):
     figures: tuple[FigureSpec, ...]
     notes: tuple[str, ...] = ()  # notes for the reader, one sentence each
     maps: Mapping[str, Any] = MappingProxyType({})  # further parts of the calibration file
-
-
-def format_number(value: float, digits: int = 4) -> str:
-    """Return a number for people: minus sign, dash for NaN."""
-    if isnan(value):
-        return "–"
-    return f"{value:.{digits}g}".replace("-", "−")
-
-
-def format_estimate(estimate: Estimate, unit: str = "", factor: float = 1.0) -> str:
-    """Return value and interval, with as many digits as the interval supports."""
-    value, half_width = factor * estimate.value, factor * estimate.uncertainty
-    unit = unit or estimate.unit
-    unit_suffix = "" if unit == "1" else f" {unit.replace('*', '·')}"
-    if isnan(value):
-        return "–"
-    if isnan(half_width) or half_width == 0.0:
-        return f"{format_number(value)}{unit_suffix}"
-    decimals = max(0, 1 - _decimal_exponent(half_width))
-    return f"{value:.{decimals}f} ± {half_width:.{decimals}f}{unit_suffix}".replace("-", "−")
-
-
-def _decimal_exponent(value: float) -> int:
-    """Return the power of ten of a number's first digit."""
-    return int(f"{abs(value):e}".partition("e")[2])

@@ -1,7 +1,7 @@
-"""The torque constant of a locked driveline: torque per current as it ramps up, by direction.
+"""The torque constant session: torque per current of a locked driveline as it ramps up.
 
-Section 3.1 of the OSWEC thesis: lines of measured torque over current command where the torque
-grows, per oscillation and direction.
+Section 3.1, Table 3.1 and Figures 3.1 to 3.3 of the OSWEC thesis: lines of measured torque over
+current command where the torque grows, per oscillation and direction.
 
 Gearbox friction hides the motor's own constant in these lines, but not in the hysteresis. At its
 peak the torque T is constant while the current falls from I1, where friction F opposed the motor,
@@ -12,16 +12,14 @@ in between, so F is the same, whatever it depends on: K = 2 T / (I1 + I2).
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
-from rig.kinds.oswec_bench.products.estimate import (
-    CELL_UNCERTAINTY,
-    Estimate,
-    Floats,
-    mean,
-    with_floor,
-)
+from rig.kinds.oswec_bench.products import figures, quarters
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, format_number, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut, rms
-from rig.kinds.oswec_bench.products.quarters import FitDomain, fit_domain, split_quarters
+from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
+from rig.kinds.oswec_bench.products.quarters import FitDomain, Quarter
+from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
 
 RAMP = (0.10, 0.97)
 """Domain of a ramp fit: shares of a quarter's largest torque."""
@@ -32,6 +30,15 @@ PLATEAU_END = (0.70, 0.95)
 PLATEAU = 0.1
 """Share of the back-off in which stiction certainly holds the torque."""
 UNIT = "N*m/A"
+
+# Values of the OSWEC thesis (University of Washington).
+CURRENTS = (1.12, 1.40, 1.68, 1.96, 2.23, 2.51, 2.79, 3.35, 3.63, 3.91, 4.19, 4.47)
+TORQUES = (17.31, 21.63, 25.97, 30.29, 34.62, 38.95, 43.28, 51.93, 56.26, 60.59, 64.91, 69.24)
+"""Table 3.1, A and N*m: current amplitudes and nominal torques."""
+THESIS_CONSTANT = 16.72  # N*m/A, mean of all ramps
+THESIS_RANGE = (15.56, 18.42)  # N*m/A, smallest and largest
+THESIS_SPREADS = (0.17, 0.11)  # clockwise and counter-clockwise, shares of their means
+SPECIFIED_CONSTANT = 16.845  # N*m/A, 1.123 * 15
 
 
 class RampFits(NamedTuple):
@@ -46,33 +53,28 @@ class RampFits(NamedTuple):
 
     def slopes(self, sign: int) -> Floats:
         """Return the constants of one direction (1: positive torque), N*m/A."""
-        return np.array([d.line.slope for d in self.ramp_up if d.quarter.sign == sign])
+        return np.array([d.line.slope for d in quarters.of_direction(self.ramp_up, sign)])
 
 
 def fit_ramps(current: Floats, torque: Floats, cut: PeriodCut) -> RampFits:
     """Return the fitted domains of a set point; signals are cut to their whole periods."""
-    ramp_up: list[FitDomain] = []
-    motor_constants = []
-    back_off: list[FitDomain] = []
+    parts = quarters.split_quarters(current, cut)
+    growing = [each for each in parts if each.growing]
+    falling = [each for each in parts if not each.growing]
+
+    def fit(parts: list[Quarter], shares: tuple[float, float]) -> list[FitDomain]:
+        domains = quarters.fit_domains(parts, current, torque, criterion=torque, shares=shares)
+        return [each for each in domains if each.line.slope > 0.0]
+
+    motor_constants = [_motor_constant(each, current, torque) for each in fit(falling, PLATEAU_END)]
     half_current_torques = []
-    for each in split_quarters(current, cut):
-        low, high = RAMP if each.growing else BACK_OFF
-        fitted_domain = fit_domain(each, current, torque, criterion=torque, low=low, high=high)
-        if fitted_domain is not None and fitted_domain.line.slope > 0.0:
-            (ramp_up if each.growing else back_off).append(fitted_domain)
-        if not each.growing:
-            low, high = PLATEAU_END
-            release = fit_domain(each, current, torque, criterion=torque, low=low, high=high)
-            if release is not None and release.line.slope > 0.0:
-                motor_constants.append(_motor_constant(release, current, torque))
+    for each in parts:
         distance = np.abs(np.abs(current[each.samples]) - 0.5 * np.abs(current).max())
-        sign = -1.0 if each.growing else 1.0
-        half_current_torques.append(
-            sign * each.sign * torque[each.samples][int(np.argmin(distance))]
-        )
+        sign = -each.sign if each.growing else each.sign
+        half_current_torques.append(sign * torque[each.samples][int(np.argmin(distance))])
     return RampFits(
-        ramp_up,
-        back_off,
+        fit(growing, RAMP),
+        fit(falling, BACK_OFF),
         np.array(motor_constants),
         float(0.5 * np.ptp(current)),
         rms(torque),
@@ -85,13 +87,10 @@ def _motor_constant(back_off: FitDomain, current: Floats, torque: Floats) -> flo
 
     The back-off line reaches the peak's torque at I2.
     """
-    samples = back_off.quarter.samples
-    plateau = slice(
-        samples.start, samples.start + max(1, round(PLATEAU * (samples.stop - samples.start)))
-    )
-    peak = float(np.median(torque[plateau]))
+    start, stop = back_off.quarter.samples.start, back_off.quarter.samples.stop
+    peak = float(np.median(torque[start : start + max(1, round(PLATEAU * (stop - start)))]))
     release_current = (peak - back_off.line.intercept) / back_off.line.slope
-    return 2.0 * peak / (float(current[samples.start]) + release_current)
+    return 2.0 * peak / (float(current[start]) + release_current)
 
 
 class TorqueConstants(NamedTuple):
@@ -109,38 +108,198 @@ class TorqueConstants(NamedTuple):
 
 def torque_constants(points: list[RampFits]) -> TorqueConstants:
     """Return means over set points, each with the interval by the scatter between set points."""
-    slopes_by_sign = {sign: [each.slopes(sign) for each in points] for sign in (1, -1)}
     method = f"lines of ramp-up, mean of {len(points)} set points, by their scatter"
+    positive = [each.slopes(1) for each in points]
+    negative = [each.slopes(-1) for each in points]
+    both = [np.concatenate(pair) for pair in zip(positive, negative, strict=True)]
+    all_slopes = np.concatenate(both)
 
-    def mean_of_direction(sign: int) -> Estimate:
-        return with_floor(
-            mean([s.mean() for s in slopes_by_sign[sign] if len(s)], UNIT, method), CELL_UNCERTAINTY
-        )
+    def mean_slope(slopes_by_point: list[Floats], method: str = method) -> Estimate:
+        means = [slopes.mean() for slopes in slopes_by_point if len(slopes)]
+        return mean(means, UNIT, method).with_cell_error()
 
-    def spread(sign: int) -> float:
-        values = np.concatenate(slopes_by_sign[sign])
+    def spread(slopes_by_point: list[Floats]) -> float:
+        values = np.concatenate(slopes_by_point)
         return float(np.ptp(values) / values.mean())
 
-    slopes_by_point = [
-        np.concatenate(pair) for pair in zip(slopes_by_sign[1], slopes_by_sign[-1], strict=True)
-    ]
-    all_slopes = np.concatenate(slopes_by_point)
     motor_method = "at the peaks, where friction cancels; mean of "
     motor_method += f"{len(points)} set points, by their scatter"
-    motor = mean(
-        [each.motor_constants.mean() for each in points if len(each.motor_constants)],
-        UNIT,
-        motor_method,
-    )
     return TorqueConstants(
-        with_floor(
-            mean([s.mean() for s in slopes_by_point if len(s)], UNIT, method), CELL_UNCERTAINTY
-        ),
-        mean_of_direction(1),
-        mean_of_direction(-1),
-        with_floor(motor, CELL_UNCERTAINTY),
-        spread(1),
-        spread(-1),
+        mean_slope(both),
+        mean_slope(positive),
+        mean_slope(negative),
+        mean_slope([each.motor_constants for each in points], motor_method),
+        spread(positive),
+        spread(negative),
         float(all_slopes.min()),
         float(all_slopes.max()),
     )
+
+
+class LockedPoint(NamedTuple):
+    """A set point of the locked shaft."""
+
+    point: SetpointData
+    cut: PeriodCut
+    current: Floats  # A, commanded
+    torque: Floats  # N*m
+    ramps: RampFits
+
+
+def analyse_session(session: SessionRun) -> Result:
+    """Analyse a run of the session."""
+    points = [_locked_point(point) for point in session.complete_points]
+    points = sorted((p for p in points if p.ramps.ramp_up), key=lambda each: each.ramps.rms_torque)
+    if not points:
+        raise ValueError("no set point has a ramp of torque")
+    fitted = torque_constants([each.ramps for each in points])
+    method = "torque at half the current, falling less rising; by scatter of set points"
+    loop_width = mean([each.ramps.hysteresis for each in points], "N*m", method)
+    title = "Table 3.1: torque constants of ramps by set point"
+    return Result(
+        (table("torque_constants", title, points, _columns(session.torque_constant)),),
+        _comparisons(fitted, loop_width.value),
+        {
+            "torque_constant": fitted.both,
+            "torque_constant_positive": fitted.positive,
+            "torque_constant_negative": fitted.negative,
+            "torque_constant_motor": fitted.motor,
+            "torque_hysteresis": loop_width,
+        },
+        (
+            fig_3_1(points[len(points) // 2]),
+            fig_3_2(points[-1]),
+            fig_3_3(points),
+            hysteresis(points),
+        ),
+        (
+            "Clockwise is positive torque. torque_constant is the thesis's, from ramps, and "
+            "includes gearbox friction. torque_constant_motor excludes it, by the hysteresis.",
+        ),
+    )
+
+
+def _locked_point(point: SetpointData) -> LockedPoint:
+    cut = point.whole_periods()
+    current, torque = cut.trim(point.current_command), cut.trim(point.torque)
+    return LockedPoint(point, cut, current, torque, fit_ramps(current, torque, cut))
+
+
+def _columns(constant_in_use: float) -> Columns[LockedPoint]:
+    def thesis_nominal(each: LockedPoint) -> float:
+        amplitude = each.ramps.current_amplitude
+        return quarters.thesis_value(amplitude, CURRENTS, TORQUES)
+
+    return {
+        "row": lambda p: p.point.row,
+        "current amplitude [A]": lambda p: p.ramps.current_amplitude,
+        "torque, nominal (eq. 3.1) [N*m]": lambda p: (
+            11.54 / 11.173 * 15.0 * p.ramps.current_amplitude
+        ),
+        "torque, thesis nominal [N*m]": thesis_nominal,
+        "torque by constant in use [N*m]": lambda p: constant_in_use * p.ramps.current_amplitude,
+        "rms torque [N*m]": lambda p: p.ramps.rms_torque,
+        **quarters.direction_columns(UNIT, lambda p: p.ramps.ramp_up),
+        "hysteresis [N*m]": lambda p: p.ramps.hysteresis,
+    }
+
+
+def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Comparison, ...]:
+    low, high = THESIS_RANGE
+    spread = (constants.largest - constants.smallest) / constants.both.value
+    thesis_spread = (high - low) / THESIS_CONSTANT
+    clockwise, counter = THESIS_SPREADS
+    return (
+        Comparison.of_constant("torque constant, mean of ramps", constants.both, THESIS_CONSTANT),
+        compare(
+            "single ramps",
+            f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A",
+            f"{low} to {high} N·m/A",
+            "spread of the same order",
+            0.5 <= spread / thesis_spread <= 2.0,
+        ),
+        compare("clockwise", constants.positive, "trends higher"),
+        compare("counter-clockwise", constants.negative),
+        compare(
+            "spread, clockwise and counter-clockwise",
+            f"{100 * constants.spread_positive:.0f} and {100 * constants.spread_negative:.0f} %",
+            f"{100 * clockwise:.0f} and {100 * counter:.0f} %",
+        ),
+        compare(
+            "motor's own constant, without friction",
+            constants.motor,
+            f"specified {SPECIFIED_CONSTANT} N·m/A",
+        ),
+        compare(
+            "torque on back-off minus torque on ramp, at half current",
+            f"{format_number(hysteresis, 3)} N·m",
+            "hysteresis",
+            "visible",
+            hysteresis > 0.5,
+        ),
+    )
+
+
+@figures.figure(
+    "Fig. 3.1: commanded and measured torque over time",
+    lambda point: (
+        f"Current amplitude {point.ramps.current_amplitude:.2f} A; "
+        "boxes: domains of the fits, black clockwise, grey counter-clockwise."
+    ),
+    axes=("time, s", "torque, N·m"),
+    size=(7.6, 4.4),
+)
+def fig_3_1(axes: Axes, point: LockedPoint) -> None:
+    slope = np.mean([d.line.slope for d in point.ramps.ramp_up])
+    t = point.cut.dt * np.arange(len(point.torque))
+    axes.plot(
+        t, slope * point.current, "--", color=figures.RED, lw=1.1, label="command × mean constant"
+    )
+    axes.plot(t, point.torque, color=figures.BLUE, lw=1.1, label="measured")
+    quarters.draw_domain_boxes(axes, point.ramps.ramp_up, point.cut.dt, point.torque)
+    axes.margins(x=0.0)
+    figures.legend(axes, "lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+
+
+@figures.figure(
+    "Fig. 3.2: fits of the largest set point",
+    "One domain per direction, every fifth sample.",
+    axes=("current command, A", "torque, N·m", "torque, N·m"),
+    size=(7.2, 5.8),
+    share_x=False,
+)
+def fig_3_2(panels: list[Axes], point: LockedPoint) -> None:
+    def text(line: Line) -> str:
+        return f"{line.slope:.2f} N·m/A, R² {line.r_squared:.4f}"
+
+    signals = (point.current, point.torque)
+    quarters.draw_fits(panels, point.ramps.ramp_up, signals, text, stride=5, ms=2.5, lw=1.6)
+
+
+@figures.figure(
+    "Fig. 3.3: torque constants over torque",
+    "Mean, smallest and largest of the ramps of each set point.",
+    axes=("rms torque, N·m", "torque constant, N·m/A", "R²"),
+    size=(7.2, 5.8),
+    height_ratios=(1.6, 1.0),
+)
+def fig_3_3(panels: list[Axes], points: list[LockedPoint]) -> None:
+    torques = [each.ramps.rms_torque for each in points]
+    quarters.draw_line_ranges(panels, torques, [each.ramps.ramp_up for each in points], 0.15)
+    upper = panels[0]
+    upper.axhline(THESIS_CONSTANT, color=figures.RED, lw=0.9, ls="--")
+    upper.axhspan(*THESIS_RANGE, color=figures.RED, alpha=0.07, lw=0)
+    figures.annotate_corner(upper, "red: thesis, mean and range", "lower right")
+    figures.legend(upper, "upper right")
+
+
+@figures.figure(
+    "Torque over current: ramp and back-off",
+    "All set points; darker: larger amplitude.",
+    axes=("current command, A", "torque, N·m"),
+    size=(7.2, 5.0),
+)
+def hysteresis(axes: Axes, points: list[LockedPoint]) -> None:
+    for each, colour in figures.shaded(points):
+        last = slice(each.cut.edges[-2] - each.cut.edges[0], None)
+        axes.plot(each.current[last], each.torque[last], color=colour, lw=0.9)

@@ -15,13 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.kinds.oswec_bench.products.deflection import Motion, engaged
-from rig.kinds.oswec_bench.products.estimate import (
-    CELL_UNCERTAINTY,
-    Estimate,
-    Floats,
-    jackknife,
-    with_floor,
-)
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
 from rig.kinds.oswec_bench.products.separable_fit import (
     NormalEquations,
     normal_equations,
@@ -70,11 +64,10 @@ def bin_deflection(motion: Motion) -> BinnedDeflection:
     for low, high in pairwise(edges):
         inside = [(x >= low) & (x < high) for x, _ in directions]
         if min(int(i.sum()) for i in inside) >= MIN_BIN_SAMPLES:
-            torque = np.mean([x[i].mean() for (x, _), i in zip(directions, inside, strict=True)])
-            deflection = np.mean(
-                [np.mean(y[i]) for (_, y), i in zip(directions, inside, strict=True)]
-            )
-            rows.append((torque, deflection, float(sum(i.sum() for i in inside))))
+            pairs = zip(directions, inside, strict=True)
+            sides = [(x[i].mean(), y[i].mean()) for (x, y), i in pairs]
+            count = float(sum(i.sum() for i in inside))
+            rows.append((*np.mean(sides, axis=0), count))
     columns = np.array(rows, np.float64).reshape(-1, 3).T
     return BinnedDeflection(*columns)
 
@@ -99,23 +92,18 @@ def fit_map(points: list[BinnedDeflection]) -> TorqueMap:
         raise ValueError(f"{len(points)} set points under load; a map needs at least 3")
     searched = search_grid([_normal_equations(each) for each in points], KNEES)
     values = _map_parameters(searched.parameters)
-    half_widths = jackknife(
-        values, np.array([_map_parameters(each) for each in searched.leave_one_out])
-    )
+    left_out = [_map_parameters(each) for each in searched.leave_one_out]
+    method = f"map of {len(points)} set points, jackknife over them"
+    units = ("rad", "rad", "N*m", "N*m/rad")
+    gap, soft, knee, stiffness = jackknifed(values, left_out, units, method)
     deflections = np.concatenate([each.deflection for each in points])
     weight = np.concatenate([each.weight for each in points])
     deviation = deflections - np.average(deflections, weights=weight)
-    method = f"map of {len(points)} set points, jackknife over them"
-    units = ("rad", "rad", "N*m", "N*m/rad")
-    gap, soft, knee, stiffness = (
-        Estimate(float(value), float(width), unit, method)
-        for value, width, unit in zip(values, half_widths, units, strict=True)
-    )
     return TorqueMap(
         gap,
         soft,
-        with_floor(knee, CELL_UNCERTAINTY),
-        with_floor(stiffness, CELL_UNCERTAINTY),
+        knee.with_cell_error(),
+        stiffness.with_cell_error(),
         1.0 - searched.residual_squares / float((weight * deviation * deviation).sum()),
         float(np.sqrt(max(0.0, searched.residual_squares) / weight.sum())),
     )

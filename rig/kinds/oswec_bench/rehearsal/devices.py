@@ -1,8 +1,9 @@
-"""The simulated bench behind the loop's device interface."""
+"""The simulated bench or flap behind the loop's device interface, with wave maker and hand."""
 
 from typing import Any
 
 from controllers.signals import PanelSense
+from rig.emulation.in_process import PlantDevices
 from rig.kinds.oswec_bench.tick import (
     BrakeSense,
     Command,
@@ -11,32 +12,29 @@ from rig.kinds.oswec_bench.tick import (
     ServoSense,
     WrenchSense,
 )
+from sim_plant import waves
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Stepper
 from sim_plant.bench.wires import PlantInterface
 from sim_plant.bench.world import OFF, Actuation, BenchWorld
+from sim_plant.flap.parameters import FlapPlant
+from sim_plant.flap.stepper import Stepper as FlapStepper
+from sim_plant.flap.world import FlapWorld
+from sim_plant.waves import WaveTables
+
+HAND_SPEED = 0.3  # rad/s, with which a person turns the flap to its release angle
 
 
-class BenchDevices:
-    """The devices of a simulated bench.
-
-    `read` advances the world to the planned time of the tick, as for the WaveBot.
-    """
+class BenchPlantDevices(PlantDevices):
+    """The devices of a simulated bench."""
 
     def __init__(self, world: PlantInterface, dt: float) -> None:
+        super().__init__(world, OFF, dt)
         self._world = world
         self._delay = world.delay
-        self._dt = dt
-        self._ticks = 0
-
-    def warm_up(self, dt: float) -> None:
-        """Do nothing: a plant in the same process needs no warm-up."""
 
     def read(self, now: float) -> Sense:
-        tick = round(now / self._dt)
-        while self._ticks < tick:
-            self._world.advance(self._dt)
-            self._ticks += 1
+        self._advance_to(now)
         (
             motor, shaft, current, enabled, fault,
             fx, fy, fz, tx, ty, tz, brake_current, e_stop, limit_switch,
@@ -62,36 +60,91 @@ class BenchDevices:
             )
         )
 
+
+class FlapDevices(BenchPlantDevices):
+    """The devices of a simulated flap; the wave maker has the session's seas by number."""
+
+    def __init__(self, world: FlapWorld, tables: list[WaveTables], dt: float) -> None:
+        super().__init__(world, dt)
+        self._flap = world
+        self._tables = tables
+        self._step = HAND_SPEED * dt
+        self._running = -1
+        self._hand: float | None = None  # angle at which the hand holds the flap, rad; None: free
+
+    def write(self, command: Command) -> None:
+        if command.sea != self._running:
+            self._make_waves(command.sea)
+        if command.locked == 0:
+            self._hand = None
+        elif self._hand != command.clamp:
+            self._turn_to(command.clamp)
+        super().write(command)
+
     def stop(self, reason: int) -> None:
-        self._world.actuate(OFF)
+        self._make_waves(-1)
+        super().stop(reason)
 
-    def close(self) -> None:
-        """Nothing to release."""
+    def _make_waves(self, sea: int) -> None:
+        self._running = sea
+        self._flap.make_waves(0)
+        if sea >= 0:
+            self._flap.change_waves(self._tables[sea])
+            self._flap.make_waves(1)
 
-
-def stepper_type(compiled: bool) -> type[Stepper]:
-    """Return the stepper type: compiled, or interpreted with the same results and no compiler."""
-    if not compiled:
-        return Stepper
-    from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
-
-    return CompiledStepper
+    def _turn_to(self, angle: float) -> None:
+        """Turn the flap by one tick's angle at most; a coupled flap stays where it was clamped."""
+        if self._flap.params.coupled == 1:
+            self._hand = angle
+            return
+        position = self._hand
+        if position is None:
+            position = self._flap.truth().driveline.shaft_angle
+        self._hand = position + max(-self._step, min(angle - position, self._step))
+        self._flap.set_angle(self._hand)
 
 
 def build_bench(config: dict[str, Any], dt: float) -> BenchWorld:
-    """Return the bench for {"plant": mapping, "seed": int}; "compiled": false interprets it."""
-    return BenchWorld(
-        BenchPlant.model_validate(config["plant"]),
-        dt=dt,
-        seed=config["seed"],
-        stepper=stepper_type(config.get("compiled", True)),
-    )
+    """Return the bench for {"plant": mapping, "seed": int}; "compiled": false interprets it.
+
+    The interpreted step has the same results and needs no compiler.
+    """
+    stepper = Stepper
+    if config.get("compiled", True):
+        from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
+
+        stepper = CompiledStepper
+    plant = BenchPlant.model_validate(config["plant"])
+    return BenchWorld(plant, dt=dt, seed=config["seed"], stepper=stepper)
 
 
-def connect(config: dict[str, Any], dt: float) -> BenchDevices:
+def connect(config: dict[str, Any], dt: float) -> BenchPlantDevices:
     """Return the simulated devices for a configuration of `build_bench` or `connect_flap`."""
     if "flap" in config["plant"]:
-        from rig.kinds.oswec_bench.rehearsal.flap_devices import connect_flap  # noqa: PLC0415  (the bench needs none)
-
         return connect_flap(config, dt)
-    return BenchDevices(build_bench(config, dt), dt)
+    return BenchPlantDevices(build_bench(config, dt), dt)
+
+
+def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
+    """Return the devices for {"plant": mapping, "seed": int, "seas": [...]}.
+
+    "compiled" is as on the bench. A sea is {"repeat_s", "cycles", "amplitude_m", "phase_rad"}
+    (`sim_plant.waves.components`).
+    """
+    plant = FlapPlant.model_validate(config["plant"])
+    coefficients = plant.coefficients()
+    tables = [
+        waves.tables(
+            waves.components(sea["repeat_s"], sea["cycles"], sea["amplitude_m"], sea["phase_rad"]),
+            coefficients,
+            dt,
+        )
+        for sea in config.get("seas", [])
+    ]
+    stepper = FlapStepper
+    if config.get("compiled", True):
+        from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledFlapStepper  # noqa: PLC0415  (numba takes a second)
+
+        stepper = CompiledFlapStepper
+    world = FlapWorld(plant, waves.calm(), dt=dt, seed=config["seed"], stepper=stepper)
+    return FlapDevices(world, tables, dt)

@@ -1,40 +1,50 @@
-"""Emulated devices of a wired bench: one process, one world, on the far end of the bench's wires.
-
-`rig sim RIG` starts the process alone, `rig bench ... --sim` as the first I/O process of a session.
-It uses only the wires' settings of the rig file: ports, addresses, units, counts per turn.
-"""
+"""Emulated devices of a wired bench, on the far end of the bench's wires (`rig.emulation`)."""
 
 import asyncio
 import math
-from collections.abc import Callable
-from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
-from rig.emulation.addresses import occupied_addresses, unreachable_addresses
-from rig.emulation.control import ControlServer, FaultTargets
-from rig.emulation.process import modbus_line, serve_devices, without_delay
+from rig.config.pydantic_errors import validate
+from rig.config.yaml_source import SourceMap
+from rig.emulation.devices import EmulatedDevices, modbus_lines, serial_line
+from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
-from rig.kinds.oswec_bench.rehearsal.devices import build_bench
-from rig.kinds.oswec_bench.rehearsal.emulators import (
-    AnalogTerminal,
-    create_brake_amplifier,
-    create_bridge,
-    create_couplers,
-    create_load_cell,
-    create_servo,
+from rig.kinds.oswec_bench.config.rig_file import Encoder as EncoderScale
+from rig.kinds.oswec_bench.config.wiring import (
+    BenchWiring,
+    EncoderChannel,
+    LoadCell,
+    ServoDrive,
 )
-from rig.kinds.oswec_bench.sessions.files import Session
+from rig.kinds.oswec_bench.config.wiring import EncoderBridge as BridgeWiring
+from rig.kinds.oswec_bench.rehearsal.devices import build_bench
+from rig.kinds.oswec_bench.rehearsal.job import problems
+from rig.kinds.oswec_bench.sessions.files import Session, open_session
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
-from rig.processes.io_process import report_event, run_io_process
+from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
+from rig.wires.job import wiring_of
+from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.world import BenchWorld
+from sim_plant.emulators.compax3 import Compax3
+from sim_plant.emulators.compax3_drive import TURN, DriveInput
+from sim_plant.emulators.compax3_objects import Compax3Settings
 from sim_plant.emulators.device_faults import DeviceFaults
+from sim_plant.emulators.encoder_bridge import BridgeSettings, EncoderBridge, ShaftAngles
+from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
+from sim_plant.emulators.ft_calibration import Calibration, Wrench
+from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.running import Emulator, running
+from sim_plant.emulators.net_ft import NetFt, NetFtSettings
 from sim_plant.emulators.shared_world import SharedBench
+from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
-PROCESS_NAME = "emulated devices"
-READY_TIMEOUT_S = 30.0  # s until all devices are ready: the bench is compiled first
+# The emulated drive's own program monitors its host; a real one may not.
+_HOST_TIMEOUT = 0.25  # s
+_TORQUE_PER_AMPERE = 1.123  # N m at the motor, as specified (OSWEC thesis, 3.1.2) and set
+_CELL_RATINGS = (2800.0, 2800.0, 6800.0, 120.0, 120.0, 120.0)  # N, N m: Mini58, SI-2800-120
+_SHUNT, _SHUNT_RATE = 5.0, 320.0  # A, rating of the amplifier at the brake; Hz
 _SLIP_ANGLE = math.radians(3.0)
 _BENCH_FAULTS = {
     "coupling_slips": "the shaft slips by 3 deg in its coupling, and stays there",
@@ -44,33 +54,48 @@ _BENCH_FAULTS = {
 
 def emulator_process(session: Session) -> IoProcess:
     """Return the emulated devices of a session's bench, as an I/O process of the run."""
-    locked = 1 if session.file.shaft == "clamped" else 0
-    return emulated_bench_process(
-        session.rig, session.plant, session.file.seed, session.file.loop, locked
-    )
+    file = session.file
+    locked = 1 if file.shaft == "clamped" else 0
+    return _emulated_bench(session.rig, session.plant, file.seed, file.loop, locked)
 
 
-def emulated_bench_process(
+def emulate_rig(
+    rig: BenchRigFile, plant: dict[str, Any], locate_plant: SourceMap
+) -> tuple[IoProcess, str]:
+    """Return the emulated devices of a bench without a session, and their setting for people.
+
+    The servo is set up for velocity, the shaft is free. ConfigError has all problems of the plant.
+    """
+    validate(plant, locate_plant, BenchPlant)
+    setting = "a bench at rest, its servo drive set up for velocity"
+    return _emulated_bench(rig, plant, 0, "velocity", 0), setting
+
+
+def emulate_task(path: Path, rig: Path) -> tuple[BenchRigFile, IoProcess, str]:
+    """Return the rig of a session run on a rig file, its emulated devices and their setting."""
+    session = open_session(path, problems, rig)
+    setting = f"a bench, its servo drive set up for {session.file.loop}"
+    return session.rig, emulator_process(session), setting
+
+
+def _emulated_bench(
     rig: BenchRigFile, plant: dict[str, Any], seed: int, loop: str, locked: int
 ) -> IoProcess:
-    """Return the emulated devices of a bench as an I/O process.
-
-    ``loop``: the control loop that its drive is set up for. ``locked`` 1: the shaft is clamped.
-    """
-    config = {
-        "rig": rig.model_dump(mode="json"),
-        "plant": {"plant": plant, "seed": seed},
-        "loop": loop,
-        "locked": locked,
-    }
-    return IoProcess(
-        PROCESS_NAME,
+    """``loop``: the drive's control loop that is set up. ``locked`` 1: the shaft is clamped."""
+    return emulation_process(
         "rig.kinds.oswec_bench.rehearsal.emulation",
-        config,
-        (),
-        READY_TIMEOUT_S,
-        starts_first=True,
+        rig,
+        plant={"plant": plant, "seed": seed},
+        loop=loop,
+        locked=locked,
     )
+
+
+class _AnalogTerminal:
+    """The servo drive's analog input, to which the coupler's output is wired."""
+
+    def __init__(self) -> None:
+        self.volts = 0.0
 
 
 class _DrivelineFaults:
@@ -89,135 +114,177 @@ class _DrivelineFaults:
         self._slipped = slips
 
 
-class EmulatedBench:
-    """All devices of one bench."""
-
-    def __init__(
-        self,
-        rig: BenchRigFile,
-        world: SharedBench,
-        create_world: Callable[[], BenchWorld],
-        loop: str,
-        locked: int,
-    ) -> None:
-        """``create_world`` returns a world at rest, for a restart."""
-        wiring = rig.wiring
-        if wiring is None:
-            raise ValueError(f"{rig.name} has no wiring to hang emulated devices on")
-        self._world, self._locked = world, locked
-        self._mode = TORQUE if loop == "torque" else VELOCITY
-        self._driveline = _DrivelineFaults()
-        self._input = AnalogTerminal()
-        self.bridge = create_bridge(rig, wiring.encoders, world)
-        self.servo = create_servo(wiring.servo, world, self._input, self._mode)
-        self.cell = create_load_cell(wiring.load_cell, world)
-        self.units: dict[str, ModbusUnit] = {
-            **create_couplers(wiring, world, self._input),
-            "brake": create_brake_amplifier(world),
-        }
-        placed = {"outputs": wiring.analog, "inputs": wiring.inputs, "brake": wiring.brake}
-        lines = {
-            f"line {name}": modbus_line(
-                line,
-                {
-                    placed[one].unit: unit
-                    for one, unit in self.units.items()
-                    if placed[one].line == name
-                },
-            )
-            for name, line in wiring.lines.items()
-        }
-        self.lines: dict[str, Emulator] = {
-            "encoders": self.bridge, "servo": self.servo, "load_cell": self.cell, **lines,
-        }  # fmt: skip
-        self.control = ControlServer(
-            FaultTargets(
-                {},
-                {
-                    "bridge": self.bridge,
-                    "motor_encoder": self.bridge.motor,
-                    "shaft_encoder": self.bridge.shaft,
-                    "servo_drive": self.servo,
-                    "cell": self.cell,
-                    "driveline": self._driveline,
-                    **self.units,
-                },
-                {name: one.link for name, one in self.lines.items()},
-                world,
-                lambda: self._renew(create_world),
-                {"servo_drive": lambda: bool(world.actuation.enable)},
-                lambda: {"reading": world.sense()._asdict()},
-            )
-        )
-
-    async def serve(self, ended: asyncio.Event) -> None:
-        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
-        self._world.actuate(mode=self._mode, locked=self._locked)
-        ticking = None
-        try:
-            async with running(self.lines) as addresses:
-                await self.control.start()
-                ticking = asyncio.create_task(self._tick())
-                report_event(event="ready", facts={"control": self.control.address, **addresses})
-                while not (ended.is_set() or ticking.done()):
-                    with suppress(TimeoutError):
-                        await asyncio.wait_for(ended.wait(), 0.1)
-                if ticking.done():
-                    ticking.result()
-        finally:
-            if ticking is not None:
-                ticking.cancel()
-            await self.control.close()
-
-    async def _tick(self) -> None:
-        """Advance the world with the clock, and latch both encoders after every step.
-
-        The steps are on the grid of the loop's ticks (`rig.realtime.clock`). In every run a frame
-        is therefore half a period on its way when a tick begins.
-        """
-        loop, world, dt = asyncio.get_running_loop(), self._world, self._world.dt
-        due = (math.floor(loop.time() / dt) + 1) * dt
-        world.start(due)
-        await asyncio.sleep(due - loop.time())
-        while True:
-            self.servo.drive.advance(loop.time())
-            self._driveline.apply(world.world)
-            steps = world.catch_up()
-            if steps > 1:
-                self.bridge.skip(steps - 1)
-            if steps > 0:
-                self.bridge.pulse()
-            self.control.update_power()
-            due = max(due + dt, loop.time())
-            await asyncio.sleep(due - loop.time())
-
-    def _renew(self, create_world: Callable[[], BenchWorld]) -> None:
-        drive = self.servo.drive
-        drive.error, drive.powered = drive.settings.errors.none, False
-        self._input.volts = 0.0
-        self._world.replace_world(create_world())
-        self._world.actuate(mode=self._mode, locked=self._locked)
-
-
-def _create_devices(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> EmulatedBench:
-    rig = BenchRigFile.model_validate(config["rig"])
-    if rig.wiring is not None and (
-        problems := (*unreachable_addresses(rig.wiring), *occupied_addresses(rig.wiring))
-    ):
-        raise OSError("\n".join(problems))
-    dt, plant = 1.0 / rig.rate_hz, without_delay(config["plant"])
+def _build_devices(
+    rig: BenchRigFile, config: dict[str, Any], loop: asyncio.AbstractEventLoop
+) -> EmulatedDevices:
+    wiring, dt, plant = wiring_of(rig), 1.0 / rig.rate_hz, without_delay(config["plant"])
+    mode = TORQUE if config["loop"] == "torque" else VELOCITY
 
     def create_world() -> BenchWorld:
         return build_bench(plant, dt)
 
     world = SharedBench(create_world(), dt, loop.time)
-    return EmulatedBench(rig, world, create_world, config["loop"], config["locked"])
+    world.actuate(mode=mode, locked=config["locked"])
+    driveline, terminal = _DrivelineFaults(), _AnalogTerminal()
+    bridge = _create_bridge(rig, wiring.encoders, world)
+    servo = _create_servo(wiring.servo, world, terminal, mode)
+    cell = _create_load_cell(wiring.load_cell, world)
+    units: dict[str, ModbusUnit] = {
+        **_create_couplers(wiring, world, terminal),
+        "brake": _create_brake_amplifier(world),
+    }
+    placed = {"outputs": wiring.analog, "inputs": wiring.inputs, "brake": wiring.brake}
+
+    def step() -> None:
+        """Advance the world, and latch both encoders after every step."""
+        servo.drive.advance(loop.time())
+        driveline.apply(world.world)
+        steps = world.catch_up()
+        if steps > 1:
+            bridge.skip(steps - 1)
+        if steps > 0:
+            bridge.pulse()
+
+    def restart() -> None:
+        drive = servo.drive
+        drive.error, drive.powered = drive.settings.errors.none, False
+        terminal.volts = 0.0
+        world.replace_world(create_world())
+        world.actuate(mode=mode, locked=config["locked"])
+
+    return EmulatedDevices(
+        world,
+        {
+            "encoders": bridge,
+            "servo": servo,
+            "load_cell": cell,
+            **modbus_lines(wiring.lines, ((placed[name], unit) for name, unit in units.items())),
+        },
+        {
+            "bridge": bridge,
+            "motor_encoder": bridge.motor,
+            "shaft_encoder": bridge.shaft,
+            "servo_drive": servo,
+            "cell": cell,
+            "driveline": driveline,
+            **units,
+        },
+        step,
+        restart,
+        {"servo_drive": lambda: bool(world.actuation.enable)},
+        lambda: {"reading": world.sense()._asdict()},
+    )
 
 
-def serve(job: dict[str, Any]) -> None:
-    """Serve until terminated, or until the loop and the I/O processes have ended."""
-    serve_devices(job, _create_devices)
+def _create_bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -> EncoderBridge:
+    """Return the encoder bridge; it latches on request, because the world advances in steps."""
+    motor, shaft = rig.servo.encoder, rig.shaft_encoder
+    # The middle of a count, so that rounding gives the same count.
+    per_motor = math.tau / motor.counts_per_revolution
+    per_shaft = math.tau / shaft.counts_per_revolution
+
+    def angles() -> ShaftAngles:
+        sense = world.sense()
+        return ShaftAngles(
+            world.time,
+            wiring.motor.direction * per_motor * (sense.motor_counts + 0.5),
+            wiring.shaft.direction * per_shaft * (sense.shaft_counts + 0.5),
+        )
+
+    encoders = _encoder(wiring.motor, motor), _encoder(wiring.shaft, shaft)
+    return EncoderBridge(serial_line(wiring), angles, *encoders, BridgeSettings(rate=0.0))
+
+
+def _encoder(wiring: EncoderChannel, scale: EncoderScale) -> Encoder:
+    bits = (scale.counts_per_revolution - 1).bit_length()
+    return Encoder(EncoderSettings(int(wiring.protocol.removeprefix("SSI")), bits))
+
+
+def _create_servo(
+    wiring: ServoDrive, world: SharedBench, terminal: _AnalogTerminal, mode: int
+) -> Compax3:
+    """Return the servo drive, set up for the session's control loop.
+
+    The bench takes its velocity command in volts, whatever the drive's command source.
+    """
+    analog = wiring.analog is not None and mode == VELOCITY
+    settings = Compax3Settings(
+        address=wiring.address,
+        source="analog" if analog else "serial",
+        velocity=(wiring.velocity.index, wiring.velocity.sub),
+        torque=(wiring.torque.index, wiring.torque.sub),
+        host_timeout=_HOST_TIMEOUT,
+    )
+
+    def read() -> DriveInput:
+        return DriveInput(current=world.sense().current_a, analog=terminal.volts)
+
+    def write(quantity: str, value: float) -> None:
+        if quantity == "velocity":
+            world.actuate(command_v=10.0 * value / (TURN * settings.full_speed))
+        elif quantity == "torque":
+            world.actuate(current_a=value / _TORQUE_PER_AMPERE)
+        else:
+            world.actuate(enable=int(value))
+
+    return Compax3(serial_line(wiring), read, write, settings)
+
+
+def _create_load_cell(wiring: LoadCell, world: SharedBench) -> NetFt:
+    """Return the load cell behind its box; all its ports except the stream's are free ones."""
+    sign = -1.0 if wiring.turned_over else 1.0
+
+    def read() -> Wrench:
+        sense = world.sense()
+        return Wrench(
+            sense.fx, sign * sense.fy, sign * sense.fz, sense.tx, sign * sense.ty, sign * sense.tz
+        )
+
+    calibration = Calibration(
+        counts_per_force=round(wiring.counts_per_force),
+        counts_per_torque=round(wiring.counts_per_torque),
+        ratings=_CELL_RATINGS,
+    )
+    settings = NetFtSettings(wiring.host, wiring.port, 0, 0, calibration=calibration)
+    return NetFt(read, settings)
+
+
+def _create_couplers(
+    wiring: BenchWiring, world: SharedBench, terminal: _AnalogTerminal
+) -> dict[str, IoCoupler]:
+    """Return the I/O couplers: one with the outputs to servo and brake, one with the inputs.
+
+    They are one coupler where the rig file has both blocks on one unit of one line.
+    """
+    volts, amperes = wiring.analog.values
+
+    def levels() -> dict[str, int]:
+        sense = world.sense()
+        return {"e_stop": sense.e_stop, "limit_switch": sense.limit_switch}
+
+    def write(channel: str, value: float) -> None:
+        if channel == "servo":
+            terminal.volts = value
+        else:
+            world.actuate(brake_current_a=value)
+
+    outputs = (AnalogOutput("servo", volts.high, 1), AnalogOutput("brake", amperes.high))
+    names = [value.name for value in wiring.inputs.values]
+    inputs = tuple(DigitalInput(name, f"{name}_on", 1) for name in names)
+    if (wiring.analog.line, wiring.analog.unit) == (wiring.inputs.line, wiring.inputs.unit):
+        both = IoCoupler(CouplerSettings(outputs, inputs), read=levels, write=write)
+        return {"outputs": both}
+    return {
+        "outputs": IoCoupler(CouplerSettings(outputs), write=write),
+        "inputs": IoCoupler(CouplerSettings((), inputs), read=levels),
+    }
+
+
+def _create_brake_amplifier(world: SharedBench) -> StrainAmplifier:
+    """Return the measuring amplifier at the brake's shunt."""
+    settings = AmplifierSettings(_SHUNT, _SHUNT_RATE)
+    return StrainAmplifier(lambda: (world.sense().brake_current_a,), settings)
 
 
 if __name__ == "__main__":
-    run_io_process(serve)
+    run_io_process(lambda job: serve_devices(job, BenchRigFile, _build_devices))

@@ -5,19 +5,17 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.config.problems import Problem, display_path, format_number
+from rig.config.matching import SharedValue, mismatches
+from rig.config.problems import Problem, display_path
 from rig.config.pydantic_errors import problems_from
-from rig.config.yaml_source import KeyPath
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
 from rig.kinds.oswec_bench.sessions.flume import sea_as_dict, session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
-_RELATIVE_TOLERANCE = 1e-6  # relative
 
-
-def session_plant_settings(session: Session) -> dict[str, Any]:
+def plant_settings(session: Session) -> dict[str, Any]:
     """Return the simulated bench's configuration for `connect`, as JSON values."""
     settings: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
     seas = session_seas(session.file, session.points)
@@ -26,7 +24,7 @@ def session_plant_settings(session: Session) -> dict[str, Any]:
     return settings | {"seas": [sea_as_dict(sea) for sea in seas]}
 
 
-def session_problems(pieces: SessionParts) -> tuple[Problem, ...]:
+def problems(pieces: SessionParts) -> tuple[Problem, ...]:
     """Return the problems of the simulated bench, by itself and compared with the rig."""
     if pieces.plant is None:
         return ()
@@ -74,21 +72,14 @@ def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
     if pieces.rig is None or pieces.rig_file is None or pieces.plant is None:
         return
     rig, sensors = pieces.rig_file, plant.sensors
-    pairs: tuple[tuple[KeyPath, float, KeyPath, float], ...] = (
-        (("servo", "gear_ratio"), rig.servo.gear_ratio,
-         ("motor", "gear_ratio", "value"), plant.motor.gear_ratio.value),
-        (("servo", "encoder", "counts_per_revolution"), rig.servo.encoder.counts_per_revolution,
-         ("sensors", "motor_counts", "value"), sensors.motor_counts.value),
-        (("shaft_encoder", "counts_per_revolution"), rig.shaft_encoder.counts_per_revolution,
-         ("sensors", "shaft_counts", "value"), sensors.shaft_counts.value),
+    shared = (
+        SharedValue(("servo", "gear_ratio"), rig.servo.gear_ratio,
+                    ("motor", "gear_ratio", "value"), plant.motor.gear_ratio.value),
+        SharedValue(("servo", "encoder", "counts_per_revolution"),
+                    rig.servo.encoder.counts_per_revolution,
+                    ("sensors", "motor_counts", "value"), sensors.motor_counts.value),
+        SharedValue(("shaft_encoder", "counts_per_revolution"),
+                    rig.shaft_encoder.counts_per_revolution,
+                    ("sensors", "shaft_counts", "value"), sensors.shaft_counts.value),
     )  # fmt: skip
-    for name, rig_value, key, plant_value in pairs:
-        if abs(rig_value - plant_value) > _RELATIVE_TOLERANCE * abs(plant_value):
-            place = pieces.plant.locate(key)
-            yield pieces.rig.locate.problem(
-                name,
-                rig_value,
-                f"{format_number(rig_value)} is not the simulated bench's "
-                f"{format_number(plant_value)} "
-                f"({display_path(place.path)}:{place.line}); the two must agree",
-            )
+    yield from mismatches(pieces.rig.locate, pieces.plant.locate, shared, "simulated bench")

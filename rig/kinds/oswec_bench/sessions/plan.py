@@ -19,7 +19,7 @@ from rig.kinds.oswec_bench.sessions.flume import irregular_signal, row_flume
 from rig.kinds.oswec_bench.sessions.rows import SessionPoint
 from rig.kinds.oswec_bench.tick import Flume, Setpoints
 from rig.kinds.oswec_bench.tick.signals import NO_FLUME
-from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
+from rig.planning.campaign.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 
 
@@ -153,14 +153,9 @@ def row_components(
 def _assemble_plan(
     rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetpoint]], rate: float
 ) -> SessionPlan:
-    segments, kept_pieces, setpoint_table = cut_into_ticks(pieces, rate)
-
-    def seconds(phase: Phase) -> float:
-        return (
-            sum(n for n, p in zip(segments.ticks, kept_pieces, strict=True) if p.phase is phase)
-            / rate
-        )
-
+    table = cut_into_ticks(pieces, rate)
+    segments, _, setpoint_table = table
+    seconds = phase_seconds(table, rate)
     setpoints = Setpoints(
         tuple(setpoint.components for setpoint in setpoint_table),
         tuple(setpoint.damping for setpoint in setpoint_table),
@@ -170,11 +165,11 @@ def _assemble_plan(
         tuple(setpoint.flume for setpoint in setpoint_table),
     )
     phases = SessionPhases(
-        seconds(Phase.TARE),
-        seconds(Phase.MOVING),
-        seconds(Phase.SETTLE),
-        seconds(Phase.MEASURE),
-        seconds(Phase.TAIL),
+        seconds[Phase.TARE],
+        seconds[Phase.MOVING],
+        seconds[Phase.SETTLE],
+        seconds[Phase.MEASURE],
+        seconds[Phase.TAIL],
     )
     duration = sum(segments.ticks) / rate
     return SessionPlan(rows, segments, setpoints, 1.0 / rate, duration, phases)

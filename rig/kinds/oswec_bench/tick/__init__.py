@@ -2,6 +2,7 @@
 
 from rig.kinds.oswec_bench.tick.cycle import KIND, find_kind
 from rig.kinds.oswec_bench.tick.signals import (
+    SENSE_IN_ROW,
     BenchRow,
     BrakeSense,
     Command,
@@ -16,6 +17,7 @@ from rig.kinds.oswec_bench.tick.state import Limits, LoadLimits, Params
 
 __all__ = [
     "KIND",
+    "SENSE_IN_ROW",
     "BenchRow",
     "BrakeSense",
     "Command",

@@ -86,6 +86,10 @@ class Sense(NamedTuple):
     panel: PanelSense
 
 
+SENSE_IN_ROW: dict[str, str] = {}
+"""Fields of `Sense` that have another name in a row."""
+
+
 class Rotation(NamedTuple):
     """Estimated motion about the shaft's axis, relative to the tared zero."""
 

@@ -21,7 +21,7 @@ from rig.config.columns import (
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number
 from rig.config.rig_file import BaseRigFile, Rate, StopTiming
-from rig.config.wiring import Wiring
+from rig.kinds.wavebot.config.wiring import WaveBotWiring
 
 
 class Axis(FileModel):
@@ -175,7 +175,7 @@ class RigFile(BaseRigFile):
     stability: Stability
     stop: Stop
     law: str | dict[str, Any] | None = None  # of campaigns without one; checked with them
-    wiring: Wiring | None = None  # None: the rig can only be rehearsed
+    wiring: WaveBotWiring | None = None  # None: the rig can only be rehearsed
 
     @field_validator("spring_map")
     @classmethod

@@ -6,7 +6,7 @@ translates between the messages of the drivers and the signals of the loop.
 
 import math
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from controllers.signals import (
     AxisSense,
@@ -20,13 +20,12 @@ from drivers.canopen import scaling
 from drivers.canopen.bus_cycle import BusCycle, FrameLink
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import Link
-from drivers.canopen.position_actuator import PositionActuator
-from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisReading
-from rig.kinds.wavebot.hardware.settings import WaveBotDeviceSettings
+from drivers.canopen.position_actuator import ActuatorSettings, PositionActuator
+from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisReading, TorqueAxisSettings
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
-from rig.wires.messages import MESSAGE_TYPES, NodeHealth, OutputsMessage
+from rig.wires.messages import NodeHealth, OutputsMessage, open_mailboxes
 
 # Codes of EMCY and 0x603F: a person must be able to distinguish these two from all others.
 _FAULTS = {0x3210: DriveFault.OVERVOLTAGE.value, 0x3220: DriveFault.UNDERVOLTAGE.value}
@@ -36,6 +35,20 @@ _NO_DUMP = 0
 WARM_UP_TIMEOUT_S = 3.0  # s in which every drive must answer every SYNC
 _MAX_WARM_UP_AGE_TICKS = 5.0  # of every value of a drive at the end of the warm-up
 _NEVER_AGE_S = 1e9  # s, age of a value that never came
+
+
+class WaveBotDeviceSettings(NamedTuple):
+    """Constants of the devices; the current scales are read from the drives later."""
+
+    own_node: int
+    heartbeat: float  # s between the loop's own heartbeats
+    health_age: float  # s, age of the health messages from which the service process counts as lost
+    heartbeat_lost: float  # s without a node's heartbeat until it counts as lost
+    actuator_divider: int
+    trigger_divider: int  # ticks between two posts of the outputs
+    heave: TorqueAxisSettings
+    surge: TorqueAxisSettings
+    stator: ActuatorSettings
 
 
 class WaveBotDevices:
@@ -162,21 +175,20 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
 
     LinkError if the bus cannot be opened.
     """
-    interface, channel, bit_rate, options = config["bus"]
     settings: WaveBotDeviceSettings = handover.loads(WaveBotDeviceSettings, config["devices"])
     scales, facts = config["scales"], config["facts"]["can"]
     settings = settings._replace(
         heave=settings.heave._replace(scale=_current_scale(scales["heave"], facts["heave"])),
         surge=settings.surge._replace(scale=_current_scale(scales["surge"], facts["surge"])),
     )
-    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in config["mailboxes"].items()}
+    slots = open_mailboxes(config["mailboxes"])
     nodes = (
         TorqueAxis(settings.heave),
         TorqueAxis(settings.surge),
         PositionActuator(settings.stator),
     )
     sync_frames = frozenset[int]().union(*(node.sync_dividers for node in nodes))
-    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    bus = BusSettings.from_json(config["bus"])
     return WaveBotDevices(settings, Link(bus, sync_frames), slots)
 
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.windows import find_incomplete_windows
 from rig.interop.basin.merge import SINE_FREQUENCY
+from rig.interop.tables import ticks_per_sample
 from rig.kinds.wavebot.mask4.fields import (
     FIELDS,
     NEWTONS_PER_AMPERE,
@@ -20,6 +20,7 @@ from rig.kinds.wavebot.mask4.fields import (
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import find_incomplete_windows
 
 Structure = dict[str, dict[str, Any]]
 
@@ -35,8 +36,8 @@ class Mask4Export(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def export_structure(run: Path, rate: float = SAMPLE_RATE) -> Mask4Export:
-    """Return the buses of a run, each field a column over samples at ``rate`` (Hz).
+def export_structure(run: Path, rate: float | None = None) -> Mask4Export:
+    """Return the buses of a run, each field a column at ``rate`` (Hz; None: that of MASK4).
 
     The function takes every n-th tick, as a slow scope does. Raises RunError for a rate that does
     not divide the run's, and for a run of another kind of rig. ``rigSignals.incomplete`` is 1 in
@@ -50,26 +51,15 @@ def export_structure(run: Path, rate: float = SAMPLE_RATE) -> Mask4Export:
     data = reader.columns(source, ["time", "tick", *sorted(fields)])
     run_facts = run_info(run, source.contents)
     ticks = data["tick"]
-    step = _ticks_per_sample(run, data["time"], ticks, rate)
+    # By ticks, because rows may be missing in between.
+    run_rate = float(ticks[-1] - ticks[0]) / float(data["time"][-1] - data["time"][0])
+    step = ticks_per_sample(run, run_rate, rate or SAMPLE_RATE)
     samples = np.flatnonzero((ticks - ticks[0]) % step == 0)
     data = {name: values[samples] for name, values in data.items()}
     exported = _build_structure(data, run_facts)
     gaps = find_incomplete_windows(run)
     exported.buses[RIG_BUS]["incomplete"] = to_column(gaps.mask(data["time"]))
     return exported._replace(remarks=(*exported.remarks, *gaps.messages))
-
-
-def _ticks_per_sample(run: Path, time: Any, ticks: Any, rate: float) -> int:
-    """Return the number of ticks per sample."""
-    # By ticks, because rows may be missing in between.
-    run_rate = float(ticks[-1] - ticks[0]) / float(time[-1] - time[0])
-    step = round(run_rate / rate)
-    if step < 1 or abs(run_rate / step - rate) > 1e-6 * rate:
-        allowed = ", ".join(f"{run_rate / n:g}" for n in (1, 2, 5, 10, 20))
-        raise RunError(
-            f"{run}: {rate:g} Hz does not divide its {run_rate:g} Hz; allowed {allowed}, ..."
-        )
-    return step
 
 
 def _build_structure(data: dict[str, Any], run_facts: RunInfo) -> Mask4Export:

@@ -14,7 +14,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from rig.config.columns import COLUMNS
-from rig.kinds.wavebot.mask4.signals import Floats, Mask4Signals
+from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
+from rig.interop.basin.products import write_products
+from rig.interop.tables import write_columns
+from rig.kinds.wavebot.mask4.signals import Mask4Signals, read_signals
 from rig.kinds.wavebot.mask4.windows import RowTiming, RowWindows, find_by_time, from_labels
 from rig.kinds.wavebot.tick.signals import WaveBotRow
 from rig.kinds.wavebot.tick.stations import STATIONS
@@ -27,11 +30,19 @@ from rig.recording.runs import create
 from rig.recording.runs.folder import CONFIG, MCAP, STATUS
 from rig.recording.runs.mcap_file import Records, row_dtype
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
+from rig.spectra.periods import Floats
 
 ZeroReference = Literal["window", "run", "none"]
 
 IMPORTED_MODE = "imported"
 _DATE = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
+WAVES_FILE = "waves.csv"
+# The first present channel is used; files with lag 0 lack syncTimeSine.
+_TIME_CHANNELS = ("syncTimeSine", "syncTimeTTL")
+_CLOCK_CHANNELS = (
+    *("time", "elapsedtime", "utctime", "taitime"),
+    *("synctimettl", "synctimesine", "synctimegps"),
+)
 _SETTING_FIELDS = {
     "kp": "heave.demand.kp",
     "ki": "heave.demand.ki",
@@ -59,6 +70,7 @@ class ImportedRun(NamedTuple):
     folder: Path
     rows: int
     remarks: tuple[str, ...]
+    written: tuple[Path, ...]  # the folder, and its files besides the record
 
 
 def start_from_name(path: Path) -> datetime | None:
@@ -73,10 +85,15 @@ def start_from_name(path: Path) -> datetime | None:
     return datetime.strptime(match[0], "%Y_%m_%d_%H_%M_%S").replace(tzinfo=UTC)
 
 
-def write_run(
-    signals: Mask4Signals, path: Path, runs_folder: Path, description: FileDescription
+def import_file(
+    path: Path, runs_folder: Path, description: FileDescription, drive: str | None = None
 ) -> ImportedRun:
-    """Write a run folder in ``runs_folder``; raise ValueError if no rows can be found."""
+    """Write a run folder in ``runs_folder``, with the waves of the file merged into the run.
+
+    ``drive`` is that of `read_signals`. Raises `ConfigError` for a file that cannot be read,
+    ValueError if no rows can be found.
+    """
+    signals = read_signals(path, drive)
     windows, columns = _find_windows(signals, description)
     time = signals.time - signals.time[0]
     dt = float(np.median(np.diff(time)))
@@ -98,7 +115,11 @@ def write_run(
     }
     plan = {"dt": dt, "rows": plan_rows, "repeat_s": description.repeat, "sea": description.sea}
     _write_folder(folder, log_rows, plan, _config(signals, description, source), description)
-    return ImportedRun(folder, len(plan_rows), tuple(remarks))
+    written = [folder, *_write_sync(signals, folder)]
+    if waves := _write_waves(signals, folder):
+        merged = merge(folder, [MergeSource("waves", waves, "m", 0.0)], SyncChannels())
+        written += [waves, *write_products(merged, folder)]
+    return ImportedRun(folder, len(plan_rows), tuple(remarks), tuple(written))
 
 
 def _find_windows(
@@ -228,7 +249,7 @@ def _write_folder(
     texts = {CONFIG: config, "plan.json": plan, "code.json": provenance.describe_code()}
     writer = RowWriter(
         folder / MCAP,
-        WaveBotRow,
+        row_layout.schema(WaveBotRow),
         {name: json.dumps(value).encode() for name, value in texts.items()},
         {"run": {"run": folder.name, "mode": IMPORTED_MODE}},
         start_utc_ns=round(description.started.timestamp() * 1e9),
@@ -240,3 +261,31 @@ def _write_folder(
     writer.finish()
     for name, value in {**texts, STATUS: status}.items():
         create.write_json(folder, name, value)
+
+
+def _write_sync(signals: Mask4Signals, folder: Path) -> list[Path]:
+    """Write ``sync.csv`` for `rig merge`, the rig's own trigger and sine, if the file has them."""
+    bus = "setpointSignals."
+    names = [name for name in ("trigger", "syncSine") if bus + name in signals.variables]
+    time = signals.variables.get(f"{bus}time")
+    if not names or time is None:
+        return []
+    columns = {"time_s": np.asarray(time) - signals.time[0]}
+    columns |= {name: np.asarray(signals.variables[bus + name]) for name in names}
+    return [write_columns(columns, folder / SYNC_FILE)]
+
+
+def _write_waves(signals: Mask4Signals, folder: Path) -> Path | None:
+    """Write ``waves.csv``: basin data (m) on the run's time, as in the file; None if absent."""
+    bus = "waveData."
+    data = {n.removeprefix(bus): v for n, v in signals.variables.items() if n.startswith(bus)}
+    time = next((data[name] for name in _TIME_CHANNELS if name in data), None)
+    waves = {
+        name: np.asarray(value)
+        for name, value in data.items()
+        if name.lower() not in _CLOCK_CHANNELS and time is not None and len(value) == len(time)
+    }
+    if time is None or not waves:
+        return None
+    columns = {"time_s": np.asarray(time) - signals.time[0]} | waves
+    return write_columns(columns, folder / WAVES_FILE)

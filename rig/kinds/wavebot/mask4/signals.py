@@ -4,13 +4,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from rig.config.problems import ConfigError, Problem, display_path
 from rig.interop.legacy import matlab
+from rig.interop.legacy.table import file_error
 from rig.kinds.wavebot.mask4.fields import ALTERNATIVE_PATHS, FIELDS, REQUIRED, FieldMapping
-
-Floats = npt.NDArray[np.float64]
+from rig.spectra.periods import Floats
 
 DRIVE_BY_CHANNEL = {"hbmSignals.heaveDriveInP": "cots", "hbmSignals.expDriveInP": "custom"}
 """Drive of each channel of DC power: the custom drive has its own channel."""
@@ -35,9 +33,9 @@ def read_signals(path: Path, drive: str | None = None) -> Mask4Signals:
     try:
         variables = matlab.load_signals(path)
     except OSError as error:
-        raise _file_error(path, [f"cannot be read: {error.strerror}"]) from None
+        raise file_error(path, f"cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise _file_error(path, [str(error)]) from None
+        raise file_error(path, str(error)) from None
     for name, other in ALTERNATIVE_PATHS.items():
         if name not in variables and other in variables:
             variables[name] = variables[other]
@@ -50,11 +48,11 @@ def read_signals(path: Path, drive: str | None = None) -> Mask4Signals:
     if drive is not None and drives and drive not in drives:
         problems.append(f"no DC power of the {drive} drive is in the file, only of {drives[0]}")
     if problems:
-        raise _file_error(path, problems)
+        raise file_error(path, *problems)
     kind = drive or (drives[0] if drives else "cots")
     time = np.asarray(variables["heaveSignals.time"], dtype=np.float64)
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
-        raise _file_error(path, ["heaveSignals.time does not rise"])
+        raise file_error(path, "heaveSignals.time does not rise")
     log_fields: dict[str, Floats] = {}
     for field in FIELDS:
         if (
@@ -66,7 +64,7 @@ def read_signals(path: Path, drive: str | None = None) -> Mask4Signals:
             problems += field_problems
             log_fields[field.log_field] = (value - field.offset) / field.factor
     if problems:
-        raise _file_error(path, problems)
+        raise file_error(path, *problems)
     expected = [field.path for field in FIELDS if field.drive in ("", kind)]
     missing = tuple(name for name in expected if name not in variables)
     return Mask4Signals(time, log_fields, variables, kind, missing)
@@ -84,7 +82,3 @@ def _at_heave_time(
     if len(own_time) == len(time) and np.array_equal(own_time, time):
         return value, []
     return np.interp(time, own_time, value, left=np.nan, right=np.nan), []
-
-
-def _file_error(path: Path, messages: list[str]) -> ConfigError:
-    return ConfigError(Problem(display_path(path), 1, "", None, message) for message in messages)

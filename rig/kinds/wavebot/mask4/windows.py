@@ -9,15 +9,12 @@ phase as labels.
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from rig.config.columns import END_MARK
-from rig.interop.legacy.mask4_rows import RowRoles, classify_rows
+from rig.interop.legacy.mask4 import RowRoles, classify_rows
 from rig.kinds.wavebot.mask4.fields import RIG_BUS
 from rig.realtime.sequence import NO_ROW, Phase
-
-Floats = npt.NDArray[np.float64]
-Labels = npt.NDArray[np.int64]
+from rig.spectra.periods import Floats, Ticks
 
 
 class RowTiming(NamedTuple):
@@ -32,9 +29,9 @@ class RowTiming(NamedTuple):
 class RowWindows(NamedTuple):
     """Row, phase and attempt of every sample."""
 
-    row: Labels
-    phase: Labels
-    attempt: Labels
+    row: Ticks
+    phase: Ticks
+    attempt: Ticks
     remarks: tuple[str, ...]
 
 
@@ -58,10 +55,8 @@ def find_by_time(
     """
     first, count = _extent(time, counter, settings[:, 0], timing)
     starts = np.asarray(first + timing.interval * np.arange(count + 1), dtype=np.float64)
-    edges, window_starts = (
-        _sample_index(time, starts),
-        _sample_index(time, starts[:-1] + timing.settle),
-    )
+    edges = _sample_index(time, starts)
+    window_starts = _sample_index(time, starts[:-1] + timing.settle)
     window_ends = _sample_index(time, starts[:-1] + timing.settle + timing.measure)
     set_points = [tuple(settings[i].tolist()) for i in window_starts]
     roles = classify_rows(set_points, columns.index("kp"), columns.index("spring_rate"), 0)
@@ -118,7 +113,7 @@ def _remarks(kp: Floats, roles: RowRoles) -> list[str]:
     return remarks
 
 
-def _sample_index(time: Floats, moments: Floats) -> Labels:
+def _sample_index(time: Floats, moments: Floats) -> Ticks:
     """Return the index of the first sample at or after each moment (half a sample tolerance)."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     return np.searchsorted(time, moments - 0.5 * step).astype(np.int64)

@@ -19,10 +19,10 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
-from rig.analysis.windows import ExcludedRows, Window, read_windows
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordCheck
+from rig.recording.runs.windows import ExcludedRows, Window, read_windows
 
 KEPT_POWER_SHARE = 0.98
 """Share of the best row's heave power that must be kept."""

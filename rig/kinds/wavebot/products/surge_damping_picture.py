@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from rig.analysis import picture
-from rig.analysis.picture import ACCENT, DARK, MUTED
 from rig.kinds.wavebot.products.surge_damping import (
     DampingChoice,
     interpolate_column,
     recommendation,
 )
+from rig.presentation import picture
+from rig.presentation.picture import ACCENT, DARK, MUTED
 
 _LINE_COLOUR = "#0b6e99"
 _LOSS_COLOUR = "#8d5a97"

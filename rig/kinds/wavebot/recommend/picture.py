@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.interpolate import RectBivariateSpline
 
-from rig.analysis import picture
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
 from rig.kinds.wavebot.recommend.set_points import STATIONS, Gains, SetPointPrediction
 from rig.planning.campaign.stability import largest_ki
+from rig.presentation import picture
 
 _SIDE = 15  # points of the surface along each axis
 _NEAR = 100.0  # N/m: rows with a spring rate closer than this to the surface's are drawn filled

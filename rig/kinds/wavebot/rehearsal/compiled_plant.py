@@ -3,11 +3,8 @@
 The interpreted plant takes more time than the loop that it tests.
 """
 
-from typing import Any
-
-import numpy as np
-
 from rig.compilation import lifting
+from rig.compilation.plant_step import PlantStep
 from sim_plant import (
     analyser,
     body,
@@ -23,7 +20,7 @@ from sim_plant import (
     surge,
     wavebot,
 )
-from sim_plant.signals import OFF, Actuation, Readings
+from sim_plant.signals import Actuation, Readings
 from sim_plant.stepper import Stepper, StepperInputs
 from sim_plant.wavebot import NO_EXCITATION, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 
@@ -32,58 +29,40 @@ LIFTED_MODULES = (
     stator_force, surge, wavebot,
 )  # fmt: skip
 
-# One array holds all numbers (each array argument costs 0.2 us a tick): the state, the excitation
-# at the present tick, the length of the step, the constants, the noise table. The function returns
-# a plain tuple: making the NamedTuple outside costs a third of its conversion by numba.
-_SOURCE_TEMPLATE = '''"""Generated: one tick of the plant on an array of its numbers."""
-
-from numba import float64, int64, njit
-
-{imports}
-
-ACTUATION = (float64, int64, float64, int64, float64, int64, int64)
-MOMENT = (int64, float64, float64, int64, float64)
-
-
-@njit((float64[::1], *ACTUATION, *MOMENT), cache=True, error_model="numpy")
-def advance(x, a0, a1, a2, a3, a5, a6, a7, fresh, heave, surge, tick, elevation):
-    params = {params}
-    state = {state}
-    now = {now}
-    after = Excitation(heave, surge)
-    actuation = Actuation(a0, a1, a2, a3, 0, a5, a6, a7)
-    state = step(params, state, actuation, fresh, now, after, x[{dt}])
-    {store}
-    read = sample(params, state, tick, elevation, x[{normals}:])
-    return {read}
-
-
-def unpack(x):
-    return {state}
-'''
+_ARGUMENTS = {
+    "current": "float64", "enable": "int64", "target": "float64", "move": "int64",
+    "surge_current": "float64", "surge_enable": "int64", "conducting": "int64", "fresh": "int64",
+    "heave": "float64", "surge": "float64", "tick": "int64", "elevation": "float64",
+}  # fmt: skip
+_BODY = (
+    "after = Excitation(heave, surge)",
+    "actuation = Actuation("
+    "current, enable, target, move, 0, surge_current, surge_enable, conducting)",
+    "state = step(params, state[0], actuation, fresh, state[1], after, dt), after",
+    "read = sample(params, state[0], tick, elevation, normals)",
+)  # the state of the plant, and the excitation at the present tick
 
 
 class CompiledStepper(Stepper):
     """A `Stepper` that runs compiled, on one array."""
 
     def __init__(self, start: StepperInputs) -> None:
-        state = lifting.flatten(start.state)
-        constants = lifting.flatten(start.params)
-        moment = [*lifting.flatten(NO_EXCITATION), start.dt]
-        self._code = _compile_step(start)
-        self._x = np.array([*state, *moment, *constants, *start.normals])
-        self._state = self._x[: len(state)]
-        self._moment = self._x[len(state) : len(state) + len(NO_EXCITATION)]
-        first = len(state) + len(moment)
-        self._constants = self._x[first : first + len(constants)]
-        probes, hoist = len(Probes._fields), len(Hoist._fields)
+        self._compiled = compiled = PlantStep(
+            wavebot,
+            LIFTED_MODULES,
+            _ARGUMENTS,
+            _BODY,
+            **start._replace(state=(start.state, NO_EXCITATION))._asdict(),  # type: ignore[arg-type]
+            imported=(Actuation,),
+            reading=Readings,
+        )
+        excitation, probes, hoist = len(NO_EXCITATION), len(Probes._fields), len(Hoist._fields)
+        self._excitation = compiled.numbers[-excitation:]
+        self._state = compiled.numbers[:-excitation]
         self._probes = self._state[-probes:]  # the last numbers of the state, the hoist before them
         self._hoist = self._state[-probes - hoist : -probes]
-        self._step = self._code.advance
+        self._step, self._x = compiled.code.advance, compiled.array
         super().__init__(start)
-        # The first call of compiled code takes milliseconds, so it must not be in a tick.
-        self.advance(OFF, 0, 0.0, 0.0, 0, 0.0)
-        self.state, self.excitation = start.state, NO_EXCITATION
 
     @property
     def params(self) -> WaveBotParams:
@@ -93,12 +72,12 @@ class CompiledStepper(Stepper):
     @params.setter
     def params(self, params: WaveBotParams) -> None:
         self._params = params
-        self._constants[:] = lifting.flatten(params)
+        self._compiled.constants[:] = lifting.flatten(params)
 
     @property
     def state(self) -> WaveBotState:
         """The plant's state, rebuilt from the array."""
-        state: WaveBotState = self._code.unpack(self._state.tolist())
+        state: WaveBotState = self._compiled.state[0]
         return state
 
     @state.setter
@@ -108,11 +87,11 @@ class CompiledStepper(Stepper):
     @property
     def excitation(self) -> Excitation:
         """Excitation at the present tick."""
-        return Excitation(*self._moment.tolist())
+        return Excitation(*self._excitation.tolist())
 
     @excitation.setter
     def excitation(self, excitation: Excitation) -> None:
-        self._moment[:] = excitation
+        self._excitation[:] = excitation
 
     def advance(
         self,
@@ -144,26 +123,3 @@ class CompiledStepper(Stepper):
     def set_probes(self, probes: Probes) -> None:
         """Set a new sample of the basin probes."""
         self._probes[:] = probes
-
-
-def _compile_step(start: StepperInputs) -> Any:
-    params, state = start.params, start.state
-    names = lifting.tuple_types(params) | lifting.tuple_types(state) | {Actuation, Excitation}
-    imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
-    after_state = len(lifting.flatten(state))
-    after_moment = after_state + len(NO_EXCITATION) + 1
-    store = [
-        *lifting.pack_source(state, "state", "x"),
-        *(f"x[{after_state + i}] = {name}" for i, name in enumerate(("heave", "surge"))),
-    ]
-    source = _SOURCE_TEMPLATE.format(
-        imports="\n".join([*sorted(imports), "from sim_plant.wavebot import sample, step"]),
-        params=lifting.unpack_source(params, "x", after_moment),
-        normals=after_moment + len(lifting.flatten(params)),
-        state=lifting.unpack_source(state, "x"),
-        now=lifting.unpack_source(NO_EXCITATION, "x", after_state),
-        dt=after_moment - 1,
-        store="\n    ".join(store),
-        read="(" + ", ".join(f"read[{i}]" for i in range(len(Readings._fields))) + ")",
-    )
-    return lifting.load("plant_step", source, LIFTED_MODULES)

@@ -7,6 +7,7 @@ import numpy as np
 
 from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from controllers.signals import DriveSettings as Settings
+from rig.emulation.in_process import PlantDevices
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -47,28 +48,17 @@ _tuple = tuple.__new__
 _UNTOUCHED_PANEL = PanelSense(0, 0, 0.0)  # in a rehearsal nobody presses a button
 
 
-class PlantDevices:
-    """The devices of a simulated WaveBot.
-
-    `read` advances the world to the planned time of the tick: by one step on the virtual clock, by
-    more when ticks of the real clock were lost (a plant does not wait for a late loop).
-    """
+class WaveBotPlantDevices(PlantDevices):
+    """The devices of a simulated WaveBot."""
 
     def __init__(self, world: World, dt: float) -> None:
+        super().__init__(world, OFF, dt)
         self._world = world
         self._delay = world.delay
-        self._dt = dt
-        self._ticks = 0
         self._last_settings: Settings | None = None  # the last ones of the drive
 
-    def warm_up(self, dt: float) -> None:
-        """Do nothing: a plant in the same process needs no warm-up."""
-
     def read(self, now: float) -> Sense:
-        tick = round(now / self._dt)
-        while self._ticks < tick:
-            self._world.advance(self._dt)
-            self._ticks += 1
+        self._advance_to(now)
         (
             counts, current, enabled, fault,
             surge_counts, surge_current, surge_enabled, surge_fault,
@@ -110,28 +100,18 @@ class PlantDevices:
             scheme, voltage, period, tolerance, _, level = settings
             self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
 
-    def stop(self, reason: int) -> None:
-        self._world.actuate(OFF)
-
-    def close(self) -> None:
-        """Nothing to release."""
-
-
-def stepper_type(compiled: bool) -> type[Stepper]:
-    """Return the stepper type: compiled, or interpreted with the same results and no compiler."""
-    if not compiled:
-        return Stepper
-    from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
-
-    return CompiledStepper
-
 
 def build_world(config: dict[str, Any], dt: float) -> World:
     """Return the rig in its sea for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
     "device": "absent" gives the empty basin of a wave calibration, "compiled": false interprets the
-    plant, "hoist" raises and lowers the body from the wave trigger on.
+    plant with the same results, "hoist" raises and lowers the body from the wave trigger on.
     """
+    stepper = Stepper
+    if config.get("compiled", True):
+        from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
+
+        stepper = CompiledStepper
     plant = Plant.model_validate(config["plant"])
     path = Path(config["bem"])
     return World(
@@ -142,7 +122,7 @@ def build_world(config: dict[str, Any], dt: float) -> World:
         dt=dt,
         seed=config["seed"],
         device=config.get("device", "present") == "present",
-        stepper=stepper_type(config.get("compiled", True)),
+        stepper=stepper,
         hoist=_hoist_profile(config.get("hoist")),
     )
 
@@ -155,6 +135,6 @@ def _hoist_profile(settings: dict[str, Any] | None) -> MotionProfile | None:
     )
 
 
-def connect(config: dict[str, Any], dt: float) -> PlantDevices:
+def connect(config: dict[str, Any], dt: float) -> WaveBotPlantDevices:
     """Return the simulated devices for a configuration of `build_world`."""
-    return PlantDevices(build_world(config, dt), dt)
+    return WaveBotPlantDevices(build_world(config, dt), dt)

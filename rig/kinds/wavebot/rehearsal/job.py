@@ -14,7 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig.config.campaign_file import CampaignFile
 from rig.config.law_settings import find_law, law_model
-from rig.config.problems import Problem, display_path, format_number
+from rig.config.matching import SharedValue, mismatches
+from rig.config.problems import Problem, format_number
 from rig.config.pydantic_errors import problems_from
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
@@ -41,7 +42,6 @@ _UNREADABLE = (
     OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 _REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
-_RELATIVE_TOLERANCE = 1e-6  # relative
 
 MATCHING_KEYS: dict[str, tuple[str, ...]] = {
     "counts_per_revolution": ("sensors", "encoder_counts", "value"),
@@ -209,18 +209,16 @@ def _mismatches(pieces: CampaignParts, plant: Plant, source: ConfigSource) -> It
     """Yield the scales in which rig and plant differ: commands would mean other things."""
     if pieces.rig is None or pieces.heave is None:
         return
-    for name, key in MATCHING_KEYS.items():
-        rig_value = float(getattr(pieces.heave, name))
-        plant_value = float(reduce(getattr, key, plant))  # type: ignore[arg-type]
-        if abs(rig_value - plant_value) > _RELATIVE_TOLERANCE * abs(plant_value):
-            place = source.locate(key)
-            yield pieces.rig.locate.problem(
-                ("heave", name),
-                rig_value,
-                f"{format_number(rig_value)} is not the simulated plant's "
-                f"{format_number(plant_value)} "
-                f"({display_path(place.path)}:{place.line}); the two must agree",
-            )
+    shared = (
+        SharedValue(
+            ("heave", name),
+            float(getattr(pieces.heave, name)),
+            key,
+            float(reduce(getattr, key, plant)),  # type: ignore[arg-type]
+        )
+        for name, key in MATCHING_KEYS.items()
+    )
+    yield from mismatches(pieces.rig.locate, source.locate, shared, "simulated plant")
 
 
 def _sea_problems(pieces: CampaignParts, bem: Bem | None) -> Iterator[Problem]:

@@ -6,10 +6,10 @@ import numpy as np
 
 from rig.design.axis import dynamic_stiffness
 from rig.identification.incident_waves import WaveSensors
-from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.build import metres_per_count
 from rig.kinds.wavebot.predictions.model import linear_body
 from rig.planning.campaign import Campaign
+from rig.spectra.periods import Complexes, Floats
 from sim_plant import bem
 from sim_plant.parameters import Plant
 

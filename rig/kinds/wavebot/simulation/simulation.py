@@ -10,7 +10,6 @@ import numpy.typing as npt
 from controllers.signals import DriveSettings
 from rig.analysis import quality
 from rig.analysis.rows import LOGGED_SETTINGS, required_fields
-from rig.analysis.windows import REQUIRED_FIELDS, Window
 from rig.compilation.column import Column
 from rig.kinds.wavebot.build import index_realisations, list_realisations, wavebot_params
 from rig.kinds.wavebot.rehearsal import job
@@ -29,6 +28,7 @@ from rig.realtime.reasons import Reason, reason_table
 from rig.realtime.sequence import MEASURE
 from rig.recording.row_layout import leaves
 from rig.recording.runs.mcap_file import Records
+from rig.recording.runs.windows import REQUIRED_FIELDS, Window
 from sim_plant import custom_drive, wave_maker, wavebot
 from sim_plant.parameters import Plant
 from sim_plant.signals import OFF

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, TwoSlopeNorm
 
-from rig.analysis import picture
-from rig.analysis.phrases import format_signed
-from rig.analysis.picture import ACCENT, DARK, MUTED
+from rig.presentation import picture
+from rig.presentation.phrases import format_signed
+from rig.presentation.picture import ACCENT, DARK, MUTED
 
 _STATION_COLOURS = "viridis"
 _SIGNED_COLOURS = "RdBu_r"

@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis.phrases import format_signed
-from rig.analysis.windows import ExcludedRows, Window, read_windows
 from rig.kinds.wavebot.spring_map import passes
 from rig.kinds.wavebot.spring_map.passes import (
     FIT_HALF_ANGLE,
@@ -20,10 +18,12 @@ from rig.kinds.wavebot.spring_map.passes import (
     SineFit,
     StationCurve,
 )
+from rig.presentation.phrases import format_signed
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordCheck
+from rig.recording.runs.windows import ExcludedRows, Window, read_windows
 
 MAX_CELL_DISAGREEMENT = (
     0.05  # of the larger; a larger difference between the cells' rates is reported

@@ -1,8 +1,10 @@
 """The WaveBot as a kind of rig: its signals, its checks, and its part of the cycle."""
 
 from rig.kinds.wavebot.tick.check import check
-from rig.kinds.wavebot.tick.cycle import KIND, find_kind, kind_with_law, observe
+from rig.kinds.wavebot.tick.cycle import KIND, kind_with_law, observe
+from rig.kinds.wavebot.tick.find_kind import find_kind
 from rig.kinds.wavebot.tick.signals import (
+    SENSE_IN_ROW,
     Command,
     LoadSense,
     PowerSense,
@@ -15,6 +17,7 @@ from rig.kinds.wavebot.tick.state import Limits, Params, State
 
 __all__ = [
     "KIND",
+    "SENSE_IN_ROW",
     "Command",
     "Limits",
     "LoadSense",

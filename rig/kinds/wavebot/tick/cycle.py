@@ -14,7 +14,6 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Demand, DriveCommand, Reference
-from rig import laws
 from rig.kinds.wavebot.tick import power_checks, stations, tare
 from rig.kinds.wavebot.tick.check import check
 from rig.kinds.wavebot.tick.law_columns import columns_type, setpoint_reader
@@ -309,11 +308,3 @@ def kind_with_law(module: Any) -> cycle.Kind:
 
 KIND = kind_with_law(impedance)
 """The WaveBot with the impedance law."""
-
-
-def find_kind(law: str) -> cycle.Kind:
-    """Return the WaveBot with the law of a request (`rig.laws.to_request`), empty for impedance.
-
-    Raises LawError if the law's file is not that of the request.
-    """
-    return KIND if not law else kind_with_law(laws.from_request(law).module)

@@ -68,6 +68,15 @@ class Sense(NamedTuple):
     panel: PanelSense
 
 
+SENSE_IN_ROW = {
+    "heave": "heave.sense",
+    "surge": "surge.sense",
+    "spring": "spring_sense",
+    "power": "power_sense",
+    "drive": "drive_sense",
+}
+"""Fields of `Sense` that have another name in a row."""
+
 Motion = tuple[Estimate, Estimate]  # heave and surge, from their zeros
 
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.identification.periods import Complexes, Floats, analyse, synthesise
 from rig.kinds.wavebot.twin.group import Group, least_squares
 from rig.kinds.wavebot.twin.records import Record
+from rig.spectra.periods import Complexes, Floats, analyse, synthesise
 
 VISCOUS, CALM, WAVES, EFFECT = "drivetrain_viscous", "coulomb_calm", "coulomb", "spring_effect"
 MAX_DEVIATION = 0.05  # largest standard deviation at which the estimated spring share is used

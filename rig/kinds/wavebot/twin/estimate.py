@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis import wave_calibration
 from rig.config.yaml_source import load_mapping
 from rig.identification.identify import IdentificationOptions, identify
 from rig.kinds.wavebot.twin import drivetrain, electrics, seas
@@ -17,6 +16,7 @@ from rig.kinds.wavebot.twin.records import Record, read_records
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
+from rig.spectra import wave_calibration
 
 GUIDE_FRICTION_DEVIATION = 20.0
 """N, engineering choice: uncertainty of the dry friction that lateral load on the guide adds in

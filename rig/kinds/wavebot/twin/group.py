@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from rig.identification.periods import Floats
+from rig.spectra.periods import Floats
 
 
 class Group(NamedTuple):

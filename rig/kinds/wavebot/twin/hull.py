@@ -21,9 +21,9 @@ import numpy as np
 from scipy import optimize
 
 from rig.identification.drag import drag_spectrum, estimate_drag, fit_impedance
-from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.twin.group import Group, single_value
 from rig.kinds.wavebot.twin.records import Record
+from rig.spectra.periods import Complexes, Floats
 
 NAMES = ("inertia", "viscous", "hydrostatic")
 _INITIAL_POLES = (

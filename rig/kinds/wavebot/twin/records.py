@@ -10,8 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.analysis.windows import Window, read_windows
-from rig.identification.periods import (
+from rig.recording.runs import reader
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.windows import Window, read_windows
+from rig.spectra.periods import (
     WAVE_CLOCK,
     Complexes,
     Flags,
@@ -21,8 +23,6 @@ from rig.identification.periods import (
     field_lines,
     synthesise,
 )
-from rig.recording.runs import reader
-from rig.recording.runs.folder import RunInfo, run_info
 
 MAX_FREQUENCY = 2.5  # Hz, highest line kept: five times the usual wave frequency
 BLOCK = 0.1  # s, over which power and current are averaged

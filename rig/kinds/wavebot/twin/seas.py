@@ -15,10 +15,10 @@ import numpy as np
 
 from rig.identification.drag import drag_spectrum
 from rig.identification.excitation import Excitation
-from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.twin.group import Group, single_value
 from rig.kinds.wavebot.twin.hull import Hull
 from rig.kinds.wavebot.twin.records import Record, sea_lines
+from rig.spectra.periods import Complexes, Floats
 
 SCALE = "excitation_scale"
 BEM_DEVIATION = 0.03  # engineering choice: uncertainty of a BEM excitation without a measurement

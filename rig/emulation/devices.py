@@ -1,0 +1,89 @@
+"""The emulated devices of a rig: what a kind of rig builds for the process that serves them."""
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from rig.config.wiring import AnyLine, CanBus, Registers, RtuLine, SerialPort, TcpLine
+from sim_plant.emulators.can_hub import CanHub
+from sim_plant.emulators.canopen_node import CanopenNode
+from sim_plant.emulators.device_faults import DeviceFaults
+from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
+from sim_plant.emulators.modbus_tcp import TcpUnits
+from sim_plant.emulators.modbus_unit import ModbusUnit
+from sim_plant.emulators.running import Emulator
+from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
+from sim_plant.emulators.shared_world import SharedSimulation
+
+
+class HasFaults(Protocol):
+    """A device with its own list of faults."""
+
+    @property
+    def faults(self) -> DeviceFaults:
+        """The faults of the device."""
+        ...
+
+
+class EmulatedDevices(NamedTuple):
+    """The emulated devices of one rig; all read and actuate one world."""
+
+    world: SharedSimulation[Any, Any]
+    wires: Mapping[str, Emulator]  # each with the faults of its link
+    units: Mapping[str, HasFaults]  # devices other than nodes, by name
+    step: Callable[[], None]  # advance world and devices to the present
+    restart: Callable[[], None]  # replace the present world by one at rest
+    powered: Mapping[str, Callable[[], bool]]  # by motor: whether it has power
+    report: Callable[[], dict[str, Any]]  # values for the control port's answer to "world"
+    nodes: Mapping[str, CanopenNode] = {}
+    ticks_per_step: int = 1
+
+
+class EmulatedBus:
+    """A CAN bus behind socketcand with its nodes, as one of a rig's wires."""
+
+    def __init__(self, can: CanBus, hub: CanHub, nodes: Iterable[CanopenNode]) -> None:
+        """``nodes``: stations of ``hub``, which have power while the bus runs."""
+        self.address = ""
+        self.link = hub.link
+        self._endpoint = can.settings().endpoint
+        self._hub = hub
+        self._nodes = tuple(nodes)
+
+    async def start(self) -> None:
+        """Open the bus to other processes and switch its nodes on."""
+        host, port = await self._hub.serve(*self._endpoint)
+        self.address = f"socketcand {host}:{port}"
+        for node in self._nodes:
+            node.power_on()
+
+    async def close(self) -> None:
+        """Switch the nodes off and disconnect all clients."""
+        for node in self._nodes:
+            node.power_off()
+        await self._hub.close()
+
+
+def modbus_lines(
+    lines: Mapping[str, AnyLine], units: Iterable[tuple[Registers, ModbusUnit]]
+) -> dict[str, Emulator]:
+    """Return the Modbus lines of a rig, each with its units where the register blocks are."""
+    placed: dict[str, dict[int, ModbusUnit]] = {name: {} for name in lines}
+    for block, unit in units:
+        placed[block.line][block.unit] = unit
+    return {f"line {name}": _modbus_line(line, placed[name]) for name, line in lines.items()}
+
+
+def _modbus_line(line: AnyLine, units: dict[int, ModbusUnit]) -> Emulator:
+    if isinstance(line, TcpLine):
+        return TcpUnits(units, port=line.port)
+    return RtuUnits(serial_line(line), units)
+
+
+def serial_line(wire: SerialPort | RtuLine) -> SerialLine:
+    """Return a serial line under the path of a port, whose missing folders are created."""
+    bits = 11 if wire.parity != "N" or wire.stop_bits == 2 else 10
+    path = Path(wire.port)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return SerialLine(SerialLineSettings(path, wire.baud, bits), LinkFaults(seed=1))

@@ -1,0 +1,49 @@
+"""The simulated plant in the loop's own process: what the devices of all kinds of rig share."""
+
+from typing import Any, Protocol
+
+
+class World(Protocol):
+    """A simulated rig with its delay line."""
+
+    delay: float  # s, age of a reading
+
+    def advance(self, dt: float) -> None:
+        """Advance by one tick."""
+        ...
+
+    def actuate(self, actuation: Any, /) -> None:
+        """Latch a command."""
+        ...
+
+
+class PlantDevices:
+    """Base of the devices of a simulated rig; a kind adds `read` and `write`.
+
+    `read` advances the world to the planned time of the tick: by one step on the virtual clock, by
+    more when ticks of the real clock were lost (a plant does not wait for a late loop).
+    """
+
+    def __init__(self, world: World, rest: Any, dt: float) -> None:
+        """``rest``: the world's command at rest."""
+        self._plant = world
+        self._rest = rest
+        self._dt = dt
+        self._ticks = 0
+
+    def warm_up(self, dt: float) -> None:
+        """Do nothing: a plant in the same process needs no warm-up."""
+
+    def _advance_to(self, now: float) -> None:
+        """Advance the world to the tick at a time (s)."""
+        tick = round(now / self._dt)
+        while self._ticks < tick:
+            self._plant.advance(self._dt)
+            self._ticks += 1
+
+    def stop(self, reason: int) -> None:
+        """Command rest."""
+        self._plant.actuate(self._rest)
+
+    def close(self) -> None:
+        """Nothing to release."""

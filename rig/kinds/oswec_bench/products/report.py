@@ -1,0 +1,216 @@
+"""Files of a session's results: one self-contained HTML page and CSV tables for people, JSON and
+NetCDF for programs.
+"""
+
+import base64
+import csv
+import html
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+
+from rig.analysis.stop_reason import ENDINGS, Ending
+from rig.kinds.oswec_bench.products.estimate import format_number
+from rig.kinds.oswec_bench.products.points import SessionRun
+from rig.kinds.oswec_bench.products.result import Result, Table
+from rig.presentation.phrases import format_utc, mode_stamp
+from rig.recording.runs.state import COMPLETE, RECOVERED
+from rig.recording.runs.windows import ALL_TICKS_MISSING
+
+PAGE, JSON = "session.html", "session.json"
+_VERDICTS = {True: ("✓", "yes"), False: ("✗", "no"), None: ("", "")}
+_STYLE = """
+body{font:15px/1.5 system-ui,sans-serif;color:#22303c;max-width:1080px;margin:0 auto;padding:0 18px}
+header{background:#22303c;color:#fff;margin:0 -18px 20px;padding:18px}
+header h1{margin:0;font-size:24px}header p{margin:4px 0 0;color:#c9d3db}
+.stamp{float:right;background:#ffb703;color:#22303c;font-weight:700;padding:5px 12px}
+h2{font-size:18px;border-bottom:1px solid #cfd6dc;padding-bottom:4px;margin-top:34px}
+table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
+th,td{padding:4px 10px;border-bottom:1px solid #e3e8ec;text-align:right;vertical-align:top}
+th{color:#66727d;font-weight:600}th.text,td.text{text-align:left}
+.wide{overflow-x:auto}.yes{color:#2a7f4f;font-weight:700}.no{color:#b23a48;font-weight:700}
+figure{margin:18px 0;display:inline-block;vertical-align:top;max-width:100%}
+figure img{max-width:100%;border:1px solid #e3e8ec}
+footer{margin:40px 0 20px;color:#66727d;font-size:12px}
+"""
+
+
+def write_tables(result: Result, facts: dict[str, Any], folder: Path) -> list[Path]:
+    """Write a CSV and a NetCDF file for each table, and everything in one JSON file. Return the
+    paths.
+    """
+    paths = []
+    for table in result.tables:
+        paths += [_write_csv(table, folder), _write_netcdf(table, facts, folder)]
+    path = folder / JSON
+    text = json.dumps({**facts, **result_as_dict(result)}, indent=1, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
+    return [*paths, path]
+
+
+def result_as_dict(result: Result) -> dict[str, Any]:
+    """Return constants, comparisons, notes and tables in the form of JSON: NaN is null."""
+    return {
+        "constants": {
+            name: {key: to_json_value(value) for key, value in each._asdict().items()}
+            for name, each in result.constants.items()
+        },
+        "comparisons": [each._asdict() for each in result.comparisons],
+        "notes": list(result.notes),
+        "tables": {
+            table.name: {
+                "title": table.title,
+                "columns": [
+                    {"name": c.name, "unit": c.unit, "values": [to_json_value(v) for v in c.values]}
+                    for c in table.columns
+                ],
+            }
+            for table in result.tables
+        },
+    }
+
+
+def to_json_value(value: Any) -> Any:
+    """Return a number or text without numpy types; None for a number that is not finite."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _write_csv(table: Table, folder: Path) -> Path:
+    path = folder / f"{table.name}.csv"
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(f"{c.name} [{c.unit}]" if c.unit else c.name for c in table.columns)
+        writer.writerows(zip(*(map(to_json_value, c.values) for c in table.columns), strict=True))
+    return path
+
+
+def _write_netcdf(table: Table, facts: dict[str, Any], folder: Path) -> Path:
+    path = folder / f"{table.name}.nc"
+    variables = {
+        c.name.replace("/", "per"): ("point", np.array(c.values), {"units": c.unit})
+        for c in table.columns
+    }
+    plain = {key: value for key, value in facts.items() if isinstance(value, str | float | int)}
+    dataset = xarray.Dataset(variables, attrs={"title": table.title, **plain})
+    dataset.to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+def write_page(
+    result: Result, session: SessionRun, ending: Ending, figure_paths: list[Path], folder: Path
+) -> Path:
+    """Write ``session.html``, which contains its figures and loads nothing. Return its path."""
+    metadata = session.metadata
+    subtitle = f"run {metadata.run}, started {format_utc(metadata.started_utc)}"
+    notes = (f"<li>{_escape(note)}</li>" for note in page_notes(result, session))
+    body = [
+        f"<header><span class=stamp>{_escape(mode_stamp(metadata.mode))}</span>"
+        f"<h1>Session {_escape(session.name)}</h1><p>{_escape(subtitle)}</p></header>",
+        _status_line(ending.description, ending.title == ENDINGS["complete"]),
+        _status_line(session.record.sentence, session.record.state in (COMPLETE, RECOVERED)),
+        _comparison_table(result),
+        _constants_table(result),
+        f"<h2>Notes</h2><ul>{''.join(notes)}</ul>",
+        "<h2>Figures</h2>",
+        *map(_inline_figure, (figure.title for figure in result.figures), figure_paths),
+        *map(_html_table, result.tables),
+        f"<footer>{_escape(_footer(session))}</footer>",
+    ]
+    head = f"<meta charset=utf-8><title>{_escape(session.name)}</title><style>{_STYLE}</style>"
+    path = folder / PAGE
+    text = "\n".join(["<!doctype html><html lang=en>", head, *filter(None, body), "</html>"])
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def page_notes(result: Result, session: SessionRun) -> list[str]:
+    """Return notes for the reader: on the method, and on ticks and rows that the run lacks."""
+    lines = [
+        *result.notes,
+        "The intervals include 0.1 % for the load cell's own calibration, no more.",
+    ]
+    lost_ticks = sum(point.lost_ticks for point in session.complete_points)
+    if lost_ticks:
+        lines.append(f"{lost_ticks} ticks were lost while measuring; they are interpolated.")
+    reasons = {
+        point.row: point.incomplete_reason for point in session.points if point.incomplete_reason
+    }
+    reasons |= dict.fromkeys(session.missing_rows, ALL_TICKS_MISSING)
+    return [*lines, *(f"Row {row} is left out: {reasons[row]}." for row in sorted(reasons))]
+
+
+def _status_line(sentence: str, good: bool) -> str:
+    return f"<p>{_escape(sentence)}.</p>" if good else f"<p class=no>{_escape(sentence)}.</p>"
+
+
+def _escape(value: Any) -> str:
+    return html.escape(str(value))
+
+
+def _cell(tag: str, text: str, css: str = "") -> str:
+    return f"<{tag} class={css}>{text}</{tag}>" if css else f"<{tag}>{text}</{tag}>"
+
+
+def _markup(rows: Iterable[Iterable[str]]) -> str:
+    """Return a table of rows of cells, the first of which are headings."""
+    lines = ("".join(row) for row in rows)
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+
+
+def _comparison_table(result: Result) -> str:
+    if not result.comparisons:
+        return ""
+    heads = ("quantity", "thesis", "required", "this run")
+    rows = [[*(_cell("th", each, "text") for each in heads), "<th></th>"]]
+    for *texts, target_met in result.comparisons:
+        cells = [_cell("td", _escape(each), "text") for each in texts]
+        rows.append([*cells, _cell("td", *_VERDICTS[target_met])])
+    return f"<h2>Comparison with the thesis</h2>{_markup(rows)}"
+
+
+def _constants_table(result: Result) -> str:
+    if not result.constants:
+        return ""
+    rows = [["<th class=text>constant</th><th>value ± 95 %</th><th class=text>method</th>"]]
+    for name, each in result.constants.items():
+        method = _cell("td", _escape(each.method), "text")
+        rows.append([_cell("td", _escape(name), "text"), _cell("td", _escape(each)), method])
+    return f"<h2>Constants</h2>{_markup(rows)}"
+
+
+def _inline_figure(title: str, path: Path) -> str:
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'<figure><img alt="{_escape(title)}" src="data:image/png;base64,{data}"></figure>'
+
+
+def _html_table(table: Table) -> str:
+    columns = []
+    for name, unit, values in table.columns:
+        css = "text" if any(isinstance(value, str) for value in values) else ""
+        unit_line = f"<br>{_escape(unit)}".replace("*", "·") if unit else ""
+        cells = [_cell("td", _escape(v) if css else _format_cell(v), css) for v in values]
+        columns.append([_cell("th", f"{_escape(name)}{unit_line}", css), *cells])
+    markup = _markup(zip(*columns, strict=True))
+    return f"<h2>{_escape(table.title)}</h2><div class=wide>{markup}</div>"
+
+
+def _format_cell(value: Any) -> str:
+    return str(value) if isinstance(value, int) else format_number(float(value))
+
+
+def _footer(session: SessionRun) -> str:
+    metadata = session.metadata
+    code = metadata.code.get("version") or "not recorded"
+    parts = (
+        f"rig {(metadata.config.get('rig') or {}).get('name', 'not recorded')}",
+        f"code {code} ({str(metadata.code.get('git') or 'no commit')[:12]})",
+        "OSWEC thesis: University of Washington; intervals 95 %",
+    )
+    return "; ".join(parts)

@@ -1,0 +1,1 @@
+"""Frame, style and phrases that all pictures and reports share."""

@@ -1,0 +1,231 @@
+"""The logger process: drains the ring, writes MCAP, flushes twice a second, certifies the timing.
+
+Rows count as safe only after a flush; only then does the ring's tail move. So a killed logger loses
+nothing: the next one continues from the tail in a new part of the file. The logger reports disk
+errors on standard output and retries; they never reach the loop. At every flush it checks whether
+the file is still in its place; if not, it continues where the folder was moved to, or, after a
+deletion, in a rescue folder (`rig.recording.folder_watch`).
+"""
+
+import errno
+import fcntl
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from numpy.lib.recfunctions import repack_fields
+
+from rig.processes import handover
+from rig.processes.messages import DiskState, LoggerJob, RecordLost, RecordMoved, report
+from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
+from rig.recording.mcap_writer import RowWriter
+from rig.recording.ring import ProducerState, RingReader, lock_consumer
+from rig.recording.runs import RunError, mcap_file
+from rig.recording.runs.create import end_status
+from rig.recording.runs.folder import STATUS, mcap_parts, parse_json, recorded_reasons
+from rig.recording.timing import TimingCertificate
+
+FLUSH_INTERVAL = 0.5  # s between flushes
+RETRY_INTERVAL = 0.5  # s between attempts on a full disk
+ORPHAN_TIMEOUT = 5.0  # s without a row and without a supervisor after which the log ends
+IDLE_INTERVAL = 0.02  # s to sleep without a row; longer blocks cost less per row
+_PERMANENT_ERRORS = {errno.EROFS, errno.EIO, errno.ESTALE, errno.EACCES, errno.EPERM, errno.ENODEV}
+PRIVILEGES = "privileges.json"  # written by the supervisor when the loop reports
+EXIT_ROWS_LOST = 74  # exit code: rows were lost to the disk
+
+
+class RunLogger:
+    """Writes one part of the run's record."""
+
+    def __init__(self, job: LoggerJob) -> None:
+        self._job = job
+        self._folder = Path(job.folder)
+        self._folder_fd = open_folder(self._folder)
+        self._lock = lock_consumer(job.ring)  # before reading the tail: its consumer may move it
+        self._reader = RingReader(job.ring)
+        self._certificate = TimingCertificate(job.rows.leaves)
+        self._flushed = self._moved = time.monotonic()
+        self._failing_since: float | None = None
+        self._abandoned_folders: set[Path] = set()  # folders that the record had to leave
+        self._head = 0  # head of the ring when it last moved
+        self._count_earlier_parts(self._folder)
+        self._texts: dict[str, bytes] = {}
+        for name in (*job.attachments, STATUS):  # STATUS: so that a rescued run is listed correctly
+            with suppress(OSError):  # the rows must be written even in an emptied folder
+                self._texts[name] = (self._folder / name).read_bytes()
+        attached = {name: text for name, text in self._texts.items() if name != STATUS}
+        self._writer = RowWriter(
+            self._folder / job.part,
+            job.rows,
+            attached,
+            {"run": {"run": job.run, "mode": job.mode}},
+            start_utc_ns=self._wait_start(),
+        )
+
+    def run(self) -> int:
+        """Log until no more rows come; return the exit code."""
+        quarter = self._reader.capacity // 4
+        while not self._all_rows_taken():
+            block = b"" if self._failing_since else self._reader.take()
+            if block:
+                self._writer.append(block)
+                self._certificate.add(block)
+            waited = time.monotonic() - self._flushed
+            if self._reader.uncommitted >= quarter or waited >= FLUSH_INTERVAL:
+                self._flushed = time.monotonic()
+                if not self._save(self._writer.flush) and not self._may_retry():
+                    return EXIT_ROWS_LOST
+            elif not block:
+                time.sleep(IDLE_INTERVAL)
+        for name, value in (("timing.json", self._timing()), ("status.json", self._status())):
+            self._writer.attach(name, json.dumps(value, indent=2).encode())
+        while not self._save(self._writer.finish):
+            if not self._may_retry():
+                return EXIT_ROWS_LOST
+        return 0
+
+    def _wait_start(self) -> int:
+        """Return the UTC of run time zero once the loop reports it; now if there never is a loop.
+
+        The logger starts before the first tick, so that there is no moment in which the death of
+        the supervisor would leave a loop without a logger.
+        """
+        ring = self._reader
+        while (
+            not ring.start_utc_ns and ring.state != ProducerState.FINISHED and not self._orphaned()
+        ):
+            time.sleep(IDLE_INTERVAL)
+        return ring.start_utc_ns or time.time_ns()
+
+    def _all_rows_taken(self) -> bool:
+        finished = self._reader.state == ProducerState.FINISHED or self._orphaned()
+        return finished and self._reader.pending == 0 and not self._failing_since
+
+    def _orphaned(self) -> bool:
+        """Return whether supervisor and loop are both gone, so that no more rows will come."""
+        now = time.monotonic()
+        if self._reader.head != self._head or os.getppid() == self._job.supervisor:
+            self._head, self._moved = self._reader.head, now
+        if now - self._moved > ORPHAN_TIMEOUT:
+            self._reader.mark_finished()
+            return True
+        return False
+
+    def _count_earlier_parts(self, folder: Path) -> None:
+        """Add the rows of killed loggers: the certificate covers the whole run."""
+        for path in mcap_parts(folder):
+            with suppress(RunError):  # the logger of this part died before it wrote a row
+                for block in mcap_file.blocks(mcap_file.scan(path), []):
+                    self._certificate.add(repack_fields(block).tobytes())
+
+    def _status(self) -> dict[str, Any]:
+        """Return the end of the run, as far as its rows show."""
+        reason = self._certificate.reason
+        reasons = recorded_reasons(parse_json(self._texts.get("plan.json")))
+        name = reasons.name(reason)
+        return {
+            "run": self._job.run,
+            "mode": self._job.mode,
+            "status": end_status(reason),
+            "reason": name,
+            "reason_text": reasons.text(name),
+            "ticks": self._reader.head + self._reader.dropped,
+            "dropped_rows": self._reader.dropped,
+        }
+
+    def _timing(self) -> dict[str, Any]:
+        privileges = self._folder / PRIVILEGES
+        until = time.monotonic() + 2.0  # a very short loop ends before its supervisor writes
+        while not privileges.exists() and time.monotonic() < until:
+            time.sleep(IDLE_INTERVAL)
+        granted = json.loads(privileges.read_text()) if privileges.exists() else None
+        return self._certificate.result(
+            self._job.clock, self._job.rate_hz, self._reader.dropped, granted
+        )
+
+    def _save(self, write: Callable[[], object]) -> bool:
+        """Write to the record where it can be found; return False after a disk error."""
+        try:
+            self._follow_file()
+            write()
+        except OSError as error:
+            self._set_disk_state(error.strerror or repr(error))
+            # A rescue folder is tried at once: the rows are not safe before.
+            return self._rescue_from_failed_disk(error) and self._save(write)
+        self._reader.commit()
+        self._set_disk_state("")
+        return True
+
+    def _follow_file(self) -> None:
+        """Continue writing where the record can be found; raise OSError if that fails."""
+        fd, part = self._writer.descriptor, self._job.part
+        if refers_to(self._folder / part, fd):
+            return
+        moved = current_folder(self._folder_fd)
+        if moved is not None and refers_to(moved / part, fd):
+            self._folder = moved
+            self._writer.path = moved / part
+            report(RecordMoved(str(moved), "the run's folder was moved"))
+        else:
+            cause = "the run's folder was deleted" if moved is None else f"{part} was taken away"
+            self._rescue(cause)
+
+    def _rescue(self, why: str) -> None:
+        if self._folder not in self._abandoned_folders:
+            self._abandoned_folders.add(self._folder)
+            report(RecordLost(why))  # before the copying, so that the rig stops at once
+        part = self._job.part
+        saved = save_to_rescue_folder(
+            self._folder, self._texts, {part: self._writer.descriptor}, self._abandoned_folders
+        )
+        self._writer.switch_file(saved / part)
+        os.close(self._folder_fd)
+        self._folder, self._folder_fd = saved, open_folder(saved)
+        with suppress(OSError):  # the lock of a run's folder, against a recovery meanwhile
+            fcntl.flock(self._folder_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        report(RecordMoved(str(saved), why))
+
+    def _rescue_from_failed_disk(self, error: OSError) -> bool:
+        """Save the record from a disk that fails for good; a full disk first gets its timeout."""
+        if error.errno not in _PERMANENT_ERRORS and not self._disk_timed_out():
+            return False
+        with suppress(OSError):
+            self._rescue(f"{self._folder} cannot be written ({error.strerror})")
+            self._failing_since = time.monotonic()  # the rescue folder has its own timeout
+            return True
+        return False
+
+    def _set_disk_state(self, error: str) -> None:
+        """Report a disk that begins to fail or works again (empty error)."""
+        if bool(error) != (self._failing_since is not None):
+            self._failing_since = time.monotonic() if error else None
+            report(DiskState(error))
+
+    def _may_retry(self) -> bool:
+        """Wait for the next attempt on a failing disk; return False after `disk_timeout_s`."""
+        if self._disk_timed_out():
+            return False
+        time.sleep(RETRY_INTERVAL)
+        return True
+
+    def _disk_timed_out(self) -> bool:
+        since = self._failing_since
+        return since is not None and time.monotonic() - since > self._job.disk_timeout_s
+
+
+def main() -> None:
+    """Run the job given on standard input."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # it ends with the rows only
+        signal.signal(number, signal.SIG_IGN)
+    job: LoggerJob = handover.loads(LoggerJob, sys.stdin.read())
+    sys.exit(RunLogger(job).run())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""The nodes of a rig's CAN bus, derived from its wiring: load, set-up, settings for the loop."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from drivers.canopen import bus_load, cia402, homing, pdo, profile_position, scaling
+from drivers.canopen.arming import (
+    SetupError,
+    SetupStep,
+    heartbeat_consumer,
+    parameter_steps,
+    rpdo_steps,
+    tpdo_steps,
+)
+from drivers.canopen.bus_load import BusLoad
+from drivers.canopen.bus_settings import unsupported_rate
+from drivers.canopen.drive_objects import BY_NAME
+from drivers.canopen.position_actuator import ActuatorSettings
+from drivers.canopen.torque_axis import TORQUE_MODE, TorqueAxisSettings, layouts
+from rig.config.wiring import Actuator, CanBus, Drive, TorqueDrive
+from rig.processes.io_processes import IoProcess
+from rig.wires.job import WiringError
+from rig.wires.messages import HEALTH_SUFFIX
+
+_NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the scale has been read from the drive
+_RESET_TICKS = 20
+_HOMING_PERIOD_S = 0.02  # s, period of the homing ticks
+_SETUP_TIMEOUT_S = 30.0  # s, without homing
+_SCALE_OBJECTS = {
+    "amc": "amc_peak_current",
+    "rated_torque": "rated_torque",
+    "rated_current": "rated_current",
+}
+
+
+def can_service(can: CanBus, drives: Mapping[str, Drive], rate: float) -> tuple[IoProcess, BusLoad]:
+    """Return the service process of a CAN bus and the bus's load at a rate of the loop (Hz).
+
+    WiringError lists all reasons why the nodes must not be powered.
+    """
+    bus = can.settings()
+    problems = [text for text in (unsupported_rate(bus, rate),) if text]
+    load = BusLoad(0.0, 0.0, ())
+    nodes: list[dict[str, Any]] = []
+    try:
+        load = bus_load.check_load(schedule(can, drives, rate), can.bit_rate, rate)
+    except bus_load.OverloadError as error:
+        problems.append(str(error))
+    for name, drive in drives.items():
+        try:
+            nodes.append(_node_setup(name, drive, can))
+        except (SetupError, pdo.PdoError) as error:
+            problems.append(f"{name}: {error}")
+    if problems:
+        raise WiringError("\n".join(problems))
+    actuators = [drive for drive in drives.values() if isinstance(drive, Actuator)]
+    service = {"bus": list(bus), "nodes": nodes}
+    process = IoProcess(
+        "can",
+        f"{__package__}.can_service",
+        service,
+        tuple(f"{name}{HEALTH_SUFFIX}" for name in drives),
+        _SETUP_TIMEOUT_S + sum(each.homing_s for each in actuators if each.homing),
+    )
+    return process, load
+
+
+def schedule(can: CanBus, drives: Mapping[str, Drive], rate: float) -> tuple[bus_load.Frame, ...]:
+    """Return every periodic frame on the bus; ``rate`` in Hz."""
+    frames = [bus_load.sync(rate), bus_load.heartbeat("our heartbeat", can.heartbeat_s)]
+    for name, drive in drives.items():
+        for text, size, divider in _process_data(drive, can):
+            frames.append(bus_load.synchronous(f"{name} {text}", size, rate, divider))
+    for name, drive in drives.items():
+        frames.append(bus_load.heartbeat(f"{name} heartbeat", 1e-3 * drive.heartbeat_ms))
+    return tuple(frames)
+
+
+def _process_data(drive: Drive, can: CanBus) -> Iterator[tuple[str, int, int]]:
+    """Yield meaning, data bytes and divider of each PDO of a drive."""
+    if isinstance(drive, TorqueDrive):
+        pdos = layouts(drive.node, len(drive.analog_per_v))
+        yield "command", pdos.command.packing.size, 1
+        yield "status", pdos.status.packing.size, 1
+        yield "mode and error", pdos.slow.packing.size, can.slow_divider
+        if pdos.analog is not None:
+            yield "analog inputs", pdos.analog.packing.size, 1
+    else:
+        yield "target", pdo.size(pdo.ACTUATOR_TARGET), can.actuator_divider
+        yield "command", pdo.size(pdo.ACTUATOR_COMMAND), can.actuator_divider
+        yield "status", pdo.size(pdo.ACTUATOR_STATUS), can.actuator_divider
+
+
+def _node_setup(name: str, drive: Drive, can: CanBus) -> dict[str, Any]:
+    """Return the set-up of a node by the service process, as JSON values."""
+    objects = {
+        "device_type": 402,
+        "sync_cob_id": 0x80,
+        "heartbeat_consumer": heartbeat_consumer(can.own_node, drive.heartbeat_lost_ms),
+        "heartbeat_producer": drive.heartbeat_ms,
+    }
+    if isinstance(drive, TorqueDrive):
+        objects["mode_of_operation"] = TORQUE_MODE
+    steps: list[SetupStep] = list(
+        parameter_steps({**objects, **drive.objects}, read_only=frozenset(drive.read_only))
+    )
+    facts = []
+    if isinstance(drive, TorqueDrive):
+        pdos = layouts(drive.node, len(drive.analog_per_v))
+        steps += rpdo_steps(1, pdos.command, 1, drive.command_deadline_ms)
+        steps += tpdo_steps(1, pdos.status, 1)
+        steps += tpdo_steps(2, pdos.slow, can.slow_divider)
+        if pdos.analog is not None:
+            steps += tpdo_steps(3, pdos.analog, 1)
+        facts = [BY_NAME[_SCALE_OBJECTS[drive.scaling]]]
+    else:
+        node = drive.node
+        target = pdo.layout(pdo.rpdo_cob_id(2, node), pdo.ACTUATOR_TARGET)
+        command = pdo.layout(pdo.rpdo_cob_id(1, node), pdo.ACTUATOR_COMMAND)
+        status = pdo.layout(pdo.tpdo_cob_id(1, node), pdo.ACTUATOR_STATUS)
+        steps += rpdo_steps(1, command, 1, drive.command_deadline_ms)
+        steps += rpdo_steps(2, target, 1, drive.command_deadline_ms)
+        steps += tpdo_steps(1, status, can.actuator_divider)
+    homing_settings = None
+    if isinstance(drive, Actuator) and drive.homing:
+        ticks = round(drive.homing_s / _HOMING_PERIOD_S)
+        homing_settings = [
+            _power_machine(drive, _HOMING_PERIOD_S),
+            homing.Params(round(drive.deadlines.transition_s / _HOMING_PERIOD_S) + 1, ticks),
+        ]
+    return {
+        "name": name,
+        "node": drive.node,
+        "steps": steps,
+        "facts": [[entry.name, entry.object, entry.sub, entry.type] for entry in facts],
+        "homing": homing_settings,
+    }
+
+
+def _power_machine(drive: Drive, tick: float) -> cia402.Params:
+    """Return the CiA 402 power machine of a drive for a period ``tick`` (s)."""
+    times = drive.deadlines
+    step = max(2, round(times.transition_s / tick))
+    ramp, boot = max(2, round(times.ramp_s / tick)), max(2, round(times.boot_s / tick))
+    reset = max(1, round(_RESET_TICKS * 1e-3 / tick))
+    limits = cia402.Deadlines(
+        nothing=0, boot=boot, shutdown=step, switch_on=step, enable=step, mode=step, follow=step,
+        disable_voltage=step, quick_stop=step, ramp_end=ramp, fault_reaction=ramp,
+        fault_reset=max(step, 4 * reset),
+    )  # fmt: skip
+    params = cia402.Params(
+        times.stale_s, int(drive.mode_first), int(drive.follows), 0, reset, limits
+    )
+    problems = cia402.find_problems(params)
+    if problems:
+        raise SetupError("; ".join(problems))
+    return params
+
+
+def torque_axis_settings(drive: TorqueDrive, can: CanBus, dt: float) -> TorqueAxisSettings:
+    """Return the loop's settings of a torque drive; its current scale is read from it later."""
+    per_count = tuple(scale * drive.analog_v_per_count for scale in drive.analog_per_v)
+    slow = can.slow_divider
+    max_age = drive.deadlines.stale_s + 2.0 * slow * dt
+    machine = _power_machine(drive, dt)
+    return TorqueAxisSettings(drive.node, machine, _NO_SCALE, max_age, per_count, slow)
+
+
+def scaling_settings(drive: TorqueDrive, torque_constant: float) -> dict[str, Any]:
+    """Return the rig file's part of a drive's current scale; ``torque_constant`` in N m/A."""
+    return {"kind": drive.scaling, "kt": torque_constant, "limit": drive.current_limit_a}
+
+
+def actuator_settings(actuator: Actuator, can: CanBus, dt: float) -> ActuatorSettings:
+    """Return the loop's settings of an actuator."""
+    slow = dt * can.actuator_divider
+    low, high = sorted(
+        round(percent * actuator.counts_per_percent) + actuator.zero_counts
+        for percent in (actuator.low_percent, actuator.high_percent)
+    )
+    return ActuatorSettings(
+        actuator.node,
+        _power_machine(actuator, slow),
+        profile_position.Params(
+            actuator.window_counts,
+            max(1, round(actuator.stand_s / slow)),
+            1,
+            max(2, round(actuator.deadlines.transition_s / slow)),
+            round(actuator.move_s / slow),
+        ),
+        scaling.position_scale(actuator.counts_per_percent, actuator.zero_counts, low, high),
+        actuator.velocity,
+        can.actuator_divider,
+    )

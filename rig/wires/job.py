@@ -1,0 +1,122 @@
+"""The supervisor's side of a wired rig: its I/O processes, derived from the rig file's wiring."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+from drivers.canopen.bus_load import BusLoad
+from drivers.errors import CodecError
+from drivers.modbus.registers import RegisterBlock, RegisterValue
+from rig.config.rig_file import BaseRigFile
+from rig.config.wiring import Registers, Wiring
+from rig.processes.io_processes import IoProcess
+from rig.processes.run_types import ExecutionMode
+from rig.wires import streams
+from rig.wires.locks import wires_in
+from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
+from rig.wires.modbus_poller import PolledBlock, RegisterPreset
+
+# Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
+_LINE_FIELDS = {"timeout_s": "timeout", "slowest_s": "max_response_time"}
+W_co = TypeVar("W_co", bound=Wiring, covariant=True)
+
+
+class WiredJob(NamedTuple):
+    """The I/O processes and device settings of a wired run."""
+
+    io_processes: tuple[IoProcess, ...]
+    devices: dict[str, Any]  # for `connect` of the kind's devices: no facts, no mailboxes
+    bus_load: BusLoad | None = None  # of the CAN bus; None: the rig has none
+
+    @property
+    def loop_streams(self) -> dict[str, dict[str, Any]]:
+        """The settings of the streams that the loop reads itself, by the stream's kind."""
+        return dict(self.devices.get("streams", {}))
+
+
+class WiringError(ValueError):
+    """A wiring that must not be powered; the message lists all reasons."""
+
+
+class _WiredRigFile(Protocol[W_co]):
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def wiring(self) -> W_co | None: ...
+
+
+def wiring_of(rig: _WiredRigFile[W_co]) -> W_co:
+    """Return the wiring of a rig file; WiringError if it has none."""
+    if rig.wiring is None:
+        raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
+    return rig.wiring
+
+
+def wired_mode(
+    job: WiredJob, rig: BaseRigFile, device_module: str, emulated_devices: IoProcess | None
+) -> ExecutionMode:
+    """Return the mode with the devices on a rig's wires.
+
+    ``emulated_devices``: on the far end of the wires (HIL); None: the rig's own.
+    """
+    name, processes = "hardware", job.io_processes
+    if emulated_devices is not None:
+        name, processes = "hil", (emulated_devices, *processes)
+    return ExecutionMode(name, True, device_module, job.devices, processes, wires_in(rig))
+
+
+def stream_problems(settings: Mapping[str, dict[str, Any]]) -> list[str]:
+    """Return the reasons why streams (settings by kind) are impossible."""
+    problems = []
+    for kind, stream_settings in settings.items():
+        try:
+            streams.create_stream(kind, stream_settings, {})
+        except CodecError as error:
+            problems.append(f"{kind}: {error}")
+    return problems
+
+
+def stream_poller(kind: str, settings: dict[str, Any]) -> IoProcess:
+    """Return the I/O process that converses with a device of its own wire."""
+    config = {"kind": kind, "settings": settings}
+    mailboxes = streams.STREAM_TYPES[kind].mailboxes
+    return IoProcess(kind.replace("_", " "), f"{__package__}.stream_poller", config, mailboxes)
+
+
+def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
+    """Return a poller for each Modbus line with register blocks."""
+    by_line: dict[str, list[PolledBlock]] = {}
+    for name, registers in wiring.blocks().items():
+        written = wiring.block_content(name).written
+        by_line.setdefault(registers.line, []).append(_polled_block(name, registers, written))
+    processes = []
+    for line, blocks in by_line.items():
+        settings = wiring.lines[line].model_dump()
+        config = {
+            "kind": settings.pop("kind"),
+            "settings": {_LINE_FIELDS.get(key, key): value for key, value in settings.items()},
+            "blocks": blocks,
+            "expiry": wiring.output_expiry_s,
+        }
+        names = [block.name for block in blocks]
+        acknowledgements = (f"{name}{ACKNOWLEDGEMENT_SUFFIX}" for name in names)
+        mailboxes = (*names, *(name for name in acknowledgements if name in MESSAGE_TYPES))
+        processes.append(
+            IoProcess(f"line {line}", f"{__package__}.modbus_poller", config, mailboxes)
+        )
+    return processes
+
+
+def _polled_block(name: str, registers: Registers, written: bool) -> PolledBlock:
+    values = tuple(RegisterValue(*value.model_dump().values()) for value in registers.values)
+    setup = tuple(RegisterPreset(**each.model_dump()) for each in registers.prepare)
+    unit, table, first, size = registers.unit, registers.table, registers.first, registers.size
+    return PolledBlock(
+        name,
+        RegisterBlock(unit, table, first, size, values),
+        registers.word_order == "high first",
+        registers.period_s,
+        setup,
+        written,
+        registers.counter,
+    )

@@ -17,10 +17,14 @@ from scipy.optimize import minimize
 
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduce_window
-from rig.design.recommend import report
-from rig.design.recommend.recommendation import Recommendation, RecommendOptions, recommend
-from rig.design.recommend.trial import Gains
 from rig.execution.campaign import run_campaign
+from rig.kinds.wavebot.recommend import report
+from rig.kinds.wavebot.recommend.recommendation import (
+    Recommendation,
+    RecommendOptions,
+    recommend,
+)
+from rig.kinds.wavebot.recommend.set_points import Gains
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS

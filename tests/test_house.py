@@ -238,7 +238,7 @@ def test_import_contracts_are_complete() -> None:
 
 
 def test_only_listed_packages_import_the_simulated_plant() -> None:
-    users = ("rig/kinds/", "rig/emulation/", "rig/design/predictions/")
+    users = ("rig/kinds/", "rig/emulation/")
     for path in SOURCES:
         name = relative_name(path)
         if name.startswith(("sim_plant/", *users)):

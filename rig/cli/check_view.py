@@ -12,12 +12,12 @@ from rich.text import Text
 from controllers.law import Column as LawColumn
 from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
-from rig.design.predictions import (
+from rig.design.margin import tightest
+from rig.kinds.wavebot.predictions import (
     PREDICTED_STATIONS,
     Prediction,
     RowPrediction,
     Travel,
-    tightest,
 )
 from rig.planning.campaign import CheckReport
 from rig.planning.campaign.check import format_duration

@@ -51,11 +51,11 @@ def command(
     Run this campaign and add its run to RUNS: the next recommendation then
     uses its rows.
     """
-    from rig.design.recommend import search
-    from rig.design.recommend.recommendation import RecommendOptions
+    from rig.kinds.wavebot.recommend.recommendation import RecommendOptions
+    from rig.kinds.wavebot.recommend.set_points import STATIONS as PREDICTED
 
     try:
-        station = find(search.STATIONS, best)
+        station = find(PREDICTED, best)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
     options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)
@@ -77,8 +77,8 @@ def main(
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.cli.input_files import CAMPAIGNS, input_file
-    from rig.design.recommend import report
-    from rig.design.recommend.recommendation import RecommendOptions, recommend
+    from rig.kinds.wavebot.recommend import report
+    from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
 
     assert isinstance(options, RecommendOptions)
     try:
@@ -90,7 +90,7 @@ def main(
         recommendation = recommend(paths, options, folder)
         written = report.write(recommendation, folder, output)
         if pictures:
-            from rig.design.recommend.picture import write_surfaces
+            from rig.kinds.wavebot.recommend.picture import write_surfaces
 
             written.append(write_surfaces(recommendation, folder / "recommendation.png"))
     except INPUT_ERRORS as error:

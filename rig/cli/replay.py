@@ -21,7 +21,7 @@ _MAX_FIELDS = 40  # fields shown
 
 
 class Waves(Enum):
-    """Ways to recover the waves of a run (`rig.sweep.counterfactual.waves`)."""
+    """Ways to recover the waves of a run (`rig.identification.incident_waves`)."""
 
     ELEVATION = "elevation"
     FORCES = "forces"

@@ -27,6 +27,7 @@ from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
 from rig.sweep.journal import JOURNAL_FILE as CASES
 from rig.sweep.result import FAILED
+from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
     import xarray
@@ -141,14 +142,11 @@ def _compile(opened: sweep.Sweep) -> None:
     def print_notice() -> None:
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
 
-    from rig.kinds.wavebot.simulation import compiled
-    from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS
-
     timer = Timer(
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if compiled.is_compiled(KEPT_FIELDS, opened.campaign.law):
+    if simulation_of(opened.campaign).is_compiled(opened.campaign.law):
         timer.start()
     else:
         print_notice()

@@ -41,9 +41,13 @@ def main(
     from rig import cli
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
-    from rig.design.twoport.measured import VariationOptions, device_from_run, write_pictures
     from rig.identification.identify import identify
     from rig.kinds.wavebot.twin.records import read_records
+    from rig.kinds.wavebot.twin.two_port import (
+        VariationOptions,
+        device_from_run,
+        write_pictures,
+    )
 
     try:
         path = find_run(run_name, runs)

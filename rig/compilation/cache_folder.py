@@ -1,8 +1,12 @@
 """Cache folder of results that can be computed again, and the processor they are valid for."""
 
+import json
 import os
 import platform
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 
 def cache_root() -> Path:
@@ -20,6 +24,23 @@ def write_atomically(path: Path, text: str) -> None:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}")
     temporary.write_text(text)
     temporary.replace(path)
+
+
+def cached_json(path: Path, compute: Callable[[], Any], is_valid: Callable[[Any], bool]) -> Any:
+    """Return the valid JSON value of a cache file, or else compute and store it.
+
+    If the file cannot be written, the next process computes the value again.
+    """
+    try:
+        value = json.loads(path.read_text())
+        if is_valid(value):
+            return value
+    except (OSError, ValueError, TypeError, KeyError):
+        pass
+    value = compute()
+    with suppress(OSError):
+        write_atomically(path, json.dumps(value))
+    return value
 
 
 def processor_description() -> str:

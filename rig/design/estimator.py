@@ -13,14 +13,18 @@ ignored and the gains are designed again.
 import hashlib
 import json
 import math
-from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from controllers import estimator
-from rig.compilation.cache_folder import cache_root, write_atomically
+from rig.compilation.cache_folder import cache_root, cached_json
+
+Floats = npt.NDArray[np.float64]
+Complexes = npt.NDArray[np.complex128]
 
 _CONVERGED = 1e-12  # relative change of the gain in one step
 _MAX_STEPS = 200_000
@@ -37,12 +41,17 @@ def design(
     faster and smooths less. Raises ValueError if the gain does not converge.
     """
     arguments = [float(x) for x in (metres_per_count, noise_counts, jerk_density, dt)]
-    path = _cache_path(arguments)
-    params = _read_cache(path, arguments)
-    if params is None:
-        params = design_with_filterpy(*arguments)
-        _write_cache(path, arguments, params)
-    return params
+    versions = [metadata.version(name) for name in ("filterpy", "numpy")]
+    fingerprint = [arguments, versions, _MAX_STEPS, Path(__file__).read_text()]
+    digest = hashlib.sha256(json.dumps(fingerprint).encode()).hexdigest()[:24]
+    entry = cached_json(
+        cache_root() / f"estimator_{digest}.json",
+        lambda: {"arguments": arguments, "gains": list(design_with_filterpy(*arguments))},
+        lambda entry: (
+            entry["arguments"] == arguments and all(math.isfinite(gain) for gain in entry["gains"])
+        ),
+    )
+    return estimator.Params(*entry["gains"])
 
 
 def design_with_filterpy(
@@ -54,7 +63,7 @@ def design_with_filterpy(
 
     count = abs(metres_per_count)
     filter_ = KalmanFilter(dim_x=3, dim_z=1)
-    filter_.F = np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    filter_.F = transition(dt)
     filter_.H = np.array([[1.0, 0.0, 0.0]])
     filter_.R = np.array([[(1.0 / 12.0 + noise_counts * noise_counts) * count * count]])
     filter_.Q = Q_continuous_white_noise(dim=3, dt=dt, spectral_density=jerk_density)
@@ -75,40 +84,30 @@ def design_with_filterpy(
     return estimator.Params(position, velocity, acceleration)
 
 
-def _cache_path(arguments: list[float]) -> Path:
-    versions = [metadata.version(name) for name in ("filterpy", "numpy")]
-    fingerprint = [arguments, versions, _MAX_STEPS, Path(__file__).read_text()]
-    digest = hashlib.sha256(json.dumps(fingerprint).encode()).hexdigest()[:24]
-    return cache_root() / f"estimator_{digest}.json"
+class EstimatorResponse(NamedTuple):
+    """Estimates per metre of the measured position, by line; neither hold nor delay is included."""
+
+    position: Complexes
+    velocity: Complexes  # 1/s; divided by j omega it gives the filter's error
+    acceleration: Complexes  # 1/s^2
 
 
-def _read_cache(path: Path, arguments: list[float]) -> estimator.Params | None:
-    try:
-        entry = json.loads(path.read_text())
-        gains = [float(gain) for gain in entry["gains"]]
-        valid = entry["arguments"] == arguments and all(map(math.isfinite, gains))
-        return estimator.Params(*gains) if valid else None
-    except (OSError, ValueError, TypeError, KeyError):
-        return None
+def transition(dt: float) -> Floats:
+    """Return the transition matrix over one tick: constant acceleration."""
+    return np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
 
 
-def _write_cache(path: Path, arguments: list[float], params: estimator.Params) -> None:
-    """Write the gains to the cache; if that fails, the next process designs them again."""
-    with suppress(OSError):
-        write_atomically(path, json.dumps({"arguments": arguments, "gains": list(params)}))
+def correction(params: estimator.Params) -> tuple[Floats, Floats]:
+    """Return gain G and matrix I - G H of the estimator, which measures position only."""
+    gain = np.array([params.gain_position, params.gain_velocity, params.gain_acceleration])
+    return gain, np.eye(3) - np.outer(gain, [1.0, 0.0, 0.0])
 
 
-def response(
-    params: estimator.Params, f_hz: np.ndarray, dt: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return position and velocity estimate per metre of true position, complex, at ``f_hz`` (Hz).
-
-    Neither includes hold or delay; the velocity divided by j omega gives the filter's error.
-    """
-    transition = np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    gain = np.array([[params.gain_position], [params.gain_velocity], [params.gain_acceleration]])
-    output = np.array([[1.0, 0.0, 0.0]])
-    error_dynamics = (np.eye(3) - gain @ output) @ transition
-    z = np.exp(2j * np.pi * np.asarray(f_hz) * dt)
-    states = np.stack([np.linalg.solve(np.eye(3) - error_dynamics / z_k, gain)[:, 0] for z_k in z])
-    return states[:, 0], states[:, 1]
+def response(params: estimator.Params, omega: Floats, dt: float) -> EstimatorResponse:
+    """Return the response of the estimator to its measured position at ``omega`` (rad/s)."""
+    gain, correction_matrix = correction(params)
+    error_dynamics = correction_matrix @ transition(dt)
+    z_inv = np.exp(-1j * omega * dt)
+    system = np.eye(3) - z_inv[:, None, None] * error_dynamics
+    states = np.linalg.solve(system, np.broadcast_to(gain, (omega.size, 3))[..., None])[..., 0]
+    return EstimatorResponse(states[:, 0], states[:, 1], states[:, 2])

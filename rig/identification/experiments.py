@@ -15,6 +15,7 @@ from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
+    WAVE_CLOCK,
     Complexes,
     Flags,
     Floats,
@@ -22,6 +23,7 @@ from rig.spectra.periods import (
     angular_frequencies,
     common_period_ticks,
     excited_lines,
+    field_lines,
     fill_lost_ticks,
 )
 
@@ -29,7 +31,7 @@ LINE_HEADROOM = 1.25  # lines are kept up to this multiple of the highest excite
 MAX_FREQUENCY = 5.0  # Hz, highest frequency of a reference
 GAINS = ("kp", "ki", "km", "surge_kp", "surge_ki")
 
-REFERENCE, CLOCK = "reference.force", "plan.wave_clock"
+REFERENCE = "reference.force"
 SATURATED = "drive_sense.saturated"
 VELOCITY, COMMAND, CURRENT, TRS, LCB = "velocity", "command", "current", "trs", "lcb"
 
@@ -110,7 +112,7 @@ def read_experiments(
         )
     logged_fields = {leaf.name for leaf in source.leaves}
     channel_sensors = sensors(reference["axis"], logged_fields)
-    fields = {REFERENCE, CLOCK, *(sensor.field for sensor in channel_sensors.values())}
+    fields = {REFERENCE, WAVE_CLOCK, *(sensor.field for sensor in channel_sensors.values())}
     fields |= {sensor.age for sensor in channel_sensors.values()} - {""}
     fields |= {SATURATED} & logged_fields
     rows = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
@@ -160,7 +162,7 @@ def _cut_experiment(
     sea = run_facts.plan.get("asked_sea")
     repeats = [float(reference["period_s"]), *([float(sea["repeat_s"])] if sea else [])]
     period = common_period_ticks(repeats, dt, window.span)
-    start = float(data[CLOCK][0])
+    start = float(data[WAVE_CLOCK][0])
     force = fill_lost_ticks(data["tick"], data[REFERENCE])
     if not force.any():
         raise ValueError("the reference is zero")
@@ -174,14 +176,8 @@ def _cut_experiment(
     omega = angular_frequencies(period * dt, lines)
     channels = {}
     for name, sensor in channel_sensors.items():
-        values = fill_lost_ticks(data["tick"], data[sensor.field].astype(np.float64))
-        line_amplitudes = amplitudes(values, start, dt, period, lines)
-        age = float(data[sensor.age].mean()) if sensor.age else 0.0
-        channels[name] = (
-            line_amplitudes
-            * np.exp(1j * omega * age)
-            * _to_si(name, run_facts, reference["axis"], omega)
-        )
+        found = field_lines(data, sensor.field, sensor.age, dt, period, lines)
+        channels[name] = found * _to_si(name, run_facts, reference["axis"], omega)
     newtons_per_ampere = float(reference["newtons_per_ampere"])
     return Experiment(
         run_facts.run,

@@ -28,7 +28,10 @@ ROOMS = {
     "rehearsal.emulation": ("emulate_rig", "emulate_task"),
     "tasks": ("rehearsal_mode", "wired_mode"),
 }
-"""The modules of a kind's package and the names that the core uses."""
+"""The modules of a kind's package and the names that the core uses.
+
+A kind whose campaigns can be swept has a room `simulation`, too (`rig.sweep.simulator`).
+"""
 
 
 class KindError(ValueError):

@@ -7,6 +7,7 @@ needed. A record of evenly spaced samples x_n at t_n = t_0 + n dt has the amplit
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ Complexes = npt.NDArray[np.complex128]
 Flags = npt.NDArray[np.bool_]
 Ticks = npt.NDArray[np.int64]
 
+WAVE_CLOCK = "plan.wave_clock"
 MAX_LOST_SHARE = 0.01  # share of missing ticks above which a window is not used
 EXCITED_SHARE = 0.1  # of a reference's largest amplitude, above which a line counts as excited
 _TICK_TOLERANCE = 1e-6  # ticks
@@ -73,6 +75,20 @@ def amplitudes(values: Floats, start: float, dt: float, period: int, lines: int)
     omega = angular_frequencies(period * dt, lines)
     starts = start + dt * period * np.arange(count)
     return np.asarray(spectra * np.exp(-1j * np.outer(starts, omega)), dtype=np.complex128)
+
+
+def field_lines(
+    data: Any, field: str, age: str, dt: float, period: int, lines: int, scale: float = 1.0
+) -> Complexes:
+    """Return the amplitudes of a logged field on the wave clock; periods by lines.
+
+    They are shifted to the sampling time by the mean of the field ``age`` (s; empty: no age).
+    """
+    values = fill_lost_ticks(data["tick"], data[field].astype(np.float64) * scale)
+    found = amplitudes(values, float(data[WAVE_CLOCK][0]), dt, period, lines)
+    late = float(data[age].mean()) if age else 0.0
+    omega = angular_frequencies(period * dt, lines)
+    return np.asarray(found * np.exp(1j * omega * late), dtype=np.complex128)
 
 
 def angular_frequencies(period: float, lines: int) -> Floats:

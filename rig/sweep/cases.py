@@ -11,18 +11,16 @@ import math
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
 from rig.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
+from rig.stations import Station
 from rig.sweep import InterruptedSweepError
 from rig.sweep.parameters import CampaignFiles, ParameterValues, SweepParameter
-
-if TYPE_CHECKING:
-    from rig.kinds.wavebot.simulation.simulation import CampaignSimulator, RowSimulation
+from rig.sweep.simulator import CampaignSimulator, RowSimulation, simulation_of
 
 _OPEN_VARIANTS = 4  # variants with tables in memory at a time
 LEAD_IN = 15.0
@@ -60,7 +58,7 @@ class SweepRequest(NamedTuple):
 class _Variant(NamedTuple):
     campaign: Campaign
     plan: Plan  # of the whole campaign
-    simulator: "CampaignSimulator"
+    simulator: CampaignSimulator
     period_ticks: float | None
 
 
@@ -124,37 +122,42 @@ class Cases:
                 single_row_campaign(campaign.file, self.request.lead_in), campaign.rig, (point,)
             )
             stator = planned.rows[0].stator_position
-        simulation = variant.simulator.simulate(planned, should_continue, stator)
+
+        def check() -> None:
+            if not should_continue():
+                raise InterruptedSweepError
+
+        simulation = variant.simulator.simulate(planned, check, stator)
+        stations = simulation_of(campaign).STATIONS
+        results = row_results(simulation, planned, variant.period_ticks, stations)
         rows = []
-        for row, result in zip(
-            planned.rows, row_results(simulation, planned, variant.period_ticks), strict=True
-        ):
+        for row, result in zip(planned.rows, results, strict=True):
             number = case.row if case.row >= 0 else self._row_numbers[row.point, row.repetition]
             rows.append({**result, "row": number})
         return Outcome(case.number, tuple(rows), simulation.seconds, "")
 
     def _open(self, variant: int) -> _Variant:
-        from rig.kinds.wavebot.simulation.simulation import CampaignSimulator  # noqa: PLC0415 - numba
-
         campaign = self._files.open(self.parameter_values(variant))
         planned = build_plan(campaign.file, campaign.rig, campaign.points)
         period = repeat_period(campaign.file.sea)
         ticks = period / planned.dt if period else None
-        return _Variant(campaign, planned, CampaignSimulator(campaign, planned), ticks)
+        simulator = simulation_of(campaign).open_simulator(campaign, planned)
+        return _Variant(campaign, planned, simulator, ticks)
 
 
 def row_results(
-    simulation: "RowSimulation", planned: Plan, period_ticks: float | None
+    simulation: RowSimulation,
+    planned: Plan,
+    period_ticks: float | None,
+    stations: tuple[Station, ...],
 ) -> list[dict[str, Any]]:
     """Return the results of each row of a simulated plan, with the names of the row table.
 
     ``period_ticks`` is the sea's repeat period in ticks, None if it has none.
     """
     results = {}
-    for window in simulation:
-        results[window.row] = reduce_window(
-            window, period_ticks, STATIONS
-        )  # the last attempt counts
+    for window in simulation:  # the last attempt counts
+        results[window.row] = reduce_window(window, period_ticks, stations)
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
     return [
         own_settings(results.get(row.row, not_run), ())

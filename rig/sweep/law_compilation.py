@@ -1,37 +1,34 @@
-"""Whether a heave law can be compiled, and numba's reason if it cannot."""
+"""Whether a law can be compiled, and numba's reason if it cannot."""
 
-import json
-from contextlib import suppress
 from typing import Any
 
 from controllers.signals import Demand, Estimate
 from rig.compilation import lifting
-from rig.compilation.cache_folder import write_atomically
-from rig.kinds.wavebot.law_params import law_params
+from rig.compilation.cache_folder import cached_json
+from rig.design.law_params import law_params
 from rig.laws import helper_modules
 from rig.planning.campaign import Campaign, Plan
 
+_RAMP = 0.1  # s; the compiled code does not depend on it
+
 
 def compilation_problem(campaign: Campaign, planned: Plan) -> str:
-    """Return in one line why the heave law cannot be compiled; empty if it can.
+    """Return in one line why the law cannot be compiled; empty if it can.
 
     The answer is kept for the law's source, because compiling takes seconds.
     """
     law = campaign.law
     source = repr((law.sha256, type(planned.setpoints.law)._fields))
     path = lifting.cache_folder(source, helper_modules(law)) / "compilation.json"
-    try:
-        answer: str = json.loads(path.read_text())["problem"]
-    except (OSError, ValueError, KeyError):
-        answer = _compile(campaign, planned)
-        with suppress(OSError):  # without a cache the law is compiled again
-            write_atomically(path, json.dumps({"problem": answer}))
-    return answer
+    answer = cached_json(
+        path, lambda: {"problem": _compile(campaign, planned)}, lambda answer: "problem" in answer
+    )
+    return str(answer["problem"])
 
 
 def _compile(campaign: Campaign, planned: Plan) -> str:
     law, dt = campaign.law, planned.dt
-    params = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
+    params = law_params(law, campaign.file.law, _RAMP, dt)
     state = law.module.start(params)
     set_point = law.module.SetPoint(*(0.0 for _ in law.columns))
     lifting.lift(helper_modules(law))

@@ -16,14 +16,14 @@ from ruamel.yaml.error import YAMLError
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.kinds.wavebot.rehearsal.job import MATCHING_KEYS, problems
-from rig.planning.campaign import Campaign, open_campaign
-from rig.sweep.inputs import DATA_ROLES, campaign_inputs
+from rig.planning.campaign import Campaign, InputFile, open_campaign
+from rig.sweep.simulator import problems, simulation_of, simulation_of_rig
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")
 CAMPAIGN_KEYS = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
 """Keys of the campaign file that may be swept."""
+_DATA_ROLES = ("matrix", "elevation", "reference")  # of files read whenever a campaign is opened
 _ALLOWED_KEYS = ", ".join([*CAMPAIGN_KEYS, *(f"{name}.*" for name in _FILES)])
 
 
@@ -123,19 +123,21 @@ class CampaignFiles:
             for parameter, value in values:
                 if parameter.file == (key or "campaign"):
                     _set_value(mapping, locate, parameter, parameter.path, value)
-                if (
-                    key == "rig"
-                    and parameter.file == "plant"
-                    and parameter.path in MATCHING_KEYS.values()
-                ):
+                if key == "rig" and parameter.file == "plant":
                     _set_rig_twin(mapping, locate, parameter, value, values)
             return mapping, locate
 
         campaign = open_campaign(self.path, problems, load=load)
-        for role, path, sha256 in campaign_inputs(campaign):
-            if role in DATA_ROLES and self._data.setdefault(path.resolve(), sha256) != sha256:
+        data = [file for file in campaign.files if file.role in _DATA_ROLES]
+        for _, path, sha256 in (*data, *simulation_of(campaign).plant_data(campaign)):
+            if self._data.setdefault(path.resolve(), sha256) != sha256:
                 raise ValueError(f"{display_path(path)} was changed since the sweep began")
         return campaign
+
+
+def campaign_inputs(campaign: Campaign) -> tuple[InputFile, ...]:
+    """Return every file of a campaign with its sha256, including the data of its plant."""
+    return (*campaign.files, *simulation_of(campaign).plant_data(campaign))
 
 
 def _set_rig_twin(
@@ -146,10 +148,11 @@ def _set_rig_twin(
     values: ParameterValues,
 ) -> None:
     """Set the rig's own value of a plant parameter too, unless the sweep sets it separately."""
-    name = next(ours for ours, theirs in MATCHING_KEYS.items() if theirs == parameter.path)
-    twin: KeyPath = ("heave", name)
-    if not any(other.file == "rig" and other.path == twin for other, _ in values):
-        _set_value(mapping, locate, parameter, twin, value)
+    simulation = simulation_of_rig(mapping)
+    for twin, theirs in simulation.MATCHING_KEYS.items() if simulation else ():
+        is_set = any(other.file == "rig" and other.path == twin for other, _ in values)
+        if theirs == parameter.path and not is_set:
+            _set_value(mapping, locate, parameter, twin, value)
 
 
 def _set_value(
@@ -211,9 +214,7 @@ def _with_option_key(problem: Problem, parameter: SweepParameter) -> Problem:
         return problem
     key, message = problem.key, problem.message
     if parameter.file != "campaign":
-        is_rig_twin = parameter.path in MATCHING_KEYS.values() and not key.startswith(
-            str(parameter.path[0])
-        )
+        is_rig_twin = not key.startswith(str(parameter.path[0]))  # see `_set_rig_twin`
         key = f"{'rig' if is_rig_twin else parameter.file}.{key}"
     if parameter.file == "plant" and message.endswith("is not a mapping"):
         message += f"; its number is {key}.value"

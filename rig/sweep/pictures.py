@@ -122,24 +122,16 @@ def _format_values(table: xarray.Dataset, indices: dict[str, int]) -> str:
 
 
 def _format_value(table: xarray.Dataset, name: str, index: int) -> str:
-    value = (
-        table[name].values[index].item() if _is_number(table, name) else table[name].values[index]
-    )
-    shown = format_number(value) if isinstance(value, float) else str(value)
-    return f"{name} {shown} {table[name].attrs.get('units', '')}".rstrip()
+    value = table[name].values[index]
+    text = format_number(float(value)) if isinstance(value, np.floating) else str(value)
+    return f"{name} {text} {table[name].attrs.get('units', '')}".rstrip()
 
 
 def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
     run_rows = row_table(run)
-    points, simulated = (
-        gain_matrix(run_rows),
-        {_gains_key(p.setting): p for p in gain_matrix(rows).points},
-    )
-    pairs = [
-        (p, simulated[_gains_key(p.setting)])
-        for p in points.points
-        if _gains_key(p.setting) in simulated
-    ]
+    points = gain_matrix(run_rows)
+    simulated = {_gains_key(p.setting): p for p in gain_matrix(rows).points}
+    pairs = [(p, other) for p in points.points if (other := simulated.get(_gains_key(p.setting)))]
     if not pairs:
         raise ValueError(f"{run}: no complete row has the gains of a row of this sweep")
     differences = []
@@ -180,10 +172,7 @@ def _write_lines(
     measured: MeasuredRun,
 ) -> Path:
     """Plot power over each parameter, one line per row, the other parameters at their best."""
-    width, title = (
-        max(6.6, 3.6 * len(swept) + 0.6),
-        f"Power over parameters: {_campaign_name(table)}",
-    )
+    width, title = max(6.6, 3.6 * len(swept) + 0.6), f"Power over parameters: {_campaign(table)}"
     beneath = "; ".join(filter(None, ("one line per row, rows numbered from 0", measured.caption)))
     figure, body = picture.framed_figure(width, 8.2, title, table.attrs, subtitle=beneath)
     stations = shown(stations_of(table))
@@ -203,12 +192,8 @@ def _write_lines(
             if j == 0:
                 axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
             if i == 0:
-                fixed_values = ", ".join(
-                    _format_value(table, key, index) for key, index in others.items()
-                )
-                axes.set_title(
-                    f"at {fixed_values}" if fixed_values else "", fontsize=7.5, color=ACCENT, pad=4
-                )
+                fixed = f"at {_format_values(table, others)}" if others else ""
+                axes.set_title(fixed, fontsize=7.5, color=ACCENT, pad=4)
             if i == len(stations) - 1:
                 axes.set_xlabel(_axis_label(table, name), fontsize=8)
             if _is_seed(name):
@@ -253,9 +238,9 @@ def _plot_measured(axes: Axes, base: float | None, station: str, measured: Measu
 def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, path: Path) -> Path:
     """Plot the best power at each pair of values, one panel per station."""
     others = {key: index for key, index in indices.items() if key not in (x, y)}
-    fixed_values = ", ".join(_format_value(table, key, index) for key, index in others.items())
-    beneath = "; ".join(filter(None, ("at the best row of each point", fixed_values)))
-    title = f"Best power over {x} and {y}: {_campaign_name(table)}"
+    fixed = _format_values(table, others)
+    beneath = "; ".join(filter(None, ("at the best row of each point", fixed)))
+    title = f"Best power over {x} and {y}: {_campaign(table)}"
     figure, body = picture.framed_figure(12.8, 3.9, title, table.attrs, subtitle=beneath)
     stations = shown(stations_of(table))
     panels: Any = body.subplots(1, len(stations), squeeze=False)
@@ -267,14 +252,10 @@ def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, p
         if power is None:
             continue
         best = power.isel(others).min("row").transpose(x, y)
-        pairs = [
-            ((float(a), float(b)), float(best.values[i, j]))
-            for i, a in enumerate(table[x].values)
-            for j, b in enumerate(table[y].values)
-            if np.isfinite(best.values[i, j])
-        ]
-        places: list[XY] = [place for place, _ in pairs]
-        values = [value for _, value in pairs]
+        finite = np.argwhere(np.isfinite(best.values))
+        xs, ys = table[x].values, table[y].values
+        places: list[XY] = [(float(xs[i]), float(ys[j])) for i, j in finite]
+        values = [float(best.values[i, j]) for i, j in finite]
         scale = panel.power_scale(values)
         panel.draw_surface(axes, places, values, scale)
         lowest = int(np.argmin(values))
@@ -292,5 +273,5 @@ def _axis_label(table: xarray.Dataset, name: str) -> str:
     return f"{name}, {unit}" if unit and not unit_in_key else name
 
 
-def _campaign_name(table: xarray.Dataset) -> str:
+def _campaign(table: xarray.Dataset) -> str:
     return picture.campaign_name(table.attrs)

@@ -12,13 +12,13 @@ from rig.analysis.rows import NOT_RUN, STATIONS_ATTRIBUTE, column_units
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
 from rig.config.columns import columns_with_law
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
 from rig.stations import as_records
 from rig.sweep.cases import Cases, Outcome, single_row_campaign
 from rig.sweep.parameters import CAMPAIGN_KEYS, parameter_unit
+from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
     import xarray
@@ -62,7 +62,7 @@ def build_dataset(
             )
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
-    data, units = {}, column_units(STATIONS)
+    data, units = {}, column_units(simulation_of(campaign).STATIONS)
     matrix_columns = columns_with_law(campaign.law.columns)
     settings = {"stator": "%"} | {each.name: each.unit for each in matrix_columns}
     for key, flat in columns.items():
@@ -156,7 +156,7 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
         "campaign": campaign.file.name,
         "sea": campaign.file.sea.description(),
         "sequential": int(cases.request.sequential),
-        STATIONS_ATTRIBUTE: json.dumps(as_records(STATIONS)),
+        STATIONS_ATTRIBUTE: json.dumps(as_records(simulation_of(campaign).STATIONS)),
         "config": resolved_config(campaign),
         **run_columns.attributes(columns_with_law(campaign.law.columns)),
         "code_version": code["version"],

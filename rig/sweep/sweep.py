@@ -21,9 +21,14 @@ from rig.planning.campaign.law_trial import trial_problems
 from rig.recording.runs.create import BusyError, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
-from rig.sweep.inputs import campaign_inputs
 from rig.sweep.journal import Journal
-from rig.sweep.parameters import OPTION, CampaignFiles, check_values, parse_parameters
+from rig.sweep.parameters import (
+    OPTION,
+    CampaignFiles,
+    campaign_inputs,
+    check_values,
+    parse_parameters,
+)
 from rig.sweep.result import build_dataset
 
 if TYPE_CHECKING:
@@ -77,13 +82,7 @@ def open_sweep(
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
     cases = Cases(request, planned.rows, files)
-    named_campaigns = (
-        campaign
-        for parameter, each in zip(parsed.parameters, swept, strict=True)
-        for value, campaign in zip(parameter.values, each, strict=True)
-        if isinstance(value, str)
-    )
-    return Sweep(folder, base, cases, _digest(request, (base, *named_campaigns)), swept)
+    return Sweep(folder, base, cases, _workers_digest(request, base, files), swept)
 
 
 def _check_law(campaign: Campaign, planned: Plan) -> None:
@@ -107,18 +106,23 @@ def reopen_cases(request: SweepRequest, digest: str) -> Cases:
     """
     files = CampaignFiles(Path(request.campaign))
     base = files.open()
+    if _workers_digest(request, base, files) != digest:
+        raise ValueError(
+            f"{platform.node()} has other files for {request.campaign}, or other code, "
+            "than the client"
+        )
+    return Cases(request, build_plan(base.file, base.rig, base.points).rows, files)
+
+
+def _workers_digest(request: SweepRequest, base: Campaign, files: CampaignFiles) -> str:
+    """Return the digest of the files that a worker reads, and of the code."""
     named_campaigns = (  # a text value may be the name of a file
         files.open(((parameter, value),))
         for parameter in request.parameters
         for value in parameter.values
         if isinstance(value, str)
     )
-    if _digest(request, (base, *named_campaigns)) != digest:
-        raise ValueError(
-            f"{platform.node()} has other files for {request.campaign}, or other code, "
-            "than the client"
-        )
-    return Cases(request, build_plan(base.file, base.rig, base.points).rows, files)
+    return _digest(request, (base, *named_campaigns))
 
 
 @contextmanager

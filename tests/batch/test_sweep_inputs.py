@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
 from importlib import metadata
 from pathlib import Path
@@ -10,9 +11,11 @@ from typing import Any
 import pytest
 from rehearsing import CONFIGS, write_campaign
 
+from rig import kinds
 from rig.config.problems import ConfigError
 from rig.sweep import sweep
 from rig.sweep.cases import Case
+from rig.sweep.simulator import ROOM, Simulation
 
 POINT = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
 
@@ -118,3 +121,14 @@ def test_coordinates_are_the_values_of_the_rows(tmp_path: Path) -> None:
     assert table["start.set_point_s"].attrs["units"] == "s"
     with pytest.raises(ConfigError, match="10 is longer than the lead-in; allowed up to --lead-in"):
         open_test_sweep(tmp_path / "campaign.yaml", "start.set_point_s=1,10")
+
+
+def test_the_simulation_of_a_kind_has_all_that_sweeps_use() -> None:
+    """A sweep imports no kind: the room `simulation` of a kind implements the protocol."""
+    members = {name: each for name, each in vars(Simulation).items() if inspect.isfunction(each)}
+    functions = {name: each for name, each in members.items() if not name.startswith("_")}
+    room = kinds.find("wavebot").room(ROOM)
+    assert {*functions, *inspect.get_annotations(Simulation)} == set(room.__all__)
+    for name, declared in functions.items():
+        parameters = inspect.signature(getattr(room, name)).parameters
+        assert len(parameters) == len(inspect.signature(declared).parameters) - 1, name

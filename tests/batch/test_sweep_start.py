@@ -22,7 +22,8 @@ from typer.testing import CliRunner
 loaded = {}
 
 def begin(opened, executor, *_):
-    from rig.sweep import compiled, lifting, simulation as subject
+    from rig.compilation import lifting
+    from rig.kinds.wavebot.simulation import compiled, simulation as subject
     import numba.np.arraymath
     loaded["before"] = [name for name in sys.argv[3:] if name in sys.modules]
     loaded["threads"] = os.environ.get("OPENBLAS_NUM_THREADS")

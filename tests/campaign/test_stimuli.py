@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 from rehearsing import CONFIGS, write_campaign
 
 from rig.config.reference import AnyStimulus, Reference
-from rig.design.predictions import predict
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.predictions import predict
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.campaign import check_campaign
 from rig.planning.campaign.multisine import design_multisine, odd_lines, random_odd_lines

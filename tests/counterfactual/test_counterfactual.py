@@ -15,12 +15,19 @@ from rig_command import rig_here
 from synthetic_runs import POWERS
 
 from benchmarks.counterfactual import case
+from rig.identification.incident_waves import WaveMakerLines, wave_maker_lines
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.recording.runs import RunError
-from rig.sweep.counterfactual import FORCES, CounterfactualResult, counterfactual_for_run
-from rig.sweep.counterfactual.rows import RowComparison, correct_powers, error_shares, gross_power
-from rig.sweep.counterfactual.waves import WaveMakerLines, wave_maker_lines
+from rig.sweep.counterfactual import (
+    FORCES,
+    CounterfactualResult,
+    RowComparison,
+    correct_powers,
+    counterfactual_for_run,
+    error_shares,
+    gross_power,
+)
 
 AMPLITUDE, FREQUENCY = 0.1, 0.5
 POINTS = [

@@ -10,45 +10,46 @@ from predicting import CONFIGS
 
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
-from rig.design.predictions import plant
-from rig.design.predictions.bus import SUPPLY_RISE_TIME, Bus, BusInterval, block_means, simulate
-from rig.design.predictions.grid import build_grid
+from rig.design.grid import build_grid
+from rig.kinds.wavebot.predictions import drive
+from rig.kinds.wavebot.predictions.bus import (
+    SUPPLY_RISE_TIME,
+    BusInterval,
+    block_means,
+    simulate,
+)
 from rig.planning.campaign.set_points import zero_setting
 from sim_plant import bus
+from sim_plant.parameters import Plant
 
 DT = 0.001
 
 
-def plant_model(name: str) -> plant.PlantModel:
-    return plant.build_plant_model(load_mapping(CONFIGS / "plants" / f"{name}.yaml")[0])
-
-
-def buses(name: str, voltage: float, level: int) -> tuple[Bus, bus.BusParams]:
-    """Return the predicted and the simulated bus at the same settings."""
-    loaded = plant_model(name)
+def bus_at(name: str, voltage: float, level: int) -> bus.BusParams:
+    """Return the bus of a plant at these settings."""
+    plant = Plant.model_validate(load_mapping(CONFIGS / "plants" / f"{name}.yaml")[0])
     setting = zero_setting(IMPEDANCE)._replace(
         bus_voltage=voltage, switching_period=1e-4, hysteresis_tolerance=0.5,
         discharge_level=float(level),
     )  # fmt: skip
-    sim_params = loaded.file.build(plant.to_drive_settings(setting, 0)).electrics.bus
-    return plant.bus(loaded, setting, 0), sim_params
+    return drive.electrics_at(plant, setting, 0).bus
 
 
 @pytest.mark.parametrize("name", ["wavebot_custom", "wavebot_custom_islanded"])
 @pytest.mark.parametrize(("mean", "swing"), [(-40.0, 120.0), (6.0, 30.0), (25.0, 60.0)])
 def test_voltage_of_a_row(name: str, mean: float, swing: float) -> None:
     """Voltage within 1 V, dump within 2 W."""
-    predicted_bus, sim_params = buses(name, 75.0, 3)
+    params = bus_at(name, 75.0, 3)
     sampling_grid = build_grid(2.0)
     t = np.arange(sampling_grid.samples) * sampling_grid.step
     power, step = block_means(sampling_grid, mean + swing * np.cos(4.0 * np.pi * t / 2.0))
     assert step == pytest.approx(0.02)
-    (predicted,) = simulate([BusInterval(predicted_bus, power, step, 20.0)])
-    state = bus.initial(sim_params)
+    (predicted,) = simulate([BusInterval(params, power, step, 20.0)])
+    state = bus.initial(params)
     voltages = []
     for k in range(20_000):
         state = bus.bus_step(
-            sim_params, state, mean + swing * math.cos(4.0 * math.pi * (k + 0.5) * DT / 2.0), DT
+            params, state, mean + swing * math.cos(4.0 * math.pi * (k + 0.5) * DT / 2.0), DT
         )
         voltages.append(state.voltage)
     settled = voltages[round(SUPPLY_RISE_TIME / DT) :]
@@ -60,7 +61,7 @@ def test_voltage_of_a_row(name: str, mean: float, swing: float) -> None:
 
 def test_a_row_starts_at_the_voltage_of_the_previous_row() -> None:
     """Without supply, 10 W change the stored energy by 10 J per second."""
-    islanded_bus, _ = buses("wavebot_custom_islanded", 75.0, 0)
+    islanded_bus = bus_at("wavebot_custom_islanded", 75.0, 0)
     voltages = simulate(
         [
             BusInterval(islanded_bus, (-10.0,), 0.02, 5.0),
@@ -73,7 +74,7 @@ def test_a_row_starts_at_the_voltage_of_the_previous_row() -> None:
 
 
 def test_a_tripped_bus_restarts_at_its_set_voltage() -> None:
-    islanded_bus, _ = buses("wavebot_custom_islanded", 75.0, 0)
+    islanded_bus = bus_at("wavebot_custom_islanded", 75.0, 0)
     drained = BusInterval(islanded_bus, (100.0,), 0.02, 5.0)
     voltages = simulate([drained, BusInterval(islanded_bus, (0.0,), 0.02, 5.0)])
     assert voltages[0].lowest < islanded_bus.undervoltage
@@ -82,8 +83,8 @@ def test_a_tripped_bus_restarts_at_its_set_voltage() -> None:
 
 def test_a_raised_set_point_causes_no_undervoltage() -> None:
     """The supply follows within about 10 ms; the trip delay is longer."""
-    low, _ = buses("wavebot_custom", 40.0, 15)
-    high, _ = buses("wavebot_custom", 150.0, 15)
+    low = bus_at("wavebot_custom", 40.0, 15)
+    high = bus_at("wavebot_custom", 150.0, 15)
     voltages = simulate([BusInterval(low, (5.0,), 0.02, 5.0), BusInterval(high, (5.0,), 0.02, 5.0)])
     assert voltages[0].highest < 46.0
     assert voltages[1].lowest > high.undervoltage

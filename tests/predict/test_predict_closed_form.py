@@ -1,9 +1,9 @@
 """The prediction of the linear plant against its closed form.
 
-The oracle (tests/sim_plant/closed_form.py) shares no code with `rig.design.predictions`: it uses
-impedances and no records. Here it uses the same sampled controller. Its mean |i| is that of a sine,
-or for many waves that of a Gaussian current, which the current in a sea of 300 s is within a few
-per cent.
+The oracle (tests/sim_plant/closed_form.py) shares no code with `rig.kinds.wavebot.predictions`: it
+uses impedances and no records. Here it uses the same sampled controller. Its mean |i| is that of a
+sine, or for many waves that of a Gaussian current, which the current in a sea of 300 s is within a
+few per cent.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from predicting import CONFIGS, STIFF, predict_campaign, rows, write_campaign
 from rig.config.pydantic_errors import load
 from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design, response
-from rig.design.predictions import RowPredictions
 from rig.kinds.wavebot.build import metres_per_count
 from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.predictions import RowPredictions
 from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
@@ -48,7 +48,7 @@ def sampled_controller(plant: Plant, kp: float, ki: float) -> Callable[[Any], An
 
     def controller(f_hz: Any) -> Any:
         s = 2j * np.pi * np.atleast_1d(np.asarray(f_hz, dtype=float))
-        position, velocity = response(estimator_params, s.imag / (2 * np.pi), DT)
+        position, velocity, _ = response(estimator_params, s.imag, DT)
         law = (kp * velocity + ki * position) / s
         return law * np.exp(-s * 1.5 * DT) / (1.0 + s * lag)
 

@@ -8,100 +8,99 @@ from predicting import CONFIGS
 
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
-from rig.design.predictions import electrics, passive, plant
+from rig.design.axis import drag_force
+from rig.kinds.wavebot.predictions import drive as drives
+from rig.kinds.wavebot.predictions import passive
 from rig.planning.campaign.set_points import zero_setting
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
+from sim_plant.parameters import Plant
 
 RNG = np.random.default_rng(1)
 X, V, F = 0.2 * RNG.standard_normal(40), RNG.standard_normal(40), 900.0 * RNG.standard_normal(40)
 
 
-def load_plant(name: str) -> plant.PlantModel:
-    return plant.build_plant_model(load_mapping(CONFIGS / "plants" / f"{name}.yaml")[0])
+def load_plant(name: str) -> Plant:
+    return Plant.model_validate(load_mapping(CONFIGS / "plants" / f"{name}.yaml")[0])
 
 
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_as_measured", "wavebot_linear"])
 @pytest.mark.parametrize("stator", [-93.0, -20.0, 27.0, 50.0])
 def test_passive_forces(name: str, stator: float) -> None:
-    plant_model = load_plant(name)
-    sim_params = plant_model.params
+    sim_params = load_plant(name).build()
     rate = magnetic_spring.table_rate(sim_params.spring, stator)
-    spring = plant.spring(plant_model, [stator])
-    friction = plant.friction(plant_model, F[None, :])
+    rates = passive.spring_rates(sim_params.spring, [stator])
+    friction = passive.friction_size(sim_params.pto, F[None, :])
     forces = (
-        (passive.spring_force(spring, X[None, :])[0],
+        (passive.spring_force(sim_params.spring, rates, X[None, :])[0],
          [magnetic_spring.force(sim_params.spring, rate, x) for x in X]),
-        (passive.friction_force(friction, V[None, :])[0] - sim_params.pto.viscous * V,
+        (passive.friction_force(sim_params.pto, friction, V[None, :])[0]
+         - sim_params.pto.viscous * V,
          [pto.friction(sim_params.pto, v, f) for v, f in zip(V, F, strict=True)]),
-        (passive.drag_force(sim_params.body.quadratic, V) - sim_params.body.viscous * V,
+        (drag_force(sim_params.body.quadratic, V) - sim_params.body.viscous * V,
          [body.drag(sim_params.body, v) for v in V]),
     )  # fmt: skip
     for vectorised, simulated in forces:
         np.testing.assert_allclose(vectorised, simulated, rtol=1e-12, atol=1e-12)
     slope = -magnetic_spring.force(sim_params.spring, rate, 1e-7) / 1e-7
-    assert passive.stiffness_at_rest(spring)[0] == pytest.approx(slope, rel=1e-9)
+    assert passive.spring_stiffness(sim_params.spring, rates)[0] == pytest.approx(slope, rel=1e-9)
 
 
 def test_force_in_the_guide() -> None:
-    plant_model = load_plant("wavebot")
-    params = plant_model.params.surge
+    params = load_plant("wavebot").build().surge
     for x, v, f in zip(X, V, F, strict=True):
         state = body.BodyState(x, v, 0.1, 0.2, 0.3, 0.4, 0.5)
         acceleration = body.acceleration(params.body, state, 2.0 * f)
         simulated = surge.guide_force(params, state, f, f)
         arguments = [np.array([[value]]) for value in (x, acceleration, f)]
-        assert plant.guide_force(plant_model, *arguments)[0, 0] == pytest.approx(
-            simulated, rel=1e-12
-        )
+        assert passive.guide_force(params, *arguments)[0, 0] == pytest.approx(simulated, rel=1e-12)
 
 
 @pytest.mark.parametrize("scheme", [0, 1, 2, 3])
 @pytest.mark.parametrize("voltage", [41.0, 75.0, 152.0])
 def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> None:
-    plant_model = load_plant("wavebot_custom")
+    plant = load_plant("wavebot_custom")
     setting = zero_setting(IMPEDANCE)._replace(
         bus_voltage=75.0, switching_period=5e-5, hysteresis_tolerance=0.7,
         velocity_threshold=0.2, discharge_level=3.0,
     )  # fmt: skip
-    drive = plant.drive(plant_model, [setting], scheme, 4.0, np.array([voltage]))
-    motor = plant.motor(plant_model)
-    sim_electrics = plant_model.file.build(plant.to_drive_settings(setting, scheme)).electrics
+    drive = drives.build_drive(plant, [setting], scheme, 40.0, 4.0, np.array([voltage]))
+    sim_electrics, sim_pto = drives.electrics_at(plant, setting, scheme), plant.build().pto
     force, v = F[None, :], 0.2 * V[None, :]
-    conducting = electrics.is_conducting(drive, motor, force, v)
+    conducting = drives.is_conducting(drive, force, v)
     assert 0.0 < conducting.mean() < 1.0
-    command = electrics.current_limited_force(drive, motor, 40.0, force, v)
-    limited = electrics.voltage_limited_force(drive, motor, command, v)
-    power = electrics.station_powers(drive, motor, limited, force, v, 0.0 * v, v)
+    command = drives.current_limited_force(drive, force, v)
+    limited = drives.voltage_limited_force(drive, command, v)
+    _, dc_record = drives.station_powers(drive, limited, force, v, 0.0 * v, v)
     for i in range(F.size):
-        current = force[0, i] / motor.newtons_per_ampere
+        current = force[0, i] / drive.motor.newtons_per_ampere
         is_on = not (abs(v[0, i]) < 0.2 and abs(current) < 4.0)
         assert conducting[0, i] == is_on
         ceiling = min(custom_drive.max_current(sim_electrics.inverter, voltage, v[0, i]), 40.0)
         granted = min(max(current, -ceiling), ceiling) * is_on
         assert limited[0, i] == pytest.approx(
-            granted * motor.newtons_per_ampere, rel=1e-9, abs=1e-9
+            granted * drive.motor.newtons_per_ampere, rel=1e-9, abs=1e-9
         )
-        ac = limited[0, i] * v[0, i] + pto.copper_loss(plant_model.params.pto, limited[0, i])
+        ac = limited[0, i] * v[0, i] + pto.copper_loss(sim_pto, limited[0, i])
         loss = custom_drive.loss(sim_electrics.inverter, voltage, granted, int(is_on))
-        assert power.dc_record[0, i] == pytest.approx(ac + loss, rel=1e-9, abs=1e-9)
+        assert dc_record[0, i] == pytest.approx(ac + loss, rel=1e-9, abs=1e-9)
     assert np.min(limited) < 0.0 < np.max(limited)
 
 
 def test_losses_of_the_commercial_drive() -> None:
     from sim_plant import cots_drive
 
-    plant_model = load_plant("wavebot")
-    drive = plant.drive(plant_model, [zero_setting(IMPEDANCE)], 0, 0.0, np.zeros(1))
-    motor = plant.motor(plant_model)
+    plant = load_plant("wavebot")
+    drive = drives.build_drive(plant, [zero_setting(IMPEDANCE)], 0, 40.0, 0.0, np.zeros(1))
     force_record = F[None, :]
-    power = electrics.station_powers(
-        drive, motor, force_record, force_record, V[None, :], 0.0 * force_record, V[None, :]
+    powers, dc_record = drives.station_powers(
+        drive, force_record, force_record, V[None, :], 0.0 * force_record, V[None, :]
     )
-    cots = plant_model.params.electrics.cots
+    params = plant.build()
+    cots = params.electrics.cots
     for i, force in enumerate(F):
-        ac = force * V[i] + pto.copper_loss(plant_model.params.pto, force)
-        loss = cots_drive.loss(cots, force / motor.newtons_per_ampere)
-        assert power.dc_record[0, i] == pytest.approx(ac + loss, rel=1e-12)
-    assert power.mechanical_2[0] == pytest.approx(float(np.mean(F * V)), rel=1e-12)
-    volts = plant.commercial_bus_voltage(plant_model, power.dc_record)
-    assert volts[0, 3] == pytest.approx(cots_drive.bus_voltage(cots, power.dc_record[0, 3]))
+        ac = force * V[i] + pto.copper_loss(params.pto, force)
+        loss = cots_drive.loss(cots, force / drive.motor.newtons_per_ampere)
+        assert dc_record[0, i] == pytest.approx(ac + loss, rel=1e-12)
+    assert powers["mechanical_2"][0] == pytest.approx(float(np.mean(F * V)), rel=1e-12)
+    volts = drives.commercial_bus_voltage(cots, dc_record)
+    assert volts[0, 3] == pytest.approx(cots_drive.bus_voltage(cots, dc_record[0, 3]))

@@ -13,16 +13,21 @@ from controllers import estimator, impedance
 from controllers.biquads import Biquad
 from controllers.signals import Estimate, Gains
 from rig.config.yaml_source import load_mapping
+from rig.design import sampled_loop as sampled
 from rig.design.estimator import design
 from rig.design.impedance import design as design_zc
-from rig.design.predictions import plant, sampled
-from rig.design.predictions.loop import Law, Timing
+from rig.design.loop import Law, Timing
+from rig.kinds.wavebot.predictions.model import linear_body
 from sim_plant.bem import read_bem
+from sim_plant.parameters import Plant
 from sim_plant.waves import calm
 from sim_plant.world import OFF, World
 
 DT = 0.001
-PLANT_MODEL = plant.build_plant_model(load_mapping(CONFIGS / "plants" / "wavebot_linear.yaml")[0])
+PLANT = Plant.model_validate(load_mapping(CONFIGS / "plants" / "wavebot_linear.yaml")[0])
+PARAMS = PLANT.build()
+BODY = linear_body(PARAMS.body, PARAMS.pto.viscous)
+LAG = PARAMS.electrics.drive.time_constant
 FILTER = design(2.5e-5, 0.5, 0.5, DT)
 ACTIVE = design_zc([90000.0], [1.0, 20.0], DT)  # drives the body with 4500 N*s/m, with a lag
 
@@ -32,33 +37,28 @@ def law_of(kp: float, ki: float, km: float = 0.0, sections: tuple[Biquad, ...] =
 
 
 def poles_of(law: Law, delay: int = 1, rate: float = 0.0, dt: float = DT) -> sampled.Poles:
-    lag = plant.current_loop(PLANT_MODEL, "heave").lag
-    body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
     params = FILTER if dt == DT else design(2.5e-5, 0.5, 0.5, dt)
-    return sampled.poles(body, Timing(dt, delay, lag, params), law, np.array([rate]))
+    return sampled.poles(BODY, Timing(dt, delay, LAG, params), law, np.array([rate]))
 
 
 def free_motion(law: Law, ticks: int) -> tuple[Any, Any]:
     """Return positions of the simulated rig after a release, and those of the linear matrix."""
-    bem = read_bem(CONFIGS / "plants" / PLANT_MODEL.file.bem)
-    surge = read_bem(CONFIGS / "plants" / PLANT_MODEL.file.surge.bem)
+    bem = read_bem(CONFIGS / "plants" / PLANT.bem)
+    surge = read_bem(CONFIGS / "plants" / PLANT.surge.bem)
     fine_sensors = {
-        name: getattr(PLANT_MODEL.file.sensors, name).model_copy(update={"value": value})
+        name: getattr(PLANT.sensors, name).model_copy(update={"value": value})
         for name, value in (("encoder_counts", 100_000_000), ("encoder_offset", 0))
     }
-    file = PLANT_MODEL.file.model_copy(
-        update={"sensors": PLANT_MODEL.file.sensors.model_copy(update=fine_sensors)}
-    )
+    file = PLANT.model_copy(update={"sensors": PLANT.sensors.model_copy(update=fine_sensors)})
     world = World(file, calm(), bem, surge, dt=DT, seed=1)
     world.release(0.01)
-    scale = 2.0 * math.pi / (PLANT_MODEL.file.pto.gear_ratio.value * 100_000_000)
-    newtons = plant.motor(PLANT_MODEL).newtons_per_ampere
+    scale = 2.0 * math.pi / (PLANT.pto.gear_ratio.value * 100_000_000)
+    newtons = PARAMS.pto.force_per_current
     gains = Gains(float(law.kp[0]), float(law.ki[0]), float(law.km[0]))
     params = impedance.Params(0.0, law.sections)
     state, estimate = impedance.start(params), Estimate(0.01, 0.0, 0.0)
-    timing = Timing(DT, 1, plant.current_loop(PLANT_MODEL, "heave").lag, FILTER)
-    body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
-    ad, plant_input = sampled.discretise(body._replace(stiffness=body.stiffness + 490.9), timing)
+    timing = Timing(DT, 1, LAG, FILTER)
+    ad, plant_input = sampled.discretise(BODY._replace(stiffness=BODY.stiffness + 490.9), timing)
     open_loop, feedback = sampled.closed_loop_matrices(ad, plant_input, timing, law.sections, gains)
     simulated, linear, states = [], [], None
     for k in range(300 + ticks):
@@ -109,10 +109,8 @@ def test_the_simulated_loop_moves_as_its_poles_predict(
 def test_the_matrix_reproduces_the_loop(delay: int) -> None:
     """Powers of the matrix against the rig's own functions on an exactly discretised plant."""
     law = law_of(-2000.0, 6000.0, 50.0, ACTIVE)
-    lag = plant.current_loop(PLANT_MODEL, "heave").lag
-    body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
-    ad, plant_input = sampled.discretise(body, Timing(DT, delay, lag, FILTER))
-    timing = Timing(DT, delay, lag, FILTER)
+    timing = Timing(DT, delay, LAG, FILTER)
+    ad, plant_input = sampled.discretise(BODY, timing)
     open_loop, feedback = sampled.closed_loop_matrices(
         ad, plant_input, timing, law.sections, (-2000.0, 6000.0, 50.0)
     )
@@ -161,7 +159,7 @@ def test_stability_ends_at_the_margin() -> None:
 
 def test_ki_above_the_hull_stiffness_is_unstable() -> None:
     """Static and sampled stability agree on Ki: the stiffness at rest is that of the hull."""
-    stiffness = PLANT_MODEL.params.body.hydrostatic
+    stiffness = PARAMS.body.hydrostatic
     assert poles_of(law_of(-2000.0, 0.99 * stiffness)).radius[0] < 1.0
     assert poles_of(law_of(-2000.0, 1.01 * stiffness)).radius[0] > 1.0
     margin = float(poles_of(law_of(-2000.0, 0.5 * stiffness)).gain_margin[0])

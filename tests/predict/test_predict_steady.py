@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig.design.predictions.grid import (
+from rig.design.grid import (
     Floats,
     build_grid,
     samples_from_spectrum,
     spectrum_from_amplitudes,
 )
-from rig.design.predictions.steady import TOLERANCE, Motion, System, solve_steady_motion
+from rig.design.steady_motion import TOLERANCE, Motion, System, solve_steady_motion
 
 MASS, DAMPING, STIFFNESS = 10.0, 4.0, 90.0
 

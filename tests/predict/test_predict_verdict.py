@@ -21,8 +21,8 @@ from predicting import (
     write_named_yaml,
 )
 
-from rig.design.predictions import tightest
-from rig.design.predictions.margins import BUS, LOOP, POSITION, Margin
+from rig.design.margin import Margin, tightest
+from rig.kinds.wavebot.predictions.limits import BUS, LOOP, POSITION
 
 WAVES = {"kind": "regular", "amplitude_m": 0.3, "frequency_hz": 0.4}
 SMALL = {"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5}

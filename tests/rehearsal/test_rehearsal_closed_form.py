@@ -69,7 +69,7 @@ def as_sampled(rig: RigFile, plant: Plant, kp: float, ki: float) -> Callable[[An
 
     def controller(f_hz: Any) -> Any:
         s = 2j * np.pi * np.atleast_1d(np.asarray(f_hz, dtype=float))
-        position, velocity = response(filter_, s.imag / (2 * np.pi), DT)
+        position, velocity, _ = response(filter_, s.imag, DT)
         return (kp * velocity + ki * position) / s * np.exp(-s * delay) / (1.0 + s * lag)
 
     return controller

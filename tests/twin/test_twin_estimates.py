@@ -10,8 +10,9 @@ import pytest
 from rig.kinds.wavebot.twin import drivetrain, electrics
 from rig.kinds.wavebot.twin.group import Group, least_squares
 from rig.kinds.wavebot.twin.hull import identify_hull
-from rig.kinds.wavebot.twin.records import PowerBlocks, Record, analyse, synthesise
+from rig.kinds.wavebot.twin.records import PowerBlocks, Record
 from rig.kinds.wavebot.twin.seas import BEM_DEVIATION, SCALE, Coefficient, excitation_scale
+from rig.spectra.periods import analyse, synthesise
 
 PERIOD, LINES = 20.0, 50
 SHAPE = drivetrain.DrivetrainShape(True, 0.33047, 0.33047 / 1.649, 0.002)
@@ -41,11 +42,8 @@ def motion(rng: Any, size: float) -> Any:
 def test_synthesis_and_analysis_are_inverse() -> None:
     rng = np.random.default_rng(1)
     velocity = motion(rng, 0.05)
-    sample_record = record(velocity, velocity, velocity)
-    assert analyse(sample_record, synthesise(sample_record, velocity)) == pytest.approx(
-        velocity, abs=1e-12
-    )
-    v = synthesise(sample_record, velocity)
+    assert analyse(synthesise(velocity), len(velocity)) == pytest.approx(velocity, abs=1e-12)
+    v = synthesise(velocity)
     assert float(np.mean(v * v)) == pytest.approx(0.5 * np.sum(np.abs(velocity) ** 2))
 
 
@@ -65,11 +63,11 @@ def test_a_hull_is_identified(seed: int) -> None:
     for size in (0.02, 0.05, 0.08):
         velocity = motion(rng, size)
         calm_record = record(velocity, velocity, velocity)
-        v = synthesise(calm_record, velocity)
+        v = synthesise(velocity)
         noise = rng.normal(size=(2, LINES)) * 0.2
         force = (
             z * velocity
-            + quadratic * analyse(calm_record, np.abs(v) * v)
+            + quadratic * analyse(np.abs(v) * v, len(velocity))
             + noise[0]
             + 1j * noise[1]
         )
@@ -115,15 +113,15 @@ def test_friction_and_spring_are_identified() -> None:
     for size in (0.02, 0.05, 0.08):
         velocity = motion(rng, size)
         sample_record = record(velocity, velocity, velocity, setting={"spring_rate": rate})
-        v = synthesise(sample_record, velocity)
-        x = synthesise(sample_record, velocity / (1j * sample_record.omega))
+        v = synthesise(velocity)
+        x = synthesise(velocity / (1j * sample_record.omega))
         spring = share * rate * SHAPE.reach * np.sin(2.0 * x / SHAPE.lever)
         drivetrain_force = viscous * v + dry * np.tanh(v / SHAPE.coulomb_velocity) + spring
         noise = rng.normal(size=(2, LINES)) * 0.2
         rows.append(
             sample_record._replace(
                 trs=sample_record.lcb
-                + analyse(sample_record, drivetrain_force)
+                + analyse(drivetrain_force, len(velocity))
                 + noise[0]
                 + 1j * noise[1]
             )
@@ -216,10 +214,11 @@ def test_excitation_scale_is_identified() -> None:
 def test_directions_reproduce_the_covariance() -> None:
     rng = np.random.default_rng(6)
     columns = rng.normal(size=(200, 3)) * np.array([1.0, 50.0, 0.01])
-    estimate = least_squares(("a", "b", "c"), np.abs(columns), np.abs(columns).sum(axis=1), "paper")
+    regressors = dict(zip("abc", np.abs(columns).T, strict=True))
+    estimate = least_squares(regressors, np.abs(columns).sum(axis=1), "paper")
     factor = rng.normal(size=(3, 3))
     group = Group(estimate.names, estimate.values, factor @ factor.T, "paper")
     steps = np.array([[step[name] for name in group.names] for step in group.directions()])
     assert steps.T @ steps == pytest.approx(group.covariance, rel=1e-9, abs=1e-9)
     with pytest.raises(ValueError, match="too few to estimate"):
-        least_squares(("a", "b"), np.ones((2, 2)), np.ones(2), "paper")
+        least_squares({"a": np.ones(2), "b": np.ones(2)}, np.ones(2), "paper")

@@ -15,9 +15,9 @@ from rig_command import rig_here
 
 from rig.analysis.rows import row_table
 from rig.config.yaml_source import load_mapping
-from rig.design.recommend import report
-from rig.design.recommend.recommendation import RecommendOptions, recommend
-from rig.kinds.wavebot.twin.plant_file import identified_range
+from rig.kinds.wavebot.recommend import report
+from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
+from rig.kinds.wavebot.twin.plant_file import amplitude_range
 
 pytestmark = pytest.mark.slow
 
@@ -64,13 +64,13 @@ def test_the_twin_has_the_power_of_the_identified_plant(plant: Path, tmp_path: P
 
 def test_the_twin_stores_the_range_of_its_identification(plant: Path, run: Path) -> None:
     """Amplitudes equal those of the row table within 1 %, the effect of lines above 2.5 Hz."""
-    ranges, table = identified_range(plant), row_table(run)
+    ranges, table = amplitude_range(plant), row_table(run)
     assert set(ranges) == {"stroke", "velocity_rms"}
     for name, (lowest, highest) in ranges.items():
         measured = table[name].values
         assert lowest == pytest.approx(measured.min(), rel=0.01)
         assert highest == pytest.approx(measured.max(), rel=0.01)
-    assert identified_range(LINEAR) == {}
+    assert amplitude_range(LINEAR) == {}
 
 
 STATIONS = ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc")

@@ -12,22 +12,28 @@ from measured_data import reference
 from wavebot_ports import BEM, PARAMS, sea
 
 from rig.design.twoport import network as n
-from rig.design.twoport.figures import Case, impedances, vary, write_effects
-from rig.design.twoport.power import available_load_power, available_power, flow, transducer_gain
+from rig.design.twoport.network import (
+    available_load_power,
+    available_power,
+    flow,
+    transducer_gain,
+)
+from rig.design.twoport.pictures import Case, TakeOff, impedances, vary, write_effects
+from rig.kinds.wavebot.twin.two_port import MOTOR as WAVEBOT
 
 F = np.linspace(0.2, 1.0, 33)
 OMEGA = 2.0 * np.pi * F
 Z_I = intrinsic_impedance(PARAMS, F)
 DRIVETRAIN = n.linear_drivetrain(OMEGA, 40.0, 724.0, -3000.0)
-PORT = n.two_port(OMEGA, DRIVETRAIN, n.WAVEBOT._replace(inductance=0.005))
+PORT = n.two_port(OMEGA, DRIVETRAIN, WAVEBOT._replace(inductance=0.005))
 EXACT = {"rtol": 1e-9, "atol": 0.0}
 
 
 def test_constants_of_the_wavebot() -> None:
     """94.27 N/A of the two-port, 76.98 N/A of the drive, 28.1 W of copper at 1000 N amplitude."""
-    assert n.WAVEBOT.transduction == pytest.approx(94.27, abs=0.005)
-    assert n.WAVEBOT.transduction / np.sqrt(1.5) == pytest.approx(76.975, abs=0.005)
-    assert 0.5 * n.WAVEBOT.copper * 1000.0**2 == pytest.approx(28.1, abs=0.05)
+    assert WAVEBOT.transduction == pytest.approx(94.27, abs=0.005)
+    assert WAVEBOT.transduction / np.sqrt(1.5) == pytest.approx(76.975, abs=0.005)
+    assert 0.5 * WAVEBOT.copper * 1000.0**2 == pytest.approx(28.1, abs=0.05)
 
 
 def test_intrinsic_impedance_equals_the_oracle() -> None:
@@ -43,7 +49,7 @@ def test_intrinsic_impedance_equals_the_oracle() -> None:
 
 
 def test_rotational_and_linear_drivetrain_are_equivalent() -> None:
-    gear = n.WAVEBOT.gear
+    gear = WAVEBOT.gear
     shaft = n.rotational_drivetrain(OMEGA, 0.3, 4.0, -20.0)
     linear = n.linear_drivetrain(OMEGA, 0.3 * gear**2, 4.0 * gear**2, -20.0 * gear**2)
     assert np.allclose(gear**2 * shaft, linear, **EXACT)
@@ -52,7 +58,7 @@ def test_rotational_and_linear_drivetrain_are_equivalent() -> None:
 def test_controller_and_load_convert_both_ways() -> None:
     law = n.controller(OMEGA, -2500.0, 3000.0)
     load = n.load_of(PORT, law)
-    g = n.WAVEBOT.transduction
+    g = WAVEBOT.transduction
     assert np.allclose(load, -(g**2) / law - PORT.z22, **EXACT)
     assert np.allclose(n.controller_of(PORT, load), law, **EXACT)
     assert np.allclose(n.input_impedance(PORT, load), DRIVETRAIN - law, **EXACT)
@@ -64,7 +70,7 @@ def test_controller_and_load_convert_both_ways() -> None:
 def test_the_mechanically_matched_load() -> None:
     """Z_in = Z_i* at Z_l = g^2 / (Z_i* - Z_11) - Z_w; it absorbs all available wave power."""
     load = n.mechanically_matched(PORT, Z_I)
-    g = n.WAVEBOT.transduction
+    g = WAVEBOT.transduction
     assert np.allclose(load, g**2 / (np.conj(Z_I) - PORT.z11) - PORT.z22, **EXACT)
     assert np.allclose(n.input_impedance(PORT, load), np.conj(Z_I), **EXACT)
     assert np.abs(n.mismatch(PORT, Z_I, load).at_input).max() < 1e-9
@@ -104,7 +110,7 @@ def test_power_equals_available_minus_reflected_power() -> None:
         voltage = PORT.z21 * power.velocity + PORT.z22 * power.current
         assert np.allclose(voltage, -load * power.current, **EXACT)
         assert np.allclose(power.force, n.controller(OMEGA, kp, ki) * power.velocity, **EXACT)
-        copper = 0.5 * n.WAVEBOT.resistance * np.abs(power.current) ** 2
+        copper = 0.5 * WAVEBOT.resistance * np.abs(power.current) ** 2
         assert np.allclose(power.ac, power.mechanical_2 + copper, rtol=1e-9, atol=1e-9)
         assert np.allclose(transducer_gain(PORT, Z_I, load), power.ac / available_power(Z_I, force))
         assert (transducer_gain(PORT, Z_I, load) < 1.0).all()
@@ -113,7 +119,7 @@ def test_power_equals_available_minus_reflected_power() -> None:
 def test_both_matched_loads_are_equal_without_loss() -> None:
     """R_w = B_d = 0: then, and only then, one load satisfies both conditions of eq. 2.10."""
     lossless = n.two_port(
-        OMEGA, n.linear_drivetrain(OMEGA, 40.0, 0.0, -3000.0), n.WAVEBOT._replace(resistance=0.0)
+        OMEGA, n.linear_drivetrain(OMEGA, 40.0, 0.0, -3000.0), WAVEBOT._replace(resistance=0.0)
     )
     mechanical, electrical = (
         n.mechanically_matched(lossless, Z_I),
@@ -121,8 +127,8 @@ def test_both_matched_loads_are_equal_without_loss() -> None:
     )
     assert np.allclose(mechanical, electrical, **EXACT)
     for lossy in (
-        n.two_port(OMEGA, n.linear_drivetrain(OMEGA, 40.0, 1.0, -3000.0), n.WAVEBOT),
-        n.two_port(OMEGA, n.linear_drivetrain(OMEGA, 40.0, 0.0, -3000.0), n.WAVEBOT),
+        n.two_port(OMEGA, n.linear_drivetrain(OMEGA, 40.0, 1.0, -3000.0), WAVEBOT),
+        n.two_port(OMEGA, n.linear_drivetrain(OMEGA, 40.0, 0.0, -3000.0), WAVEBOT),
     ):
         mechanical, electrical = (
             n.mechanically_matched(lossy, Z_I),
@@ -137,7 +143,7 @@ def test_difference_between_the_matched_loads() -> None:
     """
     waves = sea(0.4, 0.127)
     z_i = intrinsic_impedance(PARAMS, np.array([0.4]), BEM)
-    z = n.two_port(waves.omega, n.linear_drivetrain(waves.omega, 0.0, 724.0, 0.0), n.WAVEBOT)
+    z = n.two_port(waves.omega, n.linear_drivetrain(waves.omega, 0.0, 724.0, 0.0), WAVEBOT)
     mechanical = flow(z, z_i, n.mechanically_matched(z, z_i), waves.excitation)
     electrical = flow(z, z_i, n.electrically_matched(z, z_i), waves.excitation)
     assert mechanical.ac[0] == pytest.approx(28.8, abs=0.1)
@@ -152,7 +158,7 @@ def test_powers_against_the_closed_form_of_the_plant(kp: float, ki: float, rate:
         waves = sea(f, 0.127)
         z_i = intrinsic_impedance(PARAMS, np.array([f]))
         z11 = n.linear_drivetrain(waves.omega, 0.0, PARAMS.pto.viscous, rate)
-        z = n.two_port(waves.omega, z11, n.WAVEBOT)
+        z = n.two_port(waves.omega, z11, WAVEBOT)
         load = n.load_of(z, n.controller(waves.omega, kp, ki))
         power = flow(z, z_i, load, waves.excitation)
         oracle = heave_response(PARAMS, BEM, f, 0.127, kp, ki, rate)
@@ -176,7 +182,7 @@ def test_best_shaft_power_of_measured_impedances() -> None:
             np.mean(table[neighbours, i] + 1j * table[neighbours, i + 1])[None] for i in (1, 3)
         )
         waves = sea(f, 0.127)
-        z = n.two_port(waves.omega, z_id - z_i, n.WAVEBOT)
+        z = n.two_port(waves.omega, z_id - z_i, WAVEBOT)
         law = -np.conj(z_id)
         power = flow(z, z_i, n.load_of(z, law), waves.excitation)
         best_kp, best_ki = n.gains(waves.omega, law)
@@ -191,10 +197,10 @@ def test_effect_of_each_setting() -> None:
     Z_in and Z_l but not Z_out; Kp changes only the real part of Z_in, Ki only the imaginary part.
     """
     z11 = n.linear_drivetrain(OMEGA, 0.0, 724.0, 0.0)
-    base = Case("base", -2000.0, 4000.0, 0.0, n.WAVEBOT.gear)
+    base = Case("base", -2000.0, 4000.0, 0.0, WAVEBOT.gear)
 
     def parts(case: Case) -> tuple[np.ndarray, ...]:
-        result = impedances(OMEGA, Z_I, z11, n.WAVEBOT, case)
+        result = impedances(TakeOff(OMEGA, Z_I, z11, WAVEBOT), case)
         return tuple(part for one in result for part in (one.real, one.imag))
 
     def changed(case: Case) -> list[bool]:
@@ -209,12 +215,12 @@ def test_effect_of_each_setting() -> None:
 
 def test_figures(tmp_path: Path) -> None:
     z11 = n.linear_drivetrain(OMEGA, 0.0, 724.0, 0.0)
-    base = Case("base", -2000.0, 4000.0, 0.0, n.WAVEBOT.gear)
+    base = Case("base", -2000.0, 4000.0, 0.0, WAVEBOT.gear)
     cases = vary(base, kp=1000.0, ki=3000.0)
     assert [case.label for case in cases[1:3]] == ["Kp -3000 N s/m (n)", "Kp -1000 N s/m (p)"]
     for name, cases_drawn in (("gains", cases), ("spring", vary(base, spring_rate=5e3, gear=4.0))):
         path = tmp_path / f"{name}.png"
         write_effects(
-            path, OMEGA, Z_I, z11, n.WAVEBOT, cases_drawn, name, {"run": "r", "mode": "hil"}
+            path, TakeOff(OMEGA, Z_I, z11, WAVEBOT), cases_drawn, name, {"run": "r", "mode": "hil"}
         )
         assert float(imread(path)[..., :3].std()) > 0.05

@@ -97,7 +97,7 @@ def loop(omega: Any) -> Any:
 
 
 def surface(tmp_path: Path, sea_block: dict[str, Any], gains: list[Setting]) -> dict[str, Any]:
-    """Return the powers of `rig.design.predictions` at each setting.
+    """Return the powers of `rig.kinds.wavebot.predictions` at each setting.
 
     The plant is linear, with its sampled loop.
     """

@@ -9,8 +9,8 @@ import numpy as np
 from closed_form import intrinsic_impedance
 
 from rig.config.yaml_source import load_mapping
-from rig.design.twoport.network import WAVEBOT
 from rig.design.twoport.optimum import Device, Drive, Sea
+from rig.kinds.wavebot.twin.two_port import MOTOR
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.parameters import Plant
 from sim_plant.wavebot import WaveBotParams
@@ -34,7 +34,7 @@ def sea(f_hz: Any, amplitude: Any) -> Sea:
 
 def device(incident_sea: Sea, loop: Any = None) -> Device:
     z_i = intrinsic_impedance(PARAMS, incident_sea.omega / (2.0 * np.pi))
-    return Device(z_i, 0.0, PARAMS.pto.viscous, WAVEBOT, PARAMS.body.hydrostatic, loop)
+    return Device(z_i, 0.0, PARAMS.pto.viscous, MOTOR, PARAMS.body.hydrostatic, loop)
 
 
 def drive() -> Drive:

@@ -9,15 +9,16 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
+from rig.design.descent import descend
 from rig.design.twoport.network import Complexes, Floats, Motor, controller, linear_drivetrain
 
 Station = Literal["mechanical_1", "mechanical_2", "ac", "dc"]
 
 KP_RANGE = (-20_000.0, 0.0)  # N s/m; Kp > 0 would drive the body
 KI_RANGE = (-30_000.0, 30_000.0)  # N/m
-_START_COUNT = 4  # per direction: cost surfaces have one valley, but it is curved
+_GRID = 12  # points per direction, from the best of which the search descends
+_ITERATIONS = 30  # to a distance of 1e-9 of a range
 
 
 class Sea(NamedTuple):
@@ -122,22 +123,20 @@ def optimum(
         raise ValueError(
             f"Ki of at least {ranges[1, 0]:g} N/m leaves less than {bounds.min_stiffness:g} N/m"
         )
-    scale = np.maximum(np.ptp(ranges, axis=1), 1e-9)
+    widths = np.ptp(ranges, axis=1)
 
     def to_setting(shares: Floats) -> Setting:
         """Return the setting at shares 0 .. 1 of the ranges, Ki limited by stiffness."""
-        kp, ki, rate = (ranges[:, 0] + np.clip(shares, 0.0, 1.0) * np.ptp(ranges, axis=1)).tolist()
+        kp, ki, rate = (ranges[:, 0] + shares * widths).tolist()
         return Setting(kp, min(ki, stiffness_margin + rate), rate)
 
     def cost(shares: Floats) -> float:
         return float(getattr(powers(device, drive, sea, to_setting(shares)), station))
 
-    best = _minimise(cost, np.ptp(ranges, axis=1) > 0.0)
-    setting = to_setting(best)
-    by_name = zip(Setting._fields, setting, ranges, scale, strict=True)
+    setting = to_setting(_minimise(cost, widths > 0.0))
     at_bound = [
-        name for name, value, (low, high), width in by_name
-        if high > low and min(value - low, high - value) < 1e-4 * width
+        name for name, value, (low, high) in zip(Setting._fields, setting, ranges, strict=True)
+        if high > low and min(value - low, high - value) < 1e-4 * (high - low)
     ]  # fmt: skip
     if setting.ki > stiffness_margin + setting.spring_rate - 1e-3 and "ki" not in at_bound:
         at_bound.append("ki")
@@ -146,17 +145,12 @@ def optimum(
 
 def _minimise(cost: Callable[[Floats], float], free: Floats) -> Floats:
     """Return the minimum of the cost in the unit cube, over the free directions."""
-    axes = [
-        np.linspace(0.02, 0.98, _START_COUNT * 3) if is_free else np.zeros(1) for is_free in free
-    ]
-    starts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    costs = np.array([cost(start) for start in starts])
-    best, lowest = starts[0], np.inf
-    for start in starts[np.argsort(costs)[:_START_COUNT]]:
-        result = minimize(
-            cost, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(axes),
-            options={"xatol": 1e-7, "fatol": 1e-9, "maxiter": 2000},
-        )  # fmt: skip
-        if result.fun < lowest:
-            best, lowest = np.asarray(result.x), float(result.fun)
-    return np.asarray(best, dtype=np.float64)
+
+    def costs(points: Floats) -> Floats:
+        return np.array([cost(point) for point in points])
+
+    grid = [np.linspace(0.02, 0.98, _GRID) if is_free else np.zeros(1) for is_free in free]
+    points = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, len(grid))
+    start = points[int(np.argmin(costs(points)))]
+    steps = np.where(free, 1.0 / _GRID, 0.0)
+    return descend(costs, start, steps, _ITERATIONS, lambda point: np.clip(point, 0.0, 1.0))

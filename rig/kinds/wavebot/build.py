@@ -16,10 +16,10 @@ from controllers.signals import Modulation
 from rig.config.campaign_file import CampaignFile
 from rig.config.reference import MultisineReference
 from rig.design.estimator import design
+from rig.design.law_params import law_params
 from rig.kinds.wavebot import tick as wavebot
 from rig.kinds.wavebot.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.kinds.wavebot.config.rig_file import Axis, RigFile, Stop
-from rig.kinds.wavebot.law_params import law_params
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
 from rig.planning.campaign.reference import ReferenceRecord, force_table
@@ -27,7 +27,7 @@ from rig.planning.campaign.set_points import drive_settings
 from rig.realtime import average, axis, cycle, limits, safety
 from rig.realtime.sequence import Segments
 
-_MODULATIONS = {
+MODULATIONS = {
     "svpwm": Modulation.SVPWM,
     "sine-triangle": Modulation.SINE_TRIANGLE,
     "dpwm": Modulation.DPWM,
@@ -124,7 +124,7 @@ def wavebot_params(
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
             reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
-            modulation=int(_MODULATIONS[drive.modulation]) if drive else 0,
+            modulation=int(MODULATIONS[drive.modulation]) if drive else 0,
             surge=_axis(rig.surge, bounds.surge, rig.stop, dt),
             surge_use=int(_SURGE_USES[campaign.surge.use]),
             station_keeping=station_keeping.Params(

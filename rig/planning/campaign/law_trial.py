@@ -12,7 +12,7 @@ from controllers.blocks import finite
 from controllers.signals import Estimate
 from rig import laws
 from rig.config.problems import Problem
-from rig.kinds.wavebot.law_params import law_params
+from rig.design.law_params import law_params
 from rig.planning.campaign.files import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
 from rig.plug_ins import error_text

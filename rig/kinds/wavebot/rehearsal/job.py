@@ -20,9 +20,9 @@ from rig.config.pydantic_errors import problems_from
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
+from rig.design.law_params import law_params
 from rig.kinds.wavebot.build import estimator_params
 from rig.kinds.wavebot.config.hoist import TURNAROUND_S
-from rig.kinds.wavebot.law_params import law_params
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.laws import LawError
 from rig.planning.campaign.designed_sea import DesignedSea, design_sea

@@ -18,18 +18,17 @@ from rig.kinds.wavebot.simulation import compiled
 from rig.kinds.wavebot.simulation.noise import interleaved
 from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
 from rig.kinds.wavebot.simulation.plant_coupling import CoupledState
-from rig.kinds.wavebot.tick import Setpoints, WaveBotRow, kind_with_law
+from rig.kinds.wavebot.tick import WaveBotRow, kind_with_law
 from rig.kinds.wavebot.tick.reasons import REASONS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason, reason_table
-from rig.realtime.sequence import MEASURE, Segments
+from rig.realtime.sequence import MEASURE
 from rig.recording.row_layout import leaves
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.windows import REQUIRED_FIELDS, Window
-from rig.sweep import InterruptedSweepError
 from sim_plant import custom_drive, wave_maker, wavebot
 from sim_plant.parameters import Plant
 from sim_plant.signals import OFF
@@ -114,35 +113,29 @@ class CampaignSimulator:
     def simulate(
         self,
         plan: Plan,
-        should_continue: Callable[[], bool] = lambda: True,
+        check: Callable[[], None] = lambda: None,
         stator: float | None = None,
     ) -> "RowSimulation":
         """Return the simulation of a plan from power-on to its end or a trip.
 
         ``stator`` is the stator's position at power-on (%); default is the plant's own start. The
-        simulation calls ``should_continue`` about ten times per second and raises
-        `InterruptedSweepError` when it returns false.
+        simulation calls ``check`` about ten times per second; an exception of it ends the
+        simulation.
         """
-        return RowSimulation(self, plan, should_continue, stator)
+        return RowSimulation(self, plan, check, stator)
 
     def prepare(self, plan: Plan) -> None:
         """Compile the loop for the types of this simulator, or read it from the cache."""
-        RowSimulation(self, plan, lambda: True, None).tick(0)
+        RowSimulation(self, plan, lambda: None, None).tick(0)
 
     def column_params(self, plan: Plan) -> cycle.Params:
         """Return the loop's parameters for a plan, with its tables as `Column`."""
-        rig = self.params.rig
-        segments: Any = [Column(column) for column in plan.segments]
-        placed_setpoints = index_realisations(plan.setpoints, self._realisations)
-        law = placed_setpoints.law
-        columns = placed_setpoints._replace(law=())
-        setpoints: Any = [Column(column) for column in columns]
+        rig, placed = self.params.rig, index_realisations(plan.setpoints, self._realisations)
+        law = _as_columns(placed.law)
         return self.params._replace(
-            segments=Segments(*segments),
+            segments=_as_columns(plan.segments),
             rig=rig._replace(
-                setpoints=Setpoints(*setpoints)._replace(
-                    law=type(law)(*(Column(column) for column in law))
-                ),
+                setpoints=_as_columns(placed._replace(law=()))._replace(law=law),
                 reference=rig.reference._replace(table=Column(rig.reference.table)),
             ),
         )
@@ -178,10 +171,10 @@ class RowSimulation:
         self,
         simulator: CampaignSimulator,
         plan: Plan,
-        should_continue: Callable[[], bool],
+        check: Callable[[], None],
         stator: float | None,
     ) -> None:
-        self._simulator, self._should_continue = simulator, should_continue
+        self._simulator, self._check = simulator, check
         self._coupled = simulator.start(stator)
         self._params, self._plant = simulator.column_params(plan), simulator.constants
         self._page = Column(np.empty(len(KEPT_FIELDS) * PAGE_TICKS))
@@ -197,8 +190,7 @@ class RowSimulation:
     def __iter__(self) -> Iterator[Window]:
         filled = 0
         while self._coupled.linger < LINGER_TICKS:
-            if not self._should_continue():
-                raise InterruptedSweepError
+            self._check()
             filled = self.tick(self._coupled.tick + _TICKS_PER_CALL, filled)
             coupled, last = self._coupled, self._columns[_TICK, filled - 1]
             if filled and (coupled.linger == LINGER_TICKS or last != coupled.tick - 1):
@@ -217,6 +209,11 @@ class RowSimulation:
         if self._coupled.settings != settings:
             self._plant = simulator.set_drive(self._coupled.settings)
         return int(filled)
+
+
+def _as_columns(table: Any) -> Any:
+    """Return a table of the loop with each of its columns as `Column`."""
+    return type(table)(*map(Column, table))
 
 
 def _take_buffer(ticks: int) -> _Floats:

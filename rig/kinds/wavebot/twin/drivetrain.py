@@ -10,13 +10,13 @@ uses.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rig.kinds.wavebot.twin.group import Group, least_squares
-from rig.kinds.wavebot.twin.records import Record, analyse, synthesise
-from rig.spectra.periods import Complexes, Floats
+from rig.kinds.wavebot.twin.records import Record
+from rig.spectra.periods import Complexes, Floats, analyse, synthesise
 
 VISCOUS, CALM, WAVES, EFFECT = "drivetrain_viscous", "coulomb_calm", "coulomb", "spring_effect"
 MAX_DEVIATION = 0.05  # largest standard deviation at which the estimated spring share is used
@@ -31,15 +31,11 @@ class DrivetrainShape(NamedTuple):
     coulomb_velocity: float  # m/s, width of the regularised sign
 
 
-def read_shape(plant: dict[str, object]) -> DrivetrainShape:
+def read_shape(plant: dict[str, Any]) -> DrivetrainShape:
     """Return the shape that a plant file defines, as in its simulation."""
 
-    def value(section: str, name: str) -> float:
-        entry: object = plant[section]
-        for key in (name, "value"):
-            assert isinstance(entry, dict)
-            entry = entry[key]
-        return entry  # type: ignore[return-value]
+    def value(section: str, name: str) -> Any:
+        return plant[section][name]["value"]
 
     half_angle, lever = float(value("spring", "fit_half_angle")), float(value("spring", "lever"))
     # Least-squares slope of sin 2 theta over +-half_angle, the definition of a spring map's rate.
@@ -62,75 +58,37 @@ def identify_drivetrain(records: Sequence[Record], shape: DrivetrainShape) -> Gr
     ``coulomb`` is estimated from rows in waves, or from calm water if there are none. Raises
     ValueError if there are too few lines.
     """
-    has_waves = any(record.sea is not None for record in records)
-    has_calm = any(record.sea is None for record in records)
-    names = [VISCOUS]
-    names += [CALM] if has_calm else []
-    names += [WAVES] if has_waves else []
     per_record = [_regressors(record, shape) for record in records]
-    measured = np.concatenate([_real_and_imaginary(record.trs - record.lcb) for record in records])
     viscous, dry, spring = (np.concatenate(parts) for parts in zip(*per_record, strict=True))
-    is_calm = np.concatenate(
-        [
-            np.full(2 * len(record.velocity), record.sea is None, dtype=np.bool_)
-            for record in records
-        ]
+    measured = np.concatenate([_real_and_imaginary(record.trs - record.lcb) for record in records])
+    calm = np.repeat(
+        [record.sea is None for record in records], [2 * len(each.velocity) for each in records]
     )
-    friction_columns = [
-        viscous,
-        *([dry * is_calm] if has_calm else []),
-        *([dry * ~is_calm] if has_waves else []),
-    ]
+    friction = {VISCOUS: viscous}
+    if calm.any():
+        friction[CALM] = dry * calm
+    if not calm.all():
+        friction[WAVES] = dry * ~calm
     source = f"{len(records)} rows, torque sensor minus load cell"
-    with_spring = least_squares(
-        (*names, EFFECT), np.array([*friction_columns, spring]).T, measured, source
-    )
-    if 0.0 < with_spring.deviation(EFFECT) < MAX_DEVIATION and with_spring.by_name[EFFECT] > 0.0:
-        return _keep_one_friction(with_spring)
-    without_spring = least_squares(
-        tuple(names), np.array(friction_columns).T, measured - spring, source
-    )
-    count = len(names)
-    covariance = np.zeros((count + 1, count + 1))
-    covariance[:count, :count] = without_spring.covariance
-    covariance[count, count] = MAX_DEVIATION * MAX_DEVIATION
-    return _keep_one_friction(
-        Group((*names, EFFECT), (*without_spring.values, 1.0), covariance, source)
-    )
-
-
-def _keep_one_friction(group: Group) -> Group:
-    """Return the group with one dry friction: of rows in waves, or of calm water without them."""
-    if WAVES not in group.names:
-        names = tuple(WAVES if name == CALM else name for name in group.names)
-        return group._replace(names=names)
-    if CALM not in group.names:
-        return group
-    indices = [i for i, name in enumerate(group.names) if name != CALM]
-    return Group(
-        tuple(group.names[i] for i in indices),
-        tuple(group.values[i] for i in indices),
-        group.covariance[np.ix_(indices, indices)],
-        group.source,
-    )
+    group = least_squares(friction | {EFFECT: spring}, measured, source)
+    if not (0.0 < group.deviation(EFFECT) < MAX_DEVIATION and group.by_name[EFFECT] > 0.0):
+        group = least_squares(friction, measured - spring, source)
+        group = group.with_value(EFFECT, 1.0, MAX_DEVIATION)
+    if calm.all():  # the only dry friction is that of calm water
+        return group._replace(names=tuple(WAVES if name == CALM else name for name in group.names))
+    return group.without(CALM)
 
 
 def _regressors(record: Record, shape: DrivetrainShape) -> tuple[Floats, Floats, Floats]:
     """Return the regressors of viscous friction, dry friction and the full spring rate."""
-    v = synthesise(record, record.velocity)
-    position = record.velocity / (1j * record.omega)
-    dry = analyse(record, np.tanh(v / shape.coulomb_velocity))
-    rate = record.setting["spring_rate"]
+    velocity, count, rate = record.velocity, len(record.velocity), record.setting["spring_rate"]
+    position = velocity / (1j * record.omega)
+    dry = analyse(np.tanh(synthesise(velocity) / shape.coulomb_velocity), count)
+    spring = np.asarray(rate * position, dtype=np.complex128)
     if shape.sine:
-        sine = np.sin(2.0 * synthesise(record, position) / shape.lever)
-        spring: Complexes = rate * shape.reach * analyse(record, sine)
-    else:
-        spring = np.asarray(rate * position, dtype=np.complex128)
-    return (
-        _real_and_imaginary(record.velocity),
-        _real_and_imaginary(dry),
-        _real_and_imaginary(spring),
-    )
+        sine = np.sin(2.0 * synthesise(position) / shape.lever)
+        spring = rate * shape.reach * analyse(sine, count)
+    return _real_and_imaginary(velocity), _real_and_imaginary(dry), _real_and_imaginary(spring)
 
 
 def _real_and_imaginary(lines: Complexes) -> Floats:

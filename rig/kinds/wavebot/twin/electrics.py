@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rig.kinds.wavebot.twin.group import Group, add_uncertainty, least_squares
+from rig.kinds.wavebot.twin.group import Group, least_squares
 from rig.kinds.wavebot.twin.records import Record
 
 RESISTANCE = "winding_resistance"
@@ -23,12 +23,8 @@ COTS = ("fixed_loss", "linear_loss", "square_loss")
 FIXED, SWITCHED, CONDUCTION, SWITCHED_LINEAR, SQUARE = CUSTOM = (
     "fixed_loss", "switched_loss", "conduction_loss", "switched_linear_loss", "square_loss",
 )  # fmt: skip
-MIN_VOLTAGE_SPREAD = (
-    0.02  # relative standard deviation of the bus voltage above which its effect is estimated
-)
-SINGLE_VOLTAGE_UNCERTAINTY = (
-    0.1  # relative uncertainty at other voltages of a loss measured at one voltage
-)
+MIN_VOLTAGE_SPREAD = 0.02  # relative standard deviation of the voltage that shows its effect
+SINGLE_VOLTAGE_UNCERTAINTY = 0.1  # relative, at other voltages than the only measured one
 
 
 def identify_winding(records: Sequence[Record]) -> Group:
@@ -36,41 +32,24 @@ def identify_winding(records: Sequence[Record]) -> Group:
     current_square = np.array([record.current_square for record in records])
     copper_loss = np.array([record.ac - record.shaft for record in records])
     source = f"{len(records)} rows, AC minus shaft power over current squared"
-    return least_squares((RESISTANCE,), (current_square / 1.5)[:, None], copper_loss, source)
+    return least_squares({RESISTANCE: current_square / 1.5}, copper_loss, source)
 
 
 def identify_drive_loss(records: Sequence[Record], rated_voltage: float | None) -> Group:
     """Estimate the drive's losses; ``rated_voltage`` (V) is None for a commercial drive."""
-    blocks = [one.power for one in records]
-    current_magnitude, current_square, loss, voltage = (
-        np.concatenate(each) for each in zip(*blocks, strict=True)
+    current, square, loss, voltage = (
+        np.concatenate(each) for each in zip(*(one.power for one in records), strict=True)
     )
-    one = np.ones_like(current_magnitude)
-    source = (
-        f"{len(records)} rows, {current_magnitude.size} blocks of DC minus AC power over current"
-    )
+    one = np.ones_like(current)
+    source = f"{len(records)} rows, {current.size} blocks of DC minus AC power over current"
     if rated_voltage is None:
-        return least_squares(
-            COTS, np.array([one, current_magnitude, current_square]).T, loss, source
-        )
+        return least_squares(dict(zip(COTS, (one, current, square), strict=True)), loss, source)
     if float(np.std(voltage)) > MIN_VOLTAGE_SPREAD * float(np.mean(voltage)):
-        voltage_ratio = voltage / rated_voltage
-        columns = np.array(
-            [
-                one,
-                voltage_ratio,
-                current_magnitude,
-                voltage_ratio * current_magnitude,
-                current_square,
-            ]
-        ).T
-        return least_squares(CUSTOM, columns, loss, source)
-    at_one_voltage = least_squares(
-        (FIXED, CONDUCTION, SQUARE), np.array([one, current_magnitude, current_square]).T, loss,
-        f"{source}, bus at {np.mean(voltage):.3g} V",
-    )  # fmt: skip
+        ratio = voltage / rated_voltage
+        regressors = (one, ratio, current, ratio * current, square)
+        return least_squares(dict(zip(CUSTOM, regressors, strict=True)), loss, source)
+    source = f"{source}, bus at {np.mean(voltage):.3g} V"
+    group = least_squares({FIXED: one, CONDUCTION: current, SQUARE: square}, loss, source)
     for name in (FIXED, CONDUCTION):
-        at_one_voltage = add_uncertainty(
-            at_one_voltage, name, SINGLE_VOLTAGE_UNCERTAINTY * at_one_voltage.by_name[name]
-        )
-    return at_one_voltage
+        group = group.with_uncertainty(name, SINGLE_VOLTAGE_UNCERTAINTY * group.by_name[name])
+    return group

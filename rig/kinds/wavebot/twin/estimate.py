@@ -10,7 +10,7 @@ import numpy as np
 from rig.config.yaml_source import load_mapping
 from rig.identification.identify import IdentificationOptions, identify
 from rig.kinds.wavebot.twin import drivetrain, electrics, seas
-from rig.kinds.wavebot.twin.group import Group, add_uncertainty
+from rig.kinds.wavebot.twin.group import Group
 from rig.kinds.wavebot.twin.hull import Hull, identify_hull
 from rig.kinds.wavebot.twin.records import Record, read_records
 from rig.recording.runs import RunError
@@ -49,6 +49,13 @@ class Twin(NamedTuple):
         """Every estimate by name."""
         return {name: value for group in self.groups for name, value in group.by_name.items()}
 
+    def source(self, name: str) -> str:
+        """Return the source of an estimate as text."""
+        group = next(group for group in self.groups if name in group.names)
+        deviation = group.deviation(name)
+        runs = ", ".join(self.runs)
+        return f"identified, {runs}: {group.source}; standard deviation {deviation:.3g}"
+
 
 def identify_twin(
     runs: Sequence[Path],
@@ -83,7 +90,7 @@ def identify_twin(
     except ValueError as error:
         raise RunError(f"{', '.join(item.facts.run for item in runs_read)}: {error}") from None
     if not any(item.sea is not None for item in records):
-        mechanics = add_uncertainty(mechanics, drivetrain.WAVES, GUIDE_FRICTION_DEVIATION)
+        mechanics = mechanics.with_uncertainty(drivetrain.WAVES, GUIDE_FRICTION_DEVIATION)
         notes.append(
             "no row in waves: dry friction is that of calm water; the guide's share in waves is "
             f"included as uncertainty only ({GUIDE_FRICTION_DEVIATION:g} N)"
@@ -106,18 +113,13 @@ def identify_twin(
 def _template(run_facts: RunInfo, plant: Path | None) -> Template:
     """Return the given plant file, or the one that the run's configuration names."""
     if plant is None:
-        paths = [
-            file["path"] for file in run_facts.config.get("files", []) if file["role"] == "plant"
-        ]
-        if not paths:
-            raise RunError(
-                f"{run_facts.run}: its configuration names no plant file; give --plant FILE"
-            )
-        plant = Path(paths[0])
-        if not plant.is_file():
-            raise RunError(
-                f"{run_facts.run}: its plant file {plant} does not exist; give --plant FILE"
-            )
+        files = run_facts.config.get("files", [])
+        plant = next((Path(file["path"]) for file in files if file["role"] == "plant"), None)
+        problem = "its configuration names no plant file"
+        if plant is not None:
+            problem = "" if plant.is_file() else f"its plant file {plant} does not exist"
+        if plant is None or problem:
+            raise RunError(f"{run_facts.run}: {problem}; give --plant FILE")
     mapping, locate = load_mapping(plant)
     bem = locate.resolve_path(("bem",), mapping["bem"])
     return Template(plant, mapping, bem, bem.with_name(mapping["surge"]["bem"]))

@@ -1,6 +1,6 @@
 """Groups of parameters estimated together: values and covariance."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -36,28 +36,47 @@ class Group(NamedTuple):
             if np.any(np.abs(step) > 0.0):
                 yield dict(zip(self.names, step.tolist(), strict=True))
 
+    def with_uncertainty(self, name: str, deviation: float) -> "Group":
+        """Return the group with added uncertainty of one value (standard deviation, same unit)."""
+        index = self.names.index(name)
+        covariance = self.covariance.copy()
+        covariance[index, index] += deviation * deviation
+        return self._replace(covariance=covariance)
 
-def add_uncertainty(group: Group, name: str, deviation: float) -> Group:
-    """Return the group with added uncertainty of one value (standard deviation, same unit)."""
-    index = group.names.index(name)
-    covariance = group.covariance.copy()
-    covariance[index, index] += deviation * deviation
-    return group._replace(covariance=covariance)
+    def with_value(self, name: str, value: float, deviation: float) -> "Group":
+        """Return the group with another, independent value."""
+        count = len(self.names)
+        covariance = np.zeros((count + 1, count + 1))
+        covariance[:count, :count] = self.covariance
+        covariance[count, count] = deviation * deviation
+        return Group((*self.names, name), (*self.values, value), covariance, self.source)
+
+    def without(self, name: str) -> "Group":
+        """Return the group without one value."""
+        kept = [i for i, other in enumerate(self.names) if other != name]
+        names, values = zip(*((self.names[i], self.values[i]) for i in kept), strict=True)
+        return Group(names, values, self.covariance[np.ix_(kept, kept)], self.source)
 
 
-def least_squares(names: tuple[str, ...], columns: Floats, measured: Floats, source: str) -> Group:
-    """Return the non-negative least-squares estimate of ``measured``.
+def single_value(name: str, value: float, deviation: float, source: str) -> Group:
+    """Return a group of one value."""
+    return Group((name,), (value,), np.array([[deviation * deviation]]), source)
+
+
+def least_squares(regressors: Mapping[str, Floats], measured: Floats, source: str) -> Group:
+    """Return the non-negative least-squares estimate of ``measured`` from its regressors by name.
 
     Raises ValueError if there are not more measurements than values.
     """
+    names, columns = tuple(regressors), np.array(list(regressors.values())).T
     count, parameter_count = columns.shape
     if count <= parameter_count:
         raise ValueError(f"{count} measurements are too few to estimate {', '.join(names)}")
     rms = np.sqrt(np.mean(columns * columns, axis=0))
     scale = np.where(rms > 0.0, rms, 1.0)
-    values, _ = nnls(columns / scale, measured)
-    residual = measured - (columns / scale) @ values
+    scaled = columns / scale
+    values, _ = nnls(scaled, measured)
+    residual = measured - scaled @ values
     variance = float(residual @ residual) / (count - parameter_count)
-    inverse = np.linalg.pinv((columns / scale).T @ (columns / scale))
-    covariance = variance * inverse / np.outer(scale, scale)
+    covariance = variance * np.linalg.pinv(scaled.T @ scaled) / np.outer(scale, scale)
     return Group(names, tuple((values / scale).tolist()), covariance, source)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import optimize
 
 from rig.identification.drag import drag_spectrum, estimate_drag, fit_impedance
-from rig.kinds.wavebot.twin.group import Group
+from rig.kinds.wavebot.twin.group import Group, single_value
 from rig.kinds.wavebot.twin.records import Record
 from rig.spectra.periods import Complexes, Floats
 
@@ -31,9 +31,7 @@ _INITIAL_POLES = (
     (2.0, 5.0, 3.0, 14.0, 2.0),
     (4.0, 8.0, 6.0, 40.0, 1.5),
 )
-_SCALE = np.array(
-    [1.0e3, 3.0e2, 2.0e4, 4.0e3, 6.0e4, 5.0e5, 5.0e5]
-)  # SI, scale of the linear parameters
+_SCALE = np.array([1.0e3, 3.0e2, 2.0e4, 4.0e3, 6.0e4, 5.0e5, 5.0e5])  # SI, linear parameters
 _PASSIVITY_FREQUENCIES = np.geomspace(0.05, 200.0, 80)  # rad/s, at which the hull must be passive
 
 
@@ -53,6 +51,14 @@ class Hull(NamedTuple):
     frequency: Floats  # Hz, of the lines used
     impedance: Complexes  # N s/m at these lines, without quadratic drag
     worst: float  # largest |fit - impedance| / |impedance|
+
+    def impedance_at(self, omega: Floats) -> Complexes:
+        """Return Z_i of the fitted model at any angular frequency (rad/s), N s/m."""
+        mass, damping, stiffness = self.linear.values
+        s = 1j * omega
+        denominator = np.polyval([1.0, *self.radiation.denominator], s)
+        memory = np.polyval([*self.radiation.numerator, 0.0], s) / denominator
+        return np.asarray(mass * s + damping + stiffness / s + memory, dtype=np.complex128)
 
 
 def identify_hull(records: Sequence[Record]) -> Hull:
@@ -77,10 +83,11 @@ def identify_hull(records: Sequence[Record]) -> Hull:
     z = fit_impedance(linear, velocity)
     omega = rows[0].omega[lines]
     numbers, poles = _fit(omega, z)
-    fitted = _impedance(numbers, poles, omega)
+    fitted = _columns(poles, omega) @ (numbers / _SCALE)
     numerator = tuple(numbers[3:].tolist())
     denominator = tuple(_denominator(poles)[1:].tolist())
-    source = f"{len(rows)} rows, {lines.size} lines from {_frequency_range(omega)} Hz"
+    low, high = omega[[0, -1]] / (2.0 * np.pi)
+    source = f"{len(rows)} rows, {lines.size} lines from {low:.3g} to {high:.3g} Hz"
     return Hull(
         Group(NAMES, tuple(numbers[:3].tolist()), _covariance(omega, z, fitted), source),
         quadratic,
@@ -91,19 +98,14 @@ def identify_hull(records: Sequence[Record]) -> Hull:
     )
 
 
-def _frequency_range(omega: Floats) -> str:
-    low, high = omega[[0, -1]] / (2.0 * np.pi)
-    return f"{low:.3g} to {high:.3g}"
-
-
 def _quadratic_group(velocity: Complexes, force: Complexes, drag: Complexes) -> Group:
     """Return the drag coefficient as a group; its value is 0 if not significant."""
-    names, estimate = ("viscous_quadratic",), estimate_drag(velocity, force, drag)
+    name, estimate = "viscous_quadratic", estimate_drag(velocity, force, drag)
     if not estimate.observable:
-        return Group(names, (0.0,), np.zeros((1, 1)), "one row: drag is part of the linear damping")
+        return single_value(name, 0.0, 0.0, "one row: drag is part of the linear damping")
     source = f"{velocity.shape[0]} rows of one to several amplitudes, lines of |v| v"
-    full_source = source if estimate.value else f"{source}: not significant"
-    return Group(names, (estimate.value,), np.array([[estimate.deviation**2]]), full_source)
+    source += "" if estimate.value else ": not significant"
+    return single_value(name, estimate.value, estimate.deviation, source)
 
 
 def _denominator(poles: Floats) -> Floats:
@@ -118,10 +120,6 @@ def _columns(poles: Floats, omega: Floats) -> Complexes:
     denominator = np.polyval(_denominator(poles), s)
     parts = [s, np.ones_like(s), 1.0 / s, *(s**k / denominator for k in (4, 3, 2, 1))]
     return np.asarray(np.array(parts).T * _SCALE, dtype=np.complex128)
-
-
-def _impedance(numbers: Floats, poles: Floats, omega: Floats) -> Complexes:
-    return np.asarray(_columns(poles, omega) @ (numbers / _SCALE), dtype=np.complex128)
 
 
 def _fit(omega: Floats, z: Complexes) -> tuple[Floats, Floats]:

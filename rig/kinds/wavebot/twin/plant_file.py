@@ -18,7 +18,6 @@ from ruamel.yaml.comments import CommentedMap
 
 from rig.kinds.wavebot.twin import drivetrain, electrics, seas
 from rig.kinds.wavebot.twin.estimate import Template, Twin
-from rig.kinds.wavebot.twin.group import Group
 from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS = "plant.yaml", "heave_bem.npz", "surge_bem.npz", "twin.json"
@@ -49,24 +48,14 @@ def mapping(twin: Twin, shift: Mapping[str, float] | None = None) -> dict[str, A
     plant["name"] = f"twin of {plant['name']}"
     plant["bem"], plant["surge"]["bem"] = HEAVE_BEM, SURGE_BEM
     values = {name: v + (shift or {}).get(name, 0.0) for name, v in twin.values.items()}
-    groups = {name: group for group in twin.groups for name in group.names}
     for name, (section, key) in _PLANT_KEYS.items():
         if name in values:
             minimum = _MIN_POSITIVE if name in (electrics.RESISTANCE, "hydrostatic") else 0.0
-            _set_entry(
-                plant[section],
-                key,
-                max(values[name], minimum),
-                _source_text(twin, groups[name], name),
-            )
-    _set_inertia(plant["body"], values["inertia"], _source_text(twin, groups["inertia"], "inertia"))
+            _set_entry(plant[section], key, max(values[name], minimum), twin.source(name))
+    _set_inertia(plant["body"], values["inertia"], twin.source("inertia"))
     _set_radiation(plant["body"]["radiation"], twin)
-    _set_entry(
-        plant["pto"],
-        "guide_friction",
-        0.0,
-        "included in drivetrain_coulomb, estimated from rows in waves",
-    )
+    source = "included in drivetrain_coulomb, estimated from rows in waves"
+    _set_entry(plant["pto"], "guide_friction", 0.0, source)
     _set_spring(plant["spring"], twin)
     if plant["drive"]["kind"] == "custom":
         _set_custom_drive(plant["drive"], values, twin)
@@ -77,19 +66,12 @@ def _set_entry(section: dict[str, Any], key: str, value: Any, source: str) -> No
     section[key] = {"value": value, "unit": section[key]["unit"], "source": source}
 
 
-def _source_text(twin: Twin, group: Group, name: str) -> str:
-    deviation = group.deviation(name)
-    runs = ", ".join(twin.runs)
-    return f"identified, {runs}: {group.source}; standard deviation {deviation:.3g}"
-
-
 def _set_inertia(body: dict[str, Any], inertia: float, source: str) -> None:
     """Set mass and added mass; motion determines only their sum, so the added mass is kept."""
     added = float(body["added_mass_infinite"]["value"])
     if inertia > added:
-        _set_entry(
-            body, "mass", inertia - added, f"{source}; estimated as the sum of mass and added mass"
-        )
+        source += "; estimated as the sum of mass and added mass"
+        _set_entry(body, "mass", inertia - added, source)
         return
     half = 0.5 * inertia
     _set_entry(body, "mass", half, f"{source}; half of the sum of mass and added mass")
@@ -97,13 +79,9 @@ def _set_inertia(body: dict[str, Any], inertia: float, source: str) -> None:
 
 
 def _set_radiation(radiation: dict[str, Any], twin: Twin) -> None:
-    numerator, denominator = (
-        list(twin.hull.radiation.numerator),
-        list(twin.hull.radiation.denominator),
-    )
-    numerator[1] = min(
-        numerator[1], denominator[0] * numerator[0]
-    )  # exactly passive at high frequency
+    numerator, denominator = map(list, twin.hull.radiation)
+    # Exactly passive at high frequency.
+    numerator[1] = min(numerator[1], denominator[0] * numerator[0])
     source = (
         f"identified, {', '.join(twin.runs)}: {twin.hull.linear.source}, "
         f"{100.0 * twin.hull.worst:.2g} % worst"
@@ -115,17 +93,10 @@ def _set_radiation(radiation: dict[str, Any], twin: Twin) -> None:
 def _set_spring(spring: dict[str, Any], twin: Twin) -> None:
     """Set the spring rates to those of the rig's own map, which comes from a calibration."""
     stations = twin.config.get("rig", {}).get("spring", {}).get("map", [])
-    if stations:
-        source = "the rig file's spring map"
-        _set_entry(
-            spring,
-            "stator_positions",
-            [float(station["stator_percent"]) for station in stations],
-            source,
-        )
-        _set_entry(
-            spring, "spring_rates", [float(station["rate_n_per_m"]) for station in stations], source
-        )
+    keys = {"stator_positions": "stator_percent", "spring_rates": "rate_n_per_m"}
+    for key, name in keys.items() if stations else ():
+        values = [float(station[name]) for station in stations]
+        _set_entry(spring, key, values, "the rig file's spring map")
 
 
 def _set_custom_drive(section: dict[str, Any], values: Mapping[str, float], twin: Twin) -> None:
@@ -136,17 +107,12 @@ def _set_custom_drive(section: dict[str, Any], values: Mapping[str, float], twin
     share = float(section["scheme_switching"]["value"][schemes.index(scheme)])
     kilohertz = 0.001 / float(drive["switching_period_s"]) * max(share, 1e-9)
     suffix = f"; of runs at {scheme}, {kilohertz:.3g} kHz: the part that depends on the bus voltage"
-    groups = {name: group for group in twin.groups for name in group.names}
     for key, name in (
         ("switching_loss", electrics.SWITCHED),
         ("switching_linear_loss", electrics.SWITCHED_LINEAR),
     ):
         loss = max(values.get(name, 0.0), 0.0)
-        source = (
-            _source_text(twin, groups[name], name) + suffix
-            if name in groups
-            else "not estimated separately"
-        )
+        source = twin.source(name) + suffix if name in values else "not estimated separately"
         _set_entry(section, key, loss / kilohertz, source)
     _set_entry(section, "ripple_loss", 0.0, "included in fixed_loss and switching_loss")
 
@@ -192,16 +158,15 @@ def as_dict(twin: Twin) -> dict[str, Any]:
     }
 
 
-def identified_range(plant: Path) -> dict[str, tuple[float, float]]:
+def amplitude_range(plant: Path) -> dict[str, tuple[float, float]]:
     """Return the range of amplitudes in which a twin was identified; empty for other plant files.
 
     Keys are those of `rig.kinds.wavebot.twin.records.Record.amplitudes`. Raises ValueError for a
     damaged file.
     """
     try:
-        amplitudes = json.loads(read_regular(plant.with_name(NUMBERS), MAX_TABLE_BYTES))[
-            "amplitudes"
-        ]
+        numbers = json.loads(read_regular(plant.with_name(NUMBERS), MAX_TABLE_BYTES))
+        amplitudes = numbers["amplitudes"]
     except (FileNotFoundError, KeyError):
         return {}
     return {name: (float(lowest), float(highest)) for name, (lowest, highest) in amplitudes.items()}

@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.windows import Window, read_windows
-from rig.spectra import periods
 from rig.spectra.periods import (
+    WAVE_CLOCK,
     Complexes,
     Flags,
     Floats,
-    amplitudes,
     angular_frequencies,
     common_period_ticks,
-    fill_lost_ticks,
+    field_lines,
+    synthesise,
 )
 
 MAX_FREQUENCY = 2.5  # Hz, highest line kept: five times the usual wave frequency
@@ -28,11 +29,11 @@ BLOCK = 0.1  # s, over which power and current are averaged
 
 COUNTS, ENCODER_AGE = "heave.sense.counts", "heave.sense.encoder_age"
 LOADS, LOAD_AGE = {"trs": "load.trs", "lcb": "load.lcb"}, "load.age"
-CURRENT, CLOCK, REFERENCE = "heave.sense.current", "plan.wave_clock", "reference.force"
+CURRENT, REFERENCE = "heave.sense.current", "reference.force"
 AC, DC, VOLTAGE = "power_sense.ac", "power_sense.dc", "power_sense.bus_voltage"
 CONDUCTS = "drive_command.conducting"
 FIELDS = (
-    COUNTS, ENCODER_AGE, *LOADS.values(), LOAD_AGE, CURRENT, CLOCK, REFERENCE, AC, DC, VOLTAGE,
+    COUNTS, ENCODER_AGE, *LOADS.values(), LOAD_AGE, CURRENT, WAVE_CLOCK, REFERENCE, AC, DC, VOLTAGE,
     CONDUCTS,
 )  # fmt: skip
 
@@ -71,7 +72,7 @@ class Record(NamedTuple):
     @property
     def amplitudes(self) -> dict[str, float]:
         """Stroke (m) and rms velocity (m/s), by the names of the row table."""
-        position = synthesise(self, self.velocity / (1j * self.omega))
+        position = synthesise(self.velocity / (1j * self.omega))
         rms = float(np.sqrt(0.5 * np.sum(np.abs(self.velocity) ** 2)))
         return {"velocity_rms": rms, "stroke": float(np.ptp(position))}
 
@@ -117,17 +118,6 @@ def read_records(run: Path, *, incomplete_rows: bool = False) -> RunRecords:
     return RunRecords(run_facts, tuple(records.values()), tuple(excluded.values()))
 
 
-def synthesise(record: Record, lines: Complexes) -> Floats:
-    """Return one repeat period of a signal from as many lines as the record has."""
-    assert len(lines) == len(record.velocity)
-    return periods.synthesise(lines)
-
-
-def analyse(record: Record, samples: Floats) -> Complexes:
-    """Return the record's lines of a signal over one repeat period."""
-    return periods.analyse(samples, len(record.velocity))
-
-
 def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Record:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
@@ -143,21 +133,20 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
         raise ValueError("neither sea nor reference: there is no motion")
     period = common_period_ticks(repeats, dt, window.span)
     lines = min(period // 2 - 1, max(3, int(MAX_FREQUENCY * period * dt)))
-    count = window.span // period * period
-    start = float(data[CLOCK][0])
 
-    def lines_of(field: str, age: str, scale: Any) -> Complexes:
-        values = fill_lost_ticks(data["tick"], data[field].astype(np.float64))
-        age_s = float(data[age].mean()) if age else 0.0
-        factor = np.exp(1j * angular_frequencies(period * dt, lines) * age_s) * scale
-        mean = amplitudes(values, start, dt, period, lines).mean(axis=0)
-        return np.asarray(mean * factor, dtype=np.complex128)
+    def lines_of(field: str, age: str) -> Complexes:
+        mean = field_lines(data, field, age, dt, period, lines).mean(axis=0)
+        return np.asarray(mean, dtype=np.complex128)
 
-    force = lines_of(REFERENCE, "", 1.0) if has_excitation else np.zeros(lines, dtype=np.complex128)
+    force = lines_of(REFERENCE, "") if has_excitation else np.zeros(lines, dtype=np.complex128)
     excited = np.abs(force) > 0.1 * np.abs(force).max(initial=1e-9)
     if sea:
-        excited |= _sea_lines(sea, period * dt, lines)
-    whole_periods = slice(0, count)
+        number, amplitude = sea_lines(sea, period * dt, lines)
+        strong = amplitude > 0.1 * max(sea["amplitude_m"], default=1e-9)
+        excited[number[strong] - 1] = True  # lines in which the sea has significant energy
+    omega = angular_frequencies(period * dt, lines)
+    velocity = 1j * omega * _metres_per_count(run_facts) * lines_of(COUNTS, ENCODER_AGE)
+    whole_periods = slice(0, window.span // period * period)
     current = data[CURRENT][whole_periods]
     return Record(
         f"{run_facts.run}, row {window.row}",
@@ -165,13 +154,9 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
         sea,
         has_excitation,
         period * dt,
-        lines_of(
-            COUNTS,
-            ENCODER_AGE,
-            1j * angular_frequencies(period * dt, lines) * _metres_per_count(run_facts),
-        ),
-        lines_of(LOADS["trs"], LOAD_AGE, 1.0),
-        lines_of(LOADS["lcb"], LOAD_AGE, 1.0),
+        velocity,
+        lines_of(LOADS["trs"], LOAD_AGE),
+        lines_of(LOADS["lcb"], LOAD_AGE),
         excited,
         float(data[AC][whole_periods].mean()),
         float(data[DC][whole_periods].mean()),
@@ -180,14 +165,11 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
     )
 
 
-def _sea_lines(sea: dict[str, Any], period: float, lines: int) -> Flags:
-    """Return True for each line of a period in which the sea has significant energy."""
-    amplitude = np.array(sea["amplitude_m"])
-    strong = amplitude > 0.1 * amplitude.max(initial=1e-9)
-    number = np.rint(np.array(sea["cycles"])[strong] * period / sea["repeat_s"]).astype(int)
-    is_excited = np.zeros(lines, dtype=np.bool_)
-    is_excited[number[(number >= 1) & (number <= lines)] - 1] = True
-    return is_excited
+def sea_lines(sea: dict[str, Any], period: float, lines: int) -> tuple[NDArray[np.int64], Floats]:
+    """Return number (from 1) and amplitude (m) of the sea's lines among those of a period (s)."""
+    number = np.rint(np.array(sea["cycles"]) * period / sea["repeat_s"]).astype(np.int64)
+    present = (number >= 1) & (number <= lines)
+    return number[present], np.array(sea["amplitude_m"])[present]
 
 
 def _metres_per_count(run_facts: RunInfo) -> float:

@@ -15,9 +15,9 @@ import numpy as np
 
 from rig.identification.drag import drag_spectrum
 from rig.identification.excitation import Excitation
-from rig.kinds.wavebot.twin.group import Group
+from rig.kinds.wavebot.twin.group import Group, single_value
 from rig.kinds.wavebot.twin.hull import Hull
-from rig.kinds.wavebot.twin.records import Record
+from rig.kinds.wavebot.twin.records import Record, sea_lines
 from rig.spectra.periods import Complexes, Floats
 
 SCALE = "excitation_scale"
@@ -39,25 +39,20 @@ def merge_identified(bem: Coefficient, excitations: Sequence[Excitation]) -> Coe
     lines would be interpolated half from BEM values, and the scale factor of all lines would
     compensate for that.
     """
-    candidates = [
-        excitation
-        for excitation in excitations
-        if excitation.axis == "heave" and excitation.good.sum() > 3
-    ]
+    candidates = [one for one in excitations if one.axis == "heave" and one.good.sum() > 3]
     if not candidates:
         return bem
-    best = max(candidates, key=lambda excitation: int(excitation.good.sum()))
-    identified_frequency = best.frequency[best.good]
-    identified_value = np.conj(best.value[best.good])
-    frequency = np.union1d(bem.frequency, identified_frequency)
-    in_band = (frequency >= identified_frequency[0]) & (frequency <= identified_frequency[-1])
-    bem_value = _interpolate(frequency, bem.frequency, bem.excitation)
+    best = max(candidates, key=lambda one: int(one.good.sum()))
+    measured = best.frequency[best.good]
+    low, high = measured[0], measured[-1]
+    frequency = np.union1d(bem.frequency, measured)
     merged = np.where(
-        in_band, _interpolate(frequency, identified_frequency, identified_value), bem_value
+        (frequency >= low) & (frequency <= high),
+        _interpolate(frequency, measured, np.conj(best.value[best.good])),
+        _interpolate(frequency, bem.frequency, bem.excitation),
     )
     source = (
-        f"{best.experiments} experiments in waves from {identified_frequency[0]:.3g} "
-        f"to {identified_frequency[-1]:.3g} Hz, "
+        f"{best.experiments} experiments in waves from {low:.3g} to {high:.3g} Hz, "
         f"eta from {best.probe}; beyond: {bem.source}"
     )
     return Coefficient(frequency, np.asarray(merged, dtype=np.complex128), source)
@@ -80,16 +75,10 @@ def excitation_scale(
     ratios = [_ratio(record, hull, coefficient) for record in records if record.sea is not None]
     if not ratios:
         source = f"not measured; {coefficient.source}"
-        return Group(
-            (SCALE,),
-            (1.0,),
-            np.array([[deviation_without_waves * deviation_without_waves]]),
-            source,
-        )
-    mean = float(np.mean(ratios))
+        return single_value(SCALE, 1.0, deviation_without_waves, source)
     deviation = float(np.std(ratios, ddof=1)) if len(ratios) > 1 else 0.01
     source = f"{len(ratios)} rows in waves against {coefficient.source}"
-    return Group((SCALE,), (mean,), np.array([[deviation * deviation]]), source)
+    return single_value(SCALE, float(np.mean(ratios)), deviation, source)
 
 
 def _ratio(record: Record, hull: Hull, coefficient: Coefficient) -> float:
@@ -98,24 +87,11 @@ def _ratio(record: Record, hull: Hull, coefficient: Coefficient) -> float:
     lines = np.flatnonzero(record.excited)
     omega = record.omega[lines]
     drag = drag_spectrum(record.velocity)[lines]
-    z = _hull_impedance(hull, omega)
-    force = z * record.velocity[lines] + hull.quadratic.values[0] * drag - record.lcb[lines]
-    magnitude = np.interp(
-        omega / (2.0 * np.pi), coefficient.frequency, np.abs(coefficient.excitation)
-    )
-    amplitude = np.zeros(len(record.velocity))
-    number = np.rint(np.array(record.sea["cycles"]) * record.period / record.sea["repeat_s"])
-    for line_number, amplitude_m in zip(number.astype(int), record.sea["amplitude_m"], strict=True):
-        if 1 <= line_number <= amplitude.size:
-            amplitude[line_number - 1] += amplitude_m
-    expected = magnitude * amplitude[lines]
+    linear_force = hull.impedance_at(omega) * record.velocity[lines]
+    force = linear_force + hull.quadratic.values[0] * drag - record.lcb[lines]
+    frequency = omega / (2.0 * np.pi)
+    magnitude = np.interp(frequency, coefficient.frequency, np.abs(coefficient.excitation))
+    number, amplitude = sea_lines(record.sea, record.period, len(record.velocity))
+    by_line = np.bincount(number - 1, amplitude, minlength=len(record.velocity))
+    expected = magnitude * by_line[lines]
     return float(np.sum(np.abs(force) * expected) / np.sum(expected * expected))
-
-
-def _hull_impedance(hull: Hull, omega: Floats) -> Complexes:
-    """Return Z_i of the fitted hull model at any angular frequency (rad/s)."""
-    mass, damping, stiffness = hull.linear.values
-    s = 1j * omega
-    denominator = np.polyval([1.0, *hull.radiation.denominator], s)
-    memory = np.polyval([*hull.radiation.numerator, 0.0], s) / denominator
-    return np.asarray(mass * s + damping + stiffness / s + memory, dtype=np.complex128)

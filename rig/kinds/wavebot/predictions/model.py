@@ -1,0 +1,211 @@
+"""Plant, sea and loop of a campaign, in the form that predictions need."""
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.signals import Gains
+from rig.design.axis import Axis, Body
+from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
+from rig.design.law_params import law_params, zc_sections
+from rig.design.linear_form import linear_gains
+from rig.design.loop import Law, Timing, reference_spectrum
+from rig.kinds.wavebot.build import (
+    MODULATIONS,
+    estimator_params,
+    list_realisations,
+    newtons_per_ampere,
+    reference_table,
+)
+from rig.kinds.wavebot.predictions.drive import electrics_at
+from rig.kinds.wavebot.rehearsal.devices import build_sea
+from rig.kinds.wavebot.rehearsal.job import plant_settings
+from rig.planning.campaign import Campaign
+from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
+from sim_plant import waves
+from sim_plant.bem import Bem, excitation_at, read_bem
+from sim_plant.body import BodyParams
+from sim_plant.drive import DriveParams
+from sim_plant.electrics import ElectricsParams
+from sim_plant.parameters import Plant
+from sim_plant.wavebot import WaveBotParams
+from sim_plant.waves import Sea
+
+MAX_PERIOD = 3600.0  # s, of the common repeat period of sea and reference
+
+
+class Reference(NamedTuple):
+    """The open-loop force of a campaign."""
+
+    axis: str  # heave or surge
+    realisations: tuple[int, ...]
+    spectra: Complexes  # N, at a scale of 1; realisations by lines
+
+
+class CampaignModel(NamedTuple):
+    """Everything that the rows of a campaign share."""
+
+    campaign: Campaign
+    plant: Plant
+    params: WaveBotParams
+    grid: Grid
+    heave: Axis
+    surge: Axis
+    reference: Reference
+    scheme: int  # of the custom drive's modulation
+    gating_current: float  # A
+
+    @property
+    def has_custom_drive(self) -> bool:
+        """True if the heave drive is the custom drive with its own DC bus."""
+        return self.params.electrics.custom == 1
+
+    def electrics(self, setting: RowSetting) -> ElectricsParams:
+        """Return drive and bus at a set point."""
+        return electrics_at(self.plant, setting, self.scheme)
+
+
+def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
+    """Build the model of a checked campaign from the files that a rehearsal uses.
+
+    ``rate`` (Hz) is the minimum sampling rate of a period; there is no excitation above 2 Hz.
+    """
+    devices = plant_settings(campaign)
+    plant = Plant.model_validate(devices["plant"])
+    params = plant.build()
+    rig, bounds, dt = campaign.rig, campaign.limits, 1.0 / campaign.rig.rate_hz
+    sea = build_sea(devices["sea"])
+    settings = (row_setting(campaign.file, rig, point) for point in campaign.points)
+    realisations = list_realisations(one.realisation for one in settings)
+    tables = [reference_table(campaign.file, rig, (one,), campaign.record) for one in realisations]
+    common = _common_period(sea, tables[0], dt)
+    grid = build_grid(common.period, rate)
+    spectra = [reference_spectrum(grid, common.reference, table) for table in tables]
+
+    def axis(hull: BodyParams, damping: float, drive: DriveParams, name: str, bem: Path) -> Axis:
+        motor = getattr(rig, name)
+        lag = drive.time_constant
+        return Axis(
+            linear_body(hull, damping),
+            hull.quadratic,
+            _excitation_spectrum(grid, common.sea, sea, read_bem(bem)),
+            Timing(dt, int(plant.sensors.delay_ticks.value), lag, estimator_params(motor, dt)),
+            newtons_per_ampere(motor),
+            min(getattr(bounds, name).current_peak_a, drive.current_limit),
+        )
+
+    bem, drive = Path(devices["bem"]), drive_settings(campaign.file, rig)
+    return CampaignModel(
+        campaign,
+        plant,
+        params,
+        grid,
+        axis(params.body, params.pto.viscous, params.electrics.drive, "heave", bem),
+        axis(params.surge.body, 0.0, params.surge.drive, "surge", bem.with_name(plant.surge.bem)),
+        Reference(
+            campaign.file.reference.axis if campaign.file.reference else "heave",
+            realisations,
+            np.array(spectra),
+        ),
+        int(MODULATIONS[drive.modulation]) if drive else 0,
+        drive.current_threshold_a if drive else 0.0,
+    )
+
+
+def linear_body(hull: BodyParams, damping: float) -> Body:
+    """Return a hull linearised about rest, with a linear ``damping`` (N*s/m) in addition."""
+    return Body(
+        hull.inertia,
+        hull.viscous + damping,
+        hull.hydrostatic,
+        (hull.a0, hull.a1, hull.a2, hull.a3, hull.a4),
+        (hull.b1, hull.b2, hull.b3, hull.b4),
+    )
+
+
+def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetting]) -> Complexes:
+    """Return the open-loop force on an axis, N; rows by lines."""
+    reference = model.reference
+    if reference.axis != axis:
+        return np.zeros((len(settings), model.grid.omega.size), dtype=np.complex128)
+    realisations = [int(one.realisation) for one in settings]
+    indices = [
+        reference.realisations.index(one) if one in reference.realisations else 0
+        for one in realisations
+    ]
+    scales = np.array([one.reference_scale for one in settings])
+    forces: Complexes = scales[:, None] * reference.spectra[indices]
+    return forces
+
+
+def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:
+    """Return the gains of a row's set point; NotLinearError if its law has none."""
+    law = campaign.law
+    if campaign.file.zc_law is not None:
+        return Gains(setting.kp, setting.ki, setting.km)
+    params: Any = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
+    return linear_gains(law, params, law.set_point(setting))
+
+
+def heave_law(model: CampaignModel, settings: Sequence[RowSetting]) -> Law:
+    """Return the heave law of each setting."""
+    dt = model.heave.timing.dt
+    kp, ki, km = np.array([row_gains(model.campaign, one, dt) for one in settings]).T
+    return Law(kp, ki, km, zc_sections(model.campaign.file.law, dt))
+
+
+class _CommonPeriod(NamedTuple):
+    """The common repeat period of sea and reference."""
+
+    period: float  # s
+    sea: Fraction  # repeats of the sea's own period in it
+    reference: int  # repeats of the reference in it
+
+
+def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod:
+    """Return the shortest common period.
+
+    If that is longer than `MAX_PERIOD`, the period is the largest whole number of sea periods that
+    fits, and the reference frequency is shifted to repeat with it, by 1.4e-4 Hz at most.
+    """
+    calm = not sea.cycles.size
+    cycles_divisor = 1 if calm else int(np.gcd.reduce(sea.cycles))
+    if not table:
+        return _CommonPeriod(sea.repeat / cycles_divisor, Fraction(1, cycles_divisor), 1)
+    if calm:
+        return _CommonPeriod(len(table) * dt, Fraction(1), 1)
+    sea_ticks = Fraction(round(sea.repeat / dt), cycles_divisor)
+    common_ticks = sea_ticks * len(table) / _fraction_gcd(sea_ticks, Fraction(len(table)))
+    if common_ticks * dt <= MAX_PERIOD:
+        return _CommonPeriod(
+            float(common_ticks) * dt,
+            common_ticks / sea_ticks / cycles_divisor,
+            round(common_ticks / len(table)),
+        )
+    sea_periods = max(1, int(MAX_PERIOD / (float(sea_ticks) * dt)))
+    repeats = max(1, round(sea_periods * float(sea_ticks) / len(table)))
+    return _CommonPeriod(
+        sea_periods * float(sea_ticks) * dt, Fraction(sea_periods, cycles_divisor), repeats
+    )
+
+
+def _fraction_gcd(a: Fraction, b: Fraction) -> Fraction:
+    """Return the greatest common divisor of two fractions."""
+    denominator = math.lcm(a.denominator, b.denominator)
+    return Fraction(math.gcd(int(a * denominator), int(b * denominator)), denominator)
+
+
+def _excitation_spectrum(grid: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> Complexes:
+    """Return the excitation force on one axis, N, by line; waves above 2 Hz are ignored.
+
+    ``repeats`` counts the sea's own periods in the period of the grid.
+    """
+    frequency = waves.frequencies(sea)
+    in_band = frequency <= waves.MAX_FREQUENCY * (1.0 + 1.0e-12)
+    force = excitation_at(bem, frequency[in_band]) * sea.amplitude[in_band]
+    cycles = sea.cycles[in_band] * repeats.numerator // repeats.denominator
+    return spectrum_from_amplitudes(grid, cycles, force)

@@ -1,0 +1,179 @@
+"""Predicted heave and surge of some rows: motion, current, power at the stations, poles."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.design import estimator, sampled_loop
+from rig.design.axis import moving_rms_peak, peak, rms, solve_axis
+from rig.design.grid import Floats, samples_from_spectrum
+from rig.design.loop import Law
+from rig.design.steady_motion import CONVERGED
+from rig.kinds.wavebot.config.rig_file import StationKeeping
+from rig.kinds.wavebot.predictions import drive as drives
+from rig.kinds.wavebot.predictions import passive
+from rig.kinds.wavebot.predictions.model import CampaignModel, open_loop_force
+from rig.planning.campaign.set_points import RowSetting
+
+Columns = dict[str, Floats]
+"""Fields of `RowPredictions`, one value per row."""
+
+
+class HeaveMotion(NamedTuple):
+    """Heave of every row."""
+
+    columns: Columns
+    converged: list[bool]  # the last iteration changed the motion by less than `CONVERGED`
+    dc_power: Floats  # W, into the drive, rows by samples
+
+
+class SurgeMotion(NamedTuple):
+    """Surge of every row: station keeping or hold in the same sea, with its own loop."""
+
+    columns: Columns
+    lateral_force: Floats  # N, on the heave guide, rows by samples
+
+
+def predict_heave(
+    model: CampaignModel,
+    settings: Sequence[RowSetting],
+    stator: Sequence[float],
+    law: Law,
+    lateral_force: Floats,
+    voltage: Floats,
+) -> HeaveMotion:
+    """Predict heave of each setting at its stator position (%).
+
+    ``lateral_force`` (N, rows by samples) acts on the guide; ``voltage`` (V, one per row) is the
+    custom drive's bus voltage.
+    """
+    grid, axis, spring, pto = model.grid, model.heave, model.params.spring, model.params.pto
+    rates = passive.spring_rates(spring, stator)
+    friction = passive.friction_size(pto, lateral_force)
+    drive = drives.build_drive(
+        model.plant, settings, model.scheme, axis.current_limit, model.gating_current, voltage
+    )
+
+    def passive_force(x: Floats, v: Floats) -> Floats:
+        return passive.spring_force(spring, rates, x) + passive.friction_force(pto, friction, v)
+
+    def command_force(demand: Floats, v: Floats) -> Floats:
+        return drives.current_limited_force(drive, demand, v)
+
+    motion = solve_axis(
+        grid,
+        axis,
+        law,
+        open_loop_force(model, "heave", settings),
+        passive_force,
+        lambda demand, x, v: drives.voltage_limited_force(drive, command_force(demand, v), v),
+    )
+    x, v = motion.position, motion.velocity
+    estimate = estimator.response(axis.timing.estimator, grid.omega, axis.timing.dt)
+    powers, dc_power = drives.station_powers(
+        drive,
+        motion.motor_force,
+        motion.demand,
+        v,
+        passive_force(x, v) - pto.viscous * v,
+        samples_from_spectrum(grid, estimate.velocity * motion.spectrum),
+    )
+    command = command_force(motion.demand, v)
+    current = command / axis.newtons_per_ampere
+    rms_time = model.campaign.limits.heave.current_rms_time_s
+    columns = {
+        "position_peak": peak(x),
+        "position_rms": rms(x),
+        "stroke": np.ptp(x, axis=1),
+        "velocity_peak": peak(v),
+        "force_peak": peak(command),
+        "force_rms": rms(command),
+        "current_peak": peak(motion.demand) / axis.newtons_per_ampere,
+        "current_rms": rms(current),
+        "current_rms_peak": moving_rms_peak(grid.step, current, rms_time),
+        **{f"power_{station}": power for station, power in powers.items()},
+        "voltage_required": drives.required_voltage(drive.motor, v, motion.demand).max(axis=1),
+        "voltage_available": drive.voltage_limit[:, 0],
+    }
+    return HeaveMotion(columns, (motion.change < CONVERGED).tolist(), dc_power)
+
+
+def heave_poles(model: CampaignModel, stator: Sequence[float], law: Law) -> Columns:
+    """Return the poles of the sampled heave loop at each row's gains."""
+    spring = model.params.spring
+    stiffness = passive.spring_stiffness(spring, passive.spring_rates(spring, stator))
+    poles = sampled_loop.poles(model.heave.body, model.heave.timing, law, stiffness)
+    return {
+        "spectral_radius": poles.radius,
+        "gain_margin": poles.gain_margin,
+        "decay_time": poles.decay_time,
+    }
+
+
+def predict_surge(model: CampaignModel, settings: Sequence[RowSetting]) -> SurgeMotion:
+    """Predict surge of each setting; equal settings are computed once."""
+    axis, grid = model.surge, model.grid
+    rms_time = model.campaign.limits.surge.current_rms_time_s
+    on_surge = model.reference.axis == "surge"
+    keys = [
+        (one.surge_kp, one.surge_ki, *((one.reference_scale, one.realisation) if on_surge else ()))
+        for one in settings
+    ]
+    unique = list(dict.fromkeys(keys))
+    unique_settings = [settings[keys.index(key)] for key in unique]
+    law, station_keeping = _surge_law(model, unique_settings)
+    force_limit = axis.current_limit * axis.newtons_per_ampere
+
+    def with_soft_stop(demand: Floats, x: Floats, v: Floats) -> Floats:
+        if station_keeping is None:
+            return demand
+        return demand + passive.soft_stop_force(station_keeping, x, v)
+
+    motion = solve_axis(
+        grid,
+        axis,
+        law,
+        open_loop_force(model, "surge", unique_settings),
+        lambda x, v: 0.0 * x,
+        lambda demand, x, v: np.clip(with_soft_stop(demand, x, v), -force_limit, force_limit),
+    )
+    demand = with_soft_stop(motion.demand, motion.position, motion.velocity)
+    current = demand / axis.newtons_per_ampere
+    acceleration = samples_from_spectrum(grid, -(grid.omega**2) * motion.spectrum)
+    columns = {
+        "surge_position_peak": peak(motion.position),
+        "surge_velocity_peak": peak(motion.velocity),
+        "surge_force_peak": peak(demand),
+        "surge_force_rms": rms(demand),
+        "surge_current_peak": peak(current),
+        "surge_current_rms_peak": moving_rms_peak(grid.step, current, rms_time),
+    }
+    if model.campaign.file.surge.use != "off":
+        poles = sampled_loop.poles(axis.body, axis.timing, law, np.zeros(len(unique)))
+        columns["surge_spectral_radius"] = poles.radius
+        columns["surge_gain_margin"] = poles.gain_margin
+    lateral_force = passive.guide_force(
+        model.params.surge, motion.position, acceleration, motion.motor_force
+    )
+    index_of = {key: index for index, key in enumerate(unique)}
+    indices = [index_of[key] for key in keys]
+    return SurgeMotion(
+        {name: column[indices] for name, column in columns.items()}, lateral_force[indices]
+    )
+
+
+def _surge_law(
+    model: CampaignModel, settings: Sequence[RowSetting]
+) -> tuple[Law, StationKeeping | None]:
+    """Return the gains of each setting, and the soft stop in station keeping."""
+    use, rig, zeros = model.campaign.file.surge.use, model.campaign.rig, np.zeros(len(settings))
+    if use == "off":
+        return Law(zeros, zeros, zeros, ()), None
+    if use == "hold":
+        hold = rig.surge_hold
+        kp, ki = zeros - hold.damping_n_s_per_m, zeros - hold.stiffness_n_per_m
+        return Law(kp, ki, zeros, ()), None
+    kp = np.array([min(one.surge_kp, 0.0) for one in settings])
+    ki = np.array([min(one.surge_ki, 0.0) for one in settings])
+    return Law(kp, ki, zeros, ()), rig.station_keeping

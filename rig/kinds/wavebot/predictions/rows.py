@@ -1,0 +1,287 @@
+"""Prediction of every row of a campaign in its sea, in the order of the plan."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rig.design.grid import Floats
+from rig.design.linear_form import NotLinearError
+from rig.design.loop import Law
+from rig.design.margin import Margin
+from rig.kinds.wavebot.predictions import bus
+from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
+from rig.kinds.wavebot.predictions.limits import compute_margins
+from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, heave_law, row_gains
+from rig.kinds.wavebot.predictions.motion import (
+    Columns,
+    heave_poles,
+    predict_heave,
+    predict_surge,
+)
+from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
+from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
+from rig.kinds.wavebot.predictions.verdict import judge
+from rig.planning.campaign import Campaign
+from rig.planning.campaign.plan import CampaignRow, Plan
+from rig.planning.campaign.set_points import RowSetting
+from rig.planning.campaign.stability import total_stiffness
+from rig.realtime.sequence import NO_ROW, Phase
+from sim_plant.bus import BusParams
+
+MAX_SAMPLES = 500_000  # per batch, so that the arrays fit a processor cache
+PASSES = 2  # over motion and bus, which depend on each other
+
+SettingAndStator = tuple[RowSetting, float]
+"""A setting and the stator position (%)."""
+
+_Power = tuple[tuple[float, ...], float]  # W into the drive, one value per step, and the step, s
+
+
+def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
+    """Return the prediction of a checked campaign.
+
+    None without the device in the water, for a campaign in which a hoist moves it, and for a law
+    without a linear form.
+    """
+    if not _has_free_body(campaign, planned) or unpredicted_reason(campaign, planned):
+        return None
+    model = build_model(campaign)
+    rows = [*_lead_in(planned), *planned.rows]
+    predictions = [
+        RowPrediction(row, values, _margins(model, row.setting, values))
+        for row, values in zip(rows, predict_rows(model, planned, rows), strict=True)
+    ]
+    lead_in = predictions[0] if predictions[0].row.row == NO_ROW else None
+    return Prediction(
+        campaign,
+        planned,
+        tuple(predictions[1:] if lead_in else predictions),
+        lead_in,
+        *judge(campaign, predictions),
+        compare_orders(campaign, planned, model),
+    )
+
+
+def unpredicted_reason(campaign: Campaign, planned: Plan) -> str:
+    """Return why the law of a campaign with rows cannot be predicted; empty if it can."""
+    if not _has_free_body(campaign, planned):
+        return ""
+    try:
+        row_gains(campaign, planned.rows[0].setting, planned.dt)
+    except NotLinearError as error:
+        return str(error)
+    return ""
+
+
+def _has_free_body(campaign: Campaign, planned: Plan) -> bool:
+    """Return whether the campaign has rows in which no hoist moves the body."""
+    return bool(planned.rows) and campaign.file.hoist is None
+
+
+def _lead_in(planned: Plan) -> list[CampaignRow]:
+    """Return the lead-in's set point as a row, or no row if it equals the first row's."""
+    segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
+    for phase, index in zip(segments.phase, segments.setpoint, strict=True):
+        if phase == Phase.LEAD_IN:
+            columns = table._asdict() | table.law._asdict()
+            setting = type(first.setting)(
+                *(float(columns[name][index]) for name in first.setting._fields)
+            )
+            return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
+    return []
+
+
+def predict_rows(
+    model: CampaignModel, plan: Plan, rows: Sequence[CampaignRow]
+) -> list[RowPredictions]:
+    """Return the predicted values of each of ``rows``, given in the order of the plan.
+
+    Equal settings are computed once.
+    """
+    pairs: list[SettingAndStator] = [(row.setting, row.stator_position) for row in rows]
+    unique = list(dict.fromkeys(pairs))
+    index_of = {pair: index for index, pair in enumerate(unique)}
+    indices = [index_of[pair] for pair in pairs]
+    batches = _Batches(model, unique)
+    if not model.has_custom_drive:
+        columns, _ = batches.predict(np.zeros(len(unique)))
+        return [RowPredictions(**columns[index]) for index in indices]
+    buses = [_bus(model, setting) for setting, _ in unique]
+    voltage = np.array([_start_voltage(one) for one in buses])
+    for _ in range(PASSES):
+        columns, powers = batches.predict(voltage)
+        voltages = _simulate_bus(
+            model, plan, rows, [(buses[index], powers[index]) for index in indices]
+        )
+        means = np.bincount(indices, [one.mean for one in voltages])
+        voltage = means / np.bincount(indices)
+    return [
+        _with_voltage(columns[index], one) for index, one in zip(indices, voltages, strict=True)
+    ]
+
+
+def predict_set_points(
+    model: CampaignModel, rows: Sequence[SettingAndStator], seconds: float
+) -> list[tuple[RowPredictions, tuple[Margin, ...]]]:
+    """Predict independent set points, each held for ``seconds``.
+
+    The custom drive's bus starts at its supply voltage, or at its set voltage if the supply is
+    off. The bus is simulated once only: a second pass at the mean voltage changes power by little.
+    """
+    batches = _Batches(model, rows)
+    if model.has_custom_drive:
+        buses = [_bus(model, setting) for setting, _ in rows]
+        _, powers = batches.predict(np.array([_start_voltage(one) for one in buses]))
+        voltages = [
+            bus.simulate([bus.BusInterval(one, *power, seconds)])[0]
+            for one, power in zip(buses, powers, strict=True)
+        ]
+        columns, _ = batches.predict(np.array([one.mean for one in voltages]))
+        predictions = [
+            _with_voltage(each, one) for each, one in zip(columns, voltages, strict=True)
+        ]
+    else:
+        columns, _ = batches.predict(np.zeros(len(rows)))
+        predictions = [RowPredictions(**each) for each in columns]
+    return [
+        (one, _margins(model, setting, one))
+        for one, (setting, _) in zip(predictions, rows, strict=True)
+    ]
+
+
+def _bus(model: CampaignModel, setting: RowSetting) -> BusParams:
+    return model.electrics(setting).bus
+
+
+def _start_voltage(one: BusParams) -> float:
+    return one.supply_voltage if one.supply_connected else one.set_voltage
+
+
+def _with_voltage(columns: dict[str, Any], voltage: bus.BusVoltage) -> RowPredictions:
+    simulated = {
+        "voltage_lowest": voltage.lowest,
+        "voltage_highest": voltage.highest,
+        "dump_power": voltage.dump_power,
+    }
+    return RowPredictions(**columns | simulated)
+
+
+def _margins(
+    model: CampaignModel, setting: RowSetting, values: RowPredictions
+) -> tuple[Margin, ...]:
+    bounds, rig = model.campaign.limits, model.campaign.rig
+    electrics = model.electrics(setting)
+    if electrics.custom == 0:
+        return compute_margins(bounds, rig, setting, values, None, electrics.cots.bus_voltage)
+    return compute_margins(bounds, rig, setting, values, electrics.bus, setting.bus_voltage)
+
+
+class _Batch(NamedTuple):
+    """Some rows, and their results that do not depend on the bus."""
+
+    settings: list[RowSetting]
+    stator: list[float]  # %
+    law: Law
+    columns: Columns
+    lateral_force: Floats  # N, on the heave guide
+
+
+class _Batches:
+    """Rows in batches; each may be predicted repeatedly at other voltages of the bus."""
+
+    def __init__(self, model: CampaignModel, rows: Sequence[SettingAndStator]) -> None:
+        self._model = model
+        size = max(1, MAX_SAMPLES // model.grid.samples)
+        self._batches = [self._batch(rows[i : i + size]) for i in range(0, len(rows), size)]
+
+    def _batch(self, rows: Sequence[SettingAndStator]) -> _Batch:
+        settings, stator = [one for one, _ in rows], [position for _, position in rows]
+        law, surge = heave_law(self._model, settings), predict_surge(self._model, settings)
+        columns = surge.columns | heave_poles(self._model, stator, law)
+        return _Batch(settings, stator, law, columns, surge.lateral_force)
+
+    def predict(self, voltage: Floats) -> tuple[list[dict[str, Any]], list[_Power]]:
+        """Return the fields of `RowPredictions` before the bus simulation, and the power.
+
+        ``voltage`` (V, one per row) is that of the custom drive's bus.
+        """
+        fields: list[dict[str, Any]] = []
+        powers: list[_Power] = []
+        for batch in self._batches:
+            count = len(batch.settings)
+            fields += self._predict_batch(batch, voltage[len(fields) : len(fields) + count], powers)
+        return fields, powers
+
+    def _predict_batch(
+        self, batch: _Batch, voltage: Floats, powers: list[_Power]
+    ) -> list[dict[str, Any]]:
+        model, stability = self._model, self._model.campaign.rig.stability
+        heave = predict_heave(
+            model, batch.settings, batch.stator, batch.law, batch.lateral_force, voltage
+        )
+        columns = heave.columns | batch.columns
+        if model.has_custom_drive:
+            powers += [bus.block_means(model.grid, power) for power in heave.dc_power]
+        else:
+            bus_voltage = commercial_bus_voltage(model.params.electrics.cots, heave.dc_power)
+            columns["voltage_lowest"] = bus_voltage.min(axis=1)
+            columns["voltage_highest"] = bus_voltage.max(axis=1)
+        fields = []
+        for i, setting in enumerate(batch.settings):
+            values: dict[str, Any] = {"surge_spectral_radius": None, "surge_gain_margin": None}
+            values |= {name: float(column[i]) for name, column in columns.items()}
+            if not values["voltage_available"] < NO_VOLTAGE_LIMIT:
+                values["voltage_available"] = None
+            ki = float(batch.law.ki[i])
+            fields.append(
+                values
+                | {
+                    "dump_power": None,
+                    "stiffness": total_stiffness(stability, setting.spring_rate, ki),
+                    "converged": heave.converged[i],
+                }
+            )
+        return fields
+
+
+def _simulate_bus(
+    model: CampaignModel,
+    plan: Plan,
+    rows: Sequence[CampaignRow],
+    loads: Sequence[tuple[BusParams, _Power]],
+) -> list[bus.BusVoltage]:
+    """Simulate the bus through the plan; return one entry for each of ``rows``.
+
+    ``loads`` are the bus and the power into the drive of each row.
+    """
+    segments = plan.segments
+    seconds: dict[int, float] = {}
+    for row_number, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
+        without_waves = phase in (Phase.TARE, Phase.DONE) or (
+            row_number == NO_ROW and phase == Phase.MOVING
+        )
+        if not without_waves:
+            seconds[row_number] = seconds.get(row_number, 0.0) + ticks * plan.dt
+    first, (first_bus, first_power) = rows[0], loads[0]
+    # Standby: the drive is on at rest, at the set voltage.
+    fixed, active, *_ = losses(model.electrics(first.setting), first_bus.set_voltage)
+    standby = fixed if first.setting.velocity_threshold > 0.0 else fixed + active
+    move_seconds = time_to_first_row(plan, model)
+    intervals = [
+        bus.BusInterval(first_bus, (fixed,), bus.STEP, plan.phases.tare),
+        bus.BusInterval(first_bus, (standby,), bus.STEP, move_seconds),
+    ]
+    if first.row != NO_ROW:
+        intervals.append(bus.BusInterval(first_bus, *first_power, seconds.get(NO_ROW, 0.0)))
+    intervals += [
+        bus.BusInterval(row_bus, *power, seconds[row.row])
+        for row, (row_bus, power) in zip(rows, loads, strict=True)
+    ]
+    voltages = bus.simulate(intervals)
+    row_voltages = voltages[-len(rows) :]
+    for earlier in voltages[: -len(rows)]:  # intervals before the first row count for it
+        low = min(row_voltages[0].lowest, earlier.lowest)
+        high = max(row_voltages[0].highest, earlier.highest)
+        row_voltages[0] = row_voltages[0]._replace(lowest=low, highest=high)
+    return row_voltages

@@ -1,0 +1,7 @@
+"""Recommendation of the next gain matrix from measured runs.
+
+`set_points` predicts set points on the identified twin with confidence intervals, `search` finds
+the best one for each station and law, `matrix` chooses the rows and writes them as a campaign,
+`report` and `picture` write the results. This package uses only the identified twin, not the
+simulated plant that replaces the hardware.
+"""

@@ -23,9 +23,9 @@ from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
 from controllers import biquads, blocks, impedance
 from rig.compilation import lifting
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import build_world
-from rig.planning.campaign import check_campaign
 from sim_plant import (
     analyser,
     body,

@@ -12,8 +12,8 @@ from benchmarks.start import command
 from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
-from rig.planning.campaign import check_campaign
 from rig.sweep.executors import available_processors
 
 TIMES_REAL = 2000.0

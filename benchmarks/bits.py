@@ -14,9 +14,9 @@ from benchmarks.start import command
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import check_campaign
 from rig.recording.runs import reader
 from rig.recording.runs.windows import read_windows
 from rig.stations import station_names

@@ -16,11 +16,11 @@ from ruamel.yaml import YAML
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import reduce_window
+from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import Campaign, build_plan, open_campaign
-from rig.planning.campaign.windows import repeat_period
+from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
 from rig.stations import station_names
 from rig.sweep.cases import single_row_campaign

@@ -17,8 +17,8 @@ from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
 from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import rehearsal_mode
-from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"

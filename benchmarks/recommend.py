@@ -18,6 +18,8 @@ from scipy.optimize import minimize
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduce_window
 from rig.execution.campaign import run_campaign
+from rig.kinds.wavebot.campaign import build_plan, check_campaign, open_campaign
+from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend import report
 from rig.kinds.wavebot.recommend.recommendation import (
     Recommendation,
@@ -28,10 +30,8 @@ from rig.kinds.wavebot.recommend.set_points import Gains
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import build_plan, check_campaign, open_campaign
-from rig.planning.campaign.point import Point
-from rig.planning.campaign.stability import largest_ki
-from rig.planning.campaign.windows import repeat_period, row_windows
+from rig.planning.point import Point
+from rig.planning.windows import repeat_period, row_windows
 from rig.sweep.cases import single_row_campaign
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"

@@ -8,9 +8,9 @@ import numpy as np
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.execution.campaign import run_campaign
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.spring_map.result import spring_map
 from rig.kinds.wavebot.tasks import rehearsal_mode
-from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 
 SPRINGS, WORST = 8, 2.0  # %

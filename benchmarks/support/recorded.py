@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import KIND
-from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 
 ROOT = Path(__file__).resolve().parent.parent.parent

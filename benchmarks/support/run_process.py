@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from rig.execution.campaign import run_campaign
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import rehearsal_mode, wired_mode
-from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 
 

@@ -11,9 +11,9 @@ from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult, View
+from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation
-from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.child import Child
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in

@@ -6,8 +6,8 @@ from datetime import UTC, date, datetime
 from typing import Any
 
 from rig.config.problems import Problem
-from rig.planning.campaign import Campaign
-from rig.planning.campaign.validity import validity_warnings
+from rig.kinds.wavebot.campaign import Campaign
+from rig.kinds.wavebot.campaign.validity import validity_warnings
 
 
 def warn_of_expired(

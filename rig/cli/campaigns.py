@@ -21,8 +21,8 @@ from rig.config.shipped_files import (
 )
 from rig.kinds.oswec_bench.sessions import check_session
 from rig.kinds.rig_file import load_rig
-from rig.planning.campaign import check_campaign
-from rig.planning.campaign.check import format_duration
+from rig.kinds.wavebot.campaign import check_campaign
+from rig.kinds.wavebot.campaign.check import format_duration
 
 _HEADINGS = {
     CAMPAIGNS: "campaigns: rig run NAME, rig check NAME, rig sweep NAME",

@@ -11,10 +11,10 @@ from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.config import Problem
 from rig.config.shipped_files import UnknownNameError
 from rig.kinds.oswec_bench.sessions.files import is_session
+from rig.kinds.wavebot.campaign import Campaign, CheckReport, Plan, check_campaign
 from rig.kinds.wavebot.predictions import predict, unpredicted_reason
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.laws import OWN_MODULES
-from rig.planning.campaign import Campaign, CheckReport, Plan, check_campaign
 
 
 def examine(path: Path, rig: Path | None = None) -> CheckReport:

@@ -1,8 +1,8 @@
 """Progress display of a running campaign."""
 
 from rig.cli.run_panel import RunPanel, clock_text, plan_end_text
+from rig.kinds.wavebot.campaign import Plan
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import Plan
 from rig.processes.run_types import Snapshot
 from rig.realtime.sequence import NO_ROW, Phase
 

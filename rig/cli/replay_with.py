@@ -14,9 +14,9 @@ from rig.cli.console import table_console
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.kinds.wavebot.campaign import open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError
 from rig.stations import shown
 from rig.sweep.counterfactual import AmplitudeRange, CounterfactualResult, counterfactual_for_run

@@ -16,8 +16,8 @@ from rig.config.problems import Problem
 from rig.config.shipped_files import UnknownNameError
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.tasks import rehearsal_mode, wired_mode
-from rig.planning.campaign import Campaign, Plan
 from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import RunError, create
 from rig.wires.job import WiringError

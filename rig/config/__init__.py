@@ -3,13 +3,11 @@
 All problems of all files are reported at once, each with file, line, key and allowed range.
 """
 
-from rig.config.campaign_file import CampaignFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import load, problems_from, validate
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 
 __all__ = [
-    "CampaignFile",
     "ConfigError",
     "Problem",
     "SourceLocation",

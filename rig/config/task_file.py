@@ -10,7 +10,7 @@ from rig.config.problems import format_number, format_value
 
 
 class Timing(FileModel):
-    """Duration of a row; `rig.planning.campaign.windows` derives missing values from the sea."""
+    """Duration of a row; `rig.planning.windows` derives missing values from the sea."""
 
     scheme: Literal["default", "mask4"] = "default"
     settle_s: float | None = Field(default=None, ge=0, le=3600)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from rig.execution.task import RunResult, View, run_task
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.tasks import campaign_task
-from rig.planning.campaign import Campaign, Plan
 from rig.processes.run_types import ExecutionMode
 
 

@@ -14,9 +14,9 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
-from rig.config.campaign_file import CampaignFile
-from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
-from rig.planning.campaign.windows import repeat_period
+from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan, build_plan
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.planning.windows import repeat_period
 from rig.stations import Station
 from rig.sweep import InterruptedSweepError
 from rig.sweep.parameters import CampaignFiles, ParameterValues, SweepParameter

@@ -24,9 +24,9 @@ from rig.identification.incident_waves import (
     recover_waves,
     wave_maker_lines,
 )
-from rig.planning.campaign import Campaign, Plan, build_plan
-from rig.planning.campaign.recorded import logged_campaign
-from rig.planning.campaign.windows import repeat_period
+from rig.kinds.wavebot.campaign import Campaign, Plan, build_plan
+from rig.kinds.wavebot.campaign.recorded import logged_campaign
+from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.windows import Window, read_windows

@@ -6,8 +6,8 @@ from controllers.signals import Demand, Estimate
 from rig.compilation import lifting
 from rig.compilation.cache_folder import cached_json
 from rig.design.law_params import law_params
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.laws import helper_modules
-from rig.planning.campaign import Campaign, Plan
 
 _RAMP = 0.1  # s; the compiled code does not depend on it
 

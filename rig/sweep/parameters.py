@@ -16,7 +16,7 @@ from ruamel.yaml.error import YAMLError
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.planning.campaign import Campaign, InputFile, open_campaign
+from rig.kinds.wavebot.campaign import Campaign, InputFile, open_campaign
 from rig.sweep.simulator import problems, simulation_of, simulation_of_rig
 
 OPTION = "--over"

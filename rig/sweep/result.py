@@ -10,10 +10,10 @@ import numpy.typing as npt
 from rig.analysis import run_columns
 from rig.analysis.rows import NOT_RUN, STATIONS_ATTRIBUTE, column_units
 from rig.config import ranges
-from rig.config.campaign_file import CampaignFile
 from rig.config.columns import columns_with_law
-from rig.planning.campaign import Campaign, CampaignRow, resolved_config
-from rig.planning.campaign.windows import repeat_period
+from rig.kinds.wavebot.campaign import Campaign, CampaignRow, resolved_config
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.planning.windows import repeat_period
 from rig.recording import provenance
 from rig.stations import as_records
 from rig.sweep.cases import Cases, Outcome, single_row_campaign

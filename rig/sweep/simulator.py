@@ -7,8 +7,8 @@ from rig import kinds
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
+from rig.kinds.wavebot.campaign import Campaign, CampaignParts, InputFile, Plan
 from rig.laws import Law
-from rig.planning.campaign import Campaign, CampaignParts, InputFile, Plan
 from rig.recording.runs.windows import Window
 from rig.stations import Station
 

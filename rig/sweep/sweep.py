@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, format_value
+from rig.kinds.wavebot.campaign import Campaign, Plan, build_plan
+from rig.kinds.wavebot.campaign.law_trial import trial_problems
 from rig.laws import OWN_MODULES
-from rig.planning.campaign import Campaign, Plan, build_plan
-from rig.planning.campaign.law_trial import trial_problems
 from rig.recording.runs.create import BusyError, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor

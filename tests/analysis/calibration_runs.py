@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.signals import Count, Metre, Second, Tick
 from rig.kinds.wavebot.tick import WaveSense
-from rig.planning.campaign.multisine import Multisine, design_multisine
+from rig.planning.multisine import Multisine, design_multisine
 from rig.realtime import safety
 from rig.realtime.cycle import PlanRecord
 from rig.realtime.reasons import Reason

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_data import reference
 
-from rig.planning.campaign.multisine import line_range as band
+from rig.planning.multisine import line_range as band
 from rig.spectra.wave_lines import Samples, estimate_lines, significant_height, split_periods
 
 REPEAT = 300.0

@@ -13,6 +13,7 @@ from rehearsing import CONFIGS, rehearse, write_yaml
 from rig_command import rig_here
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.products.surge_damping import DampingRow as Damped
 from rig.kinds.wavebot.products.surge_damping import (
     allowed_stroke,
@@ -21,7 +22,6 @@ from rig.kinds.wavebot.products.surge_damping import (
     choose_damping,
     measure_rows,
 )
-from rig.planning.campaign import check_campaign
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info

@@ -15,7 +15,7 @@ from calibration_runs import DT, SEA, BareRow, TimedRow, elevation, plan_of, row
 
 from rig.analysis.report import summarise_run, write_products
 from rig.analysis.summary import as_text
-from rig.planning.campaign.multisine import design_multisine
+from rig.planning.multisine import design_multisine
 from rig.recording.runs import RunError
 from rig.spectra.wave_calibration import calibrate_waves, findings
 from rig.spectra.wave_lines import (

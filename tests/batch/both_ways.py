@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import connect
 from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick import kind_with_law
-from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.safety import STOP_0

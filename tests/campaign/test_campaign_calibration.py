@@ -10,9 +10,9 @@ import pytest
 from rig.config import ConfigError
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
+from rig.kinds.wavebot.campaign import WindowError, build_plan, check_campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
-from rig.planning.campaign import WindowError, build_plan, check_campaign, open_campaign
-from rig.planning.campaign.windows import calibration_window
+from rig.planning.windows import calibration_window
 from rig.realtime import sequence
 from rig.realtime.sequence import NO_ROW, Phase
 

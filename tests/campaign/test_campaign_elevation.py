@@ -9,7 +9,7 @@ from measured_data import reference
 
 from rig.config import ConfigError
 from rig.config.sea import RecordedSea
-from rig.planning.campaign import build_plan, open_campaign, read_elevation
+from rig.kinds.wavebot.campaign import build_plan, open_campaign, read_elevation
 
 RECORD = "AWDC-SAADAQ-s00113.twe"  # measured: see tests/measured_data.py
 

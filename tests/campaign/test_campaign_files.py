@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from rig.config import CampaignFile, ConfigError
-from rig.planning.campaign import check_campaign, open_campaign, resolved_config
-from rig.planning.campaign.stability import largest_ki, total_stiffness
-from rig.planning.campaign.stator import spring_map_problems
+from rig.config import ConfigError
+from rig.kinds.wavebot.campaign import check_campaign, open_campaign, resolved_config
+from rig.kinds.wavebot.campaign.stability import largest_ki, total_stiffness
+from rig.kinds.wavebot.campaign.stator import spring_map_problems
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

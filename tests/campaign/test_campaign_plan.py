@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.config import CampaignFile, SourceLocation, load
+from rig.config import SourceLocation, load
 from rig.config.columns import REQUIRED_COLUMNS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
-from rig.kinds.wavebot.config import RigFile
-from rig.planning.campaign import (
+from rig.kinds.wavebot.campaign import (
     Plan,
     Point,
     WindowError,
@@ -22,8 +21,10 @@ from rig.planning.campaign import (
     open_campaign,
     row_windows,
 )
-from rig.planning.campaign.order import least_travel, order_points
-from rig.planning.campaign.point import ValueLocation, make_point
+from rig.kinds.wavebot.config import RigFile
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.planning.order import least_travel, order_points
+from rig.planning.point import ValueLocation, make_point
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from rig.kinds.wavebot import build
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
-from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROKEN_SEA = """\

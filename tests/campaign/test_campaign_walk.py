@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.config import CampaignFile, SourceLocation, load
+from rig.config import SourceLocation, load
 from rig.config.columns import REQUIRED_COLUMNS
+from rig.kinds.wavebot.campaign import Plan, build_plan, check_campaign
 from rig.kinds.wavebot.config import RigFile
-from rig.planning.campaign import Plan, build_plan, check_campaign
-from rig.planning.campaign.point import ValueLocation, make_point
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.planning.point import ValueLocation, make_point
 from rig.realtime import sequence
 from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE, Phase
 

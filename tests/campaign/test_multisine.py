@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.planning.campaign.multisine import (
+from rig.planning.multisine import (
     Multisine,
     design_multisine,
     line_range,
@@ -136,7 +136,7 @@ def test_realisations_and_seeds_are_independent() -> None:
 
 SCRIPT = """
 import hashlib
-from rig.planning.campaign.multisine import design_multisine, one_period
+from rig.planning.multisine import design_multisine, one_period
 for seed, realisation, draws in ((1, 1, 1), (1, 2, 1), (7, 3, 50)):
     signal = design_multisine(0.2, 1.0, 300.0, rms=0.0635, exponent=-0.5, seed=seed,
                               realisation=realisation, draws=draws)

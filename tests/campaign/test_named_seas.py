@@ -15,9 +15,9 @@ from ruamel.yaml import YAML
 from scipy.integrate import quad
 from scipy.signal import welch
 
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
-from rig.planning.campaign import check_campaign
 from sim_plant import waves
 from sim_plant.bem import read_bem
 
@@ -204,7 +204,7 @@ import hashlib, sys
 from pathlib import Path
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings
-from rig.planning.campaign import check_campaign
+from rig.kinds.wavebot.campaign import check_campaign
 for path in sys.argv[1:]:
     sea = build_sea(plant_settings(check_campaign(Path(path)).campaign)["sea"])
     print(hashlib.sha256(sea.amplitude.tobytes() + sea.cycles.tobytes()).hexdigest())

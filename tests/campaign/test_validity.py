@@ -11,7 +11,7 @@ import pytest
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
-from rig.planning.campaign import check_campaign
+from rig.kinds.wavebot.campaign import check_campaign
 
 MAP = """\
 name: spring_map

@@ -12,7 +12,7 @@ import pytest
 from rig_command import rig_here
 
 from rig.cli import calibration_dates, sweep_run
-from rig.planning.campaign import open_campaign
+from rig.kinds.wavebot.campaign import open_campaign
 from rig.sweep import sweep
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"

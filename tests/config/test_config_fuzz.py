@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from rig.config import CampaignFile, ConfigError, load, load_mapping
+from rig.config import ConfigError, load, load_mapping
 from rig.kinds.wavebot.config import LimitsFile, RigFile
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHIPPED: tuple[tuple[type[BaseModel], str], ...] = (

@@ -9,10 +9,11 @@ import pytest
 from pydantic import BaseModel, Field, ValidationError
 from ruamel.yaml import YAML
 
-from rig.config import CampaignFile, ConfigError, load, load_mapping
+from rig.config import ConfigError, load, load_mapping
 from rig.config import problems_from as translate
 from rig.config.ranges import unit_of_key
 from rig.kinds.wavebot.config import LimitsFile, RigFile
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

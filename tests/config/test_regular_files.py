@@ -20,7 +20,7 @@ from rig.kinds.oswec_bench.sessions import open_session
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.mask4.signals import read_signals
-from rig.planning.campaign import matrix_csv
+from rig.planning import matrix_csv
 from rig.recording.calibration.history import open_calibration
 from rig.recording.channel_file import read_recording
 from rig.recording.runs import RunError, mcap_file, open_run
@@ -156,7 +156,7 @@ def test_a_comment_of_60_mb_is_refused_before_it_is_read(tmp_path: Path) -> None
 
 def test_problems_of_several_files_are_reported_together(tmp_path: Path) -> None:
     """A rig and a matrix that are special files are both reported, each where it is named."""
-    from rig.planning.campaign import check_campaign
+    from rig.kinds.wavebot.campaign import check_campaign
 
     os.mkfifo(tmp_path / "rig.yaml")
     campaign = tmp_path / "campaign.yaml"

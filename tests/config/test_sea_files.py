@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rig.config import CampaignFile, ConfigError, SourceLocation, load, load_mapping
+from rig.config import ConfigError, SourceLocation, load, load_mapping
 from rig.config.sea import PinkSea
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
 SEA = "kind: pink\nhm0_m: 0.2\nseed: 4\n"
 HEAD = "name: x\nrig: rig.yaml\ndevice: absent\n"

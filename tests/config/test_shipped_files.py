@@ -23,7 +23,7 @@ from rig.config.shipped_files import (
     title,
 )
 from rig.kinds.oswec_bench.sessions import check_session
-from rig.planning.campaign import check_campaign
+from rig.kinds.wavebot.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -18,9 +18,10 @@ from controllers.signals import (
     ProbeSense,
     SpringSense,
 )
-from rig.config import CampaignFile, load, load_mapping
+from rig.config import load, load_mapping
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.config import LimitsFile, RigFile
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
 from rig.kinds.wavebot.tick.law_columns import columns_type

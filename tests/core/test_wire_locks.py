@@ -21,8 +21,8 @@ from ruamel.yaml import YAML
 from drivers.canopen.bus_settings import BusSettings
 from rig.execution.campaign import run_campaign
 from rig.kinds.rig_file import load_rig
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import wired_mode
-from rig.planning.campaign import check_campaign
 from rig.processes.wire_locks import (
     REALTIME_WIRE,
     Wire,

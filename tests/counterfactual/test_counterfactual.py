@@ -16,8 +16,8 @@ from synthetic_runs import POWERS
 
 from benchmarks.counterfactual import case
 from rig.identification.incident_waves import WaveMakerLines, wave_maker_lines
+from rig.kinds.wavebot.campaign import Campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
-from rig.planning.campaign import Campaign, open_campaign
 from rig.recording.runs import RunError
 from rig.sweep.counterfactual import (
     FORCES,

@@ -12,8 +12,8 @@ from benchmarks.support.fault_walk import Trigger, Watcher, when_free
 from benchmarks.support.process_faults import io_process_of
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.tasks import wired_mode
-from rig.planning.campaign import Campaign, Plan
 from rig.processes.run_types import Snapshot
 
 

@@ -16,8 +16,8 @@ from benchmarks.support.host import Busy, others
 from benchmarks.support.wavebot_fault_walk import campaign_file
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import rehearsal_mode
-from rig.planning.campaign import check_campaign
 from rig.processes.io_processes import FACTS_FILE
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import open_run

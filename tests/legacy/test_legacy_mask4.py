@@ -19,7 +19,7 @@ from rig.interop.legacy.matrix import (
     format_csv,
     read_csv,
 )
-from rig.planning.campaign import open_campaign
+from rig.kinds.wavebot.campaign import open_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 HEAD = "Kp,Ki,springK\n"

@@ -11,7 +11,7 @@ from rig_command import rig_here
 
 from rig.interop.legacy import mask4
 from rig.interop.legacy.matrix import read_csv
-from rig.planning.campaign import check_campaign
+from rig.kinds.wavebot.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CALIBRATIONS = CONFIGS / "calibrations"

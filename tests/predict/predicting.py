@@ -7,9 +7,9 @@ from typing import Any
 
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
+from rig.kinds.wavebot.campaign import CheckReport, check_campaign
 from rig.kinds.wavebot.predictions import Prediction, predict
 from rig.kinds.wavebot.rehearsal.job import problems
-from rig.planning.campaign import CheckReport, check_campaign
 from rig.sweep import sweep
 from rig.sweep.executors import thread_executor
 

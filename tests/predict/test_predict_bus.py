@@ -11,6 +11,7 @@ from predicting import CONFIGS
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.design.grid import build_grid
+from rig.kinds.wavebot.campaign.set_points import zero_setting
 from rig.kinds.wavebot.predictions import drive
 from rig.kinds.wavebot.predictions.bus import (
     SUPPLY_RISE_TIME,
@@ -18,7 +19,6 @@ from rig.kinds.wavebot.predictions.bus import (
     block_means,
     simulate,
 )
-from rig.planning.campaign.set_points import zero_setting
 from sim_plant import bus
 from sim_plant.parameters import Plant
 

@@ -16,9 +16,9 @@ from ruamel.yaml import YAML
 from rig.analysis.rows import COMPLETE, row_table
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 from rig.stations import station_names
 from rig.sweep import sweep

@@ -19,10 +19,10 @@ from rig_command import rig
 
 from rig import cli
 from rig.analysis.rows import row_table
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.tick import KIND
 from rig.kinds.wavebot.tick.reasons import WaveBotReason
-from rig.planning.campaign import check_campaign
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0
 from rig.recording.runs import open_run

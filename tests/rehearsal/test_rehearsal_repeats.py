@@ -11,10 +11,10 @@ import pytest
 from rehearsing import CONFIGS, load_rows, rehearse, sweep_sequentially, write_campaign, write_yaml
 
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import connect
 from rig.kinds.wavebot.tick import KIND, WaveBotRow
-from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.mailbox import Mailbox, Request, create
 from rig.realtime import loop
 from rig.realtime.clock import VirtualClock

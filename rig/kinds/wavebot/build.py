@@ -13,17 +13,17 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Modulation
-from rig.config.campaign_file import CampaignFile
 from rig.config.reference import MultisineReference
 from rig.design.estimator import design
 from rig.design.law_params import law_params
 from rig.kinds.wavebot import tick as wavebot
+from rig.kinds.wavebot.campaign.set_points import drive_settings
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.kinds.wavebot.config.rig_file import Axis, RigFile, Stop
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
-from rig.planning.campaign.reference import ReferenceRecord, force_table
-from rig.planning.campaign.set_points import drive_settings
+from rig.planning.reference import ReferenceRecord, force_table
 from rig.realtime import average, axis, cycle, limits, safety
 from rig.realtime.sequence import Segments
 

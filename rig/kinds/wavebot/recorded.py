@@ -1,9 +1,9 @@
 """The task of a recorded campaign."""
 
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.campaign import Plan, build_plan
+from rig.kinds.wavebot.campaign.recorded import campaign_from_record, law_notice
 from rig.kinds.wavebot.tick import KIND, kind_with_law
-from rig.planning.campaign import Plan, build_plan
-from rig.planning.campaign.recorded import campaign_from_record, law_notice
 from rig.processes.run_types import RecordedTask
 from rig.recording.runs import RunInfo
 

@@ -5,12 +5,12 @@ from typing import Any
 from rig import laws, stations
 from rig.config.columns import columns_with_law
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
+from rig.kinds.wavebot.campaign import Campaign, Plan, resolved_config
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation, job
 from rig.kinds.wavebot.tick import kind_with_law
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import Campaign, Plan, resolved_config
-from rig.planning.campaign.windows import repeat_period
+from rig.planning.windows import repeat_period
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig
 

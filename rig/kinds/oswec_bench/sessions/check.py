@@ -14,7 +14,7 @@ from rig.kinds.oswec_bench.sessions.files import (
     open_session,
 )
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan, plan_session
-from rig.planning.campaign.check import format_duration
+from rig.kinds.wavebot.campaign.check import format_duration
 
 
 class SessionReport(NamedTuple):

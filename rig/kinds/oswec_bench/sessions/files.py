@@ -22,7 +22,7 @@ from rig.kinds.oswec_bench.sessions.rows import (
     count_rows,
     session_points,
 )
-from rig.planning.campaign.input_files import (
+from rig.planning.input_files import (
     ConfigSource,
     InputFile,
     hash_input_files,

@@ -9,7 +9,7 @@ from rig.kinds.oswec_bench.config.session_file import IrregularReference, Sessio
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.rows import SessionPoint
 from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume
-from rig.planning.campaign.multisine import design_multisine, scale_to_peak
+from rig.planning.multisine import design_multisine, scale_to_peak
 
 _TICK_TOLERANCE = 1e-6  # ticks
 

@@ -19,7 +19,7 @@ from rig.kinds.oswec_bench.sessions.flume import irregular_signal, row_flume
 from rig.kinds.oswec_bench.sessions.rows import SessionPoint
 from rig.kinds.oswec_bench.tick import Flume, Setpoints
 from rig.kinds.oswec_bench.tick.signals import NO_FLUME
-from rig.planning.campaign.segments import PlanSegment, cut_into_ticks, phase_seconds
+from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 
 

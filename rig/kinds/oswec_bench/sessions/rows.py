@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rig.config.problems import format_key
 from rig.config.yaml_source import KeyPath, SourceMap
 from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.planning.campaign.point import ValueLocation
+from rig.planning.point import ValueLocation
 
 MAX_ROWS = 1000
 """Maximum number of rows of a session, repetitions included."""

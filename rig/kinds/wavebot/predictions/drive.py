@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.design.grid import Floats
 from rig.design.twoport.network import Motor
-from rig.planning.campaign.set_points import RowSetting
+from rig.kinds.wavebot.campaign.set_points import RowSetting
 from sim_plant import building
 from sim_plant.cots_drive import CotsParams
 from sim_plant.custom_drive import DriveSettings, InverterParams

@@ -3,10 +3,10 @@
 from functools import reduce
 
 from rig.design.margin import Effect, Limit, Margin, Role
+from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.predictions.prediction import RowPredictions
-from rig.planning.campaign.set_points import RowSetting
 from sim_plant.bus import BusParams
 
 

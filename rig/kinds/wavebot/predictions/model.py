@@ -21,11 +21,11 @@ from rig.kinds.wavebot.build import (
     newtons_per_ampere,
     reference_table,
 )
+from rig.kinds.wavebot.campaign import Campaign
+from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings, row_setting
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings
-from rig.planning.campaign import Campaign
-from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
 from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.body import BodyParams

@@ -10,11 +10,11 @@ from rig.design.axis import moving_rms_peak, peak, rms, solve_axis
 from rig.design.grid import Floats, samples_from_spectrum
 from rig.design.loop import Law
 from rig.design.steady_motion import CONVERGED
+from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.config.rig_file import StationKeeping
 from rig.kinds.wavebot.predictions import drive as drives
 from rig.kinds.wavebot.predictions import passive
 from rig.kinds.wavebot.predictions.model import CampaignModel, open_loop_force
-from rig.planning.campaign.set_points import RowSetting
 
 Columns = dict[str, Floats]
 """Fields of `RowPredictions`, one value per row."""

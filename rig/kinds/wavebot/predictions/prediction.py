@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, format_key
 from rig.design.margin import Margin
+from rig.kinds.wavebot.campaign import Campaign
+from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import Campaign
-from rig.planning.campaign.plan import CampaignRow, Plan
 
 
 class RowPredictions(NamedTuple):
@@ -65,7 +65,7 @@ class RowPrediction(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Prediction of a campaign; a `rig.planning.campaign.check.Forecast`."""
+    """Prediction of a campaign; a `rig.kinds.wavebot.campaign.check.Forecast`."""
 
     campaign: Campaign
     plan: Plan

@@ -9,6 +9,10 @@ from rig.design.grid import Floats
 from rig.design.linear_form import NotLinearError
 from rig.design.loop import Law
 from rig.design.margin import Margin
+from rig.kinds.wavebot.campaign import Campaign
+from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan
+from rig.kinds.wavebot.campaign.set_points import RowSetting
+from rig.kinds.wavebot.campaign.stability import total_stiffness
 from rig.kinds.wavebot.predictions import bus
 from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
 from rig.kinds.wavebot.predictions.limits import compute_margins
@@ -22,10 +26,6 @@ from rig.kinds.wavebot.predictions.motion import (
 from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
 from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
 from rig.kinds.wavebot.predictions.verdict import judge
-from rig.planning.campaign import Campaign
-from rig.planning.campaign.plan import CampaignRow, Plan
-from rig.planning.campaign.set_points import RowSetting
-from rig.planning.campaign.stability import total_stiffness
 from rig.realtime.sequence import NO_ROW, Phase
 from sim_plant.bus import BusParams
 

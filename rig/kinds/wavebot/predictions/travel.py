@@ -6,9 +6,9 @@ A move that takes longer than its segment makes the plan wait.
 
 from typing import NamedTuple
 
+from rig.kinds.wavebot.campaign import Campaign
+from rig.kinds.wavebot.campaign.plan import Plan, build_plan
 from rig.kinds.wavebot.predictions.model import CampaignModel
-from rig.planning.campaign import Campaign
-from rig.planning.campaign.plan import Plan, build_plan
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, Phase
 
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 from rig.config.problems import Problem, display_path, format_key, format_number
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
 from rig.design.margin import Limit, Margin
+from rig.kinds.wavebot.campaign import Campaign
+from rig.kinds.wavebot.campaign.plan import CampaignRow
 from rig.kinds.wavebot.predictions.limits import MODULATION, STROKE, SURGE_LOOP
 from rig.kinds.wavebot.predictions.prediction import RowPrediction
-from rig.planning.campaign import Campaign
-from rig.planning.campaign.plan import CampaignRow
-from rig.planning.campaign.windows import row_windows
+from rig.planning.windows import row_windows
 from rig.realtime.sequence import NO_ROW
 
 # Residue of a change of gains in the mean over the measurement above which there is a warning.

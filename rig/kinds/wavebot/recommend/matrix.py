@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.config.yaml_source import load_mapping
+from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend.search import Optimum, SearchSpace, best_with_spring
 from rig.kinds.wavebot.recommend.set_points import Gains, SetPointPrediction, SetPointPredictor
-from rig.planning.campaign.stability import largest_ki
 from rig.stations import Station
 
 MIN_RISE = 0.5  # W, smallest rise of power from the best setting to the points around it

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.interpolate import RectBivariateSpline
 
+from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
 from rig.kinds.wavebot.recommend.set_points import STATIONS, Gains, SetPointPrediction
-from rig.planning.campaign.stability import largest_ki
 from rig.presentation import picture
 
 _SIDE = 15  # points of the surface along each axis

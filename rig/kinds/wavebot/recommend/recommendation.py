@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.recommend.matrix import RecommendedRow, choose_rows
 from rig.kinds.wavebot.recommend.search import Optimum, best_with_spring, find_optima, search_space
 from rig.kinds.wavebot.recommend.set_points import (
@@ -15,7 +16,6 @@ from rig.kinds.wavebot.recommend.set_points import (
 )
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import Twin, identify_twin
-from rig.planning.campaign import Campaign
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info
 from rig.stations import Station

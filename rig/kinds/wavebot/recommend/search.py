@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from rig.design.descent import Floats, descend
+from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.recommend.set_points import (
     STATIONS,
@@ -18,7 +19,6 @@ from rig.kinds.wavebot.recommend.set_points import (
     SetPointPrediction,
     SetPointPredictor,
 )
-from rig.planning.campaign.stability import largest_ki
 from rig.stations import Station
 
 Law = Literal["P", "PI", "PI and spring"]

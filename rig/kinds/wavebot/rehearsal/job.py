@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from rig.config.campaign_file import CampaignFile
 from rig.config.law_settings import find_law, law_model
 from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem, format_number
@@ -22,15 +21,16 @@ from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
 from rig.design.law_params import law_params
 from rig.kinds.wavebot.build import estimator_params
+from rig.kinds.wavebot.campaign.files import Campaign
+from rig.kinds.wavebot.campaign.pieces import CampaignParts
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.hoist import TURNAROUND_S
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.laws import LawError
-from rig.planning.campaign.designed_sea import DesignedSea, design_sea
-from rig.planning.campaign.elevation import Elevation
-from rig.planning.campaign.files import Campaign
-from rig.planning.campaign.input_files import ConfigSource
-from rig.planning.campaign.pieces import CampaignParts
-from rig.planning.campaign.reference import repeat_ticks
+from rig.planning.designed_sea import DesignedSea, design_sea
+from rig.planning.elevation import Elevation
+from rig.planning.input_files import ConfigSource
+from rig.planning.reference import repeat_ticks
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
 from sim_plant import waves
 from sim_plant.bem import Bem, read_bem

@@ -7,12 +7,12 @@ here import them when they need them.
 from typing import TYPE_CHECKING, Any
 
 from rig.config.yaml_source import KeyPath
+from rig.kinds.wavebot.campaign import Campaign, InputFile, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.laws import Law
-from rig.planning.campaign import Campaign, InputFile, Plan
-from rig.planning.campaign.input_files import hash_input_file
+from rig.planning.input_files import hash_input_file
 
 if TYPE_CHECKING:
     from pathlib import Path

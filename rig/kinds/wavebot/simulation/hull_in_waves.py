@@ -7,8 +7,8 @@ import numpy as np
 from rig.design.axis import dynamic_stiffness
 from rig.identification.incident_waves import WaveSensors
 from rig.kinds.wavebot.build import metres_per_count
+from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.predictions.model import linear_body
-from rig.planning.campaign import Campaign
 from rig.spectra.periods import Complexes, Floats
 from sim_plant import bem
 from sim_plant.parameters import Plant

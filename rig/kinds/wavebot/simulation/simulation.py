@@ -12,6 +12,7 @@ from rig.analysis import quality
 from rig.analysis.rows import LOGGED_SETTINGS, required_fields
 from rig.compilation.column import Column
 from rig.kinds.wavebot.build import index_realisations, list_realisations, wavebot_params
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.kinds.wavebot.simulation import compiled
@@ -21,7 +22,6 @@ from rig.kinds.wavebot.simulation.plant_coupling import CoupledState
 from rig.kinds.wavebot.tick import WaveBotRow, kind_with_law
 from rig.kinds.wavebot.tick.reasons import REASONS
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason, reason_table

@@ -13,8 +13,8 @@ from controllers.signals import Estimate
 from rig import laws
 from rig.config.problems import Problem
 from rig.design.law_params import law_params
-from rig.planning.campaign.files import Campaign
-from rig.planning.campaign.plan import CampaignRow, Plan
+from rig.kinds.wavebot.campaign.files import Campaign
+from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan
 from rig.plug_ins import error_text
 
 SECONDS = 2.0

@@ -6,7 +6,7 @@ from typing import Any
 
 from rig.config.columns import columns_with_law
 from rig.config.problems import display_path
-from rig.planning.campaign.files import Campaign
+from rig.kinds.wavebot.campaign.files import Campaign
 
 
 def resolved_config(campaign: Campaign) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from rig.config.campaign_file import CampaignFile, campaign_model
 from rig.config.columns import columns_with_law
 from rig.config.law_settings import find_law, inherit_law, named_law
 from rig.config.problems import ConfigError, Problem
@@ -12,12 +11,25 @@ from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
 from rig.config.sea import AnySea, RecordedSea
 from rig.config.yaml_source import SourceMap, load_mapping
+from rig.kinds.wavebot.campaign.pieces import CampaignParts, valid_parts, valid_sea
+from rig.kinds.wavebot.campaign.set_points import drive_setting_problems
+from rig.kinds.wavebot.campaign.stability import (
+    set_point_stability_problems,
+    stability_problems,
+)
+from rig.kinds.wavebot.campaign.stator import (
+    hoist_points,
+    order_rows,
+    spring_map_problems,
+    stator_positions,
+)
+from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.laws import Law, LawError
-from rig.planning.campaign.designed_sea import largest_elevation_problems
-from rig.planning.campaign.elevation import Elevation, read_elevation
-from rig.planning.campaign.input_files import (
+from rig.planning.designed_sea import largest_elevation_problems
+from rig.planning.elevation import Elevation, read_elevation
+from rig.planning.input_files import (
     ConfigSource,
     InputFile,
     MappingLoader,
@@ -26,23 +38,14 @@ from rig.planning.campaign.input_files import (
     load_named_source,
     sort_problems,
 )
-from rig.planning.campaign.pieces import CampaignParts, valid_parts, valid_sea
-from rig.planning.campaign.point import MAX_ROWS, Point
-from rig.planning.campaign.points import count_points, matrix_points
-from rig.planning.campaign.reference import (
+from rig.planning.point import MAX_ROWS, Point
+from rig.planning.points import count_points, matrix_points
+from rig.planning.reference import (
     ReferenceRecord,
     read_reference_record,
     realisation_problems,
 )
-from rig.planning.campaign.set_points import drive_setting_problems
-from rig.planning.campaign.stability import set_point_stability_problems, stability_problems
-from rig.planning.campaign.stator import (
-    hoist_points,
-    order_rows,
-    spring_map_problems,
-    stator_positions,
-)
-from rig.planning.campaign.windows import WindowError, calibration_window, row_windows
+from rig.planning.windows import WindowError, calibration_window, row_windows
 
 T = TypeVar("T")
 

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 from rig.config.rig_file import Rate
 from rig.config.sea import AnySea, Sea
 from rig.kinds.wavebot.config.rig_file import Axis
-from rig.planning.campaign.elevation import Elevation
-from rig.planning.campaign.input_files import ConfigSource
+from rig.planning.elevation import Elevation
+from rig.planning.input_files import ConfigSource
 
 T = TypeVar("T")
 

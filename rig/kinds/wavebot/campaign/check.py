@@ -6,15 +6,20 @@ from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from rig.config.campaign_file import CampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path
-from rig.planning.campaign.files import Campaign, ExtraCheck, no_extra_check, open_campaign
-from rig.planning.campaign.law_trial import trial_problems
-from rig.planning.campaign.plan import Plan, build_plan
-from rig.planning.campaign.points import unused_row_warnings
-from rig.planning.campaign.validity import validity_warnings
-from rig.planning.campaign.windows import calibration_window, row_windows
+from rig.kinds.wavebot.campaign.files import (
+    Campaign,
+    ExtraCheck,
+    no_extra_check,
+    open_campaign,
+)
+from rig.kinds.wavebot.campaign.law_trial import trial_problems
+from rig.kinds.wavebot.campaign.plan import Plan, build_plan
+from rig.kinds.wavebot.campaign.validity import validity_warnings
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.planning.points import unused_row_warnings
+from rig.planning.windows import calibration_window, row_windows
 
 
 class CampaignPrediction(Protocol):

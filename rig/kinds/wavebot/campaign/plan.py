@@ -14,18 +14,23 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from rig.config.campaign_file import CampaignFile
 from rig.config.law_settings import IMPEDANCE
+from rig.kinds.wavebot.campaign.set_points import (
+    RowSetting,
+    row_setting,
+    setting_type,
+    zero_setting,
+)
+from rig.kinds.wavebot.campaign.stability import max_stable_ki
+from rig.kinds.wavebot.campaign.stator import order_rows, stator_positions
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import Setpoints
 from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.laws import Law
-from rig.planning.campaign.point import Point
-from rig.planning.campaign.segments import PlanSegment, cut_into_ticks, phase_seconds
-from rig.planning.campaign.set_points import RowSetting, row_setting, setting_type, zero_setting
-from rig.planning.campaign.stability import max_stable_ki
-from rig.planning.campaign.stator import order_rows, stator_positions
-from rig.planning.campaign.windows import RowWindows, calibration_window, row_windows
+from rig.planning.point import Point
+from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
+from rig.planning.windows import RowWindows, calibration_window, row_windows
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase, Segments
 
 

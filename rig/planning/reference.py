@@ -18,8 +18,8 @@ from rig.config.reference import (
     SteppedSineReference,
     rational_frequency,
 )
-from rig.planning.campaign.elevation import read_channel_window
-from rig.planning.campaign.multisine import (
+from rig.planning.elevation import read_channel_window
+from rig.planning.multisine import (
     Floats,
     design_multisine,
     odd_lines,
@@ -27,7 +27,7 @@ from rig.planning.campaign.multisine import (
     random_odd_lines,
     scale_to_peak,
 )
-from rig.planning.campaign.point import Point
+from rig.planning.point import Point
 
 MAX_TABLE_ENTRIES = 8_000_000
 """Maximum length of a table with all realisations of a campaign."""

@@ -16,7 +16,7 @@ from rig.config.problems import (
 from rig.config.ranges import allowed_values
 from rig.config.yaml_source import SourceLocation
 from rig.laws import Law
-from rig.planning.campaign.point import MAX_ROWS, Point, ValueLocation, make_point
+from rig.planning.point import MAX_ROWS, Point, ValueLocation, make_point
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 _KP = "kp_n_s_per_m"  # the column with the end mark

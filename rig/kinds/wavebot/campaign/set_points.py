@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple, cast
 
-from rig.config.campaign_file import CampaignFile
 from rig.config.columns import DRIVE_COLUMNS, columns_with_law
 from rig.config.problems import Problem
 from rig.config.yaml_source import SourceMap
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.rig_file import CustomDrive, RigFile
 from rig.laws import Law
-from rig.planning.campaign.point import Point
+from rig.planning.point import Point
 
 
 class RowSetting(NamedTuple):

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from controllers import magnetic_spring
-from rig.config.campaign_file import CampaignFile
 from rig.config.problems import ConfigError, Problem, format_number
 from rig.config.yaml_source import KeyPath, SourceMap
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.hoist import Hoist
 from rig.kinds.wavebot.config.rig_file import MagneticSpring
 from rig.laws import Law
-from rig.planning.campaign.order import Order, PointRepetition, order_points
-from rig.planning.campaign.point import Point
-from rig.planning.campaign.points import locate_value
+from rig.planning.order import Order, PointRepetition, order_points
+from rig.planning.point import Point
+from rig.planning.points import locate_value
 
 
 def stator_positions(points: Sequence[Point], spring: MagneticSpring) -> list[float]:

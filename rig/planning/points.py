@@ -8,8 +8,8 @@ from rig.config.matrix import Matrix
 from rig.config.problems import Problem, format_key
 from rig.config.yaml_source import KeyPath, SourceMap
 from rig.laws import Law
-from rig.planning.campaign import matrix_csv
-from rig.planning.campaign.point import Point, ValueLocation, make_point
+from rig.planning import matrix_csv
+from rig.planning.point import Point, ValueLocation, make_point
 
 
 def count_points(matrix: Matrix) -> int:

@@ -3,7 +3,7 @@
 from datetime import date
 
 from rig.config.problems import Problem
-from rig.planning.campaign.files import Campaign
+from rig.kinds.wavebot.campaign.files import Campaign
 from rig.recording.calibration import RecordingTime, ValidityError
 from rig.recording.calibration.correction import is_valid
 

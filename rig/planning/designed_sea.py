@@ -3,7 +3,7 @@
 from rig.config.problems import Problem, format_number
 from rig.config.sea import AnySea, MultisineSea, PinkSea
 from rig.config.yaml_source import SourceMap
-from rig.planning.campaign.multisine import Multisine, design_multisine, peak
+from rig.planning.multisine import Multisine, design_multisine, peak
 
 DesignedSea = PinkSea | MultisineSea
 

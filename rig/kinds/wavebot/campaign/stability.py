@@ -10,11 +10,11 @@ segment is limited to the largest Ki that is stable at the softer end (`max_stab
 
 from collections.abc import Iterable
 
-from rig.config.campaign_file import CampaignFile
 from rig.config.problems import Problem, format_number
 from rig.config.yaml_source import SourceMap
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.rig_file import Stability
-from rig.planning.campaign.point import Point, ValueLocation
+from rig.planning.point import Point, ValueLocation
 
 
 def total_stiffness(stability: Stability, spring_rate: float, ki: float) -> float:

@@ -4,17 +4,17 @@ import hashlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.campaign_file import CampaignFile, campaign_model
 from rig.config.columns import columns_with_law
 from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
 from rig.config.recorded_limits import complete_wavebot_limits
 from rig.config.reference import RecordedReference
+from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.laws import Law, LawError, find, load_source
-from rig.planning.campaign.input_files import hash_input_file
-from rig.planning.campaign.point import Point
-from rig.planning.campaign.reference import ReferenceRecord, read_reference_record
+from rig.planning.input_files import hash_input_file
+from rig.planning.point import Point
+from rig.planning.reference import ReferenceRecord, read_reference_record
 from rig.recording.runs import RunError, RunInfo
 
 

@@ -20,11 +20,10 @@ from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.output import print_json
 from rig.config.columns import OTHER_COLUMNS
 from rig.config.problems import error_text
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.presentation.phrases import clock_text, format_power
 from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
-from rig.stations import find, station_names
+from rig.stations import Station, find
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep import result as results
 from rig.sweep.cases import LEAD_IN, Outcome
@@ -110,7 +109,7 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
         try:
             with input_errors("sweep", as_json=as_json):
                 pictures = _draw(table, opened.folder, measured, quiet=as_json)
-                result = _result_as_dict(opened.folder, out, pictures, table)
+                result = _result_as_dict(opened, out, pictures, table)
                 result_cache.store(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
             return _report_interrupt(opened.folder, as_json=as_json)
@@ -124,7 +123,7 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
     if as_json:
         print_json(result)
     else:
-        _print_result(result)
+        _print_result(result, simulation_of(opened.campaign).STATIONS)
     return FAILED if result["failed"] else OK
 
 
@@ -176,20 +175,22 @@ def _report_interrupt(folder: Path, *, as_json: bool) -> int:
 
 
 def _result_as_dict(
-    folder: Path, result: Path, pictures: list[Path], table: "xarray.Dataset"
+    opened: sweep.Sweep, result: Path, pictures: list[Path], table: "xarray.Dataset"
 ) -> dict[str, Any]:
     state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
     reasons = sorted({str(text) for text in reasons_of_cases[state == results.FAILED]})
     return {
         "status": "failed cases" if reasons else "complete",
-        "folder": str(folder),
+        "folder": str(opened.folder),
         "result": str(result),
         "pictures": [str(picture) for picture in pictures],
         "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
         "failed": reasons,
         "best": {
-            name: best for name in station_names(STATIONS) if (best := _best_row(table, name))
+            station.name: best
+            for station in simulation_of(opened.campaign).STATIONS
+            if (best := _best_row(table, station.name))
         },
     }
 
@@ -217,7 +218,7 @@ def _is_gain(column: "Column", row: Any) -> bool:
     return column.name in row and column not in OTHER_COLUMNS and column.name != "km"
 
 
-def _print_result(result: dict[str, Any]) -> None:
+def _print_result(result: dict[str, Any], stations: tuple[Station, ...]) -> None:
     rows = ", ".join(f"{count} {state}" for state, count in result["rows"].items())
     run_text = "all cases were finished before"
     if result["run_now"]:
@@ -228,7 +229,7 @@ def _print_result(result: dict[str, Any]) -> None:
     for name, best in result["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
                   for key, value in best.items() if key != "power_w")  # fmt: skip
-        label, power = find(STATIONS, name).label, format_power(best["power_w"])
+        label, power = find(stations, name).label, format_power(best["power_w"])
         print(f"  {label:<32} {power:>10}   {', '.join(inputs)}")
     for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)

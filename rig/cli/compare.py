@@ -4,12 +4,15 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rig import cli
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
+
+if TYPE_CHECKING:
+    from rig.row_contents import Column
 
 
 def command(
@@ -54,17 +57,19 @@ def main(
     from rig.analysis.comparison_table import as_text, write_csv
     from rig.cli.command_error import fail
     from rig.cli.find_run import find_run
+    from rig.recording.runs import run_info
+    from rig.row_contents import union
 
     try:
         first, second = find_run(a, runs), find_run(b, runs)
-        comparison = compare(
-            first, second, _parse_values(tolerances), incomplete_rows=incomplete_rows
-        )
+        columns = union(*(run_info(run).row_contents.columns for run in (first, second)))
+        limits, fixed = (_parse_values(given, columns) for given in (tolerances, left_out))
+        comparison = compare(first, second, limits, incomplete_rows=incomplete_rows)
         folder = second if second.is_dir() else second.parent
         picture = output or folder / f"compared_with_{comparison.a.run}.png"
         paths = [write_csv(comparison, picture.with_suffix(".csv"))]
         if comparison.matched.pairs:
-            paths.append(write_comparison(comparison, picture, _parse_values(left_out)))
+            paths.append(write_comparison(comparison, picture, fixed))
     except (KeyError, ValueError, OSError) as error:
         return fail("compare", error, as_json=as_json)
     files = [str(path) for path in paths]
@@ -78,13 +83,13 @@ def main(
     return cli.OK
 
 
-def _parse_values(arguments: list[str]) -> dict[str, float]:
+def _parse_values(arguments: list[str], columns: "tuple[Column, ...]") -> dict[str, float]:
     """Parse COLUMN=VALUE arguments into values by column name.
 
     Raises ValueError if an argument has no finite number or names an unknown column.
     """
-    from rig.analysis.labels import column
     from rig.cli.command_error import error_text
+    from rig.row_contents import find_column
 
     values = {}
     for argument in arguments:
@@ -96,7 +101,7 @@ def _parse_values(arguments: list[str]) -> dict[str, float]:
         if not math.isfinite(value):
             raise ValueError(f"{argument}: write COLUMN=VALUE, the value in SI units")
         try:
-            values[column(name).name] = value
+            values[find_column(columns, name).name] = value
         except KeyError as error:
             raise ValueError(f"{argument}: {error_text(error)}") from None
     return values

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig import cli
-from rig.analysis.run_columns import table_columns
+from rig.analysis.rows import columns_of
 from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
-from rig.config.columns import OTHER_COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.presentation.phrases import format_power
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
+from rig.row_contents import LAW, PANEL, X, Y
 from rig.stations import find, station_names
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
@@ -32,7 +32,7 @@ from rig.sweep.simulator import simulation_of
 if TYPE_CHECKING:
     import xarray
 
-    from rig.config.columns import Column
+    from rig.row_contents import Column
 
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
 _COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
@@ -206,15 +206,17 @@ def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
     row: Any = table.isel(place)
     inputs = [
         *map(str, table.sizes),
-        *(each.name for each in table_columns(table) if _is_gain(each, row)),
+        *(each.name for each in columns_of(table) if _is_gain(each, table, row)),
     ]
     values = {key: row[key].values.item() for key in inputs}
     return {"power_w": row[name].values.item(), **values}
 
 
-def _is_gain(column: "Column", row: Any) -> bool:
-    """Return whether a row has a column that describes its set point; Km, mostly 0, does not."""
-    return column.name in row and column not in OTHER_COLUMNS and column.name != "km"
+def _is_gain(column: "Column", table: "xarray.Dataset", row: Any) -> bool:
+    """Return whether a column is a gain of a row: a main one, or one of the law that is in use."""
+    if column.name not in row or column.role not in (PANEL, X, Y, LAW):
+        return False
+    return column.role != LAW or bool(table[column.name].values.any())
 
 
 def _print_result(result: dict[str, Any]) -> None:

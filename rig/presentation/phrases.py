@@ -49,8 +49,3 @@ def format_utc(text: str) -> str:
     except ValueError:
         return text
     return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
-
-
-def spring_text(rate: float, stator: float) -> str:
-    """Return spring rate (N/m) and stator position (%) as the title of a panel."""
-    return f"spring {format_signed(rate)} N/m, stator {format_signed(stator)} %"

@@ -11,14 +11,14 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.result import Figure, Result, figure
 from rig.config.yaml_source import load_mapping
-from rig.execution.campaign import run_campaign
+from rig.execution.task import run_task
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
 from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import rehearsal_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"
@@ -94,9 +94,8 @@ def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
     report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
-    ended = run_campaign(
-        report.campaign,
-        report.plan,
+    ended = run_task(
+        execution_task(report.campaign, report.plan),
         folder / "runs",
         _Silent(),
         rehearsal_mode(report.campaign, real_clock=False),

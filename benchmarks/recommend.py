@@ -18,19 +18,15 @@ from scipy.optimize import minimize
 from benchmarks.support.result import Figure, Result, figure
 from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import COMPLETE, reduce_window
-from rig.execution.campaign import run_campaign
+from rig.execution.task import run_task
 from rig.kinds.wavebot.campaign import build_plan, check_campaign, open_campaign
 from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend import report
-from rig.kinds.wavebot.recommend.recommendation import (
-    Recommendation,
-    RecommendOptions,
-    recommend,
-)
+from rig.kinds.wavebot.recommend.recommendation import Recommendation, RecommendOptions, recommend
 from rig.kinds.wavebot.recommend.set_points import Gains
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
-from rig.kinds.wavebot.tasks import rehearsal_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period, row_windows
 from rig.sweep.cases import single_row_campaign
@@ -154,7 +150,7 @@ def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
     if told.campaign is None or told.plan is None:
         raise RuntimeError(told.text())
     mode = rehearsal_mode(told.campaign, real_clock=False)
-    ended = run_campaign(told.campaign, told.plan, runs, Silent(), mode)
+    ended = run_task(execution_task(told.campaign, told.plan), runs, Silent(), mode)
     if ended.outcome.status != "complete":
         raise RuntimeError(f"{path.name}: {ended.outcome.reason}")
     return ended.folder, told.plan.duration

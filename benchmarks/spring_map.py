@@ -7,10 +7,10 @@ import numpy as np
 
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.execution.campaign import run_campaign
+from rig.execution.task import run_task
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.spring_map.result import spring_map
-from rig.kinds.wavebot.tasks import rehearsal_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 from rig.processes.run_types import Snapshot
 
 SPRINGS, WORST = 8, 2.0  # %
@@ -71,7 +71,7 @@ def found(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, 
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
     mode = rehearsal_mode(report.campaign, real_clock=False)
-    ended = run_campaign(report.campaign, report.plan, folder / "runs", Nobody(), mode)
+    ended = run_task(execution_task(report.campaign, report.plan), folder / "runs", Nobody(), mode)
     table = spring_map(ended.folder)
     true = np.interp(stations, STATIONS, rates)
     errors = [

@@ -12,7 +12,7 @@ from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 
 HELP_SECONDS, CASE_SECONDS = 0.4, 2.0
-RIG = [sys.executable, "-c", "import rig.cli; rig.cli.app(prog_name='rig')"]
+RIG = [sys.executable, "-c", "import rig.cli.app as c; c.app(prog_name='rig')"]
 
 
 def command() -> list[str]:

@@ -10,9 +10,9 @@ import os
 import sys
 from pathlib import Path
 
-from rig.execution.campaign import run_campaign
+from rig.execution.task import run_task
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import rehearsal_mode, wired_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode, wired_mode
 from rig.processes.run_types import Snapshot
 
 
@@ -39,7 +39,7 @@ def main() -> None:
         if wires
         else rehearsal_mode(report.campaign, real_clock=clock == "real")
     )
-    ended = run_campaign(report.campaign, report.plan, Path(runs), _Unseen(), mode)
+    ended = run_task(execution_task(report.campaign, report.plan), Path(runs), _Unseen(), mode)
     print(json.dumps({"folder": str(ended.folder), **ended.outcome._asdict()}))
 
 

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult, View
+from rig.execution.task import RunResult, View, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation
+from rig.kinds.wavebot.tasks import execution_task
 from rig.processes.child import Child
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in
@@ -54,7 +54,7 @@ class Stage(NamedTuple):
             made.io_processes,
             wires,
         )
-        return run_campaign(campaign, plan, self.folder, view, mode)
+        return run_task(execution_task(campaign, plan), self.folder, view, mode)
 
 
 def rig_file(folder: Path) -> Path:

@@ -1,18 +1,19 @@
 """`rig replay RUN [--with CAMPAIGN]`."""
 
-import json
-import math
-import sys
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.console import Console
 
-from rig import cli
-
-if TYPE_CHECKING:
-    from rig.execution.replay import ReplayReport
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import FAILED, OK
+from rig.cli.find_run import find_run
+from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import print_json
+from rig.execution.replay import ReplayReport, replay
+from rig.presentation.json_values import json_value
 
 EXIT_CODES = """\
 Exit codes: 0 today's cycle reproduces every command and mode to the bit (--with: every row \
@@ -29,10 +30,8 @@ class Waves(Enum):
 
 def command(
     run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
-    runs: Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")] = Path(
-        "runs"
-    ),
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    runs: Runs = RUNS,
+    as_json: Json = False,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -49,7 +48,7 @@ def command(
         Waves | None,
         typer.Option("--waves", help="With --with: signal from which to recover the waves."),
     ] = None,
-) -> None:
+) -> int:
     """Replay a run's logged sensors through today's cycle; compare commands and modes per tick.
 
     With --with CAMPAIGN, the command predicts the power of the campaign's
@@ -57,60 +56,31 @@ def command(
     """
     if campaign is None and (model is not None or waves is not None):
         raise typer.BadParameter("--model and --waves need --with")
-    if campaign is None:
-        sys.exit(main(run, runs, as_json=json))
-    from rig.cli import replay_with
+    if campaign is not None:
+        from rig.cli import replay_with  # numba
 
-    options = replay_with.ReplayOptions(campaign, model, waves.value if waves else None, runs)
-    sys.exit(replay_with.main(run, options, as_json=json))
-
-
-def main(run_name: Path, runs: Path, *, as_json: bool) -> int:
-    """Replay a run, print the differences, and return the exit code."""
-    from rich.console import Console
-
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.cli.find_run import find_run
-    from rig.execution.replay import replay
-
+        return replay_with.main(
+            run, runs, campaign, model, waves.value if waves else None, as_json=as_json
+        )
     console = Console(stderr=True, highlight=False)
-    try:
-        run = find_run(run_name, runs)
+    with input_errors("replay", as_json=as_json):
+        path = find_run(run, runs)
         if as_json or not console.is_terminal:
-            comparison = replay(run)
+            comparison = replay(path)
         else:
             with console.status("replaying ...") as status:
                 comparison = replay(
-                    run, lambda ticks: status.update(f"replaying, {ticks} ticks ...")
+                    path, lambda ticks: status.update(f"replaying, {ticks} ticks ...")
                 )
-    except INPUT_ERRORS as error:
-        return refuse("replay", error, as_json=as_json)
     if as_json:
-        report = {
-            "run": comparison.run,
-            "ticks": comparison.ticks,
-            "fields": comparison.fields,
-            "differences": [_without_nan(item._asdict()) for item in comparison.differences],
-            "requests": [request._asdict() for request in comparison.requests],
-            "absent": list(comparison.absent),
-            "finished": comparison.finished,
-            "same": comparison.identical,
-            "notice": comparison.notice,
-        }
-        print(json.dumps(report))
+        report = comparison._asdict() | {"same": comparison.identical}
+        print_json(json_value(report))
     else:
         _print_report(comparison)
-    return cli.OK if comparison.identical else cli.FAILED
+    return OK if comparison.identical else FAILED
 
 
-def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
-    """Replace NaN and infinity by None, as JSON requires."""
-    return {
-        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()
-    }
-
-
-def _print_report(comparison: "ReplayReport") -> None:
+def _print_report(comparison: ReplayReport) -> None:
     if comparison.notice:
         print(comparison.notice)
     for request in comparison.requests:

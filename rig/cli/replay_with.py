@@ -1,23 +1,23 @@
 """`rig replay RUN --with CAMPAIGN`: other rows in the waves of a run."""
 
-import json
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from rig import cli
 from rig.analysis.rows import COMPLETE
-from rig.cli.console import table_console
-from rig.cli.file_problems import INPUT_ERRORS, refuse
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.cli.output import print_json
 from rig.kinds.wavebot.campaign import open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.recording.runs import RunError
+from rig.presentation.console import table_console
+from rig.presentation.json_values import json_value
 from rig.stations import shown
 from rig.sweep.counterfactual import AmplitudeRange, CounterfactualResult, counterfactual_for_run
 
@@ -27,74 +27,64 @@ _MM_PER_M = 1000.0  # mm in a metre
 _LARGE_ERROR = 0.1  # share of gross power; such a model describes another device
 
 
-class ReplayOptions(NamedTuple):
-    """Options of `rig replay --with` apart from the run."""
-
-    campaign: Path
-    model: Path | None
-    by: str | None
-    runs: Path
-
-
-def main(run_name: Path, options: ReplayOptions, *, as_json: bool) -> int:
+def main(
+    run_name: Path,
+    runs: Path,
+    campaign_name: Path,
+    model_name: Path | None,
+    method: str | None,
+    *,
+    as_json: bool,
+) -> int:
     """Recover the waves, check the model on the logged rows, and simulate the campaign's rows.
 
     Returns the exit code.
     """
     console = Console(stderr=True, highlight=False)
-    try:
-        run = find_run(run_name, options.runs)
-        campaign = open_campaign(input_file(options.campaign, CAMPAIGNS), problems)
-        model = (
-            open_campaign(input_file(options.model, CAMPAIGNS), problems) if options.model else None
+    with (
+        input_errors("replay", as_json=as_json),
+        console.status("compiling or reading the compiled loop ...") as status,
+    ):
+        run = find_run(run_name, runs)
+        campaign = open_campaign(input_file(campaign_name, CAMPAIGNS), problems)
+        model = open_campaign(input_file(model_name, CAMPAIGNS), problems) if model_name else None
+
+        def show_progress(done: int, of: int) -> None:
+            status.update(f"simulated {done} of {of} rows ...")
+
+        result = counterfactual_for_run(
+            run, campaign, model=model, method=method, on_progress=show_progress
         )
-        with console.status("compiling or reading the compiled loop ...") as status:
-
-            def show_progress(done: int, of: int) -> None:
-                status.update(f"simulated {done} of {of} rows ...")
-
-            result = counterfactual_for_run(
-                run, campaign, model=model, method=options.by, on_progress=show_progress
-            )
-    except (*INPUT_ERRORS, RunError) as error:
-        return refuse("replay", error, as_json=as_json)
     if as_json:
-        print(json.dumps(_as_dict(result)))
+        print_json(_as_dict(result))
     else:
         _print_result(result, table_console())
-    return cli.OK if all(row.state == COMPLETE for row in result.rows) else cli.FAILED
+    return OK if all(row.state == COMPLETE for row in result.rows) else FAILED
 
 
 def _as_dict(result: CounterfactualResult) -> dict[str, Any]:
     """Return the result as JSON values; null for unknown values."""
     waves = result.waves
-    data = {
-        "run": result.run,
-        "campaign": result.campaign,
-        "waves": {
-            "by": waves.method,
-            "rows": waves.rows,
-            "periods": waves.periods,
-            "scatter_m": waves.scatter.tolist(),
-            "left_out": list(waves.skipped_rows),
-            **waves.description(),
-        },
-        "checked": [row._asdict() for row in result.comparisons],
-        "shares": {name: share._asdict() for name, share in result.shares.items()},
-        "spans": {name: span._asdict() for name, span in result.logged_ranges.items()},
-        "identified": {name: span._asdict() for name, span in result.identified_ranges.items()},
-        "rows": [row._asdict() for row in result.rows],
-    }
-    plain: dict[str, Any] = _finite(data)
-    return plain
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(inside) for key, inside in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inside) for inside in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    values: dict[str, Any] = json_value(
+        {
+            "run": result.run,
+            "campaign": result.campaign,
+            "waves": {
+                "by": waves.method,
+                "rows": waves.rows,
+                "periods": waves.periods,
+                "scatter_m": waves.scatter.tolist(),
+                "left_out": list(waves.skipped_rows),
+                **waves.description(),
+            },
+            "checked": result.comparisons,
+            "shares": result.shares,
+            "spans": result.logged_ranges,
+            "identified": result.identified_ranges,
+            "rows": result.rows,
+        }
+    )
+    return values
 
 
 def _print_result(result: CounterfactualResult, console: Console) -> None:

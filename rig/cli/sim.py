@@ -8,11 +8,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import Annotated
 
-from rig import cli
-from rig.cli.command_error import fail
-from rig.cli.file_problems import INPUT_ERRORS, refuse
+import typer
+
+from rig.cli.errors import fail, input_errors
+from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
+from rig.cli.options import WIRED_RIG_HELP
 from rig.cli.sim_view import emulated_devices, show
 from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import Wiring
@@ -23,22 +26,31 @@ from rig.kinds.rig_file import load_rig
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
 from rig.wires.job import WiringError
 
+EXIT_CODES = """\
+Exit codes: 0 ended by Ctrl-C; 1 an address is in use, or the devices failed; 2 bad input."""
 _POLL_INTERVAL_S = 0.05
 _STOP_TIMEOUT_S = 5.0
 
 
-def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
-    """Emulate the devices of a rig until Ctrl-C, and return the exit code."""
-    try:
+def command(
+    path: Annotated[Path, typer.Argument(metavar="RIG", help=WIRED_RIG_HELP)],
+    campaign: Annotated[
+        Path | None,
+        typer.Option("--campaign", help="Campaign that defines the sea (default: calm water)."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one line of JSON when ready.")
+    ] = False,
+) -> int:
+    """Emulate the devices of a wired rig, at the addresses of its rig file, until Ctrl-C."""
+    with input_errors("sim", as_json=as_json):
         rig, devices, sea = _open_devices(path, campaign)
         wiring = _checked_wiring(rig)
-    except INPUT_ERRORS as error:
-        return refuse("sim", error, as_json=as_json)
     if taken_addresses := occupied_addresses(
         wiring
     ):  # the devices check again, but only after their start
         busy = RuntimeError("\n".join(taken_addresses))
-        return fail("sim", busy, as_json=as_json, code=cli.FAILED)
+        return fail("sim", busy, as_json=as_json, code=FAILED)
     with (
         _stop_signals() as stop_requested,
         tempfile.TemporaryDirectory(prefix="rig-sim-") as folder,
@@ -51,9 +63,9 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
         except IoProcessError as error:
             io_processes.end(_STOP_TIMEOUT_S)
             if stop_requested():
-                return cli.OK
+                return OK
             message = str(error).removeprefix(f"{devices.name}: ")
-            return fail("sim", RuntimeError(message), as_json=as_json, code=cli.FAILED)
+            return fail("sim", RuntimeError(message), as_json=as_json, code=FAILED)
         try:
             show(rig.name, emulated_devices(wiring), sea, as_json=as_json)
             trouble = _wait_for_end(io_processes, stop_requested)
@@ -61,10 +73,10 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
             io_processes.end(_STOP_TIMEOUT_S)
     if trouble:
         print(f"rig sim: {trouble}", file=sys.stderr)
-        return cli.FAILED
+        return FAILED
     if not as_json:
         print("\nended; all addresses are free again", file=sys.stderr)
-    return cli.OK
+    return OK
 
 
 def _open_devices(path: Path, campaign: Path | None) -> tuple[BaseRigFile, IoProcess, str]:

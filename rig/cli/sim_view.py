@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.console import table_console
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, Wire, Wiring
+from rig.presentation.console import table_console
 
 
 class EmulatedDevice(NamedTuple):

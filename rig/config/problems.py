@@ -106,3 +106,12 @@ def format_line_numbers(numbers: Sequence[int]) -> str:
             ranges.append([number, number])
     text = ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in ranges)
     return f"line{'s' if len(numbers) > 1 else ''} {text}"
+
+
+def error_text(error: Exception) -> str:
+    """Return an error's text, without the quotes of a KeyError or the number of an OSError."""
+    if isinstance(error, KeyError) and error.args:
+        return str(error.args[0])
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)

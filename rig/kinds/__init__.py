@@ -2,11 +2,12 @@
 
 A kind is registered by an entry point of the group ``wec_rig.kinds``, whose name is the `kind` of a
 rig file and whose value is the name of a package. `ROOMS` lists the modules of such a package, its
-rooms, and the names in each; a room is imported when it is first used. The core
-names no kind: it finds one here and calls its rooms.
+rooms, and the names in each; `rig.kinds.interface` describes them. A room is imported when it is
+first used. The core names no kind: it finds one here and calls its rooms.
 """
 
 import importlib
+from contextlib import suppress
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -26,12 +27,11 @@ ROOMS = {
     "recorded": ("recorded_task",),
     "hardware.job": ("build_job",),
     "rehearsal.emulation": ("emulate_rig", "emulate_task"),
-    "tasks": ("rehearsal_mode", "wired_mode"),
+    "tasks": ("TaskFile", "examine", "execution_task", "rehearsal_mode", "wired_mode"),
+    "display": ("show_report", "plan_position", "detail_lines", "short_text", "total_duration"),
+    "products": ("PROGRESS", "NO_PRODUCTS", "after_run", "summarise", "draw"),
 }
-"""The modules of a kind's package and the names that the core uses.
-
-A kind whose campaigns can be swept has a room `simulation`, too (`rig.sweep.simulator`).
-"""
+"""The modules of a kind's package and the names that the core uses (`rig.kinds.interface`)."""
 
 
 class KindError(ValueError):
@@ -56,6 +56,14 @@ class RigKind(NamedTuple):
         Raises KindError if it cannot be imported.
         """
         return import_room(self.package, name)
+
+
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    name: str
+    module: str  # has the function `command`; imported when the command is used
+    help: str  # one sentence
 
 
 class RegisteredKind(NamedTuple):
@@ -95,6 +103,15 @@ def registered() -> tuple[RegisteredKind, ...]:
         problem = REGISTRY.duplicates(entry) or interface_problem(_kind(entry))
         listed.append(RegisteredKind(_kind(entry), problem))
     return tuple(listed)
+
+
+def commands() -> tuple[Command, ...]:
+    """Return the commands of all kinds that have the room `commands` and can be imported."""
+    found: list[Command] = []
+    for entry in REGISTRY.entries():
+        with suppress(KindError):
+            found += import_room(entry.module, "commands").COMMANDS
+    return tuple(found)
 
 
 def _kind(entry: Entry) -> RigKind:

@@ -25,7 +25,7 @@ from rig.analysis.comparison_table import as_json, as_text, write_csv
 from rig.analysis.differences import differences
 from rig.analysis.matching import TOLERANCES, Pair, match
 from rig.analysis.points import Matrix, Point
-from rig.cli import app
+from rig.cli.app import app
 from rig.config.columns import COLUMNS
 from rig.recording.runs.folder import RunInfo
 

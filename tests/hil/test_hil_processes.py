@@ -21,10 +21,9 @@ from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_u
 from benchmarks.support.process_faults import io_process_of
 from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from drivers.canopen.heartbeat import NmtState
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult
+from rig.execution.task import RunResult, run_task
 from rig.kinds.rig_file import load_rig
-from rig.kinds.wavebot.tasks import wired_mode
+from rig.kinds.wavebot.tasks import execution_task, wired_mode
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.processes.wire_locks import REALTIME_WIRE, acquire, wires_in
 from rig.realtime.safety import RUN
@@ -138,7 +137,12 @@ def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: 
     def first() -> RunResult:
         refused = pytest.raises(BusyError, match="taken by campaign first")
         with acquire((REALTIME_WIRE,), "campaign first"), refused:
-            run_campaign(on.campaign, on.plan, tmp_path, lambda snapshot: None, emulated_mode(on))
+            run_task(
+                execution_task(on.campaign, on.plan),
+                tmp_path,
+                lambda snapshot: None,
+                emulated_mode(on),
+            )
         return None  # type: ignore[return-value]
 
     when_free(first)
@@ -207,9 +211,8 @@ def test_a_refused_start_leaves_a_folder_with_the_reason(on: Stage, tmp_path: Pa
     on.control.request("restart")
     on.control.switch("heave", "wrong_kp")
     result = when_free(
-        lambda: run_campaign(
-            on.campaign,
-            on.plan,
+        lambda: run_task(
+            execution_task(on.campaign, on.plan),
             tmp_path,
             SilentView(),
             emulated_mode(on)._replace(io_processes=own_io_processes(on)),

@@ -14,7 +14,7 @@ from rig.kinds.oswec_bench.sessions.files import (
     open_session,
 )
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan, plan_session
-from rig.kinds.wavebot.campaign.check import format_duration
+from rig.presentation.phrases import format_duration
 
 
 class SessionReport(NamedTuple):
@@ -24,6 +24,16 @@ class SessionReport(NamedTuple):
     problems: tuple[Problem, ...]
     session: Session | None
     plan: SessionPlan | None
+
+    @property
+    def checked(self) -> Session | None:
+        """The session; None with problems."""
+        return self.session
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Warnings about a session that can nevertheless be run: there are none."""
+        return ()
 
     @property
     def ok(self) -> bool:

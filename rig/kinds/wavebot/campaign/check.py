@@ -21,6 +21,7 @@ from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.points import unused_row_warnings
 from rig.planning.windows import calibration_window, row_windows
+from rig.presentation.phrases import format_duration
 
 
 class CampaignPrediction(Protocol):
@@ -71,6 +72,11 @@ class CheckReport(NamedTuple):
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
     law_warnings: tuple[Problem, ...] = ()  # about the heave law
     not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
+
+    @property
+    def checked(self) -> Campaign | None:
+        """The campaign; None with problems."""
+        return self.campaign
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
@@ -255,15 +261,6 @@ def _count_text(count: int, thing: str) -> str:
 
 def _phase_label(phase: str) -> str:
     return phase.replace("_", "-")
-
-
-def format_duration(seconds: float) -> str:
-    """Return a duration as text in hours, minutes and seconds."""
-    minutes, rest = divmod(seconds, 60.0)
-    if minutes < 60.0:
-        return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.3g} s"
-    hours, minutes = divmod(minutes, 60.0)
-    return f"{hours:.0f} h {minutes:.0f} min {rest:.3g} s"
 
 
 def _power_sign_text(campaign: Campaign) -> str:

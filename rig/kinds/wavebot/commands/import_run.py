@@ -1,18 +1,18 @@
 """`rig import FILE`."""
 
-import json
-import sys
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
 from rig.cli.options import RUNS, Json, Runs
-
-if TYPE_CHECKING:
-    from rig.kinds.wavebot.mask4.windows import RowTiming
+from rig.cli.output import print_json
+from rig.kinds.wavebot.mask4.import_run import FileDescription, import_file, start_from_name
+from rig.kinds.wavebot.mask4.windows import RowTiming
 
 
 class Drive(StrEnum):
@@ -89,12 +89,9 @@ def command(
     ] = None,
     runs: Runs = RUNS,
     as_json: Json = False,
-) -> None:
+) -> int:
     """Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`."""
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.kinds.wavebot.mask4.import_run import FileDescription, import_file, start_from_name
-
-    try:
+    with input_errors("import", as_json=as_json):
         start = start_from_name(file) if started is None else datetime.fromisoformat(started)
         if start is None:
             raise ValueError(
@@ -110,15 +107,13 @@ def command(
             zeros.value,
         )
         imported = import_file(file, runs, description, drive.value if drive else None)
-    except INPUT_ERRORS as error:
-        sys.exit(refuse("import", error, as_json=as_json))
     if as_json:
         summary = {"run": str(imported.folder), "rows": imported.rows, "remarks": imported.remarks}
-        print(json.dumps({**summary, "written": [str(path) for path in imported.written]}))
-    else:
-        print(f"{imported.folder}: {imported.rows} rows")
-        for remark in imported.remarks:
-            print(f"  {remark}")
+        return print_json({**summary, "written": [str(path) for path in imported.written]})
+    print(f"{imported.folder}: {imported.rows} rows")
+    for remark in imported.remarks:
+        print(f"  {remark}")
+    return OK
 
 
 def _timing(
@@ -129,13 +124,11 @@ def _timing(
     measure: float | None,
     *,
     irregular: bool,
-) -> "tuple[RowTiming | None, float | None]":
+) -> tuple[RowTiming | None, float | None]:
     """Return the row timing for the kind of sea, and the repeat period of the sea (s).
 
     Default timings are those of the MASK4 report (Sandia), 3.2.3.
     """
-    from rig.kinds.wavebot.mask4.windows import RowTiming
-
     if frequency is not None and irregular:
         raise ValueError(
             "--frequency-hz is for regular waves, --irregular for irregular ones; give one of them"

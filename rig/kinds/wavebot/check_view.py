@@ -10,17 +10,17 @@ from rich.table import Table
 from rich.text import Text
 
 from controllers.law import Column as LawColumn
-from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
 from rig.design.margin import tightest
 from rig.kinds.wavebot.campaign import CheckReport
-from rig.kinds.wavebot.campaign.check import format_duration
 from rig.kinds.wavebot.predictions import (
     PREDICTED_STATIONS,
     Prediction,
     RowPrediction,
     Travel,
 )
+from rig.presentation.console import WIDTH, table_console
+from rig.presentation.phrases import format_duration
 from rig.stations import shown
 
 ROWS_SHOWN = 8  # without --rows

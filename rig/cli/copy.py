@@ -2,9 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Annotated
 
-from rig import cli
-from rig.cli.file_problems import INPUT_ERRORS, refuse
+import typer
+
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.options import Json
 from rig.config.shipped_copy import copy_files
 from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_shipped
 
@@ -15,13 +19,24 @@ _NEXT_COMMANDS = {
 }
 
 
-def main(name: str, folder: Path, *, keep_existing: bool, as_json: bool) -> int:
-    """Copy a shipped file and its input files, print their names, and return the exit code."""
-    try:
+def command(
+    name: Annotated[
+        str, typer.Argument(help="Shipped campaign, session or rig; see `rig campaigns`.")
+    ],
+    folder: Annotated[Path, typer.Option("--to", help="Folder to write to.")] = Path(),
+    keep_existing: Annotated[
+        bool, typer.Option("--keep-existing", help="Leave files that exist as they are.")
+    ] = False,
+    as_json: Json = False,
+) -> int:
+    """Copy a shipped campaign, session or rig, and all files that it refers to, for editing.
+
+    The files keep their folders (campaigns, rigs, limits, plants), so that
+    they refer to each other. The command never overwrites a file.
+    """
+    with input_errors("copy", as_json=as_json):
         shipped = find_shipped(name, CAMPAIGNS, SESSIONS, RIGS)
         copied = copy_files(shipped.path, folder, keep_existing=keep_existing)
-    except INPUT_ERRORS as error:
-        return refuse("copy", error, as_json=as_json)
     if as_json:
         report = {
             "file": str(copied.main),
@@ -29,7 +44,7 @@ def main(name: str, folder: Path, *, keep_existing: bool, as_json: bool) -> int:
             "kept": [str(path) for path in copied.kept],
         }
         print(json.dumps(report))
-        return cli.OK
+        return OK
     for path in copied.written:
         print(f"written  {path}")
     for path in copied.kept:
@@ -37,4 +52,4 @@ def main(name: str, folder: Path, *, keep_existing: bool, as_json: bool) -> int:
     print(f"\nedit {copied.main} and the files that it names; then")
     for command in _NEXT_COMMANDS[shipped.kind]:
         print(f"  {command.format(copied.main)}")
-    return cli.OK
+    return OK

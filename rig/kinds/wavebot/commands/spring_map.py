@@ -1,16 +1,20 @@
 """`rig spring-map RUN`: map of the magnetic spring, and its calibration for the positioner."""
 
-import json
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+import xarray
 
+from rig.cli.errors import INPUT_ERRORS, fail, input_errors
+from rig.cli.exit_codes import FAILED, OK
+from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import CALIBRATIONS, RUNS, Calibrations, IncompleteRows, Json, Run, Runs
-
-if TYPE_CHECKING:
-    import xarray
+from rig.cli.output import print_json
+from rig.kinds.wavebot.spring_map.files import safe_strokes, write_calibration, write_map
+from rig.kinds.wavebot.spring_map.pictures import write_pictures
+from rig.kinds.wavebot.spring_map.result import findings, spring_map
+from rig.recording.calibration import open_history
 
 _TABLE_HEADER = "stator %   rate N/m     ±95 %   column    small  Tp N·m   f Hz  reverses at m"
 
@@ -27,74 +31,45 @@ def command(
     ] = None,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
+    as_json: Json = False,
+) -> int:
     """Map the magnetic spring from a hoist campaign, and write the map as a calibration file.
 
     A rig file uses the calibration with `spring_map: FILE`, which replaces
     its `spring.map`.
     """
-    incomplete = incomplete_rows
-    sys.exit(main(run, runs, name, calibrations, output, incomplete_rows=incomplete, as_json=json))
-
-
-def main(
-    run_name: Path,
-    runs: Path,
-    name: str,
-    calibrations: Path,
-    output: Path | None,
-    *,
-    incomplete_rows: bool,
-    as_json: bool,
-) -> int:
-    """Write the map, its pictures and its calibration, and return the exit code."""
-    from rig import cli
-    from rig.cli.command_error import fail
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.cli.find_run import find_run
-    from rig.kinds.wavebot.spring_map.files import write_calibration, write_map
-    from rig.kinds.wavebot.spring_map.pictures import write_pictures
-    from rig.kinds.wavebot.spring_map.result import findings, spring_map
-    from rig.recording.runs import RunError
-
-    try:
-        run = find_run(run_name, runs)
+    with input_errors("spring-map", as_json=as_json):
+        path = find_run(run, runs)
         newest_version = _newest_version(name, calibrations)
-        table = spring_map(run, incomplete_rows=incomplete_rows)
-        folder = output or (run if run.is_dir() else run.parent)
+        table = spring_map(path, incomplete_rows=incomplete_rows)
+        folder = output or run_folder(path)
         folder.mkdir(parents=True, exist_ok=True)
         written = [*write_map(table, folder), *write_pictures(table, folder)]
-    except (*INPUT_ERRORS, RunError) as error:
-        return refuse("spring-map", error, as_json=as_json)
     if not as_json:
         print(_table_text(table))
         print("\n" + "\n".join(findings(table)))
-    path = folder / f"{name}_v{1 if newest_version is None else newest_version + 1}.yaml"
+    file = folder / f"{name}_v{1 if newest_version is None else newest_version + 1}.yaml"
     try:
-        calibration = write_calibration(table, path, name, newest_version)
-    except (*INPUT_ERRORS, RunError) as error:
-        return fail("spring-map", error, as_json=as_json, code=cli.FAILED)
-    written.append(path)
+        calibration = write_calibration(table, file, name, newest_version)
+    except INPUT_ERRORS as error:
+        return fail("spring-map", error, as_json=as_json, code=FAILED)
+    written.append(file)
     if as_json:
-        print(json.dumps(_as_dict(table, findings(table), calibration.file.title, written)))
-    else:
-        print("\n" + "\n".join(str(path) for path in written))
-        print(f"to use the map, write in the rig file   spring_map: {path.name}")
-    return cli.OK
+        return print_json(_as_dict(table, calibration.file.title, written))
+    print("\n" + "\n".join(str(each) for each in written))
+    print(f"to use the map, write in the rig file   spring_map: {file.name}")
+    return OK
 
 
 def _newest_version(name: str, folder: Path) -> int | None:
     """Return the newest version of the named calibration; None if there is none yet."""
-    from rig.recording.calibration import open_history
-
     if not folder.is_dir():
         return None
     chain = open_history(folder).chain(name)
     return chain[-1].file.version if chain else None
 
 
-def _table_text(table: "xarray.Dataset") -> str:
+def _table_text(table: xarray.Dataset) -> str:
     lines = [_TABLE_HEADER]
     for i in range(table.sizes["station"]):
         station = table.isel(station=i)
@@ -108,11 +83,7 @@ def _table_text(table: "xarray.Dataset") -> str:
     return "\n".join(lines).replace("inf", "  -").replace("nan", "  -")
 
 
-def _as_dict(
-    table: "xarray.Dataset", findings_text: list[str], calibration: str, written: list[Path]
-) -> dict[str, Any]:
-    from rig.kinds.wavebot.spring_map.files import safe_strokes
-
+def _as_dict(table: xarray.Dataset, calibration: str, written: list[Path]) -> dict[str, Any]:
     def numbers(name: str) -> list[float | None]:
         values = table[name].values.tolist()
         return [value if abs(value) < float("inf") else None for value in values]
@@ -121,7 +92,7 @@ def _as_dict(
              "natural_frequency", "reversal_stroke")  # fmt: skip
     return {
         "stations": {name: numbers(name) for name in names} | {"stroke_m": safe_strokes(table)},
-        "findings": findings_text,
+        "findings": findings(table),
         "calibration": calibration,
         "written": [str(path) for path in written],
     }

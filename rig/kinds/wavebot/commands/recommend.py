@@ -1,14 +1,21 @@
 """`rig recommend RUNS`: the next gain matrix."""
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rig.cli.calibration_dates import warn_of_expired
+from rig.cli.errors import input_errors
+from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
-from rig.cli.twin import PLANT_HELP, PROBE_HELP
+from rig.cli.output import print_result
+from rig.kinds.wavebot.commands.twin import PLANT_HELP, PROBE_HELP
+from rig.kinds.wavebot.recommend import report
+from rig.kinds.wavebot.recommend.picture import write_surfaces
+from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
+from rig.kinds.wavebot.recommend.set_points import STATIONS as PREDICTED
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import find, option_names, shown
 
@@ -16,8 +23,6 @@ _RUNS = (
     "A run in calm water with an open-loop reference, then later runs in waves and wave "
     "calibrations. Each as folder, MCAP file, id, campaign, or 'last'."
 )
-
-
 _NAMES = ", ".join(option_names(shown(STATIONS)))
 
 
@@ -44,66 +49,27 @@ def command(
     pictures: Annotated[bool, typer.Option(help="Draw the predicted power.")] = True,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
+    as_json: Json = False,
+) -> int:
     """Recommend gains: best settings for a sea, and a campaign file of the rows to run next.
 
     Run this campaign and add its run to RUNS: the next recommendation then
     uses its rows.
     """
-    from rig.kinds.wavebot.recommend.recommendation import RecommendOptions
-    from rig.kinds.wavebot.recommend.set_points import STATIONS as PREDICTED
-
     try:
         station = find(PREDICTED, best)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
-    options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)
-    sys.exit(main(run_names, runs, options, output, pictures=pictures, as_json=json))
-
-
-def main(
-    run_names: list[Path],
-    runs: Path,
-    options: object,
-    output: Path | None,
-    *,
-    pictures: bool,
-    as_json: bool,
-) -> int:
-    """Recommend gains, write campaign, JSON, twin and picture, print the tables."""
-    from rig import cli
-    from rig.cli import calibration_dates
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.cli.find_run import find_run
-    from rig.cli.input_files import CAMPAIGNS, input_file
-    from rig.kinds.wavebot.recommend import report
-    from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
-
-    assert isinstance(options, RecommendOptions)
-    try:
+    with input_errors("recommend", as_json=as_json):
         paths = [find_run(name, runs) for name in run_names]
-        if options.campaign is not None:
-            options = options._replace(campaign=input_file(options.campaign, CAMPAIGNS))
-        first_run = paths[0] if paths[0].is_dir() else paths[0].parent
-        folder = output.parent if output else first_run / "recommendation"
+        if campaign is not None:
+            campaign = input_file(campaign, CAMPAIGNS)
+        options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)
+        folder = output.parent if output else run_folder(paths[0]) / "recommendation"
         recommendation = recommend(paths, options, folder)
         written = report.write(recommendation, folder, output)
         if pictures:
-            from rig.kinds.wavebot.recommend.picture import write_surfaces
-
             written.append(write_surfaces(recommendation, folder / "recommendation.png"))
-    except INPUT_ERRORS as error:
-        return refuse("recommend", error, as_json=as_json)
-    warnings = calibration_dates.warn_of_expired(recommendation.campaign, quiet=as_json)
-    if as_json:
-        written_to = [str(path) for path in written]
-        print(
-            json.dumps(
-                {**report.as_dict(recommendation), "written": written_to, "warnings": warnings}
-            )
-        )
-        return cli.OK
-    print(report.as_text(recommendation))
-    print("\n" + "\n".join(str(path) for path in written))
-    return cli.OK
+    warnings = warn_of_expired(recommendation.campaign, quiet=as_json)
+    values = report.as_dict(recommendation) | {"warnings": warnings}
+    return print_result(values, report.as_text(recommendation), written, as_json=as_json)

@@ -6,29 +6,26 @@ from controllers.signals import Demand, Estimate
 from rig.compilation import lifting
 from rig.compilation.cache_folder import cached_json
 from rig.design.law_params import law_params
-from rig.kinds.wavebot.campaign import Campaign, Plan
-from rig.laws import helper_modules
+from rig.laws import Law, helper_modules
 
 _RAMP = 0.1  # s; the compiled code does not depend on it
 
 
-def compilation_problem(campaign: Campaign, planned: Plan) -> str:
-    """Return in one line why the law cannot be compiled; empty if it can.
+def compilation_problem(law: Law, settings: Any, dt: float) -> str:
+    """Return in one line why a law with its settings cannot be compiled; empty if it can.
 
-    The answer is kept for the law's source, because compiling takes seconds.
+    The answer is kept for the law's source, because compiling takes seconds. ``dt``: s.
     """
-    law = campaign.law
-    source = repr((law.sha256, type(planned.setpoints.law)._fields))
+    source = repr((law.sha256, law.module.SetPoint._fields))
     path = lifting.cache_folder(source, helper_modules(law)) / "compilation.json"
     answer = cached_json(
-        path, lambda: {"problem": _compile(campaign, planned)}, lambda answer: "problem" in answer
+        path, lambda: {"problem": _compile(law, settings, dt)}, lambda answer: "problem" in answer
     )
     return str(answer["problem"])
 
 
-def _compile(campaign: Campaign, planned: Plan) -> str:
-    law, dt = campaign.law, planned.dt
-    params = law_params(law, campaign.file.law, _RAMP, dt)
+def _compile(law: Law, settings: Any, dt: float) -> str:
+    params = law_params(law, settings, _RAMP, dt)
     state = law.module.start(params)
     set_point = law.module.SetPoint(*(0.0 for _ in law.columns))
     lifting.lift(helper_modules(law))

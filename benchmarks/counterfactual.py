@@ -15,9 +15,11 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
+from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import reduce_window
 from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
@@ -108,7 +110,9 @@ def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
         subject = subject or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
         for window in subject.simulate(planned, stator=row.stator_position):
-            means = reduce_window(window, period / planned.dt if period else None, STATIONS)
+            means = reduce_window(
+                window, period / planned.dt if period else None, row_contents(LAW_COLUMNS)
+            )
             settings = {**row.setting._asdict(), "stator": row.stator_position}
             columns = np.array([window.data[name] for name in window.data.dtype.names])
             yield (

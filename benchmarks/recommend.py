@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 from scipy.optimize import minimize
 
 from benchmarks.support.result import Figure, Result, figure
+from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import COMPLETE, reduce_window
 from rig.execution.task import run_task
 from rig.kinds.wavebot.campaign import build_plan, check_campaign, open_campaign
@@ -23,9 +24,9 @@ from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend import report
 from rig.kinds.wavebot.recommend.recommendation import Recommendation, RecommendOptions, recommend
 from rig.kinds.wavebot.recommend.set_points import Gains
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period, row_windows
 from rig.sweep.cases import single_row_campaign
@@ -79,7 +80,7 @@ class Truth:
             single_row_campaign(self.campaign.file, LEAD_IN), self.campaign.rig, (point,)
         )
         for window in self._subject.simulate(planned, stator=planned.rows[0].stator_position):
-            row = reduce_window(window, self._ticks, STATIONS)
+            row = reduce_window(window, self._ticks, row_contents(LAW_COLUMNS))
             if row["state"] == COMPLETE:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}
         return nothing

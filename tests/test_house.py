@@ -254,15 +254,13 @@ KIND_NAMES = re.compile(
     r"wavebot|oswec|(?<![a-z])(heave|surge|stator|flap|lcb|trs|string_pot)(?![a-z])", re.IGNORECASE
 )
 FILES_WITH_KIND_NAMES = {
-    "analysis/alarms.py", "analysis/calibrated.py", "analysis/differences.py", "analysis/page.py",
-    "analysis/points.py", "analysis/quality.py", "analysis/rows.py", "analysis/slices.py",
-    "analysis/summary.py", "analysis/surfaces.py", "analysis/traces.py",
-    "cli/calibration_dates.py", "cli/export.py", "cli/matrix.py", "cli/replay.py", "cli/testlog.py",
-    "config/calibration_file.py", "config/columns.py", "config/reference.py",
-    "design/law_params.py", "identification/experiments.py", "identification/identify.py",
-    "identification/impedances.py", "presentation/phrases.py", "recording/calibration/sources.py",
-    "recording/runs/folder.py", "sweep/cases.py", "sweep/counterfactual.py", "sweep/parameters.py",
-    "sweep/result.py", "sweep/simulator.py", "sweep/sweep.py",
+    "analysis/differences.py", "cli/calibration_dates.py", "cli/export.py", "cli/matrix.py",
+    "cli/replay.py", "cli/testlog.py", "config/calibration_file.py", "config/reference.py",
+    "identification/drag.py", "identification/excitation.py", "identification/experiments.py",
+    "identification/identify.py", "identification/impedances.py", "identification/pictures.py",
+    "interop/tables.py", "recording/calibration/sources.py", "recording/runs/mcap_file.py",
+    "sweep/cases.py", "sweep/counterfactual.py", "sweep/parameters.py", "sweep/result.py",
+    "sweep/simulator.py", "sweep/sweep.py", "wires/messages.py",
 }  # fmt: skip
 
 

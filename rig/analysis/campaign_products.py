@@ -12,16 +12,16 @@ import xarray
 
 from rig.analysis import report, summary
 from rig.analysis.bars import write_bars
-from rig.analysis.labels import column
 from rig.analysis.points import gain_matrix, varied_columns
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
+from rig.analysis.slices import law_axes
 from rig.analysis.surfaces import write_sliced
-from rig.config.columns import REQUIRED_COLUMNS
 from rig.config.problems import error_text
 from rig.processes.run_types import Outcome
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError
+from rig.row_contents import find_column, main_columns
 
 WriteProducts = Callable[..., list[Path]]
 """Writes all products of a run, as `rig.analysis.report.write_products`."""
@@ -82,25 +82,27 @@ def draw(
 
 
 def _draw_surface(table: xarray.Dataset, folder: Path, options: DrawOptions) -> Path:
-    names = options.surface or ("ki", "kp")
-    x, y = column(names[0]), column(names[1])
-    varying = varied_columns(gain_matrix(table))
+    matrix = gain_matrix(table)
+    x, y = law_axes(matrix)
+    if options.surface is not None:
+        x, y = (find_column(matrix.columns, name) for name in options.surface)
+    varying = varied_columns(matrix)
     for axis in (x, y):
-        if axis not in (*varying, *REQUIRED_COLUMNS):
+        if axis not in (*varying, *main_columns(matrix.columns)):
             available = ", ".join(c.name for c in varying) or "nothing"
             raise ValueError(f"{axis.name} does not vary in this run; these vary: {available}")
     other_columns = [c for c in varying if c not in (x, y)]
     fixed_values = {}
     for argument in options.left_out:
         name, _, value = argument.partition("=")
-        left_out_column = column(name)
+        left_out_column = find_column(matrix.columns, name)
         if left_out_column not in other_columns:
             available = ", ".join(c.name for c in other_columns) or "none"
             raise ValueError(f"{name} cannot be left out; besides the axes these vary: {available}")
         if value:
             fixed_values[left_out_column.name] = _parse_value(argument, value)
     picture = options.output or folder / f"surface_{x.name}_{y.name}.png"
-    return write_sliced(table, picture, x, y, fixed_values, options.stations)
+    return write_sliced(table, picture, (x, y), fixed_values, options.stations)
 
 
 def _parse_value(argument: str, value: str) -> float:

@@ -3,26 +3,23 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import xarray
 
 from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.calibration_picture import write_picture
-from rig.analysis.effects_table import all_effects, write_effects
+from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix
-from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-from rig.analysis.rows_file import write_rows
-from rig.analysis.run_columns import plan_columns
+from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
-from rig.config.columns import OTHER_COLUMNS, SPRING_COLUMN
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, mcap_file, reader
-from rig.recording.runs.folder import run_info
+from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordState
+from rig.row_contents import LAW, X, Y
 from rig.spectra import wave_calibration
 
 OPEN_LOOP = "Excited by an open-loop reference"
@@ -53,20 +50,21 @@ def summarise_rows(
     summary = summary._replace(
         record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
     )
-    if has_excitation(run_facts.plan):
+    if has_excitation(run_facts):
         findings = (str(run_facts.plan["reference"].get("words", "")), IDENTIFY_HINT)
         summary = summary._replace(optima=(), effects=(), findings_of=OPEN_LOOP, findings=findings)
     return table, summary
 
 
-def has_excitation(plan: dict[str, Any]) -> bool:
-    """Return whether a plan is an open-loop test: it has a reference, and its gains are constant.
+def has_excitation(run_facts: RunInfo) -> bool:
+    """Return whether a run is an open-loop test: it has a reference, and its gains are constant.
 
     Its powers are those of the excitation, so it has no best points.
     """
+    plan = run_facts.plan
     rows = plan.get("rows") or []
-    others = {column.name for column in (SPRING_COLUMN, *OTHER_COLUMNS)}
-    names = [column.name for column in plan_columns(plan) if column.name not in others]
+    columns = run_facts.row_contents.columns
+    names = [column.name for column in columns if column.role in (X, Y, LAW)]
     gains = {tuple(row.get(name) for name in names) for row in rows}
     return isinstance(plan.get("reference"), dict) and len(gains) == 1
 

@@ -10,13 +10,14 @@ import typer
 from rig.analysis import comparison_table
 from rig.analysis.comparison import compare
 from rig.analysis.comparison_picture import write_comparison
-from rig.analysis.labels import column
 from rig.cli.errors import input_errors
 from rig.cli.exit_codes import OK
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
 from rig.cli.output import print_json
 from rig.config.problems import error_text
+from rig.recording.runs import run_info
+from rig.row_contents import Column, find_column, union
 
 
 def command(
@@ -41,14 +42,13 @@ def command(
     """Compare two runs of one matrix: differing settings, then power point by point, B minus A."""
     with input_errors("compare", as_json=as_json):
         first, second = find_run(a, runs), find_run(b, runs)
-        comparison = compare(
-            first, second, _parse_values(tolerance or []), incomplete_rows=incomplete_rows
-        )
+        columns = union(*(run_info(run).row_contents.columns for run in (first, second)))
+        limits, fixed = (_parse_values(each or [], columns) for each in (tolerance, left_out))
+        comparison = compare(first, second, limits, incomplete_rows=incomplete_rows)
         picture = output or run_folder(second) / f"compared_with_{comparison.a.run}.png"
         written = [comparison_table.write_csv(comparison, picture.with_suffix(".csv"))]
         if comparison.matched.pairs:
-            values = _parse_values(left_out or [])
-            written.append(write_comparison(comparison, picture, values))
+            written.append(write_comparison(comparison, picture, fixed))
     names = [str(path) for path in written]
     if as_json:
         return print_json({**comparison_table.as_json(comparison), "written": names})
@@ -59,7 +59,7 @@ def command(
     return OK
 
 
-def _parse_values(arguments: list[str]) -> dict[str, float]:
+def _parse_values(arguments: list[str], columns: tuple[Column, ...]) -> dict[str, float]:
     """Parse COLUMN=VALUE arguments into values by column name.
 
     Raises ValueError if an argument has no finite number or names an unknown column.
@@ -74,7 +74,7 @@ def _parse_values(arguments: list[str]) -> dict[str, float]:
         if not math.isfinite(value):
             raise ValueError(f"{argument}: write COLUMN=VALUE, the value in SI units")
         try:
-            values[column(name).name] = value
+            values[find_column(columns, name).name] = value
         except KeyError as error:
             raise ValueError(f"{argument}: {error_text(error)}") from None
     return values

@@ -18,6 +18,7 @@ from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, matrix, stepped
 from rig.interop.legacy.columns import SPRING
 from rig.interop.legacy.matrix import GainMatrix
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.recording.calibration import apply_calibration
 
 _OPTIONS = {
@@ -226,7 +227,7 @@ def _read_mask4(options: MatrixOptions) -> MatrixReading:
         "notes": notes,
         "matrix": converted._asdict(),
     }
-    if options.to is not None and (problems := source.problems(converted)):
+    if options.to is not None and (problems := source.problems(converted, COLUMNS)):
         raise ConfigError(problems)
     return MatrixReading(lines, facts, converted, [f"from {source.path.name} (MASK4)", *notes], [])
 
@@ -308,7 +309,7 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
         lines.append(f"signs      {message}")
         return MatrixReading(lines, facts, None, [], [])
     statement = stepped.SourceRig(**statement_values)
-    converted = stepped.convert(source, statement)
+    converted = stepped.convert(source, statement, COLUMNS)
     factor = stepped.force_per_gain(source.style, statement)
     lines.append(f"signs      {statement.description()}, gains times {format_number(factor)}")
     lines.append(f"matrix     {matrix.summary(converted)}")
@@ -352,7 +353,7 @@ def _write(
         if file.exists() and not force:
             raise ValueError(f"{file} exists; --force overwrites it")
         converted, rows_after_end = matrix.read_csv(source)
-        rows = mask4.write(file, converted, header=header)
+        rows = mask4.write(file, converted, COLUMNS, header=header)
     if as_json:
         facts = {
             "written": str(file),

@@ -162,7 +162,7 @@ def _replay_with(
     if as_json:
         print_json(_as_dict(result))
     else:
-        stations = shown(simulation_of(campaign).STATIONS)
+        stations = shown(simulation_of(campaign).row_contents(campaign).stations)
         headings = {station.name: station.heading for station in stations}
         _print_prediction(result, headings, table_console())
     return OK if all(row.state == COMPLETE for row in result.rows) else FAILED

@@ -11,18 +11,18 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from rig.analysis.run_columns import table_columns
+from rig.analysis.rows import columns_of
 from rig.cli import calibration_dates
 from rig.cli.errors import fail, input_errors
 from rig.cli.exit_codes import FAILED, OK, STOPPED
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.output import print_json
-from rig.config.columns import OTHER_COLUMNS
 from rig.config.problems import error_text
 from rig.presentation.phrases import clock_text, format_power
 from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
+from rig.row_contents import LAW, PANEL, X, Y
 from rig.stations import Station, find
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep import result as results
@@ -33,7 +33,7 @@ from rig.sweep.simulator import simulation_of
 if TYPE_CHECKING:
     import xarray
 
-    from rig.config.columns import Column
+    from rig.row_contents import Column
 
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
 _COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
@@ -123,7 +123,7 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
     if as_json:
         print_json(result)
     else:
-        _print_result(result, simulation_of(opened.campaign).STATIONS)
+        _print_result(result, _stations(opened.campaign))
     return FAILED if result["failed"] else OK
 
 
@@ -189,7 +189,7 @@ def _result_as_dict(
         "failed": reasons,
         "best": {
             station.name: best
-            for station in simulation_of(opened.campaign).STATIONS
+            for station in _stations(opened.campaign)
             if (best := _best_row(table, station.name))
         },
     }
@@ -207,15 +207,22 @@ def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
     row: Any = table.isel(place)
     inputs = [
         *map(str, table.sizes),
-        *(each.name for each in table_columns(table) if _is_gain(each, row)),
+        *(each.name for each in columns_of(table) if _is_gain(each, table, row)),
     ]
     values = {key: row[key].values.item() for key in inputs}
     return {"power_w": row[name].values.item(), **values}
 
 
-def _is_gain(column: "Column", row: Any) -> bool:
-    """Return whether a row has a column that describes its set point; Km, mostly 0, does not."""
-    return column.name in row and column not in OTHER_COLUMNS and column.name != "km"
+def _stations(campaign: Any) -> tuple[Station, ...]:
+    """Return the power stations of a campaign's rig."""
+    return simulation_of(campaign).row_contents(campaign).stations
+
+
+def _is_gain(column: "Column", table: "xarray.Dataset", row: Any) -> bool:
+    """Return whether a column is a gain of a row: a main one, or one of the law that is in use."""
+    if column.name not in row or column.role not in (PANEL, X, Y, LAW):
+        return False
+    return column.role != LAW or bool(table[column.name].values.any())
 
 
 def _print_result(result: dict[str, Any], stations: tuple[Station, ...]) -> None:

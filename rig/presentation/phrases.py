@@ -52,11 +52,6 @@ def format_utc(text: str) -> str:
     return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def spring_text(rate: float, stator: float) -> str:
-    """Return spring rate (N/m) and stator position (%) as the title of a panel."""
-    return f"spring {format_signed(rate)} N/m, stator {format_signed(stator)} %"
-
-
 def clock_text(seconds: float) -> str:
     """Return seconds as h:mm:ss or m:ss."""
     rounded = max(0, round(seconds))

@@ -4,8 +4,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from rig import laws, stations
-from rig.config.columns import columns_with_law
+from rig import laws
 from rig.config.problems import Problem
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, CheckReport, Plan, check_campaign, resolved_config
@@ -14,8 +13,8 @@ from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.predictions import predict as predict_rows
 from rig.kinds.wavebot.predictions import unpredicted_reason
 from rig.kinds.wavebot.rehearsal import emulation, job
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import kind_with_law
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig
@@ -114,13 +113,12 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
             }
             for r in plan.rows
         ],
-        "columns": [column._asdict() for column in columns_with_law(campaign.law.columns)],
         "device": campaign.file.device,
         "repeat_s": repeat_period(sea),
         "sea": sea.model_dump(mode="json") | {"words": sea.description()},
         "reference": _reference_record(campaign),
         "hoist": _hoist_record(campaign),
-        "stations": stations.as_records(STATIONS),
+        **row_contents(campaign.law.columns).as_records(),
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }

@@ -18,6 +18,7 @@ from rig.kinds.wavebot.campaign.law_trial import trial_problems
 from rig.kinds.wavebot.campaign.plan import Plan, build_plan
 from rig.kinds.wavebot.campaign.validity import validity_warnings
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.points import unused_row_warnings
 from rig.planning.windows import calibration_window, row_windows
 from rig.presentation.phrases import format_duration
@@ -214,7 +215,7 @@ def check_campaign(
         return CheckReport(path, error.problems, None, None)
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     out_of_date = validity_warnings(campaign, day) if day is not None else ()
-    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, campaign.law)
+    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, COLUMNS, campaign.law)
     failed_trials = tuple(trial_problems(campaign, planned))
     if failed_trials:
         return CheckReport(path, failed_trials, None, None)

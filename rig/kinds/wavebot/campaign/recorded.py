@@ -4,11 +4,11 @@ import hashlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.columns import columns_with_law
 from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
 from rig.config.limits_file import complete_limits
 from rig.config.reference import RecordedReference
 from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.config.limits_file import LATER_LIMITS, LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.laws import Law, LawError, find, load_source
@@ -37,7 +37,7 @@ def campaign_from_record(config: dict[str, Any], law_source: bytes = b"") -> Rec
     """
     law = law_from_record(config, law_source)
     file = campaign_model(law).model_validate(config["campaign"])
-    columns = columns_with_law(law.columns)
+    columns = COLUMNS.with_law(law.columns)
     return RecordedCampaign(
         file,
         RigFile.model_validate(config["rig"]),

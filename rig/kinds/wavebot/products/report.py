@@ -6,8 +6,7 @@ from pathlib import Path
 import xarray
 
 from rig.analysis import report
-from rig.analysis.rows import MEAN_POSITION_ALARM
-from rig.analysis.rows_file import write_rows
+from rig.analysis.rows import MEAN_POSITION_ALARM, write_rows
 from rig.analysis.summary import Summary, write_texts
 from rig.kinds.wavebot.spring_map import result
 from rig.kinds.wavebot.spring_map.files import write_map

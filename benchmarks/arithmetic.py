@@ -22,6 +22,7 @@ from benchmarks.support.integrated import Floats, Model, continuous, sampled
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
 from controllers import biquads, blocks, impedance
+from controllers.signals import Gains
 from rig.compilation import lifting
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal import job
@@ -106,7 +107,7 @@ def model(folder: Path) -> Model:
         begin.state.stator.position,
         begin.state.stator.position + TARGET,
         params.pto.force_per_current,
-        impedance.Gains(KP, KI, 0.0),
+        Gains(KP, KI, 0.0),
         RAMP,
         dt,
     )

@@ -18,6 +18,7 @@ from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.recording.runs import reader
+from rig.recording.runs.folder import run_info
 from rig.recording.runs.windows import read_windows
 from rig.stations import station_names
 
@@ -50,7 +51,9 @@ def compare(campaign: Path, run: Path) -> RowComparison:
     assert report.plan is not None
     ticks = iter(CampaignSimulator(report.campaign, report.plan).simulate(report.plan))
     rows = numbers = differing = unlike = 0
-    for theirs in read_windows(reader.open_files(run), list(KEPT_FIELDS)):
+    source = reader.open_files(run)
+    plan = run_info(run, source.contents).plan
+    for theirs in read_windows(source, list(KEPT_FIELDS), plan):
         ours = next(ticks, None)
         rows += 1
         if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):

@@ -18,7 +18,11 @@ from benchmarks.support.result import Result, figure
 from rig.analysis.rows import reduce_window
 from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
-from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.simulation.simulation import (
+    KEPT_FIELDS,
+    CampaignSimulator,
+    WindowColumns,
+)
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
@@ -110,28 +114,12 @@ def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
         for window in subject.simulate(planned, stator=row.stator_position):
             means = reduce_window(window, period / planned.dt if period else None, STATIONS)
             settings = {**row.setting._asdict(), "stator": row.stator_position}
-            columns = np.array([window.data[name] for name in window.data.dtype.names])
+            # A copy, because the simulator overwrites the columns in its next row.
+            data: Any = WindowColumns(np.array([window.data[name] for name in KEPT_FIELDS]))
             yield (
                 {**means, **settings, "row": number, "point": number},
-                window._replace(row=number, data=StoredTicks(window.data.dtype, columns)),  # type: ignore[arg-type]
+                window._replace(row=number, data=data),
             )
-
-
-class StoredTicks:
-    """Copy of a window's ticks, which stays when the simulator runs the next row."""
-
-    def __init__(self, dtype: np.dtype[Any], columns: np.ndarray[Any, Any]) -> None:
-        self.dtype = dtype
-        self._columns = columns
-
-    def __len__(self) -> int:
-        return int(self._columns.shape[1])
-
-    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        names = self.dtype.names
-        assert names is not None
-        column = self._columns[names.index(name)]
-        return column if self.dtype[name].kind == "f" else column.astype(np.int64)
 
 
 def case(folder: Path, seed: int) -> Case:

@@ -196,7 +196,7 @@ def execute(on: Scene, row: Row) -> Finding:
 
 def _struck(on: Scene, row: Row) -> int | None:
     """How often a link's fault has struck so far."""
-    counts = on.control.request("world")["struck"].get(row.device)
+    counts: dict[str, int] | None = on.control.request("world")["struck"].get(row.device)
     if counts is None:
         return None
     return sum(counts.get(f"{way}.{row.fault}", 0) for way in ("host", "device"))

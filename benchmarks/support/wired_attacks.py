@@ -66,7 +66,9 @@ def attacks(dice: random.Random, rig: WiredRig, count: int, latest: float) -> li
     Moments lie up to ``latest`` s after power on; a quarter of the attacks come while the run
     starts, within 4 s.
     """
-    alone = [(name,) for name in (SUPERVISOR, LOOP, LOGGER, *rig.io_processes)]
+    alone: list[tuple[str, ...]] = [
+        (name,) for name in (SUPERVISOR, LOOP, LOGGER, *rig.io_processes)
+    ]
     several = [(SUPERVISOR, LOGGER), (SUPERVISOR, LOOP), (LOOP, LOGGER), (ALL,)]
     kinds = [(who, how) for how in (KILLED, SUSPENDED) for who in alone]
     kinds += [(who, KILLED) for who in several]

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.support.integrated import Floats, Model, continuous, sampled
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
+from benchmarks.support.scipy_reference import Floats, Model, continuous, sampled
 from controllers import biquads, blocks, impedance
 from controllers.signals import Gains
 from rig.compilation import lifting

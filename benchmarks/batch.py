@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.start import command
-from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.recorded import ROOT
+from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.result import Figure, Result, figure
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks.support.kills import ALL, LEFT_ALONE, PAIRS, SUPERVISOR, Fate, plans, soak
-from benchmarks.support.live import wait_realtime_free
+from benchmarks.support.live_run import wait_realtime_free
 from benchmarks.support.result import Figure, Result, figure
 from benchmarks.support.wired_attacks import KILLED, Outcome, attacked, attacks
 from benchmarks.support.wired_rigs import WIRED

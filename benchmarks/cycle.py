@@ -9,9 +9,9 @@ from pathlib import Path
 from time import perf_counter_ns, process_time_ns
 from typing import Any, NamedTuple
 
-from benchmarks.support.live import wait_realtime_free
-from benchmarks.support.pace import raw_and_normalised, reference_cost
+from benchmarks.support.live_run import wait_realtime_free
 from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
+from benchmarks.support.reference_cpu import raw_and_normalised, reference_cost
 from benchmarks.support.result import Result, figure, quantile
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle

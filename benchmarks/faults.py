@@ -10,8 +10,8 @@ from typing import Any
 from benchmarks.support import host
 from benchmarks.support.fault_page import page
 from benchmarks.support.fault_rigs import RIGS, FaultRig
+from benchmarks.support.fault_runs import NO_RUN, Finding, walk_fairly, wrong
 from benchmarks.support.fault_table import GOES_ON, REFUSED, Row
-from benchmarks.support.fault_walk import NO_RUN, Finding, walk_fairly, wrong
 from benchmarks.support.result import Figure, Result, figure
 
 MeasuredFault = tuple[Row, Finding]

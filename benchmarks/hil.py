@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.lateness import MISSING, P50_RATIO, P99_RATIO, Block, cyclictest, summary
 from benchmarks.ring import refusals
-from benchmarks.support.live import wait_realtime_free
+from benchmarks.support.live_run import wait_realtime_free
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
 from rig.recording.runs import open_run

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.ring import refusals
-from benchmarks.support.live import Peek, live_run
+from benchmarks.support.live_run import Peek, live_run
 from benchmarks.support.recorded import campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
 from rig.realtime.scheduling import PRIORITY

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.reader import make_reader
 
-from benchmarks.support.live import live_run
+from benchmarks.support.live_run import live_run
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 from rig.kinds.wavebot.tick import KIND

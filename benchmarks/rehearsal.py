@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.support.live import LOGGER, LOOP, live_run, processor_time
-from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
+from benchmarks.support.live_run import LOGGER, LOOP, live_run, processor_time
 from benchmarks.support.recorded import Parts, campaign_file, parts, quiet
+from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.result import Figure, Result, figure
-from benchmarks.support.seams import PARTS, Stamps
 from benchmarks.support.tick_process import tick
+from benchmarks.support.tick_timing import PARTS, Stamps
 from rig.realtime.clock import VirtualClock
 
 TIMES_REAL = 30.0

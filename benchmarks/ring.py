@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.cycle import on_the_real_clock
-from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
-from benchmarks.support.pace import raw_and_normalised, reference_cost
+from benchmarks.support.live_run import LOGGER, LOOP, LiveRun, live_run, memory
 from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
+from benchmarks.support.reference_cpu import raw_and_normalised, reference_cost
 from benchmarks.support.result import Result, figure, quantile, ratios
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle

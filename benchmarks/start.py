@@ -7,7 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.support.live import LiveRun, wait_realtime_free
+from benchmarks.support.live_run import LiveRun, wait_realtime_free
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 

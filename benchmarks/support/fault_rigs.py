@@ -5,11 +5,11 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.bench_fault_walk import bench_stage
+from benchmarks.support.emulated_bench import bench_stage
+from benchmarks.support.emulated_wavebot import stage
+from benchmarks.support.fault_runs import Scene
 from benchmarks.support.fault_table import TABLES, Row, rows
-from benchmarks.support.fault_walk import Scene
 from benchmarks.support.recorded import ROOT
-from benchmarks.support.wavebot_fault_walk import stage
 
 
 class FaultRig(NamedTuple):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.support.live import (
+from benchmarks.support.live_run import (
     LOGGER,
     LOOP,
     LiveRun,

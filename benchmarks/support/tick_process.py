@@ -15,7 +15,7 @@ from typing import Any
 
 from benchmarks.support.recorded import Parts, parts
 from benchmarks.support.result import quantile
-from benchmarks.support.seams import PARTS, Stamps, TimedDevices, TimedWriter
+from benchmarks.support.tick_timing import PARTS, Stamps, TimedDevices, TimedWriter
 from rig.kinds.wavebot.tick import KIND
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox, Request

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.fault_table import LOOP_LOST, NO_STOP
 from benchmarks.support.kills import Witness, record_against
-from benchmarks.support.live import LiveRun, TimeOutError, wait_until
+from benchmarks.support.live_run import LiveRun, TimeOutError, wait_until
 from benchmarks.support.wired_rigs import (
     WiredRig,
     process,

@@ -11,16 +11,16 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.bench_fault_walk import bench_stage
-from benchmarks.support.fault_walk import power_gone
-from benchmarks.support.live import (
+from benchmarks.support.emulated_bench import bench_stage
+from benchmarks.support.emulated_wavebot import stage
+from benchmarks.support.fault_runs import power_gone
+from benchmarks.support.live_run import (
     LiveRun,
     TimeOutError,
     running,
     wait_realtime_free,
     wait_until,
 )
-from benchmarks.support.wavebot_fault_walk import stage
 from rig.emulation.control_client import ControlClient
 from rig.kinds.oswec_bench.tick import BenchRow
 from rig.kinds.wavebot.tick import WaveBotRow

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.arithmetic import in_c, lifted, model
-from benchmarks.support.integrated import continuous, sampled
+from benchmarks.support.scipy_reference import continuous, sampled
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")

@@ -18,7 +18,7 @@ from benchmarks import __main__ as runner
 from benchmarks import crash, cycle, lateness, reading, rehearsal, ring, start
 from benchmarks.support import host, kills, report
 from benchmarks.support.kills import Fate, Kill
-from benchmarks.support.live import Peek
+from benchmarks.support.live_run import Peek
 from benchmarks.support.recorded import Recorded, campaign_file, parts, record
 from benchmarks.support.result import Figure, Result, figure, number, quantile, text
 

@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from rehearsing import write_yaml
 from rig_command import rig as process
 
-from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
+from benchmarks.support.live_run import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.support.kills import PAIRS, SUPERVISOR, Fate, plans, soak
-from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
+from benchmarks.support.live_run import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.support.wavebot_fault_walk import Stage, stage
+from benchmarks.support.emulated_wavebot import Stage, stage
 
 
 @pytest.fixture(scope="session")

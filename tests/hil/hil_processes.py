@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.support.fault_walk import Trigger, Watcher, when_free
+from benchmarks.support.fault_runs import Trigger, Watcher, when_free
 from benchmarks.support.process_faults import io_process_of
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, write_yaml
 
-from benchmarks.support.fault_walk import Watcher, free_port, when_free
+from benchmarks.support.fault_runs import Watcher, free_port, when_free
 from benchmarks.support.host import Busy, others
 from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.products.driveline import analyse_driveline

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.support.bench_fault_walk import BenchStage, bench_stage
+from benchmarks.support.emulated_bench import BenchStage, bench_stage
 from benchmarks.support.fault_rigs import RIGS
+from benchmarks.support.fault_runs import there, walk_fairly, wrong
 from benchmarks.support.fault_table import Row, missing_rows
-from benchmarks.support.fault_walk import there, walk_fairly, wrong
 
 pytestmark = pytest.mark.realtime
 

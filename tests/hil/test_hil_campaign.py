@@ -12,8 +12,8 @@ import pytest
 from hil_processes import run_emulated
 from rehearsing import CONFIGS, SilentView, load_rows
 
+from benchmarks.support.emulated_wavebot import campaign_file
 from benchmarks.support.host import Busy, others
-from benchmarks.support.wavebot_fault_walk import campaign_file
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult
 from rig.kinds.wavebot.campaign import check_campaign

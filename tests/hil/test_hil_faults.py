@@ -9,10 +9,10 @@ import os
 
 import pytest
 
+from benchmarks.support.emulated_wavebot import Stage
 from benchmarks.support.fault_rigs import RIGS
+from benchmarks.support.fault_runs import Finding, there, walk_fairly, wrong
 from benchmarks.support.fault_table import Row, missing_rows
-from benchmarks.support.fault_walk import Finding, there, walk_fairly, wrong
-from benchmarks.support.wavebot_fault_walk import Stage
 from rig.emulation.control_client import ControlError
 
 pytestmark = pytest.mark.realtime

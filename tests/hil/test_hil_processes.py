@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from hil_processes import Kill, child_error_files, run_emulated
 
-from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
-from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_until
+from benchmarks.support.emulated_wavebot import Stage, campaign_file, checked
+from benchmarks.support.fault_runs import Trigger, power_gone, ran, when_free
+from benchmarks.support.live_run import LiveRun, running, wait_realtime_free, wait_until
 from benchmarks.support.process_faults import io_process_of
-from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from drivers.canopen.heartbeat import NmtState
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult

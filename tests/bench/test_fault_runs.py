@@ -12,6 +12,7 @@ import pytest
 from benchmarks import faults
 from benchmarks.support.fault_page import page
 from benchmarks.support.fault_rigs import RIGS, FaultRig
+from benchmarks.support.fault_runs import NO_RUN, Finding, wrong
 from benchmarks.support.fault_table import (
     GOES_ON,
     LOOP_LOST,
@@ -22,7 +23,6 @@ from benchmarks.support.fault_table import (
     rows,
     table_errors,
 )
-from benchmarks.support.fault_walk import NO_RUN, Finding, wrong
 
 Measurement = Callable[[Row], Finding]
 SIX_ROWS = RIGS["wavebot"].rows()[:6]

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.support.fault_walk import free_port, played, write_yaml
+from benchmarks.support.fault_runs import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.campaign import run_campaign

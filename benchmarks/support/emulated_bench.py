@@ -8,7 +8,7 @@ from math import pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.fault_walk import free_port, played, write_yaml
+from benchmarks.support.fault_runs import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task

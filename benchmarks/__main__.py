@@ -30,7 +30,7 @@ from benchmarks import (
 )
 from benchmarks.support import host, report
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.result import Result, text
+from benchmarks.support.result import Result, format_table
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -54,7 +54,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "faults": faults.measure,
     "coverage": coverage.measure,
 }
-KEPT = [*MEASUREMENTS, *(f"faults_{name}" for name in RIGS)]
+STORED_NAMES = [*MEASUREMENTS, *(f"faults_{name}" for name in RIGS)]
 
 
 def _arguments() -> argparse.Namespace:
@@ -88,14 +88,14 @@ def _arguments() -> argparse.Namespace:
     unknown = [name for name in given.names if name not in MEASUREMENTS]
     if unknown:
         parser.error(f"no measurement {unknown[0]!r}; there are {', '.join(MEASUREMENTS)}")
-    if (_only_faults(given) or given.rig != "wavebot") and given.names != ["faults"]:
+    if (_selects_rows(given) or given.rig != "wavebot") and given.names != ["faults"]:
         parser.error("--rig, --missing and --rows go with faults alone")
-    if _only_faults(given) and given.short:
+    if _selects_rows(given) and given.short:
         parser.error("--missing and --rows do not go with --short")
     return given
 
 
-def _only_faults(given: argparse.Namespace) -> bool:
+def _selects_rows(given: argparse.Namespace) -> bool:
     """Return True for a part of a table, whose results are stored one by one."""
     return bool(given.missing or given.rows)
 
@@ -104,7 +104,7 @@ def _measure(name: str, given: argparse.Namespace) -> Result:
     if name != "faults":
         return MEASUREMENTS[name](given.short)
     rig = RIGS[given.rig]
-    if _only_faults(given):
+    if _selects_rows(given):
         return faults.measure_some(rig, given.rows, given.missing)
     return faults.measure(given.short, rig)
 
@@ -124,7 +124,7 @@ def main() -> int:
     for name in names:
         if not given.json:
             print(f"{name} ...", file=sys.stderr, flush=True)
-        before, began = host.Busy.now(), time.monotonic()
+        before, began = host.ProcessorTime.now(), time.monotonic()
         try:
             result = _measure(name, given)
         except Exception as error:  # noqa: BLE001  the others are measured all the same
@@ -132,20 +132,20 @@ def main() -> int:
             continue
         results[name] = {
             **result.as_dict(),
-            "host": host.facts(),
-            "load": host.others(before, host.Busy.now()),
+            "host": host.describe_host(),
+            "load": host.other_load(before, host.ProcessorTime.now()),
             "took_s": round(time.monotonic() - began, 1),
         }
         missed += [f"{name}: {f.name.strip()}, {f.median:.3g} {f.unit}" for f in result.missed]
         if not given.json:
-            print(text(result), end="\n\n", flush=True)
-        if not (given.short or _only_faults(given)):
+            print(format_table(result), end="\n\n", flush=True)
+        if not (given.short or _selects_rows(given)):
             kept = name if given.rig == "wavebot" else f"{name}_{given.rig}"
-            report.keep(RESULTS, kept, results[name], KEPT)
+            report.store(RESULTS, kept, results[name], STORED_NAMES)
     if given.json:
         print(json.dumps({"short": given.short, "results": results, "failed": failed}, indent=2))
     elif results:
-        print(report.closing(missed))
+        print(report.format_missed(missed))
     for line in failed:
         print(f"not measured: {line}", file=sys.stderr)
     return 1 if failed else 0

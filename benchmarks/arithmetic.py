@@ -18,9 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.support.recorded import ROOT, campaign_file
+from benchmarks.support.recorded import ROOT, write_campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
-from benchmarks.support.scipy_reference import Floats, Model, continuous, sampled
+from benchmarks.support.scipy_reference import (
+    Floats,
+    Model,
+    solve_continuous_law,
+    solve_sampled_law,
+)
 from controllers import biquads, blocks, impedance
 from controllers.signals import Gains
 from rig.compilation import lifting
@@ -40,13 +45,13 @@ from sim_plant import (
     wavebot,
 )
 
-OF_C, OF_SCIPY = 1.3, 100.0
+MAX_RATIO_TO_C, MIN_RATIO_TO_SCIPY = 1.3, 100.0
 KP, KI, RAMP = -2500.0, 4000.0, 0.5
-TARGET = 20.0  # % of stator travel beyond its start, so that the table is used
-CC = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
-FINE, LOOSEST = 1e-10, 1e-2  # relative tolerances of the integrator
+STATOR_TRAVEL = 20.0  # % of stator travel beyond its start, so that the table is used
+CC_OPTIONS = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
+FINE_TOLERANCE, LOOSEST_TOLERANCE = 1e-10, 1e-2  # relative tolerances of the integrator
 
-_LIFTED = (
+_LIFTED_MODULES = (
     analyser, biquads, blocks, body, bus, cots_drive, custom_drive, drive, electrics, impedance,
     magnetic_spring, pto, wavebot,
 )  # fmt: skip
@@ -93,9 +98,9 @@ def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target
 '''
 
 
-def model(folder: Path) -> Model:
+def build_model(folder: Path) -> Model:
     """The plant of the default rig."""
-    campaign = check_campaign(campaign_file(folder, 12.0)).campaign
+    campaign = check_campaign(write_campaign_file(folder, 12.0)).campaign
     assert campaign is not None
     devices = job.plant_settings(campaign)
     dt = 1.0 / campaign.rig.rate_hz
@@ -105,7 +110,7 @@ def model(folder: Path) -> Model:
         params,
         np.array(begin.tables.heave, dtype=np.float64),
         begin.state.stator.position,
-        begin.state.stator.position + TARGET,
+        begin.state.stator.position + STATOR_TRAVEL,
         params.pto.force_per_current,
         Gains(KP, KI, 0.0),
         RAMP,
@@ -113,37 +118,37 @@ def model(folder: Path) -> Model:
     )
 
 
-def lifted(made: Model) -> Callable[[int], tuple[float, ...]]:
+def compiled_simulation(made: Model) -> Callable[[int], tuple[float, ...]]:
     """The functions of plant and law, compiled: energies (J) after so many ticks."""
-    walk = lifting.load("benchmark_arithmetic", _SOURCE, _LIFTED).walk
+    walk = lifting.load("benchmark_arithmetic", _SOURCE, _LIFTED_MODULES).walk
     law = impedance.Params(RAMP)
     supplied = electrics.initial(made.params.electrics)
 
     def run(ticks: int) -> tuple[float, ...]:
         found: tuple[float, ...] = walk(
-            made.params, supplied, law, impedance.start(law), made.gains, made.per_ampere,
-            made.table, made.start, made.target, made.dt, ticks,
+            made.params, supplied, law, impedance.start(law), made.gains, made.newtons_per_ampere,
+            made.excitation, made.stator_start, made.stator_target, made.dt, ticks,
         )  # fmt: skip
         return found
 
     return run
 
 
-def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None:
+def c_simulation(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None:
     """The same in C; None where there is no compiler."""
     compiler = shutil.which("cc")
     if compiler is None:
         return None
     library = folder / "arithmetic.so"
     source = ROOT / "benchmarks" / "arithmetic.c"
-    subprocess.run([compiler, str(source), "-o", str(library), *CC], check=True)
+    subprocess.run([compiler, str(source), "-o", str(library), *CC_OPTIONS], check=True)
     walk = ctypes.CDLL(str(library)).walk
     params, spring = made.params, made.params.spring
     given = np.array([
         *lifting.flatten(params.body), *lifting.flatten(params.pto),
         *lifting.flatten(params.electrics.drive), *lifting.flatten(params.electrics.cots),
         spring.angle_per_metre, spring.force_per_rate, spring.sine, spring.effect, spring.speed,
-        KP, KI, RAMP, made.per_ampere,
+        KP, KI, RAMP, made.newtons_per_ampere,
     ], dtype=np.float64)  # fmt: skip
     stations, rates = np.array(spring.stator_positions), np.array(spring.rates)
     pointer = ctypes.POINTER(ctypes.c_double)
@@ -157,8 +162,8 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
     def run(ticks: int) -> tuple[float, ...]:
         energy = np.zeros(4)
         walk(
-            at(given), at(stations), at(rates), integer(len(stations)), at(made.table),
-            integer(len(made.table)), double(made.start), double(made.target),
+            at(given), at(stations), at(rates), integer(len(stations)), at(made.excitation),
+            integer(len(made.excitation)), double(made.stator_start), double(made.stator_target),
             double(params.electrics.analyser_window), double(made.dt), ctypes.c_long(ticks),
             at(energy),
         )  # fmt: skip
@@ -171,8 +176,8 @@ def measure(short: bool) -> Result:
     """Bits and times of both, block after block; then the integrator at our accuracy."""
     blocks_, seconds, span = (3, 200.0, 6.0) if short else (15, 2000.0, 20.0)
     with tempfile.TemporaryDirectory() as scratch:
-        made = model(Path(scratch))
-        ours, theirs = lifted(made), in_c(made, Path(scratch))
+        made = build_model(Path(scratch))
+        ours, theirs = compiled_simulation(made), c_simulation(made, Path(scratch))
         ticks = round(seconds / made.dt)
         ours(1)  # compiled
         took, took_c = list[float](), list[float]()
@@ -185,11 +190,14 @@ def measure(short: bool) -> Result:
                 took_c.append(seconds_c)
                 differing += sum(a != b for a, b in zip(energy, energy_c, strict=True))
         mine = ours(round(span / made.dt))
-        same, other = (_solved(way, made, span, mine) for way in (sampled, continuous))
+        same, other = (
+            _solve_as_accurately(way, made, span, mine)
+            for way in (solve_sampled_law, solve_continuous_law)
+        )
     per_second = [one / seconds for one in took]
     compared = (
         (
-            figure("lifted / C", "ratio", ratios(took, took_c), at_most=OF_C),
+            figure("lifted / C", "ratio", ratios(took, took_c), at_most=MAX_RATIO_TO_C),
             figure("energies that differ in any bit", "of 4", differing, at_most=0),
         )
         if took_c
@@ -202,46 +210,46 @@ def measure(short: bool) -> Result:
         (
             figure("lifted", "x real time", [1.0 / one for one in per_second]),
             *compared,
-            *_against("", same, span, per_second, OF_SCIPY),
-            *_against(", a law without ticks", other, span, per_second, None),
+            *_scipy_figures("", same, span, per_second, MIN_RATIO_TO_SCIPY),
+            *_scipy_figures(", a law without ticks", other, span, per_second, None),
         ),
         () if took_c else ("no C compiler on the PATH: not compared with C",),
     )
 
 
-class _Solved(NamedTuple):
+class _ScipyRun(NamedTuple):
     """scipy at the loosest tolerance that is as good as we are."""
 
     seconds: float  # of processor
     tolerance: float  # relative
     error: float  # of AC energy
-    ours: float  # error of ours
+    own_error: float  # error of ours
 
 
-def _solved(
+def _solve_as_accurately(
     way: Callable[[Model, float, float], tuple[float, ...]],
     made: Model,
     span: float,
     mine: tuple[float, ...],
-) -> _Solved:
-    fine = way(made, span, FINE)
-    wanted, tolerance = _off(mine, fine), LOOSEST
+) -> _ScipyRun:
+    fine = way(made, span, FINE_TOLERANCE)
+    wanted, tolerance = _relative_error(mine, fine), LOOSEST_TOLERANCE
     while True:
         began = time.process_time()
-        error = _off(way(made, span, tolerance), fine)
+        error = _relative_error(way(made, span, tolerance), fine)
         took = time.process_time() - began
-        if error <= wanted or tolerance <= 10.0 * FINE:
-            return _Solved(took, tolerance, error, wanted)
+        if error <= wanted or tolerance <= 10.0 * FINE_TOLERANCE:
+            return _ScipyRun(took, tolerance, error, wanted)
         tolerance /= 3.0
 
 
-def _against(
-    which: str, found: _Solved, span: float, per_second: list[float], at_least: float | None
+def _scipy_figures(
+    which: str, found: _ScipyRun, span: float, per_second: list[float], at_least: float | None
 ) -> tuple[Figure, ...]:
     ratio = found.seconds / span / float(np.median(per_second))
     return (
         figure(f"scipy solve_ivp / lifted{which}", "ratio", ratio, at_least=at_least),
-        figure("  error of mean AC power, lifted", "%", 100.0 * found.ours),
+        figure("  error of mean AC power, lifted", "%", 100.0 * found.own_error),
         figure("  error of mean AC power, scipy", "%", 100.0 * found.error),
         figure("  relative tolerance of scipy", "1", found.tolerance),
     )
@@ -253,6 +261,6 @@ def _timed(walk: Callable[[int], tuple[float, ...]], ticks: int) -> tuple[float,
     return time.process_time() - began, energy
 
 
-def _off(energy: tuple[float, ...], fine: tuple[float, ...]) -> float:
+def _relative_error(energy: tuple[float, ...], fine: tuple[float, ...]) -> float:
     """Relative error of AC energy."""
     return math.fabs(energy[1] - fine[1]) / math.fabs(fine[1])

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.start import command
+from benchmarks.start import rig_command
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.result import Figure, Result, figure
@@ -16,9 +16,9 @@ from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.sweep.executors import available_processors
 
-TIMES_REAL = 2000.0
-LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0
-PACE = 2000  # repetitions of the reference
+MIN_TIMES_REAL = 2000.0
+MAX_LONG_SECONDS, MAX_MANY_SECONDS, MAX_RESTART_SECONDS = 20.0, 120.0, 2.0
+REFERENCE_REPEATS = 2000  # repetitions of the reference
 
 _HEAD = """\
 name: benchmark_batch
@@ -44,7 +44,7 @@ matrix:
 """
 
 
-class Swept(NamedTuple):
+class SweepCost(NamedTuple):
     """One `rig sweep` in a process of its own."""
 
     seconds: float  # from its start to its end, pictures included
@@ -55,12 +55,12 @@ class Swept(NamedTuple):
     reference: float  # us for 100 NamedTuples, mean of before and after
 
     @property
-    def at_pace(self) -> float:
+    def normalised_seconds(self) -> float:
         """Seconds normalised to the reference CPU, mutual slowing of two cores included."""
         return self.seconds * REFERENCE_CPU_US / self.reference
 
 
-def campaign_file(folder: Path, text: str) -> Path:
+def write_campaign_file(folder: Path, text: str) -> Path:
     """A campaign on the WaveBot."""
     path = folder / "benchmark_batch.yaml"
     rig = json.dumps(str(ROOT / "configs" / "rigs" / "wavebot.yaml"))
@@ -92,10 +92,10 @@ def run_pass(path: Path) -> BatchPass:
     return BatchPass(rows.seconds / seconds, sum(references) / len(references))
 
 
-def sweep(path: Path, folder: Path) -> Swept:
+def run_sweep(path: Path, folder: Path) -> SweepCost:
     """`rig sweep` of a campaign from start to end."""
-    words = [*command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
-    before = reference_cost(PACE)
+    words = [*rig_command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
+    before = reference_cost(REFERENCE_REPEATS)
     began = time.perf_counter()
     with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -107,14 +107,14 @@ def sweep(path: Path, folder: Path) -> Swept:
         raise RuntimeError(f"the sweep ended with {process.returncode}: {out}")
     told = json.loads(out)
     processor, most = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
-    rows, reference = sum(told["rows"].values()), (before + reference_cost(PACE)) / 2.0
-    return Swept(seconds, processor, rows, told["simulated_s"], most, reference)
+    rows, reference = sum(told["rows"].values()), (before + reference_cost(REFERENCE_REPEATS)) / 2.0
+    return SweepCost(seconds, processor, rows, told["simulated_s"], most, reference)
 
 
-def _long(name: str, swept: Swept, at_most: float | None) -> list[Figure]:
+def _sweep_figures(name: str, swept: SweepCost, at_most: float | None) -> list[Figure]:
     return [
         figure(name, "s", swept.seconds),
-        figure(f"{name}, {NORMALISED}", "s", swept.at_pace, at_most=at_most),
+        figure(f"{name}, {NORMALISED}", "s", swept.normalised_seconds, at_most=at_most),
         figure("  of it", "s of processor", swept.processor),
         figure("  of it", "x real time", swept.simulated / swept.seconds),
         figure("  100 NamedTuples, before and after", "us", swept.reference),
@@ -128,15 +128,16 @@ def measure(short: bool) -> Result:
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        irregular = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
+        irregular = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
         passes = [run_pass(irregular) for _ in range(repeats)]
-        few = sweep(irregular, folder / "few")
-        long = sweep(
-            campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
+        few = run_sweep(irregular, folder / "few")
+        long = run_sweep(
+            write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)),
+            folder / "long",
         )
-        regular = campaign_file(folder, _REGULAR.format(last=to, step=step))
-        many = sweep(regular, folder / "many")
-        restarts = [sweep(regular, folder / "many") for _ in range(repeats)]
+        regular = write_campaign_file(folder, _REGULAR.format(last=to, step=step))
+        many = run_sweep(regular, folder / "many")
+        restarts = [run_sweep(regular, folder / "many") for _ in range(repeats)]
     whole = not short
     return Result(
         "batch",
@@ -150,18 +151,18 @@ def measure(short: bool) -> Result:
             figure(
                 f"one pass, {NORMALISED}", "x real time",
                 [one.speed * one.reference / REFERENCE_CPU_US for one in passes],
-                at_least=TIMES_REAL,
+                at_least=MIN_TIMES_REAL,
             ),
             figure("100 NamedTuples (reference)", "us", [one.reference for one in passes]),
-            *_long(f"{long.rows} irregular rows", long, LONG_SECONDS if whole else None),
-            *_long(f"{many.rows} regular rows", many, MANY_SECONDS if whole else None),
+            *_sweep_figures(f"{long.rows} irregular rows", long, MAX_LONG_SECONDS if whole else None),
+            *_sweep_figures(f"{many.rows} regular rows", many, MAX_MANY_SECONDS if whole else None),
             figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
             figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
             figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),
             figure("started again, all finished", "s", [one.seconds for one in restarts]),
             figure(
-                f"started again, {NORMALISED}", "s", [one.at_pace for one in restarts],
-                at_most=SECOND_START,
+                f"started again, {NORMALISED}", "s", [one.normalised_seconds for one in restarts],
+                at_most=MAX_RESTART_SECONDS,
             ),
         ),
         (f"load of the host before: {os.getloadavg()[0]:.1f}",),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 
-from benchmarks.start import command
+from benchmarks.start import rig_command
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
@@ -22,23 +22,23 @@ from rig.recording.runs.folder import run_info
 from rig.recording.runs.windows import read_windows
 from rig.stations import station_names
 
-WHOLE, SHORT = "default.yaml", "quick.yaml"
-MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)
+CAMPAIGN, SHORT_CAMPAIGN = "default.yaml", "quick.yaml"
+MAX_POWER_DIFFERENCE = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)
 
 
 class RowComparison(NamedTuple):
     """Comparison of the measured ticks of a rehearsal and of the compiled loop."""
 
     rows: int
-    numbers: int  # compared: fields x ticks
+    values: int  # compared: fields x ticks
     differing: int  # of them, in any bit
-    unlike: int  # windows that are of another row, or of another length
+    mismatched_windows: int  # windows that are of another row, or of another length
 
 
-def ran(words: list[str]) -> dict[str, object]:
+def run_rig(words: list[str]) -> dict[str, object]:
     """What a command of `rig` says in JSON."""
     done = subprocess.run(
-        [*command(), *words, "--json"], cwd=ROOT, capture_output=True, text=True, check=True
+        [*rig_command(), *words, "--json"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     told: dict[str, object] = json.loads(done.stdout)
     return told
@@ -66,7 +66,7 @@ def compare(campaign: Path, run: Path) -> RowComparison:
     return RowComparison(rows, numbers, differing, unlike + sum(1 for _ in ticks))
 
 
-def apart(swept: Path, run: Path) -> float:
+def max_power_difference(swept: Path, run: Path) -> float:
     """The greatest difference of a mean power, W, of rows alone from rows in sequence."""
     table = row_table(run)
     with xarray.open_dataset(swept) as alone:
@@ -79,13 +79,13 @@ def apart(swept: Path, run: Path) -> float:
 
 def measure(short: bool) -> Result:
     """Rehearse a campaign, run it in the compiled loop, and sweep each of its rows alone."""
-    campaign = ROOT / "configs" / "campaigns" / (SHORT if short else WHOLE)
+    campaign = ROOT / "configs" / "campaigns" / (SHORT_CAMPAIGN if short else CAMPAIGN)
     with tempfile.TemporaryDirectory() as scratch:
-        run = Path(str(ran(["run", str(campaign), "--runs", f"{scratch}/runs"])["folder"]))
+        run = Path(str(run_rig(["run", str(campaign), "--runs", f"{scratch}/runs"])["folder"]))
         found = compare(campaign, run)
         swept = Path(scratch) / "sweep.nc"
-        ran(["sweep", str(campaign), "--sweeps", f"{scratch}/sweeps", "--out", str(swept)])
-        most = apart(swept, run)
+        run_rig(["sweep", str(campaign), "--sweeps", f"{scratch}/sweeps", "--out", str(swept)])
+        most = max_power_difference(swept, run)
     assert math.isfinite(most)
     return Result(
         "bits",
@@ -93,9 +93,14 @@ def measure(short: bool) -> Result:
         f"{campaign.stem}, {found.rows} rows, once; {len(KEPT_FIELDS)} fields of every measured "
         "tick",
         (
-            figure("numbers compared", "1", found.numbers),
+            figure("numbers compared", "1", found.values),
             figure("that differ in any bit", "1", found.differing, at_most=0),
-            figure("windows of another row or length", "1", found.unlike, at_most=0),
-            figure("mean power of a row alone, greatest difference", "W", most, at_most=MOST_APART),
+            figure("windows of another row or length", "1", found.mismatched_windows, at_most=0),
+            figure(
+                "mean power of a row alone, greatest difference",
+                "W",
+                most,
+                at_most=MAX_POWER_DIFFERENCE,
+            ),
         ),
     )

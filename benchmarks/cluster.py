@@ -12,13 +12,13 @@ from pathlib import Path
 from threading import Thread
 from typing import NamedTuple
 
-from benchmarks.batch import IRREGULAR, campaign_file
+from benchmarks.batch import IRREGULAR, write_campaign_file
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.sweep import cluster, sweep
 from rig.sweep.cases import LEAD_IN, Outcome
 
-GAIN, OVERHEAD = 1.6, 10.0  # times, %
+MIN_SPEEDUP, MAX_OVERHEAD = 1.6, 10.0  # times, %
 
 
 class SweepTime(NamedTuple):
@@ -30,9 +30,9 @@ class SweepTime(NamedTuple):
 
 
 @contextlib.contextmanager
-def node(what: str, *words: str) -> Iterator[str]:
+def dask_node(role: str, *arguments: str) -> Iterator[str]:
     """A scheduler or worker in a process of its own; gives its address."""
-    command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.dask_{what}", *words]
+    command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.dask_{role}", *arguments]
     env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(
         [*command, "--host", "127.0.0.1", "--no-dashboard"],
@@ -50,9 +50,9 @@ def node(what: str, *words: str) -> Iterator[str]:
             process.terminate()
 
 
-def worker(scheduler: str) -> contextlib.AbstractContextManager[str]:
+def dask_worker(scheduler: str) -> contextlib.AbstractContextManager[str]:
     """One thread of work."""
-    return node("worker", scheduler, "--nthreads", "1", "--no-nanny")
+    return dask_node("worker", scheduler, "--nthreads", "1", "--no-nanny")
 
 
 def run_sweep(path: Path, folder: Path, scheduler: str) -> SweepTime:
@@ -80,12 +80,12 @@ def measure(short: bool) -> Result:
     with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as nodes:
         folder = Path(scratch)
         (folder / "few").mkdir()
-        few = campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
-        path = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
-        alone = nodes.enter_context(node("scheduler", "--port", "0"))
-        pair = nodes.enter_context(node("scheduler", "--port", "0"))
+        few = write_campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
+        path = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
+        alone = nodes.enter_context(dask_node("scheduler", "--port", "0"))
+        pair = nodes.enter_context(dask_node("scheduler", "--port", "0"))
         for scheduler in (alone, pair, pair):
-            nodes.enter_context(worker(scheduler))
+            nodes.enter_context(dask_worker(scheduler))
         for scheduler in (alone, pair):
             run_sweep(few, folder / "first", scheduler)
         for _ in range(repeats):
@@ -101,8 +101,8 @@ def measure(short: bool) -> Result:
         (
             figure("one worker", "s", [each.seconds for each in one]),
             figure("two workers", "s", [each.seconds for each in two]),
-            figure("two against one", "x", gains, at_least=None if short else GAIN),
-            figure("not in cases, one worker", "%", lost, at_most=None if short else OVERHEAD),
+            figure("two against one", "x", gains, at_least=None if short else MIN_SPEEDUP),
+            figure("not in cases, one worker", "%", lost, at_most=None if short else MAX_OVERHEAD),
             figure("not in cases, two workers", "%", lost_of_two),
         ),
         (f"load of the host before: {os.getloadavg()[0]:.1f}",),

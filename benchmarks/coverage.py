@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.support import blind_bench
-from benchmarks.support.blind_bench import NOMINAL_GAIN, OUTPUT, Row
+from benchmarks.support.blind_bench import GEAR_RATIO, NOMINAL_GAIN, SessionRow
 from benchmarks.support.result import Figure, Result, figure
 from rig.kinds.oswec_bench.products import (
     brake_map,
@@ -20,29 +20,29 @@ from rig.kinds.oswec_bench.products import (
 from rig.kinds.oswec_bench.products.estimate import Estimate
 from sim_plant.bench import brake
 
-SEEDS, SHORT = 200, 4
-NOMINAL = 95.0
+SEEDS, SHORT_SEEDS = 200, 4
+NOMINAL_COVERAGE = 95.0
 DEGREE = math.pi / 180.0
-TURNED = (5.0, 10.0, 15.0, 20.0)  # deg
+AMPLITUDES = (5.0, 10.0, 15.0, 20.0)  # deg
 CURRENTS = (1.12, 1.96, 2.79, 3.35, 3.91, 4.47)  # A, of Table 3.1
-BRAKED = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0)  # A
+BRAKE_CURRENTS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0)  # A
 
-Covered = dict[str, tuple[bool, float]]
+Coverage = dict[str, tuple[bool, float]]
 """By constant: whether its interval holds the truth, and the interval's half width over it."""
 
 
 def measure(short: bool) -> Result:
     """Draw benches, play their sessions, analyse them, and count."""
-    every: list[Covered] = []
-    seeds = SHORT if short else SEEDS
+    every: list[Coverage] = []
+    seeds = SHORT_SEEDS if short else SEEDS
     for seed in range(seeds):
-        every.append(blind(seed))
+        every.append(analyse_bench(seed))
         if (seed + 1) % 10 == 0:
             print(f"coverage: {seed + 1} of {seeds} benches", file=sys.stderr, flush=True)
-    return counted(every, short=short)
+    return build_result(every, short=short)
 
 
-def counted(every: list[Covered], *, short: bool) -> Result:
+def build_result(every: list[Coverage], *, short: bool) -> Result:
     """The figures of benches of seeds 0, 1, 2 ..."""
     seeds = len(every)
     return Result(
@@ -58,9 +58,9 @@ def counted(every: list[Covered], *, short: bool) -> Result:
     )
 
 
-def _figures(every: list[Covered], *, short: bool) -> Iterator[Figure]:
+def _figures(every: list[Coverage], *, short: bool) -> Iterator[Figure]:
     # Three standard deviations of a share of so many seeds below what the intervals claim.
-    least = NOMINAL - 300.0 * math.sqrt(0.95 * 0.05 / len(every))
+    least = NOMINAL_COVERAGE - 300.0 * math.sqrt(0.95 * 0.05 / len(every))
     for name in every[0]:
         inside = [each[name][0] for each in every if name in each]
         wide = [100.0 * each[name][1] for each in every if name in each]
@@ -71,28 +71,28 @@ def _figures(every: list[Covered], *, short: bool) -> Iterator[Figure]:
         yield figure(f"{name}: half width", "%", wide)
 
 
-def blind(seed: int) -> Covered:
+def analyse_bench(seed: int) -> Coverage:
     """Which constants of one bench its sessions recover."""
-    values = blind_bench.drawn(seed)
+    values = blind_bench.draw_constants(seed)
     every = (
-        *_torque(values, seed), *_velocity(values, seed), *_driveline(values, seed),
-        *_brake(values, seed),
+        *_torque_constants(values, seed), *_velocity_constants(values, seed), *_driveline_constants(values, seed),
+        *_brake_constants(values, seed),
     )  # fmt: skip
     return {
         name: (found.covers(truth), found.uncertainty / abs(truth)) for name, found, truth in every
     }
 
 
-Found = Iterator[tuple[str, Estimate, float]]
+Constants = Iterator[tuple[str, Estimate, float]]
 
 
-def _torque(values: dict[str, float], seed: int) -> Found:
-    rows = [Row({"current_amplitude_a": a}, a, 10.0, 3) for a in CURRENTS]
-    run = blind_bench.session(values, seed, "torque_constant", rows)
+def _torque_constants(values: dict[str, float], seed: int) -> Constants:
+    rows = [SessionRow({"current_amplitude_a": a}, a, 10.0, 3) for a in CURRENTS]
+    run = blind_bench.simulate_session(values, seed, "torque_constant", rows)
     motor = torque_constant.analyse_session(run).constants["torque_constant_motor"]
-    yield "torque constant of the motor", motor, OUTPUT * values["motor.torque_constant"]
-    rows = [_turned(a, period, 10) for a in TURNED for period in (1.5, 3.0)]
-    run = blind_bench.session(values, seed, "losses", rows)
+    yield "torque constant of the motor", motor, GEAR_RATIO * values["motor.torque_constant"]
+    rows = [_sine_row(a, period, 10) for a in AMPLITUDES for period in (1.5, 3.0)]
+    run = blind_bench.simulate_session(values, seed, "losses", rows)
     found = losses.analyse_session(run, motor).constants
     yield "bearing, clockwise", found["bearing_positive"], values["bearing.clockwise"]
     yield "bearing, counter-clockwise", found["bearing_negative"], values["bearing.counter"]
@@ -106,31 +106,31 @@ def _torque(values: dict[str, float], seed: int) -> Found:
     yield "gearbox, dry", found["gearbox_dry"], values["gearbox.dry"] + share * load
 
 
-def _velocity(values: dict[str, float], seed: int) -> Found:
-    rows = [_turned(a, 1.5, 10) for a in (5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0)]
-    run = blind_bench.session(values, seed, "velocity_constant", rows)
+def _velocity_constants(values: dict[str, float], seed: int) -> Constants:
+    rows = [_sine_row(a, 1.5, 10) for a in (5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0)]
+    run = blind_bench.simulate_session(values, seed, "velocity_constant", rows)
     found = velocity_constant.analyse_session(run).constants["velocity_constant"]
     yield "velocity constant", found, values["velocity_loop.gain"]
 
 
-def _driveline(values: dict[str, float], seed: int) -> Found:
-    rows = [_turned(a, 1.5, 4, damping=r) for a in TURNED for r in (42.0, 83.3)]
-    run = blind_bench.session(values, seed, "driveline", rows)
+def _driveline_constants(values: dict[str, float], seed: int) -> Constants:
+    rows = [_sine_row(a, 1.5, 4, damping=r) for a in AMPLITUDES for r in (42.0, 83.3)]
+    run = blind_bench.simulate_session(values, seed, "driveline", rows)
     known = torque_map.fit_map([torque_map.bin_deflection(point.motion()) for point in run.points])
-    line = blind_bench.plant(values, braked=True).build().transmission
+    line = blind_bench.build_plant(values, with_brake=True).build().transmission
     yield "half gap", known.half_gap, values["transmission.half_gap"] * DEGREE
     yield "soft zone", known.soft_zone, values["transmission.soft_deflection"] * DEGREE
     yield "stiffness", known.stiffness, line.stiffness
 
 
-def _brake(values: dict[str, float], seed: int) -> Found:
+def _brake_constants(values: dict[str, float], seed: int) -> Constants:
     rows = [
-        _turned(15.0, 3.0, 3)._replace(brake=current, asked={"brake_current_a": current})
-        for current in BRAKED
+        _sine_row(15.0, 3.0, 3)._replace(brake=current, plan_row={"brake_current_a": current})
+        for current in BRAKE_CURRENTS
     ]
-    run = blind_bench.session(values, seed, "brake_map", rows)
+    run = blind_bench.simulate_session(values, seed, "brake_map", rows)
     branches: Any = brake_map.analyse_session(run).maps["brake_map"]
-    params = blind_bench.plant(values, braked=True).build()
+    params = blind_bench.build_plant(values, with_brake=True).build()
     for name, sign in (("rising", -1.0), ("falling", 1.0)):
         branch = branches[name]
         i = int(np.argmin(np.abs(np.array(branch["current_a"]) - 0.5)))
@@ -145,8 +145,8 @@ def _brake(values: dict[str, float], seed: int) -> Found:
         yield f"brake at 0.5 A, {name}", found, truth
 
 
-def _turned(amplitude: float, period: float, periods: int, damping: float = 0.0) -> Row:
+def _sine_row(amplitude: float, period: float, periods: int, damping: float = 0.0) -> SessionRow:
     """A sine of an amplitude in deg by the nominal constant."""
     volts = amplitude * DEGREE * 2.0 * math.pi / period / NOMINAL_GAIN
     asked = {"amplitude_deg": amplitude, "period_s": period, "damping_n_m_s_per_rad": damping}
-    return Row(asked, volts, period, periods, damping=damping)
+    return SessionRow(asked, volts, period, periods, damping=damping)

@@ -10,19 +10,25 @@ from time import perf_counter_ns, process_time_ns
 from typing import Any, NamedTuple
 
 from benchmarks.support.live_run import wait_realtime_free
-from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
+from benchmarks.support.recorded import (
+    ROOT,
+    RecordedTicks,
+    garbage_collection_off,
+    record_ticks,
+    write_campaign_file,
+)
 from benchmarks.support.reference_cpu import raw_and_normalised, reference_cost
 from benchmarks.support.result import Result, figure, quantile
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 
-MEAN_US = 20.0
-SHARE_OF_PERIOD = 0.2  # that the 99.9th percentile may take
+MAX_MEAN_US = 20.0
+MAX_SHARE_OF_PERIOD = 0.2  # that the 99.9th percentile may take
 
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
-def cycle_cost(recorded: Recorded) -> float:
+def mean_cycle_cost(recorded: RecordedTicks) -> float:
     """Mean microseconds of a cycle over the recorded ticks, in processor time."""
     step = cycle.make(KIND)
     params, state, dt, timing = recorded.params, recorded.state, recorded.dt, _NO_TIMING
@@ -32,7 +38,7 @@ def cycle_cost(recorded: Recorded) -> float:
     return (process_time_ns() - began) / 1e3 / len(recorded.senses)
 
 
-def cycle_costs(recorded: Recorded) -> list[float]:
+def cycle_costs(recorded: RecordedTicks) -> list[float]:
     """Microseconds of each single cycle, with the two looks at the clock taken off."""
     step = cycle.make(KIND)
     params, state, dt, timing = recorded.params, recorded.state, recorded.dt, _NO_TIMING
@@ -46,7 +52,7 @@ def cycle_costs(recorded: Recorded) -> list[float]:
     return [(stamp - look) / 1e3 for stamp in stamps]
 
 
-def repeats(recorded: Recorded) -> bool:
+def is_reproducible(recorded: RecordedTicks) -> bool:
     """Return True if a repetition of the recorded ticks gives the same rows to the bit."""
     step, state = cycle.make(KIND), recorded.state
     for i, (sense, row) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
@@ -58,7 +64,7 @@ def repeats(recorded: Recorded) -> bool:
     return True
 
 
-class Blocks(NamedTuple):
+class CycleCosts(NamedTuple):
     """Alternating blocks; all in microseconds."""
 
     mean: list[float]
@@ -68,12 +74,12 @@ class Blocks(NamedTuple):
     reference: list[float]
 
 
-def alternate(recorded: Recorded, blocks: int) -> Blocks:
+def alternate_blocks(recorded: RecordedTicks, blocks: int) -> CycleCosts:
     """Mean, reference and single cycles, block after block."""
-    found = Blocks([], [], [], [], [])
-    with quiet():
+    found = CycleCosts([], [], [], [], [])
+    with garbage_collection_off():
         for _ in range(blocks):
-            found.mean.append(cycle_cost(recorded))
+            found.mean.append(mean_cycle_cost(recorded))
             found.reference.append(reference_cost(max(1, len(recorded.senses) // 4)))
             single = cycle_costs(recorded)
             for into, share in ((found.p50, 0.5), (found.p99, 0.99), (found.p999, 0.999)):
@@ -81,7 +87,7 @@ def alternate(recorded: Recorded, blocks: int) -> Blocks:
     return found
 
 
-def on_the_real_clock(campaign: Path, seconds: float) -> dict[str, Any]:
+def run_on_real_clock(campaign: Path, seconds: float) -> dict[str, Any]:
     """A loop at its real rate, timed at its seams: the cycle after a sleep, caches gone cold."""
     wait_realtime_free()
     done = subprocess.run(
@@ -101,14 +107,14 @@ def measure(short: bool) -> Result:
     """Cycle cost, in blocks alternating with a fixed reference, and in a loop at its real rate."""
     ticks, blocks, seconds, loops = (2000, 4, 2.0, 1) if short else (10_000, 20, 10.0, 3)
     with tempfile.TemporaryDirectory() as scratch:
-        path = campaign_file(Path(scratch), 60.0)
-        recorded = record(path, ticks)
-        if not repeats(recorded):
+        path = write_campaign_file(Path(scratch), 60.0)
+        recorded = record_ticks(path, ticks)
+        if not is_reproducible(recorded):
             raise RuntimeError("the cycle does not repeat its own rows")
-        found = alternate(recorded, blocks)
-        real = [on_the_real_clock(path, seconds) for _ in range(loops)]
+        found = alternate_blocks(recorded, blocks)
+        real = [run_on_real_clock(path, seconds) for _ in range(loops)]
     period = recorded.dt * 1e6
-    bound = SHARE_OF_PERIOD * period
+    bound = MAX_SHARE_OF_PERIOD * period
     refused = sorted({why for one in real for why in one["refused"]})
     return Result(
         "cycle",
@@ -116,7 +122,7 @@ def measure(short: bool) -> Result:
         f"{blocks} blocks of {ticks} cycles and of {ticks // 4} references, alternating; "
         f"{loops} x {seconds:g} s on the real clock",
         (
-            *raw_and_normalised("mean", found.mean, found.reference, MEAN_US),
+            *raw_and_normalised("mean", found.mean, found.reference, MAX_MEAN_US),
             figure("p50", "us", found.p50),
             figure("p99", "us", found.p99),
             figure("p99.9", "us", found.p999, at_most=bound),

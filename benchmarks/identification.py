@@ -26,7 +26,7 @@ LINEAR = CONFIGS / "plants" / "wavebot_linear.yaml"
 RIG = CONFIGS / "plants" / "wavebot.yaml"  # with friction, drag and the spring's own curve
 SPRINGS = (490.9, -5715.0, 5873.0)
 PERCENT = 100.0
-SLOW = 0.7  # Hz
+LOW_FREQUENCY = 0.7  # Hz
 
 
 class _Silent:
@@ -56,18 +56,22 @@ def measure(short: bool) -> Result:
     bem = bem_file.read_bem(BEM)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        calm = [_run(folder, f"calm_{i}", _calm(scale, k)) for i, k in enumerate(scale.springs)]
-        waves = [_run(folder, f"waves_{i}", _waves(scale, i)) for i in scale.seas]
-        seas = [_run(folder, f"sea_{i}", _alone(scale, i)) for i in scale.seas]
+        calm = [
+            _rehearse(folder, f"calm_{i}", _calm(scale, k)) for i, k in enumerate(scale.springs)
+        ]
+        waves = [_rehearse(folder, f"waves_{i}", _waves(scale, i)) for i in scale.seas]
+        seas = [_rehearse(folder, f"sea_{i}", _device_absent(scale, i)) for i in scale.seas]
         found = [identify([run]) for run in calm]
         began = time.monotonic()
         whole = identify([calm[0], *waves, *seas], IdentificationOptions(bem=bem))
         took = time.monotonic() - began
-        pushed = [_run(folder, "family", _family(scale))]
-        dragged = [_run(folder, f"dragged_{i}", _waves(scale, i, RIG)) for i in scale.seas]
-        alone = [_run(folder, f"dragged_sea_{i}", _alone(scale, i, RIG)) for i in scale.seas]
+        pushed = [_rehearse(folder, "family", _family(scale))]
+        dragged = [_rehearse(folder, f"dragged_{i}", _waves(scale, i, RIG)) for i in scale.seas]
+        alone = [
+            _rehearse(folder, f"dragged_sea_{i}", _device_absent(scale, i, RIG)) for i in scale.seas
+        ]
         nonlinear = identify([*pushed, *dragged, *alone], IdentificationOptions(bem=bem))
-        once = [_run(folder, "once", _once(scale))]
+        once = [_rehearse(folder, "once", _single_row(scale))]
         untold = identify([*once, *dragged, *alone], IdentificationOptions(bem=bem))
     return Result(
         "identification",
@@ -78,7 +82,7 @@ def measure(short: bool) -> Result:
             *_impedance_figures(found),
             *_excitation_figures(whole.excitations[0], bem),
             *_family_figures(nonlinear),
-            *_dragged_figures(nonlinear.excitations[0], bem),
+            *_drag_removed_figures(nonlinear.excitations[0], bem),
             *_drag_in_impedance_figures(untold.excitations[0], bem),
             figure("lines within the 95 % band", "%", _coverage(scale.trials)),
             figure("identification of all runs of the excitation", "s", took),
@@ -86,7 +90,7 @@ def measure(short: bool) -> Result:
     )
 
 
-def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
+def _rehearse(folder: Path, name: str, keys: dict[str, Any]) -> Path:
     path = folder / f"{name}.yaml"
     whole = {"name": name, "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
     with path.open("w") as file:
@@ -131,7 +135,7 @@ def _family(scale: Scale) -> dict[str, Any]:
     return {**keys, "sea": {"kind": "calm"}, "matrix": matrix}
 
 
-def _once(scale: Scale) -> dict[str, Any]:
+def _single_row(scale: Scale) -> dict[str, Any]:
     """Return one row in calm water, which cannot separate drag from damping: Z_i contains both."""
     keys = _family(scale)
     matrix = _matrix(SPRINGS[0], reference_scale=2, realisation=1)
@@ -154,7 +158,7 @@ def _waves(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     return {**keys, "sea": _sea(scale, number), "matrix": _matrix(SPRINGS[0])}
 
 
-def _alone(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
+def _device_absent(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     start = {"set_point_s": 0, "lead_in_s": 60}
     told = {"sea": _sea(scale, number), "device": "absent", "timing": {"periods": 2}}
     return {**told, "plant": str(plant), "start": start}
@@ -182,7 +186,7 @@ def _impedance_figures(found: list[Identification]) -> list[Figure]:
             off = np.abs(model.responses[name].value / true - 1.0)
             worst.append(PERCENT * float(off.max()))
         title = f"{name}, worst line against closed form"
-        made.append(figure(title, "%", worst, at_most=1.0, judge="worst"))
+        made.append(figure(title, "%", worst, at_most=1.0, criterion="worst"))
     return made
 
 
@@ -195,12 +199,12 @@ def _excitation_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
     ]
 
 
-def _dragged_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
+def _drag_removed_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
     """Drag is taken out line by line: what of it stays would grow with frequency."""
-    low, high = _worst(one, bem)
+    low, high = _worst_errors(one, bem)
     title = "with drag and friction: excitation, worst good line"
     return [
-        figure(f"{title} up to {SLOW:g} Hz", "%", low, at_most=3.0),
+        figure(f"{title} up to {LOW_FREQUENCY:g} Hz", "%", low, at_most=3.0),
         figure(f"{title} above", "%", high, at_most=3.0),
         figure("  drag that was taken out", "N*s^2/m^2", one.drag),
     ]
@@ -210,15 +214,18 @@ def _drag_in_impedance_figures(one: Excitation, bem: bem_file.Bem) -> list[Figur
     """What it is where calm water was pushed only once, as eq. 3.3 of the report stands."""
     if one.drag:
         raise RuntimeError("one row in calm water gave a drag")
-    low, high = _worst(one, bem)
+    low, high = _worst_errors(one, bem)
     title = "  with the drag left in Z_i: worst good line"
-    return [figure(f"{title} up to {SLOW:g} Hz", "%", low), figure(f"{title} above", "%", high)]
+    return [
+        figure(f"{title} up to {LOW_FREQUENCY:g} Hz", "%", low),
+        figure(f"{title} above", "%", high),
+    ]
 
 
-def _worst(one: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
+def _worst_errors(one: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
     """Largest difference from BEM (%) of the good lines up to `SLOW` and above."""
     off = PERCENT * np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)
-    low = one.frequency <= SLOW
+    low = one.frequency <= LOW_FREQUENCY
     return float(off[one.good & low].max()), float(off[one.good & ~low].max())
 
 

@@ -14,23 +14,23 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.ring import refusals
-from benchmarks.support.live_run import Peek, live_run
-from benchmarks.support.recorded import campaign_file
+from benchmarks.ring import refused_privileges
+from benchmarks.support.live_run import TickObservation, live_run
+from benchmarks.support.recorded import write_campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
 from rig.realtime.scheduling import PRIORITY
 from rig.recording.runs import open_run
 
-P50_RATIO, P99_RATIO = 2.0, 3.0
+MAX_P50_RATIO, MAX_P99_RATIO = 2.0, 3.0
 INTERVAL_US = 1000
 BINS = 100_000  # us of cyclictest's histogram
-MISSING = (
+NO_CYCLICTEST = (
     "no comparison: cyclictest is not here (Debian, Ubuntu: apt-get install rt-tests; "
     "it needs root for SCHED_FIFO)"
 )
 
 
-class Block(NamedTuple):
+class LatenessBlock(NamedTuple):
     """Lateness over one block, in microseconds."""
 
     p50: float
@@ -42,7 +42,7 @@ class Block(NamedTuple):
 class LoopBlock(NamedTuple):
     """One block of the real-time loop, with its bookkeeping."""
 
-    late: Block
+    lateness: LatenessBlock
     work: tuple[float, float, float]  # us of a tick: p50, p99, p99.9
     skipped: int  # periods lost
     imbalance: int  # executed + skipped - elapsed periods, by the loop's own count
@@ -55,12 +55,12 @@ def last_core() -> int:
     return max(os.sched_getaffinity(0))
 
 
-def summary(late: npt.NDArray[np.int64]) -> Block:
+def summarise(late: npt.NDArray[np.int64]) -> LatenessBlock:
     """Percentiles of whole microseconds."""
-    return Block(quantile(late, 0.5), quantile(late, 0.99), float(late.max()), len(late))
+    return LatenessBlock(quantile(late, 0.5), quantile(late, 0.99), float(late.max()), len(late))
 
 
-def histogram(text: str) -> Block:
+def parse_histogram(text: str) -> LatenessBlock:
     """Percentiles of what ``cyclictest -h`` prints; ValueError if it is no histogram."""
     pairs = [line.split() for line in text.splitlines() if re.fullmatch(r"\d+\s+\d+", line)]
     counts = np.array([(int(us), int(count)) for us, count in pairs], dtype=np.int64)
@@ -72,10 +72,10 @@ def histogram(text: str) -> Block:
     late = np.concatenate(
         (np.repeat(counts[:, 0], counts[:, 1]), np.full(int(beyond[1]), top, dtype=np.int64))
     )
-    return summary(late)
+    return summarise(late)
 
 
-def cyclictest(seconds: float) -> Block:
+def run_cyclictest(seconds: float) -> LatenessBlock:
     """One block of cyclictest: FIFO, absolute clock_nanosleep, memory locked, the loop's core."""
     command = [
         "cyclictest",
@@ -86,25 +86,25 @@ def cyclictest(seconds: float) -> Block:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"cyclictest: {(done.stderr or done.stdout).strip()[-200:]}")
-    return histogram(done.stdout)
+    return parse_histogram(done.stdout)
 
 
-def loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
+def run_loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
     """One block of the loop under the supervisor, from its very first tick on."""
-    peeks: list[Peek] = []
+    peeks: list[TickObservation] = []
     with live_run(campaign, runs, real_clock=True) as run:
         start = run.wait_started()
-        while time.monotonic() < start.at + seconds + 0.1:
-            peeks.append(run.peek())
+        while time.monotonic() < start.time + seconds + 0.1:
+            peeks.append(run.observe_tick())
             time.sleep(0.01)
         run.stop()
         outcome = run.wait_ended()
     if outcome["status"] != "stopped":
         raise RuntimeError(f"the loop did not last as long as its block: {outcome['reason']}")
-    return timing_of(run.folder, seconds, drift(peeks))
+    return loop_timing(run.folder, seconds, tick_drift(peeks))
 
 
-def timing_of(folder: Path, seconds: float, drifted: float) -> LoopBlock:
+def loop_timing(folder: Path, seconds: float, drifted: float) -> LoopBlock:
     """What the rows of a run say about its first so many seconds."""
     periods = round(seconds * 1e6 / INTERVAL_US)
     data = open_run(folder, fields=["tick", "timing"])
@@ -113,49 +113,51 @@ def timing_of(folder: Path, seconds: float, drifted: float) -> LoopBlock:
     late = (data["timing.lateness"].values[within] * 1e6).astype(np.int64)
     work = data["timing.work"].values[1:][within[1:]] * 1e6  # each row has that of the tick before
     return LoopBlock(
-        summary(late),
+        summarise(late),
         (quantile(work, 0.5), quantile(work, 0.99), quantile(work, 0.999)),
         int(skipped[within][-1]),
         len(ticks) + int(skipped[-1]) - (int(ticks[-1]) + 1),
         drifted,
-        refusals(folder),
+        refused_privileges(folder),
     )
 
 
-def drift(peeks: list[Peek]) -> float:
+def tick_drift(peeks: list[TickObservation]) -> float:
     """Periods by which the loop's tick ran away from the monotonic clock.
 
     A look from outside comes up to a period after its tick, and later when the host stalls; the
     promptest look of each quarter of the run is free of both.
     """
-    ahead = [peek.tick - (peek.at - peeks[0].at) * 1e6 / INTERVAL_US for peek in peeks]
+    ahead = [peek.tick - (peek.time - peeks[0].time) * 1e6 / INTERVAL_US for peek in peeks]
     quarter = max(1, len(ahead) // 4)
     return max(ahead[-quarter:]) - max(ahead[:quarter])
 
 
-class Pairs(NamedTuple):
+class AlternatingBlocks(NamedTuple):
     """Alternating blocks under one load; without cyclictest its list is empty."""
 
     loop: list[LoopBlock]
-    peer: list[Block]
+    cyclictest: list[LatenessBlock]
 
 
-def alternate(folder: Path, seconds: float, pairs: int, *, busy: bool, compare: bool) -> Pairs:
+def alternate_blocks(
+    folder: Path, seconds: float, pairs: int, *, busy: bool, compare: bool
+) -> AlternatingBlocks:
     """Loop, cyclictest, loop, cyclictest, ...; with ``busy`` during a spinning process."""
-    campaign = campaign_file(folder, seconds + 60.0)
-    found = Pairs([], [])
-    load: AbstractContextManager[object] = _Spinner() if busy else nullcontext()
+    campaign = write_campaign_file(folder, seconds + 60.0)
+    found = AlternatingBlocks([], [])
+    load: AbstractContextManager[object] = _BusyProcess() if busy else nullcontext()
     with load:
         for i in range(pairs):
             runs = folder / f"{'busy' if busy else 'calm'}{i}"
-            found.loop.append(loop_block(campaign, runs, seconds))
+            found.loop.append(run_loop_block(campaign, runs, seconds))
             shutil.rmtree(runs)
             if compare:
-                found.peer.append(cyclictest(seconds))
+                found.cyclictest.append(run_cyclictest(seconds))
     return found
 
 
-class _Spinner:
+class _BusyProcess:
     """A process that does nothing but compute, on the first core."""
 
     def __enter__(self) -> None:
@@ -170,13 +172,13 @@ class _Spinner:
         self._process.wait()
 
 
-def _figures(load: str, found: Pairs) -> list[Figure]:
-    loop, peer = found.loop, found.peer
+def _figures(load: str, found: AlternatingBlocks) -> list[Figure]:
+    loop, peer = found.loop, found.cyclictest
     figures: list[Figure] = []
     for name, ours, theirs, limit in (
-        ("p50", [b.late.p50 for b in loop], [b.p50 for b in peer], P50_RATIO),
-        ("p99", [b.late.p99 for b in loop], [b.p99 for b in peer], P99_RATIO),
-        ("worst", [b.late.worst for b in loop], [b.worst for b in peer], None),
+        ("p50", [b.lateness.p50 for b in loop], [b.p50 for b in peer], MAX_P50_RATIO),
+        ("p99", [b.lateness.p99 for b in loop], [b.p99 for b in peer], MAX_P99_RATIO),
+        ("worst", [b.lateness.worst for b in loop], [b.worst for b in peer], None),
     ):
         figures.append(figure(f"{load}: loop, {name}", "us late", ours))
         if peer:
@@ -194,14 +196,14 @@ def _figures(load: str, found: Pairs) -> list[Figure]:
             "periods",
             [abs(b.imbalance) for b in loop],
             at_most=0,
-            judge="worst",
+            criterion="worst",
         ),
         figure(
             f"{load}: the same by the clock, from outside",
             "periods",
             [abs(b.drift) for b in loop],
             at_most=1,
-            judge="worst",
+            criterion="worst",
         ),
     ]
     return figures
@@ -217,7 +219,7 @@ def measure(short: bool) -> Result:
         "busy: a process computing without end on the first core, in loop and cyclictest blocks",
     ]
     if not compare:
-        notes.append(MISSING)
+        notes.append(NO_CYCLICTEST)
     if len(os.sched_getaffinity(0)) > 1:
         loads.append(("busy", True))
     else:
@@ -226,7 +228,7 @@ def measure(short: bool) -> Result:
     refused: set[str] = set()
     with tempfile.TemporaryDirectory() as scratch:
         for name, busy in loads:
-            found = alternate(Path(scratch), seconds, pairs, busy=busy, compare=compare)
+            found = alternate_blocks(Path(scratch), seconds, pairs, busy=busy, compare=compare)
             figures += _figures(name, found)
             refused.update(why for block in found.loop for why in block.refused)
     notes += [f"not granted to the loop, so not the same terms: {why}" for why in sorted(refused)]

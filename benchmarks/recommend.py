@@ -43,8 +43,8 @@ SEAS: dict[str, dict[str, Any]] = {
 }
 SPRINGS = (490.9, -5715.0, -10013.0)
 LEAD_IN = 15.0  # s, before a walked row
-AGAIN = 10  # rows of each sea that are run before a second recommendation
-BUDGET = 36
+ROWS_BEFORE_SECOND = 10  # rows of each sea that are run before a second recommendation
+MAX_ROWS = 36
 
 
 class Silent:
@@ -56,7 +56,7 @@ class Silent:
         """Draw nothing."""
 
 
-class Truth:
+class TruePower:
     """The plant without noise in a sea: power of any settings, by the compiled loop."""
 
     def __init__(self, path: Path) -> None:
@@ -66,15 +66,15 @@ class Truth:
         period = repeat_period(self.campaign.file.sea)
         self._ticks = period / whole.dt if period else None
         self._at = self.campaign.points[0].locations
-        self.known: dict[Gains, dict[str, float]] = {}
+        self.results: dict[Gains, dict[str, float]] = {}
 
     def __call__(self, gains: Gains) -> dict[str, float]:
         """Mean power by station, W; infinite where the rig would trip."""
-        if gains not in self.known:
-            self.known[gains] = self._walked(gains)
-        return self.known[gains]
+        if gains not in self.results:
+            self.results[gains] = self._simulate(gains)
+        return self.results[gains]
 
-    def _walked(self, gains: Gains) -> dict[str, float]:
+    def _simulate(self, gains: Gains) -> dict[str, float]:
         nothing = {"ac": math.inf, "dc": math.inf}
         if gains.ki > largest_ki(self.campaign.rig.stability, gains.spring_rate):
             return nothing
@@ -88,7 +88,7 @@ class Truth:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}
         return nothing
 
-    def least(self, start: Gains) -> Gains:
+    def find_minimum(self, start: Gains) -> Gains:
         """The continuous minimum of DC power that a search from ``start`` ends in."""
         scale = np.array([500.0, 1000.0, 1000.0])
         rates, _ = self.campaign.rig.spring.by_rate()
@@ -110,15 +110,15 @@ def _simplex() -> Any:
     return np.concatenate([np.zeros((1, 3)), np.eye(3)])
 
 
-class Found(NamedTuple):
+class SeaResult(NamedTuple):
     """What one sea gave."""
 
     sea: str
     first: Gains  # recommended from calm water alone
-    again: Gains | None  # and from its rows besides
-    true: Gains
-    watts: dict[str, float]  # true DC at these, of the grid's best row, and the best AC
-    spent: tuple[float, float]  # rows, of the identification and of the recommended campaign
+    second: Gains | None  # and from its rows besides
+    optimum: Gains
+    power: dict[str, float]  # true DC at these, of the grid's best row, and the best AC
+    rows_used: tuple[float, float]  # rows, of the identification and of the recommended campaign
 
 
 def measure(short: bool) -> Result:
@@ -126,9 +126,9 @@ def measure(short: bool) -> Result:
     seas = dict(list(SEAS.items())[:1]) if short else SEAS
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        identified, seconds = _identified(folder, short)
+        identified, seconds = _run_identification(folder, short)
         found = [
-            _sea(folder / f"sea_{i}", name, keys, identified, seconds, short)
+            _measure_sea(folder / f"sea_{i}", name, keys, identified, seconds, short)
             for i, (name, keys) in enumerate(seas.items())
         ]
     return Result(
@@ -140,14 +140,14 @@ def measure(short: bool) -> Result:
     )
 
 
-def _file(path: Path, keys: dict[str, Any]) -> Path:
+def _write_yaml(path: Path, keys: dict[str, Any]) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w") as file:
         YAML(typ="safe").dump(keys, file)
     return path
 
 
-def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
+def _rehearse(path: Path, runs: Path) -> tuple[Path, float]:
     """The run of a campaign, and how long it took in the basin's time, s."""
     told = check_campaign(path)
     if told.campaign is None or told.plan is None:
@@ -159,7 +159,7 @@ def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
     return ended.folder, told.plan.duration
 
 
-def _identified(folder: Path, short: bool) -> tuple[Path, float]:
+def _run_identification(folder: Path, short: bool) -> tuple[Path, float]:
     keys: dict[str, Any] = {
         "extends": str(CONFIGS / "campaigns" / "identification_short.yaml"),
         "rig": str(RIG),
@@ -169,40 +169,42 @@ def _identified(folder: Path, short: bool) -> tuple[Path, float]:
             "spring_n_per_m": 490.9, "kp_n_s_per_m": 0, "ki_n_per_m": 0,
             "reference_scale": [1, 3],
         }]}  # fmt: skip
-    return _rehearsed(_file(folder / "identification.yaml", keys), folder / "runs")
+    return _rehearse(_write_yaml(folder / "identification.yaml", keys), folder / "runs")
 
 
-def _sea(
+def _measure_sea(
     folder: Path, name: str, sea: dict[str, Any], identified: Path, seconds: float, short: bool
-) -> Found:
+) -> SeaResult:
     first_row = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
     keys = {"name": "sea", "rig": str(RIG), "sea": sea, "matrix": {"list": [first_row]}}
-    base = _file(folder / "sea.yaml", keys)
-    truth = Truth(_file(folder / "truth.yaml", {**keys, "plant": str(_quiet(folder))}))
+    base = _write_yaml(folder / "sea.yaml", keys)
+    truth = TruePower(
+        _write_yaml(folder / "truth.yaml", {**keys, "plant": str(_write_noiseless_plant(folder))})
+    )
     timing = row_windows(truth.campaign.file.sea, truth.campaign.file.timing)
-    asked = RecommendOptions(campaign=base, rows=AGAIN)
+    asked = RecommendOptions(campaign=base, rows=ROWS_BEFORE_SECOND)
     advice = recommend([identified], asked, folder / "first")
-    first, again, rows = _dc(advice), None, 0
+    first, again, rows = _best_dc_gains(advice), None, 0
     if not short:
         path, _ = report.write(advice, folder / "first")
-        run, _ = _rehearsed(path, folder / "runs")
+        run, _ = _rehearse(path, folder / "runs")
         rows = len(advice.rows)
-        again = _dc(recommend([identified, run], asked, folder / "again"))
-    grid = [] if short else _grid()
+        again = _best_dc_gains(recommend([identified, run], asked, folder / "again"))
+    grid = [] if short else _reference_grid()
     watts = {"grid": min((truth(gains)["dc"] for gains in grid), default=math.nan)}
     starts = [first, *sorted(grid, key=lambda g: truth(g)["dc"])[:1]]
-    true = min((truth.least(start) for start in starts), key=lambda g: truth(g)["dc"])
+    true = min((truth.find_minimum(start) for start in starts), key=lambda g: truth(g)["dc"])
     watts |= {"first": truth(first)["dc"], "true": truth(true)["dc"]}
     watts["again"] = truth(again)["dc"] if again else math.nan
-    watts["ac"] = min(each["ac"] for each in truth.known.values())
-    return Found(name, first, again, true, watts, (seconds / timing.interval, rows))
+    watts["ac"] = min(each["ac"] for each in truth.results.values())
+    return SeaResult(name, first, again, true, watts, (seconds / timing.interval, rows))
 
 
-def _dc(advice: Recommendation) -> Gains:
+def _best_dc_gains(advice: Recommendation) -> Gains:
     return advice.rows[0].prediction.gains
 
 
-def _grid() -> list[Gains]:
+def _reference_grid() -> list[Gains]:
     """The reference grid: Ki rises from what takes the spring's rate back."""
     return [
         Gains(kp, rate + above, rate)
@@ -212,7 +214,7 @@ def _grid() -> list[Gains]:
     ]
 
 
-def _quiet(folder: Path) -> Path:
+def _write_noiseless_plant(folder: Path) -> Path:
     """The plant without sensor noise."""
     names = ("current", "string_pot", "lcb", "trs", "slew", "stator", "rotor", "probe")
     units = {"current": "A", "rotor": "rad", "string_pot": "m", "probe": "m"}
@@ -220,11 +222,11 @@ def _quiet(folder: Path) -> Path:
         f"{name}_noise": {"value": 0.0, "unit": units.get(name, "N"), "source": "none"}
         for name in names
     }
-    return _file(folder / "quiet.yaml", {"extends": str(PLANT), "sensors": silent})
+    return _write_yaml(folder / "quiet.yaml", {"extends": str(PLANT), "sensors": silent})
 
 
-def _figures(one: Found) -> list[Figure]:
-    watts = one.watts
+def _figures(one: SeaResult) -> list[Figure]:
+    watts = one.power
     most = max(0.02 * abs(watts["ac"]), 0.5)
     gap = watts["first"] - watts["true"]
     name = one.sea
@@ -232,19 +234,19 @@ def _figures(one: Found) -> list[Figure]:
         figure(f"{name}: gap in DC power, from calm water alone", "W", gap, at_most=most),
         figure("  allowed: 2 % of the best AC power, at least 0.5 W", "W", most),
         figure("  true least DC power", "W", watts["true"]),
-        figure("  rows spent, identification included", "1", one.spent[0], at_most=BUDGET),
+        figure("  rows spent, identification included", "1", one.rows_used[0], at_most=MAX_ROWS),
     ]
-    if one.again is not None:
+    if one.second is not None:
         second = watts["again"] - watts["true"]
-        spent = sum(one.spent)
+        spent = sum(one.rows_used)
         made += [
             figure("  gap after its rows were run", "W", second, at_most=most),
-            figure("  rows spent by then", "1", spent, at_most=BUDGET),
+            figure("  rows spent by then", "1", spent, at_most=MAX_ROWS),
         ]
     if math.isfinite(watts["grid"]):
         worse = watts["grid"] - watts["true"]
         made.append(figure("  gap of the best of 108 grid rows", "W", worse))
-    for label, gains in (("recommended", one.first), ("true", one.true)):
+    for label, gains in (("recommended", one.first), ("true", one.optimum)):
         told = zip(gains._fields, gains, ("N*s/m", "N/m", "N/m"), strict=True)
         made += [figure(f"  {label} {field}", unit, value) for field, value, unit in told]
     return made

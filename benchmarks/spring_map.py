@@ -13,7 +13,7 @@ from rig.kinds.wavebot.spring_map.result import spring_map
 from rig.kinds.wavebot.tasks import rehearsal_mode
 from rig.processes.run_types import Snapshot
 
-SPRINGS, WORST = 8, 2.0  # %
+SPRINGS, MAX_ERROR = 8, 2.0  # %
 STATIONS = (-93.0, -73.0, -53.0, -33.0, -13.0, 7.0, 27.0, 47.0, 67.0)
 _PLANT = """\
 extends: {root}/configs/plants/wavebot.yaml
@@ -50,7 +50,7 @@ class Nobody:
         """Nothing to see."""
 
 
-def drawn(seed: int) -> list[float]:
+def draw_rates(seed: int) -> list[float]:
     """Rates (N/m) that fall by 500 to 3500 from station to station, none nearer to zero than
     300: a share of nothing says nothing."""
     random = np.random.default_rng(seed)
@@ -61,9 +61,9 @@ def drawn(seed: int) -> list[float]:
             return [round(float(rate), 1) for rate in rates]
 
 
-def found(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, float]:
+def map_errors(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, float]:
     """Largest error (%) of the rates by the slew cell and by the column cell."""
-    rates = drawn(seed)
+    rates = draw_rates(seed)
     (folder / "plant.yaml").write_text(_PLANT.format(root=ROOT, rates=rates))
     path = folder / "campaign.yaml"
     path.write_text(_CAMPAIGN.format(root=ROOT, seed=seed, stations=list(stations)))
@@ -87,7 +87,7 @@ def measure(short: bool) -> Result:
     slew, column = [], []
     for seed in range(springs):
         with tempfile.TemporaryDirectory() as scratch:
-            one, other = found(Path(scratch), seed, stations)
+            one, other = map_errors(Path(scratch), seed, stations)
         slew.append(one)
         column.append(other)
     return Result(
@@ -95,8 +95,8 @@ def measure(short: bool) -> Result:
         "spring rates of a hidden spring by the hoist campaign, against the drawn ones",
         f"{springs} springs, {len(stations)} stator positions each, raised and lowered once",
         (
-            figure("largest error, slew cell", "%", slew, at_most=WORST, judge="worst"),
-            figure("largest error, column cell", "%", column, at_most=WORST, judge="worst"),
+            figure("largest error, slew cell", "%", slew, at_most=MAX_ERROR, criterion="worst"),
+            figure("largest error, column cell", "%", column, at_most=MAX_ERROR, criterion="worst"),
         ),
         ("noise of the plant file, 20 N Coulomb and 400 N s/m in the drivetrain, 0.1 m/s",),
     )

@@ -27,14 +27,14 @@ PLANTS = Path(__file__).resolve().parents[2] / "configs" / "plants"
 DT = 0.001
 TARE = 500  # ticks
 NOMINAL_GAIN, NOMINAL_CONSTANT = 1.5708, 16.845
-OUTPUT = 15.0  # gear ratio
+GEAR_RATIO = 15.0  # gear ratio
 TORQUE, VELOCITY = 1, 0
-_NOBODY = RunInfo("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
-_WHOLE = RecordState("complete", 0, 0, (), (), False)
+_RUN_INFO = RunInfo("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
+_COMPLETE_RECORD = RecordState("complete", 0, 0, (), (), False)
 
 Floats = npt.NDArray[np.float64]
 
-DRAWN: dict[str, tuple[float, float]] = {
+CONSTANT_RANGES: dict[str, tuple[float, float]] = {
     "motor.torque_constant": (1.0, 1.35),
     "velocity_loop.gain": (1.42, 1.66),
     "velocity_loop.offset": (-0.0006, 0.0006),
@@ -52,10 +52,10 @@ DRAWN: dict[str, tuple[float, float]] = {
 """Values of the plant file, and between which bounds each is drawn, evenly."""
 
 
-class Row(NamedTuple):
+class SessionRow(NamedTuple):
     """One set point: sine of the drive's command, brake current and duration."""
 
-    asked: dict[str, float]
+    plan_row: dict[str, float]
     amplitude: float  # V or A
     period: float  # s
     periods: int
@@ -63,15 +63,15 @@ class Row(NamedTuple):
     damping: float = 0.0  # N*m*s/rad, of the brake
 
 
-def drawn(seed: int) -> dict[str, float]:
+def draw_constants(seed: int) -> dict[str, float]:
     """The hidden values of a bench."""
     random = np.random.default_rng(seed)
-    return {name: float(random.uniform(*bounds)) for name, bounds in DRAWN.items()}
+    return {name: float(random.uniform(*bounds)) for name, bounds in CONSTANT_RANGES.items()}
 
 
-def plant(values: dict[str, float], *, braked: bool) -> BenchPlant:
+def build_plant(values: dict[str, float], *, with_brake: bool) -> BenchPlant:
     """A shipped bench with these values in the place of its own."""
-    name = "oswec_bench" if braked else "oswec_bench_unbraked"
+    name = "oswec_bench" if with_brake else "oswec_bench_unbraked"
     mapping, _ = load_mapping(PLANTS / f"{name}.yaml")
     mapping["sensors"]["travel"]["value"] = 180.0  # nobody brings the shaft home between rows
     for path, value in values.items():
@@ -81,7 +81,9 @@ def plant(values: dict[str, float], *, braked: bool) -> BenchPlant:
 
 
 @njit
-def _play(advance: Any, x: Any, mode: int, wires: Any, locked: int, begin: int, out: Any) -> None:
+def _run_ticks(
+    advance: Any, x: Any, mode: int, wires: Any, locked: int, begin: int, out: Any
+) -> None:
     for k in range(len(wires)):
         read = advance(x, 1, mode, wires[k, 0], wires[k, 1], wires[k, 2], locked, 1, 0, begin + k)
         out[k, 0], out[k, 1], out[k, 2] = read[0], read[1], read[2]
@@ -89,17 +91,19 @@ def _play(advance: Any, x: Any, mode: int, wires: Any, locked: int, begin: int, 
 
 
 @cache
-def _advance() -> Any:
+def _compiled_step() -> Any:
     """The compiled step of a bench; compiled once, the constants are in its array."""
-    params = plant({}, braked=True).build()
+    params = build_plant({}, with_brake=True).build()
     start = StepperInputs(params, dynamometer.initial(params), [0.0] * NOISE_LENGTH, DT)
     return CompiledStepper(start)._compiled.code.advance
 
 
-def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> SessionRun:
+def simulate_session(
+    values: dict[str, float], seed: int, kind: str, rows: list[SessionRow]
+) -> SessionRun:
     """Play a session's rows, one after the other, and hand over what was read."""
     braked = kind in ("driveline", "brake_map", "torque_constant")
-    params = plant(values, braked=braked).build()
+    params = build_plant(values, with_brake=braked).build()
     normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
     state = dynamometer.initial(params)
     # The array of a compiled step (rig/compilation/plant_step.py),
@@ -107,24 +111,26 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     x = np.array([*lifting.flatten(state), DT, *lifting.flatten(params), *normals])
     mode = TORQUE if kind == "torque_constant" else VELOCITY
     locked = 1 if kind == "torque_constant" else 0
-    advance = _advance()
+    advance = _compiled_step()
     still = np.zeros((TARE, 5))
-    _play(advance, x, mode, np.zeros((TARE, 3)), locked, 1, still)
+    _run_ticks(advance, x, mode, np.zeros((TARE, 3)), locked, 1, still)
     zero, tick, points = still.mean(axis=0), TARE + 1, []
     for number, row in enumerate(rows):
         settle = round(row.period / DT)
         ticks = settle + round(row.periods * row.period / DT)
-        wires, angle = _wires(params, row, mode, ticks + 1)
+        wires, angle = _command_table(params, row, mode, ticks + 1)
         told = np.empty((ticks + 1, 5))
-        _play(advance, x, mode, wires, locked, tick, told)
+        _run_ticks(advance, x, mode, wires, locked, tick, told)
         tick += ticks + 1
         there, then = slice(settle, ticks), slice(settle + 1, ticks + 1)
         columns = (told[there] - [zero[0], zero[1], 0.0, zero[3], 0.0]).T
-        points.append(_point(number, row, params, columns, wires[then], angle[then], tick - ticks))
-    return SessionRun(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, False, _WHOLE, ())
+        points.append(
+            _setpoint_data(number, row, params, columns, wires[then], angle[then], tick - ticks)
+        )
+    return SessionRun(_RUN_INFO, kind, kind, points, NOMINAL_CONSTANT, False, _COMPLETE_RECORD, ())
 
 
-def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats]:
+def _command_table(params: Any, row: SessionRow, mode: int, ticks: int) -> tuple[Floats, Floats]:
     """Volts, amperes and amperes of the brake by tick, and the angle that volts ask for."""
     t, omega = DT * np.arange(ticks), 2.0 * np.pi / row.period
     # A cosine grown over one period: the angle then swings about where the row began.
@@ -143,13 +149,13 @@ def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats
     return wires, angle
 
 
-def _point(
-    number: int, row: Row, params: Any, told: Floats, wires: Floats, angle: Floats, tick: int
+def _setpoint_data(
+    number: int, row: SessionRow, params: Any, told: Floats, wires: Floats, angle: Floats, tick: int
 ) -> SetpointData:
     motor, shaft, current, torque, brake = told
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
     return SetpointData(
-        row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0,
+        row=number, plan_row=row.plan_row, incomplete_reason="", lost_ticks=0, limited_ticks=0,
         period=row.period, dt=DT,
         start_time=tick * DT, wave_clock=0.0, encoder_age=0.0, tare_samples=TARE,
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,

@@ -8,7 +8,7 @@ from math import pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.fault_runs import free_port, played, write_yaml
+from benchmarks.support.fault_runs import emulated_devices, free_port, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task
@@ -20,10 +20,12 @@ from rig.processes.child import Child
 from rig.realtime.sequence import MEASURE
 
 AMPLITUDE_DEG, PERIOD_S = 10.0, 1.5
-FAST = 0.5 * radians(AMPLITUDE_DEG) * 2.0 * pi / PERIOD_S  # rad/s: half of the highest speed
+MOVING_SPEED = (
+    0.5 * radians(AMPLITUDE_DEG) * 2.0 * pi / PERIOD_S
+)  # rad/s: half of the highest speed
 
 
-class BenchStage(NamedTuple):
+class EmulatedBench(NamedTuple):
     """Emulated devices that are there, and a session on their wires."""
 
     session: Session
@@ -37,17 +39,17 @@ class BenchStage(NamedTuple):
         """Names of the I/O processes."""
         return tuple(one.name for one in wired_mode(self.session, emulated=False).io_processes)
 
-    def moves(self, row: Mapping[str, float]) -> bool:
+    def is_moving(self, row: Mapping[str, float]) -> bool:
         """Whether the shaft turns at more than half of its highest speed."""
-        return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > FAST
+        return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > MOVING_SPEED
 
-    def go(self, view: View, long: bool = False) -> RunResult:
+    def run(self, view: View, long: bool = False) -> RunResult:
         """One run on them, as they are: no fault of the bench takes a long one to be seen."""
         mode = wired_mode(self.session, emulated=False)._replace(name="hil")
         return run_task(session_task(self.session, self.plan), self.folder, view, mode)
 
 
-def bench_rig_file(folder: Path) -> Path:
+def write_rig_file(folder: Path) -> Path:
     """The wired bench with addresses of its own, so that several can be on one host."""
     lines = Path(tempfile.mkdtemp(prefix="wec-", dir=folder))
     with socket.socket(type=socket.SOCK_DGRAM) as one:
@@ -64,12 +66,12 @@ def bench_rig_file(folder: Path) -> Path:
 
 
 @contextmanager
-def bench_stage(folder: Path) -> Iterator[BenchStage]:
+def emulated_bench(folder: Path) -> Iterator[EmulatedBench]:
     """Emulated devices for as long as the context lasts, and a driveline of some seconds."""
     tree = {
         "name": "fault",
         "session": "driveline",
-        "rig": str(bench_rig_file(folder)),
+        "rig": str(write_rig_file(folder)),
         "rows": [
             {"amplitude_deg": AMPLITUDE_DEG, "damping_n_m_s_per_rad": 62.5, "period_s": PERIOD_S}
         ],
@@ -79,5 +81,5 @@ def bench_stage(folder: Path) -> Iterator[BenchStage]:
     report = check_session(write_yaml(folder / "session.yaml", tree), problems)
     if report.session is None or report.plan is None:
         raise ValueError(report.text())
-    with played(emulator_process(report.session), folder) as (control, devices):
-        yield BenchStage(report.session, report.plan, control, devices, folder)
+    with emulated_devices(emulator_process(report.session), folder) as (control, devices):
+        yield EmulatedBench(report.session, report.plan, control, devices, folder)

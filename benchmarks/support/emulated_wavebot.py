@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.support.fault_runs import free_port, played, write_yaml
+from benchmarks.support.fault_runs import emulated_devices, free_port, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.campaign import run_campaign
@@ -18,16 +18,16 @@ from rig.processes.child import Child
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in
 
-FAST = 0.05  # m/s of the body in heave
-LONG = 40.0  # s of a run whose powers are averaged over 30 s
+MOVING_SPEED = 0.05  # m/s of the body in heave
+LONG_INTERVAL_S = 40.0  # s of a run whose powers are averaged over 30 s
 
 
-class Stage(NamedTuple):
+class EmulatedWaveBot(NamedTuple):
     """Emulated devices that are there, and a campaign on their wires."""
 
     campaign: Campaign
     plan: Plan
-    longer: tuple[Campaign, Plan]  # the same, measuring for longer
+    long_campaign: tuple[Campaign, Plan]  # the same, measuring for longer
     control: ControlClient
     devices: Child
     folder: Path
@@ -37,13 +37,13 @@ class Stage(NamedTuple):
         """Names of the I/O processes."""
         return tuple(one.name for one in hardware.build_job(self.campaign.rig).io_processes)
 
-    def moves(self, row: Mapping[str, float]) -> bool:
+    def is_moving(self, row: Mapping[str, float]) -> bool:
         """Whether the body heaves."""
-        return abs(row["heave.estimate.velocity"]) > FAST
+        return abs(row["heave.estimate.velocity"]) > MOVING_SPEED
 
-    def go(self, view: View, long: bool = False) -> RunResult:
+    def run(self, view: View, long: bool = False) -> RunResult:
         """One run on them, as they are."""
-        campaign, plan = self.longer if long else (self.campaign, self.plan)
+        campaign, plan = self.long_campaign if long else (self.campaign, self.plan)
         made = hardware.build_job(self.campaign.rig)
         wires = wires_in(self.campaign.rig)
         mode = ExecutionMode(
@@ -57,7 +57,7 @@ class Stage(NamedTuple):
         return run_campaign(campaign, plan, self.folder, view, mode)
 
 
-def rig_file(folder: Path) -> Path:
+def write_rig_file(folder: Path) -> Path:
     """The wired WaveBot with addresses of its own, so that several can be on one host."""
     line = Path(tempfile.mkdtemp(prefix="wec-", dir=folder)) / "amplifiers"
     tree = {
@@ -74,11 +74,11 @@ def rig_file(folder: Path) -> Path:
     return write_yaml(folder / "rig.yaml", tree)
 
 
-def campaign_file(folder: Path, **keys: Any) -> Path:
+def write_campaign_file(folder: Path, **keys: Any) -> Path:
     """A campaign of a few seconds on that rig."""
     tree = {
         "name": "fault",
-        "rig": str(rig_file(folder)),
+        "rig": str(write_rig_file(folder)),
         "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         "tare": {"duration_s": 1},
         "start": {"set_point_s": 0, "lead_in_s": 1},
@@ -89,7 +89,7 @@ def campaign_file(folder: Path, **keys: Any) -> Path:
     return write_yaml(folder / "campaign.yaml", tree)
 
 
-def checked(path: Path) -> tuple[Campaign, Plan]:
+def open_checked(path: Path) -> tuple[Campaign, Plan]:
     """A campaign that may run."""
     report = check_campaign(path)
     if report.campaign is None or report.plan is None:
@@ -98,11 +98,11 @@ def checked(path: Path) -> tuple[Campaign, Plan]:
 
 
 @contextmanager
-def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
+def emulated_wavebot(folder: Path, **keys: Any) -> Iterator[EmulatedWaveBot]:
     """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
-    short = campaign_file(folder, **keys)
-    campaign, plan = checked(short)
-    longer = {"extends": str(short), "timing": {"settle_s": 1, "interval_s": LONG}}
-    long = checked(write_yaml(folder / "long.yaml", longer))
-    with played(emulation.emulator_process(campaign), folder) as (control, devices):
-        yield Stage(campaign, plan, long, control, devices, folder)
+    short = write_campaign_file(folder, **keys)
+    campaign, plan = open_checked(short)
+    longer = {"extends": str(short), "timing": {"settle_s": 1, "interval_s": LONG_INTERVAL_S}}
+    long = open_checked(write_yaml(folder / "long.yaml", longer))
+    with emulated_devices(emulation.emulator_process(campaign), folder) as (control, devices):
+        yield EmulatedWaveBot(campaign, plan, long, control, devices, folder)

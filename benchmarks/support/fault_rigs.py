@@ -5,10 +5,10 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.emulated_bench import bench_stage
-from benchmarks.support.emulated_wavebot import stage
-from benchmarks.support.fault_runs import Scene
-from benchmarks.support.fault_table import TABLES, Row, rows
+from benchmarks.support.emulated_bench import emulated_bench
+from benchmarks.support.emulated_wavebot import emulated_wavebot
+from benchmarks.support.fault_runs import EmulatedRig
+from benchmarks.support.fault_table import TABLES, FaultRow, read_rows
 from benchmarks.support.recorded import ROOT
 
 
@@ -17,24 +17,24 @@ class FaultRig(NamedTuple):
 
     name: str  # of its table
     title: str
-    stage: Callable[[Path], AbstractContextManager[Scene]]
+    emulate: Callable[[Path], AbstractContextManager[EmulatedRig]]
     page: Path  # of the documentation
-    without: str  # when it is safe, for people
-    stop: str  # what a stop of category 1 does first
+    safe_state: str  # when it is safe, for people
+    stop_action: str  # what a stop of category 1 does first
     motion: str  # motion of the rig when a fault comes
-    test: str  # file of the test that runs the table
-    measured: Path  # results
+    test_file: str  # file of the test that runs the table
+    results: Path  # results
     table: Path
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[FaultRow]:
         """All rows of its table."""
-        return rows(self.table)
+        return read_rows(self.table)
 
 
 def _rig(
     name: str,
     title: str,
-    stage: Callable[[Path], AbstractContextManager[Scene]],
+    stage: Callable[[Path], AbstractContextManager[EmulatedRig]],
     page: str,
     without: str,
     stop: str,
@@ -54,7 +54,7 @@ RIGS = {
         _rig(
             "wavebot",
             "Faults: reactions of the rig",
-            stage,
+            emulated_wavebot,
             "faults.md",
             "neither motor has power, at the drives",
             "damps the body for 2 s",
@@ -64,7 +64,7 @@ RIGS = {
         _rig(
             "oswec_bench",
             "Faults of the OSWEC bench: reactions of the rig",
-            bench_stage,
+            emulated_bench,
             "bench_faults.md",
             "the servo has no power, at the drive",
             "brings the shaft to rest for 1 s",

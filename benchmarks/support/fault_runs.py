@@ -24,7 +24,7 @@ from benchmarks.support.fault_table import (
     NO_STOP,
     REFUSED,
     START,
-    Row,
+    FaultRow,
 )
 from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View
@@ -39,10 +39,10 @@ from rig.recording.runs.create import BusyError
 
 FREE_TIMEOUT = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
-AFTER = 1.5  # s of rig time from power on to the fault
+ONSET_DELAY = 1.5  # s of rig time from power on to the fault
 
 
-class Scene(Protocol):
+class EmulatedRig(Protocol):
     """Emulated devices that are there, and something to run on their wires."""
 
     @property
@@ -55,11 +55,11 @@ class Scene(Protocol):
         """Names of the I/O processes."""
         ...
 
-    def moves(self, row: Mapping[str, float]) -> bool:
+    def is_moving(self, row: Mapping[str, float]) -> bool:
         """Return True if the moved body is fast in this row of the record."""
         ...
 
-    def go(self, view: View, long: bool = False) -> RunResult:
+    def run(self, view: View, long: bool = False) -> RunResult:
         """One run on them, as they are; ``long``: one that measures for longer."""
         ...
 
@@ -71,20 +71,20 @@ class Finding(NamedTuple):
     message: str  # reason of the refusal, and messages of the I/O processes
     category: int | None
     seconds: float | None  # from the fault until no motor had power
-    lost: int  # rows
-    ended: RunResult
-    struck: int | None = None  # pieces that a link's fault spoilt; None: no fault of a link
+    rows_lost: int  # rows
+    run_result: RunResult
+    affected: int | None = None  # pieces that a link's fault spoilt; None: no fault of a link
 
 
-class Watcher:
+class CallbackView:
     """A view that shows nothing and may act on each snapshot."""
 
     def __init__(self, see: Callable[[Snapshot], None]) -> None:
         self.notice = ""
-        self._see = see
+        self._callback = see
 
     def __call__(self, snapshot: Snapshot) -> None:
-        self._see(snapshot)
+        self._callback(snapshot)
 
 
 def free_port() -> int:
@@ -96,7 +96,7 @@ def free_port() -> int:
 
 
 @contextmanager
-def played(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+def emulated_devices(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
     """Emulated devices and their control port, for as long as the context lasts."""
     lifeline, ours = os.pipe()  # whoever dies here takes them along
     job = handover.dumps(IoJob(one.config, {}, lifeline))
@@ -121,13 +121,15 @@ def _address(devices: Child) -> str:
     raise RuntimeError(f"no emulated devices: {devices.last_message()}")
 
 
-def ran(on: Scene, see: Callable[[Snapshot], None], long: bool = False) -> RunResult:
+def restart_and_run(
+    on: EmulatedRig, see: Callable[[Snapshot], None], long: bool = False
+) -> RunResult:
     """One run on the staged devices, put to rest before."""
     on.control.request("restart")
-    return when_free(lambda: on.go(Watcher(see), long))
+    return run_when_free(lambda: on.run(CallbackView(see), long))
 
 
-def when_free(run: Callable[[], RunResult]) -> RunResult:
+def run_when_free(run: Callable[[], RunResult]) -> RunResult:
     """Run when nobody else has the host's real-time place; BusyError after two minutes."""
     until = time.monotonic() + FREE_TIMEOUT
     while True:
@@ -147,54 +149,54 @@ class Trigger:
 
     def __init__(
         self,
-        deed: Callable[[], float],
-        after: float = AFTER,
-        ready: Callable[[Mapping[str, float]], bool] = lambda row: True,
+        action: Callable[[], float],
+        after: float = ONSET_DELAY,
+        condition: Callable[[Mapping[str, float]], bool] = lambda row: True,
     ) -> None:
-        self.at: float | None = None  # s, monotonic, when it was done
-        self._deed, self._after, self._ready = deed, after, ready
+        self.time: float | None = None  # s, monotonic, when it was done
+        self._action, self._after, self._condition = action, after, condition
         self._since: float | None = None
 
     def __call__(self, snapshot: Snapshot) -> None:
         row = snapshot.row
-        if self.at is not None or not row or row["safety.mode"] != RUN:
+        if self.time is not None or not row or row["safety.mode"] != RUN:
             return
         if self._since is None:
             self._since = float(row["time"])
-        if row["time"] - self._since >= self._after and self._ready(row):
-            self.at = self._deed()
+        if row["time"] - self._since >= self._after and self._condition(row):
+            self.time = self._action()
 
 
-def there(on: Scene) -> dict[str, tuple[str, ...]]:
+def available_faults(on: EmulatedRig) -> dict[str, tuple[str, ...]]:
     """Every fault that can be given, by device, link or process."""
     listed = on.control.request("faults")["faults"]
     devices = {device: tuple(faults) for device, faults in listed.items()}
-    return devices | process_faults.listed(on.io_processes)
+    return devices | process_faults.faults_by_process(on.io_processes)
 
 
-def execute(on: Scene, row: Row) -> Finding:
+def measure_once(on: EmulatedRig, row: FaultRow) -> Finding:
     """Give a device its fault, and see what comes of it."""
 
     def strike() -> float:
         if row.device.startswith(process_faults.PREFIX):
-            return process_faults.strike(row.device, row.fault)
+            return process_faults.inject(row.device, row.fault)
         return on.control.switch(row.device, row.fault, True, row.value, row.toward)
 
-    before = _struck(on, row)
-    trigger = Trigger(strike, ready=on.moves) if row.since == MOTION else Trigger(strike)
-    if row.since == START:
+    before = _affected_pieces(on, row)
+    trigger = Trigger(strike, condition=on.is_moving) if row.onset == MOTION else Trigger(strike)
+    if row.onset == START:
         on.control.request("restart")
-        trigger.at = strike()
-        ended = when_free(lambda: on.go(Watcher(lambda snapshot: None), row.long))
+        trigger.time = strike()
+        ended = run_when_free(lambda: on.run(CallbackView(lambda snapshot: None), row.long_run))
     else:
-        ended = ran(on, trigger, row.long)
-    after = _struck(on, row)
+        ended = restart_and_run(on, trigger, row.long_run)
+    after = _affected_pieces(on, row)
     on.control.request("clear")
-    found = judged(on, ended, trigger.at)
-    return found if before is None or after is None else found._replace(struck=after - before)
+    found = classify_run(on, ended, trigger.time)
+    return found if before is None or after is None else found._replace(affected=after - before)
 
 
-def _struck(on: Scene, row: Row) -> int | None:
+def _affected_pieces(on: EmulatedRig, row: FaultRow) -> int | None:
     """How often a link's fault has struck so far."""
     counts: dict[str, int] | None = on.control.request("world")["struck"].get(row.device)
     if counts is None:
@@ -202,16 +204,16 @@ def _struck(on: Scene, row: Row) -> int | None:
     return sum(counts.get(f"{way}.{row.fault}", 0) for way in ("host", "device"))
 
 
-def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
+def measure_fault(on: EmulatedRig, row: FaultRow, tries: int = 3) -> Finding:
     """Like `walk`, again when the run ended before the fault came: a loaded host does that."""
     for _ in range(tries - 1):
-        found = execute(on, row)
+        found = measure_once(on, row)
         if found.verdict != NO_RUN:
             return found
-    return execute(on, row)
+    return measure_once(on, row)
 
 
-def judged(on: Scene, ended: RunResult, at: float | None) -> Finding:
+def classify_run(on: EmulatedRig, ended: RunResult, at: float | None) -> Finding:
     """What came of a fault that was given ``at`` a time (s; None: it never was)."""
     outcome = ended.outcome
     if outcome.reason in (Reason.OPERATOR_STOP.name, Reason.OPERATOR_ABORT.name):
@@ -224,7 +226,7 @@ def judged(on: Scene, ended: RunResult, at: float | None) -> Finding:
         return Finding(verdict, f"{outcome.reason} {told}", None, None, lost, ended)
     if outcome.reason == Reason.PLAN_END.name:
         return Finding(GOES_ON, told, None, None, lost, ended)
-    gone = power_gone(on)
+    gone = power_off_time(on)
     # A motor that never had any power does not count below zero.
     seconds = None if gone is None else max(0.0, gone - at)
     if outcome.status == "crashed":
@@ -242,7 +244,7 @@ class Powered(Protocol):
         ...
 
 
-def power_gone(on: Powered, timeout_s: float = 2.0) -> float | None:
+def power_off_time(on: Powered, timeout_s: float = 2.0) -> float | None:
     """When the last motor was without power (s, monotonic); None: one still has it."""
     until = time.monotonic() + timeout_s
     while True:
@@ -254,19 +256,19 @@ def power_gone(on: Powered, timeout_s: float = 2.0) -> float | None:
         time.sleep(0.02)
 
 
-def wrong(row: Row, found: Finding) -> list[str]:
+def mismatches(row: FaultRow, found: Finding) -> list[str]:
     """What of a finding is not as the table has it."""
     claims = []
     if found.verdict not in row.verdicts:
-        claims.append(f"{row.must} was due, it was {found.verdict} ({found.message})")
-    if found.verdict == GOES_ON and found.struck == 0:
+        claims.append(f"{row.expected} was due, it was {found.verdict} ({found.message})")
+    if found.verdict == GOES_ON and found.affected == 0:
         claims.append("the fault struck nothing")
-    if found.lost:
-        claims.append(f"{found.lost} rows lost")
-    if row.must not in NO_STOP and found.verdict != GOES_ON:
-        if found.seconds is None or found.seconds > row.within:
-            claims.append(f"safe after {found.seconds} s, not {row.within:g} s")
-        if found.verdict == row.must and found.category != row.category:
+    if found.rows_lost:
+        claims.append(f"{found.rows_lost} rows lost")
+    if row.expected not in NO_STOP and found.verdict != GOES_ON:
+        if found.seconds is None or found.seconds > row.max_seconds:
+            claims.append(f"safe after {found.seconds} s, not {row.max_seconds:g} s")
+        if found.verdict == row.expected and found.category != row.category:
             claims.append(f"category {found.category}, not {row.category}")
     return claims
 

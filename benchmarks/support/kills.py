@@ -23,11 +23,11 @@ from benchmarks.support.live_run import (
     LOOP,
     LiveRun,
     TimeOutError,
+    is_running,
     live_run,
-    running,
     wait_until,
 )
-from benchmarks.support.recorded import campaign_file
+from benchmarks.support.recorded import write_campaign_file
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime.safety import STOP_0
@@ -43,137 +43,144 @@ PAIRS = {  # killed one right after the other
     "supervisor, logger": (SUPERVISOR, "logger"),
     "logger, supervisor": ("logger", SUPERVISOR),
 }
-LEFT_ALONE = (SUPERVISOR, *PAIRS)  # whose death leaves the loop to itself
-NAMES = {"loop": LOOP, "logger": LOGGER}
+LOOP_SURVIVES = (SUPERVISOR, *PAIRS)  # whose death leaves the loop to itself
+MODULES = {"loop": LOOP, "logger": LOGGER}
 DT = 0.001  # s
 LOGGER_KILLS = 4  # in one run
-MARK = "WEC_RIG_KILLED"  # in the environment of every process of a run
+ENVIRONMENT_MARK = "WEC_RIG_KILLED"  # in the environment of every process of a run
 
 
 class Kill(NamedTuple):
     """What to do to a run."""
 
-    who: str  # loop, logger, supervisor, all, or one of `PAIRS`
+    target: str  # loop, logger, supervisor, all, or one of `PAIRS`
     starting: bool  # the first moment counts from the start of the process, else from tick 0
     moments: tuple[float, ...]  # s; of a logger several, each from the last one's restart
 
 
-class Fate(NamedTuple):
+class KillOutcome(NamedTuple):
     """What a killed run left, by the witness."""
 
     kill: Kill
-    put: int  # rows that the loop put into the ring
-    lost: int  # of them, rows that are nowhere in the files
-    seconds: float  # of rows lost; with the loop killed, from the last row to the kill
-    stopping: float  # s from the supervisor's kill until every process had ended; else 0
-    wrong: tuple[str, ...]  # claims that do not hold, in words
+    rows_put: int  # rows that the loop put into the ring
+    rows_lost: int  # of them, rows that are nowhere in the files
+    seconds_lost: float  # of rows lost; with the loop killed, from the last row to the kill
+    stop_seconds: float  # s from the supervisor's kill until every process had ended; else 0
+    failures: tuple[str, ...]  # claims that do not hold, in words
 
 
-def plans(dice: random.Random, kills: int, whom: tuple[str, ...], latest: float) -> list[Kill]:
+def draw_kills(
+    rng: random.Random, kills: int, targets: tuple[str, ...], latest: float
+) -> list[Kill]:
     """Runs with so many kills in all, up to ``latest`` s after tick 0; a quarter while starting up.
 
     A logger is killed several times in one run; its supervisor restarts it five times at most.
     """
     made: list[Kill] = []
     while (left := kills - sum(len(kill.moments) for kill in made)) > 0:
-        who = dice.choice(whom)
-        count = min(left, dice.randint(1, LOGGER_KILLS)) if who == "logger" else 1
-        moments = tuple(dice.uniform(0.0, latest) for _ in range(count))
-        made.append(Kill(who, dice.random() < 0.25, moments))
+        who = rng.choice(targets)
+        count = min(left, rng.randint(1, LOGGER_KILLS)) if who == "logger" else 1
+        moments = tuple(rng.uniform(0.0, latest) for _ in range(count))
+        made.append(Kill(who, rng.random() < 0.25, moments))
     return made
 
 
-def soak(folder: Path, todo: list[Kill], *, real_clock: bool, workers: int) -> list[Fate]:
+def run_kills(
+    folder: Path, todo: list[Kill], *, real_clock: bool, workers: int
+) -> list[KillOutcome]:
     """Do all this, shared among so many workers; each does its share one run after the other."""
-    campaign = campaign_file(folder, 120.0 if real_clock else 1200.0)
+    campaign = write_campaign_file(folder, 120.0 if real_clock else 1200.0)
 
-    def share(number: int) -> list[Fate]:
+    def share(number: int) -> list[KillOutcome]:
         place = folder / f"worker{number}"
         return [
-            killed(campaign, place, kill, real_clock=real_clock) for kill in todo[number::workers]
+            run_and_kill(campaign, place, kill, real_clock=real_clock)
+            for kill in todo[number::workers]
         ]
 
     with ThreadPoolExecutor(workers) as pool:
         return [fate for fates in pool.map(share, range(workers)) for fate in fates]
 
 
-class Witness:
+class RingObserver:
     """Looks on from outside."""
 
     def __init__(self, run: LiveRun) -> None:
         self._run = run
         self.ring: RingReader | None = None
-        self.zero = float("inf")  # when tick 0 was due, monotonic s
+        self.tick_zero_time = float("inf")  # when tick 0 was due, monotonic s
 
-    def look(self, until: float) -> None:
+    def observe(self, until: float) -> None:
         """Look until then; the ring is held from the moment it is there."""
         while True:
             self.ring = self.ring or self._run.try_ring()
             newest = self.ring.latest() if self.ring else None
             if newest is not None:
                 tick = int(np.frombuffer(newest[:8], "<i8")[0])
-                self.zero = min(self.zero, time.monotonic() - tick * DT)
+                self.tick_zero_time = min(self.tick_zero_time, time.monotonic() - tick * DT)
             left = until - time.monotonic()
             if left <= 0.0:
                 return
             time.sleep(min(0.003, left))
 
-    def due(self) -> float:
+    def due_ticks(self) -> float:
         """Ticks that are due by the real clock now."""
-        return max(0.0, (time.monotonic() - self.zero) / DT)
+        return max(0.0, (time.monotonic() - self.tick_zero_time) / DT)
 
     @property
-    def put(self) -> int:
+    def rows_put(self) -> int:
         """Rows the loop has put so far."""
         return self.ring.head if self.ring else 0
 
-    def rows(self, row_type: type = WaveBotRow) -> Any:
+    def newest_rows(self, row_type: type = WaveBotRow) -> Any:
         """The newest rows the loop put, as records."""
         dtype = mcap_file.row_dtype(leaves(row_type))
         return np.frombuffer(self.ring.remaining_rows(), dtype) if self.ring else np.empty(0, dtype)
 
 
-def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fate:
+def run_and_kill(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> KillOutcome:
     """Start a run in ``folder``, execute ``kill`` in it, and compare its record with the ring.
 
     On the real clock the host's one real-time place must be free again at the end.
     """
     token = uuid.uuid4().hex
-    runs, env = folder / token[:8], {MARK: token}
+    runs, env = folder / token[:8], {ENVIRONMENT_MARK: token}
     with live_run(campaign, runs, real_clock=real_clock, env=env) as run:
-        witness = Witness(run)
+        witness = RingObserver(run)
         try:
             if not kill.starting:
                 run.wait_started()
-            due, stopping = _strike(run, witness, kill, token)
+            due, stopping = _kill_and_wait(run, witness, kill, token)
         except TimeOutError as error:
-            return Fate(kill, 0, 0, 0.0, 0.0, (str(error),))
+            return KillOutcome(kill, 0, 0, 0.0, 0.0, (str(error),))
         run.process.wait()
-        wrong = [*_left_over(run, token), *_locked(runs, run.process.pid)]
+        wrong = [*_leftover_processes(run, token), *_held_locks(runs, run.process.pid)]
         return _compare_with_ring(witness, runs, kill, due, stopping, wrong, real_clock)
 
 
-def _strike(run: LiveRun, witness: Witness, kill: Kill, token: str) -> tuple[float, float]:
+def _kill_and_wait(
+    run: LiveRun, witness: RingObserver, kill: Kill, token: str
+) -> tuple[float, float]:
     """Kill and see the run to its end; gives the tick due at the kill, and how long the end took.
 
     A process that is not there yet is killed in its very first moments.
     """
     for moment in kill.moments:
-        witness.look(time.monotonic() + moment)
-        if kill.who in NAMES:
-            run.pid(NAMES[kill.who])
-        witness.look(0.0)
-        _kill(run, kill.who)
-    due, at = witness.due(), time.monotonic()
-    if kill.who in (*LEFT_ALONE, ALL):
+        witness.observe(time.monotonic() + moment)
+        if kill.target in MODULES:
+            run.pid(MODULES[kill.target])
+        witness.observe(0.0)
+        _kill(run, kill.target)
+    due, at = witness.due_ticks(), time.monotonic()
+    if kill.target in (*LOOP_SURVIVES, ALL):
         run.process.wait()
-        _left_over(run, token)
-        return due, time.monotonic() - at if kill.who != ALL else 0.0
-    if kill.who == "logger":
-        witness.look(time.monotonic() + 0.3)
+        _leftover_processes(run, token)
+        return due, time.monotonic() - at if kill.target != ALL else 0.0
+    if kill.target == "logger":
+        witness.observe(time.monotonic() + 0.3)
         run.stop()
     wait_until(lambda: run.process.poll() is not None, "the end of the run")
-    witness.look(0.0)
+    witness.observe(0.0)
     return due, 0.0
 
 
@@ -181,53 +188,53 @@ def _kill(run: LiveRun, who: str) -> None:
     ours = run.children()
     if who in PAIRS:
         both = {SUPERVISOR: run.process.pid, "logger": ours.get(LOGGER)}
-        _end([both[each] for each in PAIRS[who]])
+        _kill_pids([both[each] for each in PAIRS[who]])
         return
     pids: list[int | None] = [run.process.pid] if who in (SUPERVISOR, ALL) else []
-    pids += [pid for module, pid in ours.items() if who == ALL or NAMES.get(who) == module]
-    _end(pids)
+    pids += [pid for module, pid in ours.items() if who == ALL or MODULES.get(who) == module]
+    _kill_pids(pids)
 
 
-def _end(pids: list[int | None]) -> None:
+def _kill_pids(pids: list[int | None]) -> None:
     for pid in pids:
         if pid is not None:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
 
-def alive(run: LiveRun, token: str) -> list[int]:
+def living_processes(run: LiveRun, token: str) -> list[int]:
     """Living processes that a run had as children, or that carry its mark, whoever their parent.
 
     One that is ending loses its mark before it gives back its locks.
     """
-    found = [pid for pid in run.known if running(pid)]
+    found = [pid for pid in run.known_children if is_running(pid)]
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
                 environment = (entry / "environ").read_bytes()
             except OSError:
                 continue
-            if f"{MARK}={token}".encode() in environment.split(b"\0"):
+            if f"{ENVIRONMENT_MARK}={token}".encode() in environment.split(b"\0"):
                 found.append(int(entry.name))
     return found
 
 
-def _left_over(run: LiveRun, token: str) -> list[str]:
+def _leftover_processes(run: LiveRun, token: str) -> list[str]:
     try:
-        wait_until(lambda: not alive(run, token), "the end of every process")
+        wait_until(lambda: not living_processes(run, token), "the end of every process")
     except TimeOutError:
-        return [f"processes left over: {alive(run, token)}"]
+        return [f"processes left over: {living_processes(run, token)}"]
     return []
 
 
-def _locked(runs: Path, supervisor: int) -> list[str]:
+def _held_locks(runs: Path, supervisor: int) -> list[str]:
     wrong = []
     try:
         acquire((REALTIME_WIRE,), "a benchmark").close()
     except BusyError as error:
         if f"process {supervisor}," in str(error):  # else another run has come since
             wrong.append(str(error))
-    for folder in _folders(runs):
+    for folder in _run_folders(runs):
         try:
             with create.lock_run(folder):
                 pass
@@ -236,32 +243,32 @@ def _locked(runs: Path, supervisor: int) -> list[str]:
     return wrong
 
 
-def _folders(runs: Path) -> list[Path]:
+def _run_folders(runs: Path) -> list[Path]:
     return [path for path in runs.iterdir() if path.is_dir()]
 
 
-class Compared(NamedTuple):
+class RecordComparison(NamedTuple):
     """Recovered record of a run, and the rows in its ring."""
 
-    truth: Any  # the newest rows the loop put, as records
+    in_ring: Any  # the newest rows the loop put, as records
     saved: Any  # all rows of the record, as records
     lost: int  # rows put that are nowhere in the files
-    wrong: tuple[str, ...]  # claims that do not hold
+    failures: tuple[str, ...]  # claims that do not hold
 
 
-def record_against(
-    witness: Witness, runs: Path, row_type: type, *, every_tick: bool = False
-) -> Compared:
+def compare_record_with_ring(
+    witness: RingObserver, runs: Path, row_type: type, *, every_tick: bool = False
+) -> RecordComparison:
     """Recover the run in ``runs`` and compare its record with its ring.
 
     ``every_tick``: the loop put each tick from 0 on, and may have put more rows than a ring holds,
     as on the virtual clock.
     """
-    truth, put = witness.rows(row_type), witness.put
+    truth, put = witness.newest_rows(row_type), witness.rows_put
     wrong = list[str]()
     made: Recovery | None = None
     try:
-        for folder in _folders(runs):
+        for folder in _run_folders(runs):
             made = recover(folder, None, datetime.now(UTC))
     except (RunError, OSError, BusyError) as error:
         # Nothing was written: right only if nothing was ever put.
@@ -270,34 +277,34 @@ def record_against(
     saved = np.concatenate(blocks) if blocks else truth[:0]
     ticks = np.arange(put) if every_tick else truth["tick"]
     lost = np.setdiff1d(ticks, saved["tick"])
-    wrong += _differ(truth, saved, ticks, None if every_tick else put)
+    wrong += _ring_differences(truth, saved, ticks, None if every_tick else put)
     if made is not None:
-        wrong += _misstated(made.account, lost)
-    return Compared(truth, saved, len(lost), tuple(wrong))
+        wrong += _account_errors(made.account, lost)
+    return RecordComparison(truth, saved, len(lost), tuple(wrong))
 
 
 def _compare_with_ring(
-    witness: Witness,
+    witness: RingObserver,
     runs: Path,
     kill: Kill,
     due: float,
     stopping: float,
     wrong: list[str],
     real_clock: bool,
-) -> Fate:
-    truth, saved, lost, claims = record_against(
+) -> KillOutcome:
+    truth, saved, lost, claims = compare_record_with_ring(
         witness, runs, WaveBotRow, every_tick=not real_clock
     )
     wrong += claims
-    if kill.who in LEFT_ALONE and len(truth):
-        wrong += _unsafe(truth[-1])
+    if kill.target in LOOP_SURVIVES and len(truth):
+        wrong += _drive_errors(truth[-1])
     seconds = lost * DT
-    if real_clock and kill.who in ("loop", ALL) and len(saved):
+    if real_clock and kill.target in ("loop", ALL) and len(saved):
         seconds = max(seconds, (due - int(saved["tick"][-1])) * DT)
-    return Fate(kill, witness.put, lost, seconds, stopping, tuple(wrong))
+    return KillOutcome(kill, witness.rows_put, lost, seconds, stopping, tuple(wrong))
 
 
-def _differ(truth: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:
+def _ring_differences(truth: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:
     """What the files hold otherwise than the ring."""
     wrong = []
     if put is not None and put != len(truth):
@@ -312,7 +319,7 @@ def _differ(truth: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:
     return wrong
 
 
-def _misstated(told: TickAccount, lost: Any) -> list[str]:
+def _account_errors(told: TickAccount, lost: Any) -> list[str]:
     """What `rig recover` says of missing ticks otherwise than the witness."""
     final = told.end_report is not None and told.end_report.final
     known = -1 if told.last_known is None else told.last_known
@@ -330,7 +337,7 @@ def _misstated(told: TickAccount, lost: Any) -> list[str]:
     return wrong
 
 
-def _unsafe(last: Any) -> list[str]:
+def _drive_errors(last: Any) -> list[str]:
     """What the plant itself still had on when the loop had ended."""
     if last["safety.mode"] != STOP_0 or last["heave.command.enable"] != 0:
         return ["the loop did not end in a stop"]

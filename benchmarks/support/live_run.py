@@ -26,10 +26,10 @@ LOOP, LOGGER = "rig.processes.loop_process", "rig.processes.logger"
 TIMEOUT = 60.0  # s
 
 
-class Peek(NamedTuple):
+class TickObservation(NamedTuple):
     """The newest tick, seen from outside."""
 
-    at: float  # s, monotonic clock
+    time: float  # s, monotonic clock
     tick: int
 
 
@@ -37,16 +37,16 @@ class TimeOutError(RuntimeError):
     """Something that had to happen did not."""
 
 
-def wait_until(true: Callable[[], bool], what: str, every: float = 0.005) -> None:
+def wait_until(condition: Callable[[], bool], description: str, interval: float = 0.005) -> None:
     """Poll until ``true()``; TimeOutError after a minute."""
     end = time.monotonic() + TIMEOUT
-    while not true():
+    while not condition():
         if time.monotonic() > end:
-            raise TimeOutError(f"not within {TIMEOUT:g} s: {what}")
-        time.sleep(every)
+            raise TimeOutError(f"not within {TIMEOUT:g} s: {description}")
+        time.sleep(interval)
 
 
-def running(pid: int) -> bool:
+def is_running(pid: int) -> bool:
     """Whether a process is there and has not ended, with all its threads.
 
     A first thread may be gone while others still hold the files.
@@ -62,7 +62,7 @@ def running(pid: int) -> bool:
     return False
 
 
-def child(parent: int, module: str) -> int | None:
+def child_running(parent: int, module: str) -> int | None:
     """Process id of the child that runs ``python -m module``."""
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
@@ -82,7 +82,7 @@ def _runs(pid: int, module: str) -> bool:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except (FileNotFoundError, ProcessLookupError):
         return False
-    return module.encode() in words and running(pid)
+    return module.encode() in words and is_running(pid)
 
 
 def processor_time(pid: int) -> float | None:
@@ -93,7 +93,7 @@ def processor_time(pid: int) -> float | None:
         return None
 
 
-def memory(pid: int) -> dict[str, int]:
+def resident_bytes(pid: int) -> dict[str, int]:
     """Resident bytes of a process: private, mapped from files, shared, and all."""
     names = {"RssAnon": "private", "RssFile": "files", "RssShmem": "shared", "VmRSS": "all"}
     found = {}
@@ -104,7 +104,7 @@ def memory(pid: int) -> dict[str, int]:
     return found
 
 
-def ring_of(pid: int) -> RingReader | None:
+def open_ring(pid: int) -> RingReader | None:
     """A bystander's end of the ring that a process holds, None while there is none."""
     try:
         for entry in Path(f"/proc/{pid}/fd").iterdir():
@@ -129,7 +129,7 @@ def wait_realtime_free() -> None:
             return False
         return True
 
-    wait_until(free, "the host's real-time place to be free", every=0.2)
+    wait_until(free, "the host's real-time place to be free", interval=0.2)
 
 
 class LiveRun:
@@ -138,18 +138,18 @@ class LiveRun:
     def __init__(self, command: list[str], runs: Path, env: dict[str, str] | None = None) -> None:
         runs.mkdir(parents=True, exist_ok=True)
         self.runs = runs
-        self._words = (runs / "words.txt").open("w+")
-        self.began = time.monotonic()
+        self._output = (runs / "words.txt").open("w+")
+        self.start_time = time.monotonic()
         self.process = subprocess.Popen(
             command,
             cwd=ROOT,
-            stdout=self._words,
+            stdout=self._output,
             stderr=subprocess.STDOUT,
             text=True,
             env={**os.environ, **(env or {})},
         )
         self._ring: RingReader | None = None
-        self.known: dict[int, str] = {}  # children seen so far: process id and module
+        self.known_children: dict[int, str] = {}  # children seen so far: process id and module
 
     def __enter__(self) -> "LiveRun":
         return self
@@ -164,48 +164,48 @@ class LiveRun:
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
-        for pid, module in self.known.items():
+        for pid, module in self.known_children.items():
             if _runs(pid, module):  # the number may have gone to another process
                 os.kill(pid, signal.SIGKILL)
-        self._words.close()
+        self._output.close()
 
     @property
     def ring(self) -> RingReader:
         """The run's ring."""
         if self._ring is None:
-            wait_until(self._look, f"a ring of rows ({self.last_words()})")
+            wait_until(self._ring_exists, f"a ring of rows ({self.last_output_line()})")
         assert self._ring is not None
         return self._ring
 
     def try_ring(self) -> RingReader | None:
         """The run's ring if there is one yet."""
         if self._ring is None:
-            self._ring = ring_of(self.process.pid)
+            self._ring = open_ring(self.process.pid)
         return self._ring
 
-    def _look(self) -> bool:
+    def _ring_exists(self) -> bool:
         if self.process.poll() is not None:
-            raise TimeOutError(f"the run ended at once: {self.last_words()}")
+            raise TimeOutError(f"the run ended at once: {self.last_output_line()}")
         return self.try_ring() is not None
 
-    def wait_started(self) -> Peek:
+    def wait_started(self) -> TickObservation:
         """Wait for the first tick."""
 
         def started() -> bool:
             if self.process.poll() is not None and self.ring.head == 0:
-                raise TimeOutError(f"the run ended without a tick: {self.last_words()}")
+                raise TimeOutError(f"the run ended without a tick: {self.last_output_line()}")
             return self.ring.head > 0
 
-        wait_until(started, "the first tick", every=0.002)
+        wait_until(started, "the first tick", interval=0.002)
         self.children()
-        return self.peek()
+        return self.observe_tick()
 
-    def peek(self) -> Peek:
+    def observe_tick(self) -> TickObservation:
         """The newest tick."""
         newest = self.ring.latest()
         if newest is None:
-            raise TimeOutError(f"no row to be seen ({self.last_words()})")
-        return Peek(time.monotonic(), struct.unpack_from("<q", newest)[0])
+            raise TimeOutError(f"no row to be seen ({self.last_output_line()})")
+        return TickObservation(time.monotonic(), struct.unpack_from("<q", newest)[0])
 
     def pid(self, module: str) -> int:
         """Process id of the loop or the logger as it is now."""
@@ -213,19 +213,19 @@ class LiveRun:
 
         def look() -> bool:
             nonlocal found
-            found = child(self.process.pid, module)
+            found = child_running(self.process.pid, module)
             return found is not None
 
-        wait_until(look, f"a process of {module}", every=0.01)
+        wait_until(look, f"a process of {module}", interval=0.01)
         assert found is not None
-        self.known[found] = module
+        self.known_children[found] = module
         return found
 
     def children(self) -> dict[str, int]:
         """Process ids of loop and logger by module, of those that live."""
-        found = {module: child(self.process.pid, module) for module in (LOOP, LOGGER)}
+        found = {module: child_running(self.process.pid, module) for module in (LOOP, LOGGER)}
         ours = {module: pid for module, pid in found.items() if pid is not None}
-        self.known.update({pid: module for module, pid in ours.items()})
+        self.known_children.update({pid: module for module, pid in ours.items()})
         return ours
 
     def stop(self) -> None:
@@ -239,13 +239,13 @@ class LiveRun:
         """Wait for the supervisor's end; gives its outcome."""
         wait_until(lambda: self.process.poll() is not None, "the end of the run")
         if self.process.returncode != 0:
-            raise TimeOutError(f"the run failed: {self.last_words()}")
-        outcome: dict[str, Any] = json.loads(self.last_words())
+            raise TimeOutError(f"the run failed: {self.last_output_line()}")
+        outcome: dict[str, Any] = json.loads(self.last_output_line())
         return outcome
 
-    def last_words(self) -> str:
+    def last_output_line(self) -> str:
         """The last line the process has printed."""
-        lines = Path(self._words.name).read_text().splitlines()
+        lines = Path(self._output.name).read_text().splitlines()
         return lines[-1].strip() if lines else "nothing said"
 
     @property
@@ -253,7 +253,7 @@ class LiveRun:
         """The run's folder."""
         return next(path for path in self.runs.iterdir() if path.is_dir())
 
-    def drained(self) -> bool:
+    def is_drained(self) -> bool:
         """The loop has ended and every row it put is safe on disk."""
         return self.ring.state == ProducerState.FINISHED and self.ring.tail == self.ring.head
 

@@ -15,7 +15,7 @@ LOOP, LOGGER = "loop", "logger"
 _SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP}
 
 
-def listed(io_processes: Iterable[str]) -> dict[str, tuple[str, ...]]:
+def faults_by_process(io_processes: Iterable[str]) -> dict[str, tuple[str, ...]]:
     """Every fault of a run's processes, by device: loop, logger and I/O processes.
 
     A logger that stands still is no fault before the ring is full, which takes a minute
@@ -26,15 +26,15 @@ def listed(io_processes: Iterable[str]) -> dict[str, tuple[str, ...]]:
     return {PREFIX + name: faults for name, faults in names.items()}
 
 
-def strike(device: str, fault: str) -> float:
+def inject(device: str, fault: str) -> float:
     """Kill or stop a process of the run; gives when (s on the monotonic clock)."""
-    pid = io_process_of(f"{device.removeprefix(PREFIX)}.stderr")
+    pid = child_with_stderr(f"{device.removeprefix(PREFIX)}.stderr")
     at = time.monotonic()
     os.kill(pid, _SIGNALS[fault])
     return at
 
 
-def io_process_of(stderr: str) -> int:
+def child_with_stderr(stderr: str) -> int:
     """Process id of our child that writes its errors to a file of this name."""
     for entry in Path("/proc").iterdir():
         try:

@@ -9,7 +9,7 @@ from pathlib import Path
 from time import perf_counter
 
 # What the project does not need, but its tests do: pandas and xarray load it where it lies.
-NOT_NEEDED = ("dask", "distributed", "pyarrow")
+EXTRAS = ("dask", "distributed", "pyarrow")
 
 
 def main() -> None:
@@ -20,7 +20,7 @@ def main() -> None:
     run, *fields = sys.argv[1:]
     if run == "--alone":
         run, *fields = fields
-        sys.modules.update(dict.fromkeys(NOT_NEEDED))  # type: ignore[arg-type]
+        sys.modules.update(dict.fromkeys(EXTRAS))  # type: ignore[arg-type]
     from rig.recording.runs import open_run  # noqa: PLC0415
 
     began = perf_counter()

@@ -47,7 +47,7 @@ _POINTS = """\
 """
 
 
-def campaign_file(folder: Path, seconds: float) -> Path:
+def write_campaign_file(folder: Path, seconds: float) -> Path:
     """A campaign that lasts at least so long; the drive comes on after a second of tare.
 
     Rows of 12 s with two spring rates in turn; one row if that is long enough. The rig is the
@@ -71,7 +71,7 @@ def _quoted(path: Path) -> str:
     return json.dumps(str(path))
 
 
-class Parts(NamedTuple):
+class LoopParts(NamedTuple):
     """What a loop is made of, ready to be put together in this process."""
 
     campaign: Campaign
@@ -84,7 +84,7 @@ class Parts(NamedTuple):
         return connect(self.devices, self.plan.dt)
 
 
-def parts(path: Path) -> Parts:
+def build_loop_parts(path: Path) -> LoopParts:
     """The parts of a campaign's loop; ValueError with what is wrong with the file."""
     report = check_campaign(path)
     if report.campaign is None or report.plan is None:
@@ -94,10 +94,10 @@ def parts(path: Path) -> Parts:
         campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
     )
     devices = json.loads(json.dumps(job.plant_settings(campaign)))
-    return Parts(campaign, plan, params, devices)
+    return LoopParts(campaign, plan, params, devices)
 
 
-class Recorded(NamedTuple):
+class RecordedTicks(NamedTuple):
     """Ticks of a rehearsal, as they came, from the drive being on and the waves up."""
 
     params: cycle.Params
@@ -108,9 +108,9 @@ class Recorded(NamedTuple):
     rows: tuple[Any, ...]
 
 
-def record(path: Path, ticks: int, skip: int = 12_000) -> Recorded:
+def record_ticks(path: Path, ticks: int, skip: int = 12_000) -> RecordedTicks:
     """Rehearse a campaign in this process and keep ``ticks`` ticks after ``skip``."""
-    made = parts(path)
+    made = build_loop_parts(path)
     devices, dt = made.connect(), made.plan.dt
     step = cycle.make(KIND)
     state = start = cycle.start(KIND, made.params, 0)
@@ -125,11 +125,11 @@ def record(path: Path, ticks: int, skip: int = 12_000) -> Recorded:
         if tick >= skip:
             senses.append(sense)
             rows.append(row)
-    return Recorded(made.params, dt, skip, start, tuple(senses), tuple(rows))
+    return RecordedTicks(made.params, dt, skip, start, tuple(senses), tuple(rows))
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def garbage_collection_off() -> Iterator[None]:
     """No garbage collection, as in the loop process, while this is open."""
     gc.collect()
     gc.freeze()

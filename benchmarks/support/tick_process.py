@@ -13,7 +13,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from benchmarks.support.recorded import Parts, parts
+from benchmarks.support.recorded import LoopParts, build_loop_parts
 from benchmarks.support.result import quantile
 from benchmarks.support.tick_timing import PARTS, Stamps, TimedDevices, TimedWriter
 from rig.kinds.wavebot.tick import KIND
@@ -25,8 +25,8 @@ from rig.realtime.clock import Clock, RealClock, VirtualClock
 from rig.recording import ring
 
 
-def tick(
-    made: Parts, clocks: Callable[[float], Clock], seconds: float, stamps: Stamps | None
+def run_loop(
+    made: LoopParts, clocks: Callable[[float], Clock], seconds: float, stamps: Stamps | None
 ) -> tuple[int, float]:
     """Run the loop for so long; gives the ticks and the seconds they took."""
     ring_fd, mail_fd = ring.create(KIND.row_type), mailbox.create()
@@ -66,17 +66,17 @@ def tick(
 def main() -> None:
     """Time one loop and print what each part of its ticks cost."""
     campaign, kind, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
-    made = parts(campaign)
+    made = build_loop_parts(campaign)
     stamps, refused = Stamps(), []
     if kind == "real":
         lock = acquire((REALTIME_WIRE,), "a benchmark")
         refused = list(scheduling.acquire().refused)
-        tick(made, RealClock, seconds, stamps)
+        run_loop(made, RealClock, seconds, stamps)
         lock.close()
     else:
         scheduling.freeze_garbage_collector()
-        tick(made, VirtualClock, seconds, stamps)
-    found = stamps.parts()
+        run_loop(made, VirtualClock, seconds, stamps)
+    found = stamps.tick_times()
     told = {
         name: {
             "mean": float(values.mean()),

@@ -24,20 +24,20 @@ class Stamps:
     """Six moments of every tick, in nanoseconds."""
 
     def __init__(self) -> None:
-        self.taken = array("q")
+        self.times = array("q")
 
-    def parts(self) -> "Parts":
+    def tick_times(self) -> "TickTimes":
         """Microseconds of each part, tick by tick."""
-        whole = len(self.taken) // 6
-        at = np.frombuffer(self.taken, dtype=np.int64)[: 6 * whole].reshape(-1, 6) / 1e3
+        whole = len(self.times) // 6
+        at = np.frombuffer(self.times, dtype=np.int64)[: 6 * whole].reshape(-1, 6) / 1e3
         reading, stepping, writing = at[:, 1] - at[:, 0], at[:, 2] - at[:, 1], at[:, 3] - at[:, 2]
         putting = at[:, 5] - at[:, 4]
         rest = (at[1:, 0] - at[:-1, 5]) + (at[1:, 4] - at[1:, 3])
         # Nothing comes before the first tick, and it pays for what is done once: it is left out.
-        return Parts((reading + writing)[1:], stepping[1:], putting[1:], rest)
+        return TickTimes((reading + writing)[1:], stepping[1:], putting[1:], rest)
 
 
-class Parts(NamedTuple):
+class TickTimes(NamedTuple):
     """Microseconds of each part of a tick, one entry a tick."""
 
     plant: npt.NDArray[np.float64]
@@ -67,7 +67,7 @@ class TimedWriter(RingWriter):
 
 
 def _timed(call: Callable[[Any], Any], stamps: Stamps) -> Callable[[Any], Any]:
-    stamp = stamps.taken.append
+    stamp = stamps.times.append
 
     def timed(argument: Any) -> Any:
         began = perf_counter_ns()

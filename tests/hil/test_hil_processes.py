@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from hil_processes import Kill, child_error_files, run_emulated
 
-from benchmarks.support.emulated_wavebot import Stage, campaign_file, checked
-from benchmarks.support.fault_runs import Trigger, power_gone, ran, when_free
-from benchmarks.support.live_run import LiveRun, running, wait_realtime_free, wait_until
-from benchmarks.support.process_faults import io_process_of
+from benchmarks.support.emulated_wavebot import EmulatedWaveBot, open_checked, write_campaign_file
+from benchmarks.support.fault_runs import Trigger, power_off_time, restart_and_run, run_when_free
+from benchmarks.support.live_run import LiveRun, is_running, wait_realtime_free, wait_until
+from benchmarks.support.process_faults import child_with_stderr
 from drivers.canopen.heartbeat import NmtState
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult
@@ -51,21 +51,21 @@ def run_until_triggered(run: Any, trigger: Any) -> tuple[RunResult, Any]:
     raise AssertionError("no run got that far")
 
 
-def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: Stage) -> None:
+def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBot) -> None:
     measured: dict[str, Any] = {}
 
     def suspend() -> float:
-        loop = io_process_of("loop.stderr")
+        loop = child_with_stderr("loop.stderr")
         on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)
-        measured["gone"] = power_gone(on)
+        measured["gone"] = power_off_time(on)
         measured["currents"] = on.control.request("world")["currents"]
         os.kill(loop, signal.SIGKILL)
         return at
 
     result, trigger = run_until_triggered(
-        lambda on_snapshot: ran(on, on_snapshot), lambda: Trigger(suspend, 1.0)
+        lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Trigger(suspend, 1.0)
     )
     seconds = measured["gone"] - trigger.at
     print(f"safe {seconds:.3f} s after the loop was suspended")
@@ -85,17 +85,17 @@ DEATHS = {
 
 @pytest.mark.parametrize("process", DEATHS)
 def test_a_process_that_is_killed_is_named_and_the_loop_stops(
-    on: Stage, tmp_path: Path, process: str
+    on: EmulatedWaveBot, tmp_path: Path, process: str
 ) -> None:
     if process == "emulated devices":
-        campaign, plan = checked(campaign_file(tmp_path))
+        campaign, plan = open_checked(write_campaign_file(tmp_path))
         result, _ = run_until_triggered(
             lambda on_snapshot: run_emulated(campaign, plan, tmp_path, on_snapshot),
             lambda: Kill(f"{process}.stderr"),
         )
     else:
         result, _ = run_until_triggered(
-            lambda on_snapshot: ran(on, on_snapshot), lambda: Kill(f"{process}.stderr")
+            lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Kill(f"{process}.stderr")
         )
     outcome = result.outcome
     assert outcome.status == "fault"
@@ -107,7 +107,7 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     assert child_error_files() <= {"emulation.stderr"}  # only the shared emulated devices are left
 
 
-def test_listening_is_possible_during_a_run(on: Stage) -> None:
+def test_listening_is_possible_during_a_run(on: EmulatedWaveBot) -> None:
     """As in `rig devices --listen`: every node is received, and the run goes on."""
     activity = list[BusActivity]()
 
@@ -121,7 +121,7 @@ def test_listening_is_possible_during_a_run(on: Stage) -> None:
         return time.monotonic()
 
     result, _ = run_until_triggered(
-        lambda on_snapshot: ran(on, on_snapshot), lambda: Trigger(begin, 0.0)
+        lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Trigger(begin, 0.0)
     )
     looking.join(timeout=120)
     (found,) = activity
@@ -132,7 +132,9 @@ def test_listening_is_possible_during_a_run(on: Stage) -> None:
     assert result.outcome.dropped == result.outcome.unsaved == 0
 
 
-def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: Path) -> None:
+def test_a_second_run_is_refused_while_the_first_one_lives(
+    on: EmulatedWaveBot, tmp_path: Path
+) -> None:
     before = set(tmp_path.iterdir())
 
     def first() -> RunResult:
@@ -141,7 +143,7 @@ def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: 
             run_campaign(on.campaign, on.plan, tmp_path, lambda snapshot: None, emulated_mode(on))
         return None  # type: ignore[return-value]
 
-    when_free(first)
+    run_when_free(first)
     assert set(tmp_path.iterdir()) == before
 
 
@@ -149,7 +151,7 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
     tmp_path: Path,
 ) -> None:
     """Its emulated devices end with it; until the loop has stopped, no other program may send."""
-    campaign = campaign_file(tmp_path)
+    campaign = write_campaign_file(tmp_path)
     rig = tmp_path / "rig.yaml"
     wires = wires_in(load_rig(rig)[0])
     module = "benchmarks.support.run_process"
@@ -170,7 +172,7 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
                 acquire((REALTIME_WIRE, *wires), "campaign next").close()
             except BusyError:
                 return False
-            assert not running(loop)
+            assert not is_running(loop)
             return True
 
         wait_until(free, "the end of all processes that send")
@@ -182,13 +184,13 @@ def mode_of(run: LiveRun) -> int:
     return int(np.frombuffer(newest, row_dtype(leaves(WaveBotRow)))["safety.mode"][0])
 
 
-def emulated_mode(on: Stage) -> Any:
+def emulated_mode(on: EmulatedWaveBot) -> Any:
     return wired_mode(on.campaign, emulated=True)
 
 
 def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
     """As with two runs on one host that share wires but not the real-time lock."""
-    campaign, plan = checked(campaign_file(tmp_path))
+    campaign, plan = open_checked(write_campaign_file(tmp_path))
     port = campaign.rig.wiring.can.options["port"]  # type: ignore[union-attr]
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", int(port)))
@@ -203,10 +205,12 @@ def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
     assert child_error_files() <= {"emulation.stderr"}
 
 
-def test_a_refused_start_leaves_a_folder_with_the_reason(on: Stage, tmp_path: Path) -> None:
+def test_a_refused_start_leaves_a_folder_with_the_reason(
+    on: EmulatedWaveBot, tmp_path: Path
+) -> None:
     on.control.request("restart")
     on.control.switch("heave", "wrong_kp")
-    result = when_free(
+    result = run_when_free(
         lambda: run_campaign(
             on.campaign,
             on.plan,
@@ -232,5 +236,5 @@ class SilentView:
         pass
 
 
-def own_io_processes(on: Stage) -> Any:
+def own_io_processes(on: EmulatedWaveBot) -> Any:
     return wired_mode(on.campaign, emulated=False).io_processes

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.start import rig_command
+from benchmarks.support.campaigns import open_checked
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.result import Figure, Result, figure
-from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.sweep.executors import available_processors
 
@@ -45,7 +45,7 @@ matrix:
 
 
 class SweepCost(NamedTuple):
-    """One `rig sweep` in a process of its own."""
+    """Cost of one `rig sweep` in its own process."""
 
     seconds: float  # from its start to its end, pictures included
     processor: float  # s, of all threads
@@ -56,12 +56,12 @@ class SweepCost(NamedTuple):
 
     @property
     def normalised_seconds(self) -> float:
-        """Seconds normalised to the reference CPU, mutual slowing of two cores included."""
+        """Seconds normalised to the reference CPU, including the mutual slowing of two cores."""
         return self.seconds * REFERENCE_CPU_US / self.reference
 
 
 def write_campaign_file(folder: Path, text: str) -> Path:
-    """A campaign on the WaveBot."""
+    """Write a campaign on the WaveBot; return its path."""
     path = folder / "benchmark_batch.yaml"
     rig = json.dumps(str(ROOT / "configs" / "rigs" / "wavebot.yaml"))
     path.write_text(_HEAD.format(rig=rig) + text)
@@ -76,13 +76,11 @@ class BatchPass(NamedTuple):
 
 
 def run_pass(path: Path) -> BatchPass:
-    """All rows of a campaign one after another, the host's pace taken between them."""
-    report = check_campaign(path)
-    assert report.campaign is not None, report.text()
-    assert report.plan is not None
-    subject = CampaignSimulator(report.campaign, report.plan)
-    subject.prepare(report.plan)
-    rows = subject.simulate(report.plan)
+    """Time all rows of a campaign, one after another, with the reference measured between them."""
+    campaign, plan = open_checked(path)
+    simulator = CampaignSimulator(campaign, plan)
+    simulator.prepare(plan)
+    rows = simulator.simulate(plan)
     windows, references, seconds, more = iter(rows), list[float](), 0.0, True
     while more:
         references.append(reference_cost(100))
@@ -93,22 +91,25 @@ def run_pass(path: Path) -> BatchPass:
 
 
 def run_sweep(path: Path, folder: Path) -> SweepCost:
-    """`rig sweep` of a campaign from start to end."""
-    words = [*rig_command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
+    """Run `rig sweep` of a campaign from start to end."""
+    command = [*rig_command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
     before = reference_cost(REFERENCE_REPEATS)
     began = time.perf_counter()
-    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        out = process.stdout.read()
-        _, status, used = os.wait4(process.pid, 0)  # this process's own use of memory
+        output = process.stdout.read()
+        _, status, used = os.wait4(process.pid, 0)  # memory of this process alone
         process.returncode = os.waitstatus_to_exitcode(status)
     seconds = time.perf_counter() - began
     if process.returncode != 0:
-        raise RuntimeError(f"the sweep ended with {process.returncode}: {out}")
-    told = json.loads(out)
-    processor, most = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
-    rows, reference = sum(told["rows"].values()), (before + reference_cost(REFERENCE_REPEATS)) / 2.0
-    return SweepCost(seconds, processor, rows, told["simulated_s"], most, reference)
+        raise RuntimeError(f"the sweep ended with {process.returncode}: {output}")
+    report = json.loads(output)
+    processor, max_memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
+    rows, reference = (
+        sum(report["rows"].values()),
+        (before + reference_cost(REFERENCE_REPEATS)) / 2.0,
+    )
+    return SweepCost(seconds, processor, rows, report["simulated_s"], max_memory, reference)
 
 
 def _sweep_figures(name: str, swept: SweepCost, at_most: float | None) -> list[Figure]:
@@ -122,7 +123,7 @@ def _sweep_figures(name: str, swept: SweepCost, at_most: float | None) -> list[F
 
 
 def measure(short: bool) -> Result:
-    """Walks, a long campaign, many rows, and the same again, when all is finished."""
+    """Passes through a plan, a long campaign, many rows, and restarts of a finished sweep."""
     repeats, seconds, last, to, step = (1, 20, -1100, -1100, 1650) if short else (
         5, 300, -2000, -2980, 50,
     )  # fmt: skip
@@ -138,7 +139,7 @@ def measure(short: bool) -> Result:
         regular = write_campaign_file(folder, _REGULAR.format(last=to, step=step))
         many = run_sweep(regular, folder / "many")
         restarts = [run_sweep(regular, folder / "many") for _ in range(repeats)]
-    whole = not short
+
     return Result(
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
@@ -154,8 +155,10 @@ def measure(short: bool) -> Result:
                 at_least=MIN_TIMES_REAL,
             ),
             figure("100 NamedTuples (reference)", "us", [one.reference for one in passes]),
-            *_sweep_figures(f"{long.rows} irregular rows", long, MAX_LONG_SECONDS if whole else None),
-            *_sweep_figures(f"{many.rows} regular rows", many, MAX_MANY_SECONDS if whole else None),
+            *_sweep_figures(
+                f"{long.rows} irregular rows", long, None if short else MAX_LONG_SECONDS
+            ),
+            *_sweep_figures(f"{many.rows} regular rows", many, None if short else MAX_MANY_SECONDS),
             figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
             figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
             figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),

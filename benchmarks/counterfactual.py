@@ -57,7 +57,7 @@ class Case(NamedTuple):
 
     predicted: np.ndarray[Any, Any]
     half_width: np.ndarray[Any, Any]
-    true: np.ndarray[Any, Any]
+    truth: np.ndarray[Any, Any]
 
 
 def create_campaign(folder: Path, name: str, sea: dict[str, Any], points: list[Any]) -> Campaign:
@@ -106,12 +106,12 @@ def simulate_rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]
     """Simulate each point of a campaign alone; yield its table row and its measured window."""
     file = single_row_campaign(campaign.file, LEAD_IN)
     period = repeat_period(file.sea)
-    subject = None
+    simulator = None
     for number, point in enumerate(campaign.points):
         planned = build_plan(file, campaign.rig, (point,))
-        subject = subject or CampaignSimulator(campaign, planned)
+        simulator = simulator or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
-        for window in subject.simulate(planned, stator=row.stator_position):
+        for window in simulator.simulate(planned, stator=row.stator_position):
             means = reduce_window(window, period / planned.dt if period else None, STATIONS)
             settings = {**row.setting._asdict(), "stator": row.stator_position}
             # A copy, because the simulator overwrites the columns in its next row.
@@ -129,8 +129,10 @@ def predict_case(folder: Path, seed: int) -> Case:
     logged = create_campaign(folder, "logged", sea, draw_points(rng, LOGGED_ROWS))
     other = create_campaign(folder, "other", sea, draw_points(rng, PREDICTED_ROWS))
     truth = draw_plant(logged, rng)
-    both = list(simulate_rows(truth))
-    measured = MeasuredRun("hidden", tuple(row for row, _ in both), [window for _, window in both])
+    logged_rows = list(simulate_rows(truth))
+    measured = MeasuredRun(
+        "hidden", tuple(row for row, _ in logged_rows), [window for _, window in logged_rows]
+    )
     predicted = counterfactual_rows(measured, logged, other, FORCES, LEAD_IN)
     true = [row for row, _ in simulate_rows(truth._replace(points=other.points))]
     return Case(
@@ -141,16 +143,17 @@ def predict_case(folder: Path, seed: int) -> Case:
 
 
 def measure(short: bool) -> Result:
-    """Predict rows of hidden plants, alternately in a regular and an irregular sea."""
+    """Predict rows of hidden plants, alternating between a regular and an irregular sea."""
     count = 10 if short else 200
     with tempfile.TemporaryDirectory() as scratch:
         cases = [predict_case(Path(scratch), seed) for seed in range(count)]
-    error = np.abs(np.array([one.predicted - one.true for one in cases]))
-    true = np.array([one.true for one in cases])
+    error = np.abs(np.array([one.predicted - one.truth for one in cases]))
+    true = np.array([one.truth for one in cases])
     half = np.array([one.half_width for one in cases])
     inside = 100.0 * np.mean(error <= half, axis=(0, 1))
     near = 100.0 * np.mean(
-        error <= np.maximum(MAX_RELATIVE_ERROR * np.abs(true), MIN_ALLOWED_ERROR), axis=(0, 1)
+        error <= np.maximum(MAX_RELATIVE_ERROR * np.abs(true), MIN_ALLOWED_ERROR),
+        axis=(0, 1),
     )
     figures = [
         figure(

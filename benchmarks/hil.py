@@ -38,10 +38,10 @@ AGE_FIELDS = {
 
 
 class HilRun(NamedTuple):
-    """What one run on emulated devices showed."""
+    """Measurements of one run on emulated devices."""
 
     lateness: LatenessBlock
-    work: tuple[float, float, float]  # us of a tick: p50, p99, p99.9
+    work: tuple[float, float, float]  # us per tick: p50, p99, p99.9
     executed: float  # % of the elapsed periods
     imbalance: int  # executed + skipped - elapsed periods
     lost: int  # rows dropped or not saved
@@ -60,10 +60,10 @@ def run_hil(campaign: Path, rig: Path, runs: Path) -> HilRun:
         check=False,
     )
     if done.returncode != 0:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["no words"])[-1])
+        raise RuntimeError((done.stderr.strip().splitlines() or ["no output"])[-1])
     outcome: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     if outcome["status"] != "complete":
-        raise RuntimeError(f"the run did not end well: {outcome['status']}, {outcome['reason']}")
+        raise RuntimeError(f"the run is not complete: {outcome['status']}, {outcome['reason']}")
     folder = Path(outcome["folder"])
     data = open_run(folder, fields=["tick", "timing", *AGE_FIELDS.values()])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
@@ -81,54 +81,71 @@ def run_hil(campaign: Path, rig: Path, runs: Path) -> HilRun:
 
 
 def measure(short: bool) -> Result:
-    """Runs on emulated devices and cyclictest, alternating; each run whole, then thrown away."""
+    """Alternate runs on emulated devices and cyclictest; delete each run after its analysis."""
     seconds, runs = (18.0, 1) if short else (120.0, 5)
-    compare = shutil.which("cyclictest") is not None
-    found, peer = list[HilRun](), list[LatenessBlock]()
+    has_cyclictest = shutil.which("cyclictest") is not None
+    hil_runs, cyclictest_blocks = list[HilRun](), list[LatenessBlock]()
     rig = ROOT / "configs" / "rigs" / "wavebot_hil.yaml"
     with tempfile.TemporaryDirectory() as scratch:
         campaign = write_campaign_file(Path(scratch), seconds)
         for i in range(runs):
             folder = Path(scratch) / f"runs{i}"
-            found.append(run_hil(campaign, rig, folder))
+            hil_runs.append(run_hil(campaign, rig, folder))
             shutil.rmtree(folder)
-            if compare:
-                peer.append(run_cyclictest(20.0 if not short else 2.0))
+            if has_cyclictest:
+                cyclictest_blocks.append(run_cyclictest(20.0 if not short else 2.0))
     figures: list[Figure] = []
-    for name, ours, theirs, limit in (
-        ("p50", [r.lateness.p50 for r in found], [b.p50 for b in peer], MAX_P50_RATIO),
-        ("p99", [r.lateness.p99 for r in found], [b.p99 for b in peer], MAX_P99_RATIO),
-        ("worst", [r.lateness.worst for r in found], [b.worst for b in peer], None),
+    for name, ours, cyclictest, limit in (
+        (
+            "p50",
+            [r.lateness.p50 for r in hil_runs],
+            [b.p50 for b in cyclictest_blocks],
+            MAX_P50_RATIO,
+        ),
+        (
+            "p99",
+            [r.lateness.p99 for r in hil_runs],
+            [b.p99 for b in cyclictest_blocks],
+            MAX_P99_RATIO,
+        ),
+        ("worst", [r.lateness.worst for r in hil_runs], [b.worst for b in cyclictest_blocks], None),
     ):
         figures.append(figure(f"lateness, {name}", "us", ours))
-        if peer and all(theirs):
-            compared = ratios(ours, theirs)
+        if cyclictest_blocks and all(cyclictest):
+            compared = ratios(ours, cyclictest)
             figures.append(figure(f"loop / cyclictest, {name}", "ratio", compared, at_most=limit))
     for i, name in enumerate(("p50", "p99", "p99.9")):
-        figures.append(figure(f"tick with all drivers, {name}", "us", [r.work[i] for r in found]))
+        figures.append(
+            figure(f"tick with all drivers, {name}", "us", [r.work[i] for r in hil_runs])
+        )
     figures += [
-        figure("executed of elapsed", "%", [r.executed for r in found], at_least=MIN_EXECUTED),
+        figure("executed of elapsed", "%", [r.executed for r in hil_runs], at_least=MIN_EXECUTED),
         figure(
             "executed + skipped - elapsed",
             "periods",
-            [abs(r.imbalance) for r in found],
+            [abs(r.imbalance) for r in hil_runs],
             at_most=0,
             criterion="worst",
         ),
-        figure("rows lost", "rows", [r.lost for r in found], at_most=0, criterion="worst"),
-        *(figure(f"age, p99: {name}", "ms", [r.ages[name] for r in found]) for name in AGE_FIELDS),
+        figure("rows lost", "rows", [r.lost for r in hil_runs], at_most=0, criterion="worst"),
+        *(
+            figure(f"age, p99: {name}", "ms", [r.ages[name] for r in hil_runs])
+            for name in AGE_FIELDS
+        ),
     ]
     notes = [
         "two CAN axes and the actuator over socketcand, five Modbus blocks on three lines, "
         "emulated devices on the other core; cyclictest runs without them, so it has less to do",
-        *(() if compare else (NO_CYCLICTEST,)),
-        *sorted({f"not granted to the loop: {why}" for run in found for why in run.refused}),
+        *(() if has_cyclictest else (NO_CYCLICTEST,)),
+        *sorted(
+            {f"not granted to the loop: {reason}" for run in hil_runs for reason in run.refused}
+        ),
     ]
     return Result(
         "hil",
         "a WaveBot on real wires with emulated devices at 1 kHz",
         f"{runs} runs of {seconds:g} s"
-        + (", alternating with cyclictest" if compare else "")
+        + (", alternating with cyclictest" if has_cyclictest else "")
         + f" on {len(os.sched_getaffinity(0))} cores",
         tuple(figures),
         tuple(notes),

@@ -1,4 +1,4 @@
-"""Open an hour of rows, ten fields and all, in fresh processes; compare with the stock reader."""
+"""Open an hour of rows, ten fields and all, in new processes; compare with the stock reader."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from rig.recording.row_layout import CDR_HEADER, leaves, schema
 from rig.recording.runs import mcap_file, open_run
 
 MAX_SECONDS, MAX_MEMORY_MB = 5.0, 400.0
-MAX_SECONDS_PER_GB = 6.0  # of rows: what is decoded and given; a file is a quarter of that or less
+MAX_SECONDS_PER_GB = 6.0  # of decoded rows; the file has a quarter of that size or less
 HOUR_ROWS = 3_600_000  # rows
 TEN_FIELDS = (
     "plan.row",
@@ -39,7 +39,7 @@ DT = 0.001
 
 
 def rehearse_rows(folder: Path, seconds: float) -> mcap_file.Records:
-    """Rows of a rehearsal in this folder."""
+    """Rehearse a campaign in this folder; return its rows."""
     with live_run(write_campaign_file(folder, seconds), folder / "runs", real_clock=False) as run:
         run.wait_started()
         run.wait_ended()
@@ -48,7 +48,7 @@ def rehearse_rows(folder: Path, seconds: float) -> mcap_file.Records:
 
 
 def write_tiled(path: Path, rows: mcap_file.Records, count: int) -> None:
-    """A file of ``count`` rows: the rehearsal's again and again, tick and time going on."""
+    """Write a file of ``count`` rows that repeats the given rows with continuous tick and time."""
     writer = RowWriter(path, schema(KIND.row_type), {}, {}, start_utc_ns=0)
     tile, done = rows.copy(), 0
     while done < count:
@@ -62,17 +62,17 @@ def write_tiled(path: Path, rows: mcap_file.Records, count: int) -> None:
 
 
 class OpenCost(NamedTuple):
-    """A run opened in a fresh process."""
+    """Cost of opening a run in a new process."""
 
-    process_s: float  # s, interpreter start to exit
-    open_run_s: float  # s, open_run alone, its own imports included
-    peak_mb: float  # MB
+    process_s: float  # interpreter start to exit
+    open_run_s: float  # open_run alone, including its own imports
+    peak_mb: float  # memory
 
 
 def open_in_new_process(
     path: Path, fields: tuple[str, ...], rows: int, *, without_extras: bool = True
 ) -> OpenCost:
-    """Open a run in a process of its own, ``alone`` with what the project needs."""
+    """Open a run in a new process, ``without_extras`` with the project's dependencies alone."""
     began = perf_counter()
     options = ["--alone"] if without_extras else []
     done = subprocess.run(
@@ -82,15 +82,15 @@ def open_in_new_process(
         text=True,
         check=True,
     )
-    whole = perf_counter() - began
+    process_s = perf_counter() - began
     report: dict[str, Any] = json.loads(done.stdout)
     if report["rows"] != rows:
         raise RuntimeError(f"{report['rows']} rows were read, {rows} written")
-    return OpenCost(whole, report["seconds"], report["peak"] / 1e6)
+    return OpenCost(process_s, report["seconds"], report["peak"] / 1e6)
 
 
 def drop_from_cache(path: Path) -> None:
-    """Ask the system to drop a file from its cache."""
+    """Ask the operating system to drop a file from its cache."""
     fd = os.open(path, os.O_RDONLY)
     try:
         os.posix_fadvise(fd, 0, 0, os.POSIX_FADV_DONTNEED)
@@ -99,14 +99,14 @@ def drop_from_cache(path: Path) -> None:
 
 
 def time_open_run(path: Path) -> float:
-    """Seconds to open all fields."""
+    """Return the seconds to open all fields."""
     began = perf_counter()
     open_run(path)
     return perf_counter() - began
 
 
 def time_stock_reader(path: Path) -> float:
-    """Seconds to get all fields as arrays with the stock reader, numbers decoded in one go."""
+    """Return the seconds of the stock reader for all fields as arrays, decoded in one call."""
     kinds = [(leaf.name, "<f8" if leaf.code == "d" else "<i8") for leaf in leaves(KIND.row_type)]
     began = perf_counter()
     with path.open("rb") as file:
@@ -119,26 +119,28 @@ def time_stock_reader(path: Path) -> float:
 
 
 def measure(short: bool) -> Result:
-    """Write an hour of rows, open it again and again in fresh processes, then a slice of it."""
+    """Write an hour of rows, open it repeatedly in new processes, then a slice of it."""
     count, repetitions, slice_rows = (60_000, 2, 10_000) if short else (HOUR_ROWS, 5, 100_000)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         rows = rehearse_rows(folder, 20.0 if short else 110.0)
-        path, part = folder / "hour.mcap", folder / "slice.mcap"
+        path, slice_path = folder / "hour.mcap", folder / "slice.mcap"
         write_tiled(path, rows, count)
-        write_tiled(part, rows, slice_rows)
+        write_tiled(slice_path, rows, slice_rows)
         drop_from_cache(path)
         cold = open_in_new_process(path, TEN_FIELDS, count)
-        ten, among, everything = list[OpenCost](), list[OpenCost](), list[OpenCost]()
+        ten, with_extras, everything = list[OpenCost](), list[OpenCost](), list[OpenCost]()
         for _ in range(repetitions):
             ten.append(open_in_new_process(path, TEN_FIELDS, count))
-            among.append(open_in_new_process(path, TEN_FIELDS, count, without_extras=False))
+            with_extras.append(open_in_new_process(path, TEN_FIELDS, count, without_extras=False))
             everything.append(open_in_new_process(path, (), count))
-        time_open_run(part)  # imports and caches, so that the first block is like the others
-        mine, theirs = list[float](), list[float]()
+        time_open_run(
+            slice_path
+        )  # fills imports and caches, so that the first block is like the others
+        open_run_s, stock_s = list[float](), list[float]()
         for _ in range(repetitions):
-            mine.append(time_open_run(part))
-            theirs.append(time_stock_reader(part))
+            open_run_s.append(time_open_run(slice_path))
+            stock_s.append(time_stock_reader(slice_path))
         on_disk = path.stat().st_size / 1e9
     unpacked = count * rows.dtype.itemsize / 1e9
     return Result(
@@ -156,8 +158,14 @@ def measure(short: bool) -> Result:
             figure(
                 "ten fields, peak memory", "MB", [e.peak_mb for e in ten], at_most=MAX_MEMORY_MB
             ),
-            figure("ten fields, whole process with Dask, Arrow", "s", [e.process_s for e in among]),
-            figure("ten fields, peak memory with Dask, Arrow", "MB", [e.peak_mb for e in among]),
+            figure(
+                "ten fields, whole process with Dask, Arrow",
+                "s",
+                [e.process_s for e in with_extras],
+            ),
+            figure(
+                "ten fields, peak memory with Dask, Arrow", "MB", [e.peak_mb for e in with_extras]
+            ),
             figure(
                 "all fields, open_run",
                 "s per GB of rows",
@@ -170,7 +178,7 @@ def measure(short: bool) -> Result:
                 [e.open_run_s / on_disk for e in everything],
             ),
             figure("all fields, peak memory", "MB", [e.peak_mb for e in everything]),
-            figure("stock reader / open_run, all fields", "ratio", ratios(theirs, mine)),
+            figure("stock reader / open_run, all fields", "ratio", ratios(stock_s, open_run_s)),
         ),
         (
             ("short form: a minute instead of an hour, where the imports are most of the time",)

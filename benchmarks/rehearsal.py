@@ -1,4 +1,4 @@
-"""How many times faster than real time a full rehearsal runs, and where its time goes."""
+"""Speed of a full rehearsal in times real time, and the cost of its parts."""
 
 import os
 import tempfile
@@ -23,36 +23,38 @@ from rig.realtime.clock import VirtualClock
 
 MIN_TIMES_REAL = 30.0
 REFERENCE_REPEATS = 5000  # repetitions of the reference
-INTERRUPTED_FACTOR = 5.0  # times the median: a tick in which the host took the core away
+INTERRUPTED_FACTOR = 5.0  # times the median: a tick that the host has interrupted
 
 
 class RehearsalSpeed(NamedTuple):
-    """One rehearsal, from its first tick until its last row was safe on disk."""
+    """Speed of one rehearsal, from its first tick until its last row is saved on disk."""
 
-    times_real: float  # simulated seconds a second
-    times_core: float  # simulated seconds a second of processor time, loop and logger together
-    loop_us: float  # processor time of the loop a tick
-    logger_us: float  # processor time of the logger a row
-    reference_us: float  # the host's pace on that core, before and after
+    times_real: float  # simulated seconds per second
+    times_core: float  # simulated seconds per second of processor time, loop and logger together
+    loop_us: float  # processor time of the loop per tick
+    logger_us: float  # processor time of the logger per row
+    reference_us: float  # cost of the reference on that core, mean of before and after
 
 
 def measure_speed(campaign: Path, runs: Path, dt: float, core: int | None) -> RehearsalSpeed:
-    """Rehearse a campaign under the real supervisor; on one core, or wherever the host likes."""
+    """Rehearse a campaign under the real supervisor, on one core or on any (None)."""
     before = _reference_cost_on(core)
     with live_run(campaign, runs, real_clock=False, core=core) as run:
         logger, loop = run.pid(LOGGER), run.pid(LOOP)
         run.wait_started()
         first, began = run.ring.head, time.monotonic()
         start = {pid: processor_time(pid) or 0.0 for pid in (loop, logger)}
-        spent = dict(start)
+        processor_s = dict(start)
         while not run.is_drained():
-            spent = {pid: processor_time(pid) or before for pid, before in spent.items()}
+            processor_s = {
+                pid: processor_time(pid) or before for pid, before in processor_s.items()
+            }
             time.sleep(0.01)
         took, ticks = time.monotonic() - began, run.ring.head - first
         outcome = run.wait_ended()
     if outcome["status"] != "complete" or outcome["logger_restarts"]:
-        raise RuntimeError(f"the rehearsal did not end well: {outcome}")
-    used = {pid: spent[pid] - start[pid] for pid in spent}
+        raise RuntimeError(f"the rehearsal is not complete, or its logger was restarted: {outcome}")
+    used = {pid: processor_s[pid] - start[pid] for pid in processor_s}
     return RehearsalSpeed(
         ticks * dt / took,
         ticks * dt / sum(used.values()),
@@ -63,7 +65,7 @@ def measure_speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Re
 
 
 def _reference_cost_on(core: int | None) -> float:
-    """The reference's cost on a core, this process being there for a moment."""
+    """Return the cost of the reference on a core, to which this process moves meanwhile."""
     allowed = os.sched_getaffinity(0)
     os.sched_setaffinity(0, allowed if core is None else {core})
     try:
@@ -75,22 +77,22 @@ def _reference_cost_on(core: int | None) -> float:
 class TickCost(NamedTuple):
     """Mean microseconds of a tick in one process, without a logger."""
 
-    plain: float  # of processor time, nothing measured inside
-    parts: tuple[float, ...]  # as in PARTS, with the stamps
+    plain: float  # of processor time, without time stamps
+    parts: tuple[float, ...]  # as in PARTS, with time stamps
 
 
-def split_tick(made: LoopParts, seconds: float) -> TickCost:
-    """A loop not timed inside, then one timed at its seams."""
+def split_tick(loop_parts: LoopParts, seconds: float) -> TickCost:
+    """Time a loop without time stamps, then one with them."""
     stamps = Stamps()
     with garbage_collection_off():
         began = time.process_time()
-        ticks, _ = run_loop(made, VirtualClock, seconds, None)
-        spent = time.process_time() - began
-        run_loop(made, VirtualClock, seconds, stamps)
-    found = np.array(stamps.tick_times())
-    whole = found.sum(axis=0)
-    kept = whole < INTERRUPTED_FACTOR * np.median(whole)
-    return TickCost(spent / ticks * 1e6, tuple(found[:, kept].mean(axis=1).tolist()))
+        ticks, _ = run_loop(loop_parts, VirtualClock, seconds, None)
+        processor_s = time.process_time() - began
+        run_loop(loop_parts, VirtualClock, seconds, stamps)
+    times = np.array(stamps.tick_times())
+    totals = times.sum(axis=0)
+    uninterrupted = totals < INTERRUPTED_FACTOR * np.median(totals)
+    return TickCost(processor_s / ticks * 1e6, tuple(times[:, uninterrupted].mean(axis=1).tolist()))
 
 
 def _tick_figures(ticks: list[TickCost]) -> list[Figure]:
@@ -110,7 +112,7 @@ def _tick_figures(ticks: list[TickCost]) -> list[Figure]:
 
 
 def measure(short: bool) -> Result:
-    """Rehearsals on one core and on two, alternating; then one tick taken apart."""
+    """Alternate rehearsals on one core and on two; then split one tick into its parts."""
     seconds, repetitions = (18.0, 1) if short else (150.0, 5)
     inside, blocks = (5.0, 1) if short else (40.0, 5)
     cores = sorted(os.sched_getaffinity(0))
@@ -118,9 +120,9 @@ def measure(short: bool) -> Result:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         campaign = write_campaign_file(folder, seconds)
-        made = build_loop_parts(campaign)
-        dt = made.plan.dt
-        # This process looks every 10 ms; it stays off the core that is measured.
+        loop_parts = build_loop_parts(campaign)
+        dt = loop_parts.plan.dt
+        # This process polls every 10 ms; it stays off the measured core.
         if len(cores) > 1:
             os.sched_setaffinity(0, set(cores[:-1]))
         try:
@@ -132,12 +134,12 @@ def measure(short: bool) -> Result:
                     os.sched_setaffinity(0, set(cores[:-1]))
         finally:
             os.sched_setaffinity(0, set(cores))
-        ticks = [split_tick(made, inside) for _ in range(blocks)]
+        ticks = [split_tick(loop_parts, inside) for _ in range(blocks)]
     return Result(
         "rehearsal",
         "full rehearsal with plant and log, first tick to last row on disk",
-        f"{repetitions} rehearsals of {made.plan.duration:g} s on one core and {repetitions} on "
-        f"{len(cores)}, alternating; {blocks} x {inside:g} s taken apart",
+        f"{repetitions} rehearsals of {loop_parts.plan.duration:g} s on one core and "
+        f"{repetitions} on {len(cores)}, alternating; {blocks} x {inside:g} s split into parts",
         (
             figure(
                 "one core, loop and logger and all",

@@ -1,4 +1,4 @@
-"""What handing a row to the logger costs the loop, and whether a stalled logger costs rows."""
+"""Cost of handing a row to the logger, and row loss while the logger is stalled."""
 
 import json
 import os
@@ -36,22 +36,22 @@ _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 class PutCost(NamedTuple):
-    """Alternating blocks; all in microseconds a tick."""
+    """Costs of alternating blocks, in microseconds per tick."""
 
     put: list[float]  # rows put one after another
     p99: list[float]
     cycle: list[float]  # the cycle alone
-    added: list[float]  # by putting each row at once, as the loop does
+    added: list[float]  # to the cycle, by putting each row at once as the loop does
     reference: list[float]  # cost of the reference, a measure of the CPU
 
 
 def measure_put_cost(recorded: RecordedTicks, blocks: int) -> PutCost:
-    """Put recorded rows; run recorded ticks with and without putting; block after block."""
+    """Time puts of recorded rows, and recorded ticks with and without puts, in blocks."""
     fd = ring.create(KIND.row_type)
     writer, reader = ring.RingWriter(fd, KIND.row_type, wait=False), ring.RingReader(fd)
     os.posix_fallocate(fd, 0, os.fstat(fd).st_size)
     os.close(fd)
-    found = PutCost([], [], [], [], [])
+    costs = PutCost([], [], [], [], [])
     with garbage_collection_off():
         for block in range(blocks + 1):
             put, p99 = _time_puts(recorded, writer)
@@ -59,16 +59,16 @@ def measure_put_cost(recorded: RecordedTicks, blocks: int) -> PutCost:
             alone, added = _time_cycles(recorded, writer)
             _empty(reader)
             pace = reference_cost(max(1, len(recorded.rows) // 4))
-            if block:  # the first one brings the ring's pages into memory
-                for into, value in zip(found, (put, p99, alone, added, pace), strict=True):
-                    into.append(value)
+            if block:  # the first block loads the ring's pages into memory
+                for values, value in zip(costs, (put, p99, alone, added, pace), strict=True):
+                    values.append(value)
     if writer.dropped:
-        raise RuntimeError("the ring was full: these figures are not of puts")
-    return found
+        raise RuntimeError("the ring was full, so that rows were dropped instead of put")
+    return costs
 
 
 def _time_puts(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[float, float]:
-    """Mean in processor time, and the 99th percentile by the clock; microseconds."""
+    """Return the mean processor time and the 99th percentile of the wall time of a put (us)."""
     put, now = writer.put, perf_counter_ns
     began = process_time_ns()
     for row in recorded.rows:
@@ -83,11 +83,11 @@ def _time_puts(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[float,
 
 
 def _time_cycles(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[float, float]:
-    """Return medians (us) of the cycle alone, and of the time added by putting, over blocks."""
+    """Return medians (us) over blocks: of the cycle alone, and of the time that a put adds."""
     step = cycle.make(KIND)
     params, dt, timing, now = recorded.params, recorded.dt, _NO_TIMING, process_time_ns
 
-    def walk(state: Any, start: int, put: Callable[[Any], None]) -> tuple[Any, float]:
+    def run_block(state: Any, start: int, put: Callable[[Any], None]) -> tuple[Any, float]:
         senses = recorded.senses[start : start + BLOCK_TICKS]
         began = now()
         for tick, sense in enumerate(senses, recorded.first + start):
@@ -97,12 +97,12 @@ def _time_cycles(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[floa
 
     state, alone, added = recorded.state, list[float](), list[float]()
     for i, start in enumerate(range(0, len(recorded.senses) - BLOCK_TICKS + 1, BLOCK_TICKS)):
-        if i % 2:  # in turns, so that neither way always finds what the other left in the cache
-            _, with_put = walk(state, start, writer.put)
-            after, without = walk(state, start, _discard)
+        if i % 2:  # alternating, so that neither way always profits from the other's cache
+            _, with_put = run_block(state, start, writer.put)
+            after, without = run_block(state, start, _discard)
         else:
-            after, without = walk(state, start, _discard)
-            _, with_put = walk(state, start, writer.put)
+            after, without = run_block(state, start, _discard)
+            _, with_put = run_block(state, start, writer.put)
         state = after
         alone.append(without)
         added.append(with_put - without)
@@ -120,19 +120,19 @@ def _empty(reader: ring.RingReader) -> None:
 
 
 class StalledRun(NamedTuple):
-    """A run on the real clock whose logger stood still for a while."""
+    """A run on the real clock whose logger was suspended for a while."""
 
     ticks: int
-    lost: int  # rows put or ticked and not in the file
+    lost: int  # ticks or rows that are not in the file
     dropped: int
-    max_backlog: int  # rows waiting in the ring at worst
-    growth: float  # MB of the loop's own memory, ring not counted
-    total_growth: float  # MB, everything resident
+    max_backlog: int  # rows waiting in the ring
+    growth: float  # MB of the loop's own memory, without the ring
+    total_growth: float  # MB of all resident memory
     refused: tuple[str, ...]  # real-time privileges
 
 
 def run_with_stalled_logger(folder: Path, seconds: float, stall: float) -> StalledRun:
-    """Run on the real clock, stop the logger in the middle for ``stall`` seconds, count rows."""
+    """Run on the real clock, suspend the logger in the middle for ``stall`` s, count rows."""
     campaign = write_campaign_file(folder, seconds + 30.0)
     with live_run(campaign, folder / "stalled", real_clock=True) as run:
         start = run.wait_started()
@@ -141,7 +141,7 @@ def run_with_stalled_logger(folder: Path, seconds: float, stall: float) -> Stall
         before = resident_bytes(loop)
         _max_backlog_until(run, start.time + (seconds - stall) / 2)
         os.kill(logger, signal.SIGSTOP)
-        behind = _max_backlog_until(run, time.monotonic() + stall)
+        backlog = _max_backlog_until(run, time.monotonic() + stall)
         os.kill(logger, signal.SIGCONT)
         _max_backlog_until(run, start.time + seconds)
         after = resident_bytes(loop)
@@ -150,14 +150,14 @@ def run_with_stalled_logger(folder: Path, seconds: float, stall: float) -> Stall
         last = run.observe_tick().tick
         put = run.ring.head
     if outcome["status"] != "stopped":
-        raise RuntimeError(f"the run did not last as long as it should: {outcome['reason']}")
+        raise RuntimeError(f"the run ended too early: {outcome['reason']}")
     ticks = open_run(run.folder, fields=["tick"])["tick"].values
     executed = last + 1 - int(outcome["skipped"])
     return StalledRun(
         executed,
         max(executed, put, int(outcome["ticks"])) - len(ticks),
         int(outcome["dropped"]),
-        behind,
+        backlog,
         _own_megabytes(after) - _own_megabytes(before),
         (after["all"] - before["all"]) / 1e6,
         refused_privileges(run.folder),
@@ -165,9 +165,9 @@ def run_with_stalled_logger(folder: Path, seconds: float, stall: float) -> Stall
 
 
 def refused_privileges(folder: Path) -> tuple[str, ...]:
-    """Real-time privileges that a run was not granted."""
+    """Return the real-time privileges that a run was not granted, with the reasons."""
     granted: dict[str, str] = json.loads((folder / "privileges.json").read_text())
-    return tuple(f"{name}: {why}" for name, why in granted.items() if why)
+    return tuple(f"{name}: {reason}" for name, reason in granted.items() if reason)
 
 
 def _own_megabytes(resident: dict[str, int]) -> float:
@@ -175,7 +175,7 @@ def _own_megabytes(resident: dict[str, int]) -> float:
 
 
 def _max_backlog_until(run: LiveRun, until: float) -> int:
-    """Sleep until then; gives the most rows that waited in the ring meanwhile."""
+    """Sleep until a time (s, monotonic); return the largest number of rows in the ring."""
     most = 0
     while time.monotonic() < until:
         most = max(most, run.ring.head - run.ring.tail)
@@ -184,29 +184,29 @@ def _max_backlog_until(run: LiveRun, until: float) -> int:
 
 
 def measure(short: bool) -> Result:
-    """Cost of a put, next to the cycle and at the real rate, and a long run with a stall."""
+    """Measure a put next to the cycle and at the real rate, and a long run with a stall."""
     ticks, blocks, loops = (2000, 4, 1) if short else (10_000, 20, 3)
     seconds, stall = (20.0, 2.0) if short else (600.0, 5.0)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         path = write_campaign_file(folder, 60.0)
-        found = measure_put_cost(record_ticks(path, ticks), blocks)
+        costs = measure_put_cost(record_ticks(path, ticks), blocks)
         real = [run_on_real_clock(path, 2.0 if short else 10.0) for _ in range(loops)]
         run = run_with_stalled_logger(folder, seconds, stall)
     late = [one["us"]["ring"] for one in real]
     return Result(
         "ring",
-        "handing a row to the logger through shared memory, and a logger that stands still",
+        "handing a row to the logger through shared memory, and a suspended logger",
         f"{blocks} alternating blocks of {ticks} rows; {loops} loops at their real rate; one run "
         f"of {seconds:g} s at 1 kHz with the logger stopped for {stall:g} s in the middle",
         (
-            *raw_and_normalised("put, row after row", found.put, found.reference, MAX_PUT_US),
-            figure("put, p99", "us", found.p99),
+            *raw_and_normalised("put, row after row", costs.put, costs.reference, MAX_PUT_US),
+            figure("put, p99", "us", costs.p99),
             *raw_and_normalised(
-                "put, added to the cycle", found.added, found.reference, MAX_PUT_US
+                "put, added to the cycle", costs.added, costs.reference, MAX_PUT_US
             ),
-            figure("100 NamedTuples (reference)", "us of processor", found.reference),
-            figure("put / cycle", "ratio", ratios(found.put, found.cycle)),
+            figure("100 NamedTuples (reference)", "us of processor", costs.reference),
+            figure("put / cycle", "ratio", ratios(costs.put, costs.cycle)),
             figure(
                 "put, in a loop at its real rate, mean",
                 "us a tick",
@@ -220,5 +220,5 @@ def measure(short: bool) -> Result:
             figure("memory growth of the loop", "MB", run.growth, at_most=MAX_GROWTH_MB),
             figure("  the same with the ring's pages", "MB", run.total_growth),
         ),
-        tuple(f"on the real clock not granted: {why}" for why in run.refused),
+        tuple(f"on the real clock not granted: {reason}" for reason in run.refused),
     )

@@ -1,4 +1,4 @@
-"""How long a person waits: `rig --help`, `rig run` to its first tick, `rig sweep` to a case."""
+"""Start-up time: `rig --help`, `rig run` to its first tick, `rig sweep` to its first case."""
 
 import os
 import subprocess
@@ -21,20 +21,20 @@ def rig_command() -> list[str]:
     return [str(script)] if script.exists() else RIG_MODULE
 
 
-def time_command(words: list[str]) -> float:
-    """Wall time of a command that has to succeed."""
+def time_command(command: list[str]) -> float:
+    """Return the wall time (s) of a command; raises CalledProcessError if it fails."""
     began = time.perf_counter()
-    subprocess.run(words, cwd=ROOT, capture_output=True, check=True)
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
     return time.perf_counter() - began
 
 
 def time_first_tick(folder: Path, *, real_clock: bool) -> float:
-    """Seconds from `rig run` until a row of its first ticks is in the ring."""
+    """Return the seconds from `rig run` until the ring has a row."""
     campaign = write_campaign_file(folder, 40.0)
     if real_clock:
         wait_realtime_free()
     options = ["--realtime"] if real_clock else []
-    words = [
+    command = [
         *rig_command(),
         "run",
         str(campaign),
@@ -43,14 +43,14 @@ def time_first_tick(folder: Path, *, real_clock: bool) -> float:
         "--json",
         *options,
     ]
-    with LiveRun(words, folder / "watched") as run:
+    with LiveRun(command, folder / "watched") as run:
         return run.wait_started().time - run.start_time
 
 
 def time_first_case(folder: Path) -> float:
-    """Processor seconds of `rig sweep` until the first of its cases stands in its journal."""
+    """Return the processor seconds of `rig sweep` until its journal has the first case."""
     campaign = ROOT / "configs" / "campaigns" / "quick.yaml"
-    words = [
+    command = [
         *rig_command(),
         "sweep",
         str(campaign),
@@ -60,7 +60,7 @@ def time_first_case(folder: Path) -> float:
         "1",
         "--json",
     ]
-    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
         while not any(path.stat().st_size for path in folder.glob("*/cases.jsonl")):
             if process.poll() is not None:
                 raise RuntimeError(f"the sweep ended with {process.returncode} before its cases")
@@ -70,24 +70,24 @@ def time_first_case(folder: Path) -> float:
 
 
 def measure(short: bool) -> Result:
-    """Start the command line again and again."""
+    """Time starts of the command line."""
     helps, runs = (3, 1) if short else (10, 5)
-    help_words, bare_words = [*rig_command(), "--help"], [sys.executable, "-c", "pass"]
+    help_command, bare_command = [*rig_command(), "--help"], [sys.executable, "-c", "pass"]
     shown, bare = list[float](), list[float]()
     virtual, real = list[float](), list[float]()
     for _ in range(helps):
-        shown.append(time_command(help_words))
-        bare.append(time_command(bare_words))
+        shown.append(time_command(help_command))
+        bare.append(time_command(bare_command))
     cases = list[float]()
     for attempt in range(1 + helps):
         with tempfile.TemporaryDirectory() as scratch:
             took = time_first_case(Path(scratch))
-        if attempt > 0:  # the first one may have compiled
+        if attempt > 0:  # the first attempt may have compiled
             cases.append(took)
     for _ in range(runs):
-        for into, real_clock in ((virtual, False), (real, True)):
+        for starts, real_clock in ((virtual, False), (real, True)):
             with tempfile.TemporaryDirectory() as scratch:
-                into.append(time_first_tick(Path(scratch), real_clock=real_clock))
+                starts.append(time_first_tick(Path(scratch), real_clock=real_clock))
     return Result(
         "start",
         "waiting for the command line",

@@ -1,4 +1,4 @@
-"""The WaveBot's emulated devices and a short campaign on their wires, to be given faults."""
+"""The WaveBot's emulated devices, and a short campaign on their wires for injected faults."""
 
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -6,12 +6,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.support.fault_runs import emulated_devices, free_port, write_yaml
+from benchmarks.support.campaigns import open_checked, write_yaml
+from benchmarks.support.fault_runs import emulated_devices, free_port
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.campaign import run_campaign
 from rig.execution.task import RunResult, View
-from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation
 from rig.processes.child import Child
@@ -23,7 +24,7 @@ LONG_INTERVAL_S = 40.0  # s of a run whose powers are averaged over 30 s
 
 
 class EmulatedWaveBot(NamedTuple):
-    """Emulated devices that are there, and a campaign on their wires."""
+    """Running emulated devices, and a campaign on their wires."""
 
     campaign: Campaign
     plan: Plan
@@ -38,29 +39,29 @@ class EmulatedWaveBot(NamedTuple):
         return tuple(one.name for one in hardware.build_job(self.campaign.rig).io_processes)
 
     def is_moving(self, row: Mapping[str, float]) -> bool:
-        """Whether the body heaves."""
+        """Return True if the body heaves fast."""
         return abs(row["heave.estimate.velocity"]) > MOVING_SPEED
 
     def run(self, view: View, long: bool = False) -> RunResult:
-        """One run on them, as they are."""
+        """Run the campaign on the devices in their present state."""
         campaign, plan = self.long_campaign if long else (self.campaign, self.plan)
-        made = hardware.build_job(self.campaign.rig)
+        job = hardware.build_job(self.campaign.rig)
         wires = wires_in(self.campaign.rig)
         mode = ExecutionMode(
             "hil",
             True,
             "rig.kinds.wavebot.hardware.devices",
-            made.devices,
-            made.io_processes,
+            job.devices,
+            job.io_processes,
             wires,
         )
         return run_campaign(campaign, plan, self.folder, view, mode)
 
 
 def write_rig_file(folder: Path) -> Path:
-    """The wired WaveBot with addresses of its own, so that several can be on one host."""
+    """Write the wired WaveBot with free ports, so that several can run on one host."""
     line = Path(tempfile.mkdtemp(prefix="wec-", dir=folder)) / "amplifiers"
-    tree = {
+    rig = {
         "extends": str(ROOT / "configs" / "rigs" / "wavebot_hil.yaml"),
         "wiring": {
             "can": {"options": {"port": free_port()}},
@@ -71,12 +72,12 @@ def write_rig_file(folder: Path) -> Path:
             },
         },
     }
-    return write_yaml(folder / "rig.yaml", tree)
+    return write_yaml(folder / "rig.yaml", rig)
 
 
 def write_campaign_file(folder: Path, **keys: Any) -> Path:
-    """A campaign of a few seconds on that rig."""
-    tree = {
+    """Write a campaign of a few seconds on that rig; ``keys`` replace keys of the file."""
+    campaign = {
         "name": "fault",
         "rig": str(write_rig_file(folder)),
         "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
@@ -86,23 +87,15 @@ def write_campaign_file(folder: Path, **keys: Any) -> Path:
         "matrix": {"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
         **keys,
     }
-    return write_yaml(folder / "campaign.yaml", tree)
-
-
-def open_checked(path: Path) -> tuple[Campaign, Plan]:
-    """A campaign that may run."""
-    report = check_campaign(path)
-    if report.campaign is None or report.plan is None:
-        raise ValueError(report.text())
-    return report.campaign, report.plan
+    return write_yaml(folder / "campaign.yaml", campaign)
 
 
 @contextmanager
 def emulated_wavebot(folder: Path, **keys: Any) -> Iterator[EmulatedWaveBot]:
-    """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
-    short = write_campaign_file(folder, **keys)
-    campaign, plan = open_checked(short)
-    longer = {"extends": str(short), "timing": {"settle_s": 1, "interval_s": LONG_INTERVAL_S}}
-    long = open_checked(write_yaml(folder / "long.yaml", longer))
+    """Run emulated devices while the context is open; ``keys`` replace keys of the campaign."""
+    path = write_campaign_file(folder, **keys)
+    campaign, plan = open_checked(path)
+    long_keys = {"extends": str(path), "timing": {"settle_s": 1, "interval_s": LONG_INTERVAL_S}}
+    long = open_checked(write_yaml(folder / "long.yaml", long_keys))
     with emulated_devices(emulation.emulator_process(campaign), folder) as (control, devices):
         yield EmulatedWaveBot(campaign, plan, long, control, devices, folder)

@@ -28,7 +28,7 @@ limits in place, faults that are not detected here must not be able to hurt anyo
 """
 
 
-def format_page(rig: FaultRig, rows: list[FaultRow], measured: dict[str, Any]) -> str:
+def format_page(rig: FaultRig, rows: list[FaultRow], results: dict[str, Any]) -> str:
     """Return the whole page."""
     head = _HEAD.format(
         title=rig.title,
@@ -37,34 +37,34 @@ def format_page(rig: FaultRig, rows: list[FaultRow], measured: dict[str, Any]) -
         stop=rig.stop_action,
         motion=rig.motion,
         test=rig.test_file,
-        measured=format_progress(rows, measured),
+        measured=format_progress(rows, results),
     )
     parts = ["\n\n".join(fill(part, 100) for part in head.split("\n\n")) + "\n"]
     for device in dict.fromkeys(row.device for row in rows):
         of_device = [row for row in rows if row.device == device]
-        parts.append(f"## {device}\n\n{_table(of_device, measured)}")
+        parts.append(f"## {device}\n\n{_table(of_device, results)}")
     undetected = [row for row in rows if row.expected == UNDETECTED]
     lines = "\n".join(f"- {row.name}: {row.explanation}" for row in undetected)
     parts.append(f"## What is not detected\n\n{lines}\n")
     return "\n".join(parts)
 
 
-def format_progress(rows: list[FaultRow], measured: dict[str, Any]) -> str:
+def format_progress(rows: list[FaultRow], results: dict[str, Any]) -> str:
     """Return the number of measured rows, dates and hosts, and rows with unexpected results."""
-    found = {row.name: measured[row.name] for row in rows if row.name in measured}
-    lines = [f"**{len(found)} of {len(rows)} rows are measured.**"]
-    where = Counter((one.get("date", ""), one.get("host", "")) for one in found.values())
+    results = {row.name: results[row.name] for row in rows if row.name in results}
+    lines = [f"**{len(results)} of {len(rows)} rows are measured.**"]
+    where = Counter((each.get("date", ""), each.get("host", "")) for each in results.values())
     for (date, host), count in sorted(where.items()):
         lines.append(
             f"{count} on {date}: {host}." if date else f"{count} before date and host were stored."
         )
-    unexpected = [name for name, one in found.items() if not one["as_expected"]]
+    unexpected = [name for name, result in results.items() if not result["as_expected"]]
     if unexpected:
         lines.append(f"**Result differs from the table: {', '.join(unexpected)}.**")
     return "\n".join(lines)
 
 
-def _table(rows: list[FaultRow], measured: dict[str, Any]) -> str:
+def _table(rows: list[FaultRow], results: dict[str, Any]) -> str:
     lines = [
         "| fault | expected reaction | category | within, s | measured, s | explanation |",
         "|---|---|---|---|---|---|",
@@ -78,20 +78,20 @@ def _table(rows: list[FaultRow], measured: dict[str, Any]) -> str:
             " or ".join((row.expected, *row.alternatives)),
             category,
             within,
-            _measured(row, measured.get(row.name, {})),
+            _measured(row, results.get(row.name, {})),
             row.explanation,
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
-def _measured(row: FaultRow, found: dict[str, Any]) -> str:
+def _measured(row: FaultRow, result: dict[str, Any]) -> str:
     """Return the measured result of a row, with the reason if the table allows several."""
-    if not found:
+    if not result:
         return "-"
-    verdict = found["verdict"]
-    seconds = "" if found["seconds"] is None else f"{found['seconds']:.3f}"
-    if not found["as_expected"]:
+    verdict = result["verdict"]
+    seconds = "" if result["seconds"] is None else f"{result['seconds']:.3f}"
+    if not result["as_expected"]:
         return f"differs: {verdict} {seconds}".rstrip()
     if row.alternatives:
         return f"{verdict} {seconds}".rstrip()

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from benchmarks.support.emulated_bench import emulated_bench
 from benchmarks.support.emulated_wavebot import emulated_wavebot
@@ -15,11 +15,11 @@ from benchmarks.support.recorded import ROOT
 class FaultRig(NamedTuple):
     """One rig on emulated wires, and its table."""
 
-    name: str  # of its table
+    name: str  # of the table
     title: str
     emulate: Callable[[Path], AbstractContextManager[EmulatedRig]]
     page: Path  # of the documentation
-    safe_state: str  # when it is safe, for people
+    safe_state: str  # condition at the end of the measured time
     stop_action: str  # what a stop of category 1 does first
     motion: str  # motion of the rig when a fault comes
     test_file: str  # file of the test that runs the table
@@ -27,50 +27,40 @@ class FaultRig(NamedTuple):
     table: Path
 
     def rows(self) -> list[FaultRow]:
-        """All rows of its table."""
+        """Return all rows of the table."""
         return read_rows(self.table)
 
 
-def _rig(
-    name: str,
-    title: str,
-    stage: Callable[[Path], AbstractContextManager[EmulatedRig]],
-    page: str,
-    without: str,
-    stop: str,
-    motion: str,
-    test: str,
-) -> FaultRig:
-    measured = ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json"
-    table = TABLES / f"{name}.yaml"
+def _rig(name: str, page: str, **fields: Any) -> FaultRig:
     return FaultRig(
-        name, title, stage, ROOT / "docs" / page, without, stop, motion, test, measured, table
+        name=name,
+        page=ROOT / "docs" / page,
+        results=ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json",
+        table=TABLES / f"{name}.yaml",
+        **fields,
     )
 
 
 RIGS = {
-    one.name: one
-    for one in (
-        _rig(
-            "wavebot",
-            "Faults: reactions of the rig",
-            emulated_wavebot,
-            "faults.md",
-            "neither motor has power, at the drives",
-            "damps the body for 2 s",
-            "Faults come 1.5 s after power on, in waves.",
-            "test_hil_faults.py",
-        ),
-        _rig(
-            "oswec_bench",
-            "Faults of the OSWEC bench: reactions of the rig",
-            emulated_bench,
-            "bench_faults.md",
-            "the servo has no power, at the drive",
-            "brings the shaft to rest for 1 s",
-            "Faults come 1.5 s after power on, while the shaft still stands; those in motion come "
-            "while it turns at more than half of its highest speed, 0.7 rad/s.",
-            "test_hil_bench_faults.py",
-        ),
-    )
+    "wavebot": _rig(
+        "wavebot",
+        "faults.md",
+        title="Faults: reactions of the rig",
+        emulate=emulated_wavebot,
+        safe_state="neither motor has power, at the drives",
+        stop_action="damps the body for 2 s",
+        motion="Faults come 1.5 s after power on, in waves.",
+        test_file="test_hil_faults.py",
+    ),
+    "oswec_bench": _rig(
+        "oswec_bench",
+        "bench_faults.md",
+        title="Faults of the OSWEC bench: reactions of the rig",
+        emulate=emulated_bench,
+        safe_state="the servo has no power, at the drive",
+        stop_action="brings the shaft to rest for 1 s",
+        motion="Faults come 1.5 s after power on, while the shaft still stands; those in motion "
+        "come while it turns at more than half of its highest speed, 0.7 rad/s.",
+        test_file="test_hil_bench_faults.py",
+    ),
 }

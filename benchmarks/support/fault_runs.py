@@ -1,8 +1,8 @@
-"""Run the table of faults on the real stacks: loop, I/O processes and emulated devices.
+"""Run faults of a table on the real processes: loop, I/O processes and emulated devices.
 
-One process of emulated devices serves many runs; before each its world is put to rest and its nodes
-are switched on anew. A run tares, and the fault comes when the motors have had power for some time,
-or else when what they move is moving fast.
+One process of emulated devices serves many runs; before each run the simulated rig is brought to
+rest and the nodes are switched on again. A run tares, and the fault is injected when the motors
+have had power for `ONSET_DELAY`, or when the body or shaft moves fast.
 """
 
 import os
@@ -11,11 +11,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
-
-from ruamel.yaml import YAML
+from typing import NamedTuple, Protocol
 
 from benchmarks.support import process_faults
+from benchmarks.support.campaigns import SilentView
 from benchmarks.support.fault_table import (
     CATEGORY,
     GOES_ON,
@@ -37,17 +36,17 @@ from rig.realtime.reasons import Reason
 from rig.realtime.safety import RUN
 from rig.recording.runs.create import BusyError
 
-FREE_TIMEOUT = 120.0  # s for the host's one real-time place
-NO_RUN = "no run"  # it ended before the fault came
+FREE_TIMEOUT = 120.0  # s, wait for the host's only real-time slot
+NO_RUN = "no run"  # the run ended before the fault was injected
 ONSET_DELAY = 1.5  # s of rig time from power on to the fault
 
 
 class EmulatedRig(Protocol):
-    """Emulated devices that are there, and something to run on their wires."""
+    """Running emulated devices, and a task on their wires."""
 
     @property
     def control(self) -> ControlClient:
-        """Their control port."""
+        """Client of their control port."""
         ...
 
     @property
@@ -56,11 +55,11 @@ class EmulatedRig(Protocol):
         ...
 
     def is_moving(self, row: Mapping[str, float]) -> bool:
-        """Return True if the moved body is fast in this row of the record."""
+        """Return True if the body or shaft moves fast in this row of the record."""
         ...
 
     def run(self, view: View, long: bool = False) -> RunResult:
-        """One run on them, as they are; ``long``: one that measures for longer."""
+        """Run the task on the devices in their present state; ``long``: measure for longer."""
         ...
 
 
@@ -71,36 +70,36 @@ class Finding(NamedTuple):
     message: str  # reason of the refusal, and messages of the I/O processes
     category: int | None
     seconds: float | None  # from the fault until no motor had power
-    rows_lost: int  # rows
+    rows_lost: int
     run_result: RunResult
-    affected: int | None = None  # pieces that a link's fault spoilt; None: no fault of a link
+    affected: int | None = None  # messages that a link's fault affected; None: no fault of a link
 
 
 class CallbackView:
-    """A view that shows nothing and may act on each snapshot."""
+    """A view that shows nothing and calls a function with each snapshot."""
 
-    def __init__(self, see: Callable[[Snapshot], None]) -> None:
+    def __init__(self, callback: Callable[[Snapshot], None]) -> None:
         self.notice = ""
-        self._callback = see
+        self._callback = callback
 
     def __call__(self, snapshot: Snapshot) -> None:
         self._callback(snapshot)
 
 
 def free_port() -> int:
-    """A TCP port of loopback that nobody has now."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
+    """Return a TCP port of loopback that is free now."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        port: int = listener.getsockname()[1]
         return port
 
 
 @contextmanager
-def emulated_devices(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
-    """Emulated devices and their control port, for as long as the context lasts."""
-    lifeline, ours = os.pipe()  # whoever dies here takes them along
-    job = handover.dumps(IoJob(one.config, {}, lifeline))
-    devices = Child(one.module, job, (lifeline,), folder / "emulation.stderr")
+def emulated_devices(emulator: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+    """Start emulated devices; give the client of their control port, and their process."""
+    lifeline, parent_end = os.pipe()  # the devices end when this process dies
+    job = handover.dumps(IoJob(emulator.config, {}, lifeline))
+    devices = Child(emulator.module, job, (lifeline,), folder / "emulation.stderr")
     try:
         with ControlClient(_address(devices)) as control:
             yield control, devices
@@ -108,7 +107,7 @@ def emulated_devices(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClie
         devices.process.terminate()
         devices.end(5.0)
         os.close(lifeline)
-        os.close(ours)
+        os.close(parent_end)
 
 
 def _address(devices: Child) -> str:
@@ -122,15 +121,15 @@ def _address(devices: Child) -> str:
 
 
 def restart_and_run(
-    on: EmulatedRig, see: Callable[[Snapshot], None], long: bool = False
+    rig: EmulatedRig, callback: Callable[[Snapshot], None], long: bool = False
 ) -> RunResult:
-    """One run on the staged devices, put to rest before."""
-    on.control.request("restart")
-    return run_when_free(lambda: on.run(CallbackView(see), long))
+    """Bring the devices to rest and run the task; ``callback`` gets each snapshot."""
+    rig.control.request("restart")
+    return run_when_free(lambda: rig.run(CallbackView(callback), long))
 
 
 def run_when_free(run: Callable[[], RunResult]) -> RunResult:
-    """Run when nobody else has the host's real-time place; BusyError after two minutes."""
+    """Run as soon as the host's real-time slot is free; raises BusyError after two minutes."""
     until = time.monotonic() + FREE_TIMEOUT
     while True:
         try:
@@ -142,138 +141,126 @@ def run_when_free(run: Callable[[], RunResult]) -> RunResult:
 
 
 class Trigger:
-    """Does something once: when the motors have had power for so many seconds of rig time.
+    """Snapshot callback that acts once, when the motors have had power for a given rig time.
 
-    With ``ready`` not before that is so of the newest row, which is 0.1 s old at most.
+    ``action`` returns its time (s, monotonic). ``delay`` is in seconds; ``condition`` must also
+    hold for the newest row, which is 0.1 s old at most.
     """
 
     def __init__(
         self,
         action: Callable[[], float],
-        after: float = ONSET_DELAY,
+        delay: float = ONSET_DELAY,
         condition: Callable[[Mapping[str, float]], bool] = lambda row: True,
     ) -> None:
-        self.time: float | None = None  # s, monotonic, when it was done
-        self._action, self._after, self._condition = action, after, condition
-        self._since: float | None = None
+        self.time: float | None = None  # s, monotonic, of the action
+        self._action, self._delay, self._condition = action, delay, condition
+        self._power_on: float | None = None  # s of rig time
 
     def __call__(self, snapshot: Snapshot) -> None:
         row = snapshot.row
         if self.time is not None or not row or row["safety.mode"] != RUN:
             return
-        if self._since is None:
-            self._since = float(row["time"])
-        if row["time"] - self._since >= self._after and self._condition(row):
+        if self._power_on is None:
+            self._power_on = float(row["time"])
+        if row["time"] - self._power_on >= self._delay and self._condition(row):
             self.time = self._action()
 
 
-def available_faults(on: EmulatedRig) -> dict[str, tuple[str, ...]]:
-    """Every fault that can be given, by device, link or process."""
-    listed = on.control.request("faults")["faults"]
-    devices = {device: tuple(faults) for device, faults in listed.items()}
-    return devices | process_faults.faults_by_process(on.io_processes)
+def available_faults(rig: EmulatedRig) -> dict[str, tuple[str, ...]]:
+    """Return the faults that can be injected, by device, link or process."""
+    by_device = rig.control.request("faults")["faults"]
+    devices = {device: tuple(faults) for device, faults in by_device.items()}
+    return devices | process_faults.faults_by_process(rig.io_processes)
 
 
-def measure_once(on: EmulatedRig, row: FaultRow) -> Finding:
-    """Give a device its fault, and see what comes of it."""
+def measure_fault(rig: EmulatedRig, row: FaultRow, tries: int = 3) -> Finding:
+    """Inject the fault of a row in a run, and return the reaction of the rig.
 
-    def strike() -> float:
+    A run that ends before its fault, as on a loaded host, is repeated up to ``tries`` times.
+    """
+    for _ in range(tries - 1):
+        finding = _measure_once(rig, row)
+        if finding.verdict != NO_RUN:
+            return finding
+    return _measure_once(rig, row)
+
+
+def _measure_once(rig: EmulatedRig, row: FaultRow) -> Finding:
+    def inject() -> float:
         if row.device.startswith(process_faults.PREFIX):
             return process_faults.inject(row.device, row.fault)
-        return on.control.switch(row.device, row.fault, True, row.value, row.toward)
+        return rig.control.switch(row.device, row.fault, True, row.value, row.toward)
 
-    before = _affected_pieces(on, row)
-    trigger = Trigger(strike, condition=on.is_moving) if row.onset == MOTION else Trigger(strike)
+    before = _affected_messages(rig, row)
+    trigger = Trigger(inject, condition=rig.is_moving) if row.onset == MOTION else Trigger(inject)
     if row.onset == START:
-        on.control.request("restart")
-        trigger.time = strike()
-        ended = run_when_free(lambda: on.run(CallbackView(lambda snapshot: None), row.long_run))
+        rig.control.request("restart")
+        trigger.time = inject()
+        result = run_when_free(lambda: rig.run(SilentView(), row.long_run))
     else:
-        ended = restart_and_run(on, trigger, row.long_run)
-    after = _affected_pieces(on, row)
-    on.control.request("clear")
-    found = classify_run(on, ended, trigger.time)
-    return found if before is None or after is None else found._replace(affected=after - before)
+        result = restart_and_run(rig, trigger, row.long_run)
+    after = _affected_messages(rig, row)
+    rig.control.request("clear")
+    finding = _classify(rig, result, trigger.time)
+    if before is None or after is None:
+        return finding
+    return finding._replace(affected=after - before)
 
 
-def _affected_pieces(on: EmulatedRig, row: FaultRow) -> int | None:
-    """How often a link's fault has struck so far."""
-    counts: dict[str, int] | None = on.control.request("world")["struck"].get(row.device)
+def _affected_messages(rig: EmulatedRig, row: FaultRow) -> int | None:
+    """Return how many messages a link's fault has affected so far; None for other faults."""
+    counts: dict[str, int] | None = rig.control.request("world")["struck"].get(row.device)
     if counts is None:
         return None
-    return sum(counts.get(f"{way}.{row.fault}", 0) for way in ("host", "device"))
+    return sum(counts.get(f"{side}.{row.fault}", 0) for side in ("host", "device"))
 
 
-def measure_fault(on: EmulatedRig, row: FaultRow, tries: int = 3) -> Finding:
-    """Like `walk`, again when the run ended before the fault came: a loaded host does that."""
-    for _ in range(tries - 1):
-        found = measure_once(on, row)
-        if found.verdict != NO_RUN:
-            return found
-    return measure_once(on, row)
-
-
-def classify_run(on: EmulatedRig, ended: RunResult, at: float | None) -> Finding:
-    """What came of a fault that was given ``at`` a time (s; None: it never was)."""
-    outcome = ended.outcome
+def _classify(rig: EmulatedRig, result: RunResult, injected: float | None) -> Finding:
+    """Return the finding of a run whose fault was injected at a time (s; None: it was not)."""
+    outcome = result.outcome
     if outcome.reason in (Reason.OPERATOR_STOP.name, Reason.OPERATOR_ABORT.name):
-        raise KeyboardInterrupt  # the run takes a Ctrl-C for its own
-    said = (*outcome.messages, outcome.died)
-    told = "; ".join(text for text in said if text)
+        raise KeyboardInterrupt  # the run has handled the Ctrl-C as its own
+    messages = "; ".join(text for text in (*outcome.messages, outcome.died) if text)
+    with_reason = f"{outcome.reason} {messages}"
     lost = outcome.dropped + outcome.unsaved
-    if at is None or outcome.status == "refused":
+    if injected is None or outcome.status == "refused":
         verdict = REFUSED if outcome.status == "refused" else NO_RUN
-        return Finding(verdict, f"{outcome.reason} {told}", None, None, lost, ended)
+        return Finding(verdict, with_reason, None, None, lost, result)
     if outcome.reason == Reason.PLAN_END.name:
-        return Finding(GOES_ON, told, None, None, lost, ended)
-    gone = power_off_time(on)
-    # A motor that never had any power does not count below zero.
-    seconds = None if gone is None else max(0.0, gone - at)
+        return Finding(GOES_ON, messages, None, None, lost, result)
+    power_off = power_off_time(rig.control)
+    # A motor that never had power would give a negative time.
+    seconds = None if power_off is None else max(0.0, power_off - injected)
     if outcome.status == "crashed":
-        return Finding(LOOP_LOST, f"{outcome.reason} {told}", None, seconds, lost, ended)
-    category = CATEGORY[outcome.reason]
-    return Finding(outcome.reason, told, category, seconds, lost, ended)
+        return Finding(LOOP_LOST, with_reason, None, seconds, lost, result)
+    return Finding(outcome.reason, messages, CATEGORY[outcome.reason], seconds, lost, result)
 
 
-class Powered(Protocol):
-    """Motors whose power can be read."""
-
-    @property
-    def control(self) -> ControlClient:
-        """The control port of their emulated drives."""
-        ...
-
-
-def power_off_time(on: Powered, timeout_s: float = 2.0) -> float | None:
-    """When the last motor was without power (s, monotonic); None: one still has it."""
-    until = time.monotonic() + timeout_s
+def power_off_time(control: ControlClient, timeout_s: float = 2.0) -> float | None:
+    """Return when the last motor lost its power (s, monotonic); None if one still has power."""
+    deadline = time.monotonic() + timeout_s
     while True:
-        gone = on.control.request("power")["gone"].values()
-        if None not in gone:
-            return float(max(gone))
-        if time.monotonic() > until:
+        times = control.request("power")["gone"].values()
+        if None not in times:
+            return float(max(times))
+        if time.monotonic() > deadline:
             return None
         time.sleep(0.02)
 
 
-def mismatches(row: FaultRow, found: Finding) -> list[str]:
-    """What of a finding is not as the table has it."""
-    claims = []
-    if found.verdict not in row.verdicts:
-        claims.append(f"{row.expected} was due, it was {found.verdict} ({found.message})")
-    if found.verdict == GOES_ON and found.affected == 0:
-        claims.append("the fault struck nothing")
-    if found.rows_lost:
-        claims.append(f"{found.rows_lost} rows lost")
-    if row.expected not in NO_STOP and found.verdict != GOES_ON:
-        if found.seconds is None or found.seconds > row.max_seconds:
-            claims.append(f"safe after {found.seconds} s, not {row.max_seconds:g} s")
-        if found.verdict == row.expected and found.category != row.category:
-            claims.append(f"category {found.category}, not {row.category}")
-    return claims
-
-
-def write_yaml(path: Path, tree: dict[str, Any]) -> Path:
-    with path.open("w") as file:
-        YAML(typ="safe").dump(tree, file)
-    return path
+def mismatches(row: FaultRow, finding: Finding) -> list[str]:
+    """Return the differences of a finding from its row of the table, as messages."""
+    messages = []
+    if finding.verdict not in row.verdicts:
+        messages.append(f"expected {row.expected}, not {finding.verdict} ({finding.message})")
+    if finding.verdict == GOES_ON and finding.affected == 0:
+        messages.append("the fault affected no message")
+    if finding.rows_lost:
+        messages.append(f"{finding.rows_lost} rows lost")
+    if row.expected not in NO_STOP and finding.verdict != GOES_ON:
+        if finding.seconds is None or finding.seconds > row.max_seconds:
+            messages.append(f"safe after {finding.seconds} s, not {row.max_seconds:g} s")
+        if finding.verdict == row.expected and finding.category != row.category:
+            messages.append(f"category {finding.category}, not {row.category}")
+    return messages

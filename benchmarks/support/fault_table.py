@@ -36,7 +36,7 @@ class FaultRow(NamedTuple):
     expected: str  # name of rig.realtime.safety.Reason, LOOP_LOST or one of NO_STOP
     category: int | None  # of the stop; None without one
     max_seconds: float  # s from the fault until no motor has power; 0 where the run does not stop
-    explanation: str  # explanation for people; never empty if the run goes on
+    explanation: str  # never empty if the run goes on
     value: float | None  # magnitude of the fault; None: its default
     toward: str | None  # of a link's fault: host or device alone
     onset: str  # START: before the run; MOTION: at speed; empty: during the run
@@ -46,7 +46,7 @@ class FaultRow(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the name of the row for people."""
+        """Return the name of the row: device, fault, value, onset."""
         name = f"{self.device}: {self.fault}"
         name += f" {self.value:g}" if self.value is not None else ""
         return name + _ONSET_LABELS[self.onset]
@@ -54,15 +54,14 @@ class FaultRow(NamedTuple):
     @property
     def verdicts(self) -> tuple[str, ...]:
         """Return the correct verdicts; GOES_ON and UNDETECTED look the same in a run."""
-        return tuple(
-            GOES_ON if one == UNDETECTED else one for one in (self.expected, *self.alternatives)
-        )
+        expected = (self.expected, *self.alternatives)
+        return tuple(GOES_ON if verdict == UNDETECTED else verdict for verdict in expected)
 
 
 def read_rows(path: Path) -> list[FaultRow]:
     """Return all rows of a table; ValueError names a contradictory row."""
     tree: dict[str, list[dict[str, Any]]] = YAML(typ="safe").load(path.read_text())
-    return [_row(device, one) for device, several in tree.items() for one in several]
+    return [_row(device, keys) for device, rows in tree.items() for keys in rows]
 
 
 def table_errors(table: list[FaultRow]) -> list[str]:
@@ -88,35 +87,41 @@ def missing_rows(table: list[FaultRow], available: Mapping[str, Iterable[str]]) 
     ]
 
 
-def _row(device: str, one: dict[str, Any]) -> FaultRow:
-    label = f"{device}: {one.get('fault')}"
-    if unknown := set(one) - _KEYS:
+def _row(device: str, keys: dict[str, Any]) -> FaultRow:
+    label = f"{device}: {keys.get('fault')}"
+    if unknown := set(keys) - _KEYS:
         raise ValueError(f"{label}: unknown {', '.join(sorted(unknown))}")
-    if (since := one.get("from", "")) not in _ONSET_LABELS:
-        raise ValueError(f"{label}: from {since!r}, not {START} or {MOTION}")
-    must = one["must"]
+    if (onset := keys.get("from", "")) not in _ONSET_LABELS:
+        raise ValueError(f"{label}: from {onset!r}, not {START} or {MOTION}")
+    expected = keys["must"]
     row = FaultRow(
         device,
-        one["fault"],
-        must,
-        one.get("category"),
-        float(one.get("within_s", 0.0)),
-        one.get("why", ""),
-        one.get("value"),
-        one.get("toward"),
-        since,
-        bool(one.get("short", False)),
-        bool(one.get("long", False)),
-        tuple(one.get("and", ())),
+        keys["fault"],
+        expected,
+        keys.get("category"),
+        float(keys.get("within_s", 0.0)),
+        keys.get("why", ""),
+        keys.get("value"),
+        keys.get("toward"),
+        onset,
+        bool(keys.get("short", False)),
+        bool(keys.get("long", False)),
+        tuple(keys.get("and", ())),
     )
-    if must in NO_STOP:
-        if row.category is not None or row.max_seconds or (must != REFUSED and not row.explanation):
+    if expected in NO_STOP:
+        if (
+            row.category is not None
+            or row.max_seconds
+            or (expected != REFUSED and not row.explanation)
+        ):
             raise ValueError(
-                f"{label}: {must} needs an explanation (why), and no category and no time"
+                f"{label}: {expected} needs an explanation (why), and no category and no time"
             )
-    elif must == LOOP_LOST:
+    elif expected == LOOP_LOST:
         if row.category is not None or row.max_seconds <= 0.0:
-            raise ValueError(f"{label}: {must} needs a time within_s, and no category")
-    elif row.category != CATEGORY[must] or row.max_seconds <= 0.0:
-        raise ValueError(f"{label}: {must} needs category {CATEGORY[must]} and a time within_s")
+            raise ValueError(f"{label}: {expected} needs a time within_s, and no category")
+    elif row.category != CATEGORY[expected] or row.max_seconds <= 0.0:
+        raise ValueError(
+            f"{label}: {expected} needs category {CATEGORY[expected]} and a time within_s"
+        )
     return row

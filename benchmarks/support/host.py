@@ -1,4 +1,4 @@
-"""The machine the figures come from, and how busy others kept it."""
+"""The host of the measurements, and its load by other work."""
 
 import os
 import platform
@@ -11,7 +11,7 @@ from rig.recording import provenance
 
 
 def describe_host() -> dict[str, Any]:
-    """Processor, cores, kernel, Python, memory, version of the code, and the date."""
+    """Return processor, cores, kernel, Python, memory, version of the code, and the date."""
     host, code = provenance.describe_host(), provenance.describe_code()
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
@@ -28,7 +28,7 @@ def describe_host() -> dict[str, Any]:
 
 
 def describe_briefly() -> str:
-    """Processor, cores, kernel and Python in one line, for people."""
+    """Return processor, cores, kernel and Python in one line."""
     processor = provenance.describe_host()["processor"]
     virtual = ", virtual machine" if "hypervisor" in _processor_flags() else ""
     return (
@@ -47,9 +47,9 @@ class ProcessorTime(NamedTuple):
 
     @staticmethod
     def now() -> "ProcessorTime":
-        """The counters as they stand."""
-        words = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
-        ticks = [int(word) / os.sysconf("SC_CLK_TCK") for word in words]
+        """Return the present counters."""
+        fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+        ticks = [int(field) / os.sysconf("SC_CLK_TCK") for field in fields]
         busy = sum(ticks[:3]) + sum(ticks[5:7])
         used = os.times()
         return ProcessorTime(time.monotonic(), busy, ticks[7], sum(used[:4]))
@@ -58,9 +58,9 @@ class ProcessorTime(NamedTuple):
 def other_load(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
     """Return the load of other work on this machine and of other virtual machines, in cores."""
     elapsed = max(after.time - before.time, 0.001)
-    mine = after.own - before.own
+    own = after.own - before.own
     return {
-        "other_work_cores": round(max(0.0, after.busy - before.busy - mine) / elapsed, 3),
+        "other_work_cores": round(max(0.0, after.busy - before.busy - own) / elapsed, 3),
         "stolen_cores": round((after.stolen - before.stolen) / elapsed, 3),
     }
 

@@ -18,12 +18,12 @@ the raw figure stands above it.
 
 
 def store(folder: Path, name: str, result: dict[str, Any], order: list[str]) -> None:
-    """Write a result and the table of all kept ones, in this order."""
+    """Write a result, and the page with all stored results in this order."""
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, ensure_ascii=False)
     (folder / f"{name}.json").write_text(text + "\n")
-    kept = [folder / f"{each}.json" for each in order if (folder / f"{each}.json").exists()]
-    results = [json.loads(path.read_text()) for path in kept]
+    paths = [folder / f"{each}.json" for each in order if (folder / f"{each}.json").exists()]
+    results = [json.loads(path.read_text()) for path in paths]
     (folder / "README.md").write_text(_HEAD + "".join(_section(one) for one in results))
 
 

@@ -55,23 +55,23 @@ def figure(
 
     Raises ValueError without values and for values that are not finite.
     """
-    several = [float(values)] if isinstance(values, int | float) else [float(v) for v in values]
-    if not several or not all(math.isfinite(value) for value in several):
-        raise ValueError(f"{name}: no figure from {several}")
-    median = float(np.median(several))
+    numbers = [float(values)] if isinstance(values, int | float) else [float(v) for v in values]
+    if not numbers or not all(math.isfinite(value) for value in numbers):
+        raise ValueError(f"{name}: no figure from {numbers}")
+    median = float(np.median(numbers))
     limits: list[str] = []
     met: bool | None = None
     if at_least is not None:
         limits.append(f">= {at_least:g}")
-        met = (median if criterion == "median" else min(several)) >= at_least
+        met = (median if criterion == "median" else min(numbers)) >= at_least
     if at_most is not None:
         limits.append(f"<= {at_most:g}")
-        below = (median if criterion == "median" else max(several)) <= at_most
+        below = (median if criterion == "median" else max(numbers)) <= at_most
         met = below and met is not False
     limit = ", ".join(limits)
-    if limit and criterion == "worst" and len(several) > 1:
+    if limit and criterion == "worst" and len(numbers) > 1:
         limit += " each"
-    return Figure(name, unit, median, min(several), max(several), len(several), limit, met)
+    return Figure(name, unit, median, min(numbers), max(numbers), len(numbers), limit, met)
 
 
 def quantile(values: Sequence[float] | npt.NDArray[Any], share: float) -> float:
@@ -85,11 +85,15 @@ def ratios(ours: Iterable[float], theirs: Iterable[float]) -> list[float]:
     return [a / b for a, b in zip(ours, theirs, strict=True)]
 
 
-def table_cells(one: Figure) -> tuple[str, ...]:
+def table_cells(measured: Figure) -> tuple[str, ...]:
     """Return the figure as table cells: name, median, spread, unit, target, target met."""
-    spread = f"{format_number(one.low)} - {format_number(one.high)}" if one.repeats > 1 else ""
-    met = {True: "yes", False: "NO", None: ""}[one.target_met]
-    return one.name, format_number(one.median), spread, one.unit, one.limit, met
+    spread = (
+        f"{format_number(measured.low)} - {format_number(measured.high)}"
+        if measured.repeats > 1
+        else ""
+    )
+    met = {True: "yes", False: "NO", None: ""}[measured.target_met]
+    return measured.name, format_number(measured.median), spread, measured.unit, measured.limit, met
 
 
 HEADINGS = ("figure", "median", "min - max", "unit", "target", "target met")
@@ -105,7 +109,7 @@ def format_number(value: float) -> str:
 
 def format_table(result: Result) -> str:
     """Return the result as a plain table."""
-    rows = [HEADINGS, *(table_cells(one) for one in result.figures)]
+    rows = [HEADINGS, *(table_cells(measured) for measured in result.figures)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
     lines = [f"{result.name}: {result.description}"]
     for row in rows:

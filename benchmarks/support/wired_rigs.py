@@ -1,6 +1,6 @@
-"""Rigs on emulated wires, their devices a process apart, and runs on them as a person starts them.
+"""Rigs on emulated wires with their devices in a separate process, and runs of `rig` on them.
 
-Nothing that is done to a run reaches the devices but by the wires, as on a rig.
+The wires are the only connection between a run and the devices, as on a rig.
 """
 
 import os
@@ -29,43 +29,51 @@ ENVIRONMENT_MARK = "WEC_RIG_ATTACKED"  # in the environment of every process of 
 
 
 class WiredRig(NamedTuple):
-    """A rig whose devices are there, and what can be run on it."""
+    """A rig with running emulated devices, and the command that runs it."""
 
     name: str  # of its table of faults
     control: ControlClient
-    arguments: tuple[str, ...]  # of the command that runs it
-    row_type: type  # of its record
-    io_processes: tuple[str, ...]  # by name
-    damping: float  # s, stop.duration_s of its rig file
-    enabled_field: str  # field: its drive is on
-    moving_field: str  # field that changes while it is damped
+    arguments: tuple[str, ...]  # of `rig`
+    row_type: type  # of the record
+    io_processes: tuple[str, ...]  # names
+    damping: float  # s, stop.duration_s of the rig file
+    enabled_field: str  # row field: the drive is enabled
+    moving_field: str  # row field that changes while the rig is damped
 
     def has_power(self) -> bool:
-        """Whether a motor has power now."""
+        """Return True if a motor has power now."""
         return None in self.control.request("power")["gone"].values()
 
     def power_off_time(self, timeout: float) -> float | None:
-        """When the last motor lost its power (s, monotonic); None if one still has it."""
-        return power_off_time(self, timeout)
+        """Return when the last motor lost its power (s, monotonic); None if one still has power."""
+        return power_off_time(self.control, timeout)
 
 
 @contextmanager
 def wavebot(folder: Path) -> Iterator[WiredRig]:
-    """The WaveBot, damping in waves for some seconds."""
-    with emulated_wavebot(folder) as made:
-        words = ("run", str(folder / "campaign.yaml"))
+    """Emulate the WaveBot, with a campaign that damps it in waves for some seconds."""
+    with emulated_wavebot(folder) as emulated:
+        arguments = ("run", str(folder / "campaign.yaml"))
         fields = ("heave.sense.enabled", "heave.command.force")
-        yield WiredRig("wavebot", made.control, words, WaveBotRow, made.io_processes, 2.0, *fields)
+        yield WiredRig(
+            "wavebot", emulated.control, arguments, WaveBotRow, emulated.io_processes, 2.0, *fields
+        )
 
 
 @contextmanager
 def oswec_bench(folder: Path) -> Iterator[WiredRig]:
-    """The bench, its shaft turned to and fro for some seconds."""
-    with emulated_bench(folder) as made:
-        words = ("bench", str(folder / "session.yaml"))
+    """Emulate the bench, with a session that oscillates its shaft for some seconds."""
+    with emulated_bench(folder) as emulated:
+        arguments = ("bench", str(folder / "session.yaml"))
         fields = ("servo.enabled", "servo.current")
         yield WiredRig(
-            "oswec_bench", made.control, words, BenchRow, made.io_processes, 1.0, *fields
+            "oswec_bench",
+            emulated.control,
+            arguments,
+            BenchRow,
+            emulated.io_processes,
+            1.0,
+            *fields,
         )
 
 
@@ -74,7 +82,7 @@ WIRED_RIGS = {"wavebot": wavebot, "oswec_bench": oswec_bench}
 
 @contextmanager
 def start_run(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
-    """A run on a rig whose devices are put to rest before; no process of it is left afterwards."""
+    """Bring the devices to rest and start a run; kill its remaining processes on exit."""
     rig.control.request("restart")
     wait_realtime_free()
     command = [sys.executable, "-m", "rig", *rig.arguments, "--runs", str(runs), "--json"]
@@ -88,19 +96,19 @@ def start_run(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
 
 
 def wait_for_power(rig: WiredRig, run: LiveRun) -> None:
-    """Wait until a motor has power; TimeOutError if the run ends before."""
+    """Wait until a motor has power; raises TimeOutError if the run ends before."""
 
-    def look() -> bool:
+    def powered() -> bool:
         if run.process.poll() is not None:
             raise TimeOutError(f"no motor had power: {run.last_output_line()}")
         return rig.has_power()
 
-    wait_until(look, "power on a motor", interval=0.02)
+    wait_until(powered, "power on a motor", interval=0.02)
 
 
 def processes(runs: Path) -> dict[str, int]:
-    """Living processes of a run by name: supervisor, loop, logger, and its I/O processes."""
-    found = {}
+    """Return the process ids of a run by name: supervisor, loop, logger and I/O processes."""
+    ids = {}
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
             continue
@@ -113,27 +121,28 @@ def processes(runs: Path) -> dict[str, int]:
             continue
         if marked and is_running(int(entry.name)):
             name = errors.name.removesuffix(".stderr") if errors.suffix == ".stderr" else ""
-            found[name or "supervisor"] = int(entry.name)
-    return found
+            ids[name or "supervisor"] = int(entry.name)
+    return ids
 
 
 def process_id(runs: Path, name: str) -> int:
-    """Process id of one of a run's processes, once it is there."""
+    """Wait for one of a run's processes; return its process id."""
     wait_until(lambda: name in processes(runs), f"the process {name}", interval=0.01)
     return processes(runs)[name]
 
 
 def wait_for_end(runs: Path, *, except_for: tuple[str, ...] = ()) -> None:
-    """Wait until no process of a run is left, but those named.
+    """Wait until all processes of a run have ended, except those named.
 
-    One that is ending loses its mark before it gives back its locks, so those seen once count.
+    An ending process loses its mark before it releases its locks, so every process that was seen
+    once must have ended.
     """
     seen = set[int]()
 
-    def gone() -> bool:
-        found = processes(runs)
-        kept = {found[name] for name in except_for if name in found}
-        seen.update(found.values())
-        return not any(is_running(pid) for pid in seen - kept)
+    def ended() -> bool:
+        ids = processes(runs)
+        excepted = {ids[name] for name in except_for if name in ids}
+        seen.update(ids.values())
+        return not any(is_running(pid) for pid in seen - excepted)
 
-    wait_until(gone, f"the end of all processes but {except_for}")
+    wait_until(ended, f"the end of all processes except {except_for}")

@@ -203,7 +203,7 @@ def test_a_finding_is_compared_with_its_row(tmp_path: Path) -> None:
     assert mismatches(goes, make_finding("STALE_PANEL", 9.0, 1)) == []
     assert mismatches(goes, make_finding(GOES_ON)._replace(affected=3)) == []
     assert mismatches(goes, make_finding(GOES_ON)._replace(affected=0)) == [
-        "the fault struck nothing"
+        "the fault affected no message"
     ]
     assert mismatches(goes, make_finding(LOOP_LOST, 0.1)) != []
     (unseen,) = read_table(tmp_path, f"must: {UNDETECTED}, why: so")

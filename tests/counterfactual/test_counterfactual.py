@@ -171,9 +171,9 @@ def test_hidden_plant_is_predicted(tmp_path: Path, seed: int) -> None:
     benchmark of this name. Here no error may exceed twice the interval.
     """
     result = predict_case(tmp_path, seed)
-    error = np.abs(result.predicted - result.true)
+    error = np.abs(result.predicted - result.truth)
     mechanical = error[:, 0]
-    assert np.all(mechanical <= np.maximum(0.05 * np.abs(result.true[:, 0]), 0.5))
+    assert np.all(mechanical <= np.maximum(0.05 * np.abs(result.truth[:, 0]), 0.5))
     assert np.all(error <= 2.0 * result.half_width)
     assert np.all(result.half_width > 0.0)
 

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from hil_processes import Kill, child_error_files, run_emulated
 
-from benchmarks.support.emulated_wavebot import EmulatedWaveBot, open_checked, write_campaign_file
+from benchmarks.support.campaigns import SilentView, open_checked
+from benchmarks.support.emulated_wavebot import EmulatedWaveBot, write_campaign_file
 from benchmarks.support.fault_runs import Trigger, power_off_time, restart_and_run, run_when_free
 from benchmarks.support.live_run import LiveRun, is_running, wait_realtime_free, wait_until
 from benchmarks.support.process_faults import child_with_stderr
@@ -59,7 +60,7 @@ def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBo
         on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)
-        measured["gone"] = power_off_time(on)
+        measured["gone"] = power_off_time(on.control)
         measured["currents"] = on.control.request("world")["currents"]
         os.kill(loop, signal.SIGKILL)
         return at
@@ -125,7 +126,7 @@ def test_listening_is_possible_during_a_run(on: EmulatedWaveBot) -> None:
     )
     looking.join(timeout=120)
     (found,) = activity
-    assert (found.trouble, found.unexpected_nodes) == ((), ())
+    assert (found.trouble, found.unlisted_nodes) == ((), ())
     assert [one.name for one in found.nodes] == ["heave", "surge", "stator"]
     assert {one.nmt for one in found.nodes} == {NmtState.OPERATIONAL}  # set up by the run
     assert result.outcome.reason == "PLAN_END"
@@ -140,7 +141,7 @@ def test_a_second_run_is_refused_while_the_first_one_lives(
     def first() -> RunResult:
         refused = pytest.raises(BusyError, match="taken by campaign first")
         with acquire((REALTIME_WIRE,), "campaign first"), refused:
-            run_campaign(on.campaign, on.plan, tmp_path, lambda snapshot: None, emulated_mode(on))
+            run_campaign(on.campaign, on.plan, tmp_path, SilentView(), emulated_mode(on))
         return None  # type: ignore[return-value]
 
     run_when_free(first)
@@ -227,13 +228,6 @@ def test_a_refused_start_leaves_a_folder_with_the_reason(
     assert status["ticks"] == 0
     assert {path.name for path in result.folder.iterdir()} >= {"config.json", "plan.json"}
     assert child_error_files() <= {"emulation.stderr"}
-
-
-class SilentView:
-    notice = ""
-
-    def __call__(self, snapshot: Any) -> None:
-        pass
 
 
 def own_io_processes(on: EmulatedWaveBot) -> Any:

@@ -254,9 +254,11 @@ def _scipy_figures(
     )
 
 
-def _timed(walk: Callable[[int], tuple[float, ...]], ticks: int) -> tuple[float, tuple[float, ...]]:
+def _timed(
+    simulation: Callable[[int], tuple[float, ...]], ticks: int
+) -> tuple[float, tuple[float, ...]]:
     began = time.process_time()
-    energy = walk(ticks)
+    energy = simulation(ticks)
     return time.process_time() - began, energy
 
 

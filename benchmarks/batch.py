@@ -131,7 +131,7 @@ def measure(short: bool) -> Result:
         folder = Path(scratch)
         irregular = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
         passes = [run_pass(irregular) for _ in range(repeats)]
-        few = run_sweep(irregular, folder / "few")
+        small = run_sweep(irregular, folder / "few")
         long = run_sweep(
             write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)),
             folder / "long",
@@ -143,7 +143,7 @@ def measure(short: bool) -> Result:
     return Result(
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
-        f"{repeats} passes over {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s "
+        f"{repeats} passes over {small.rows} rows of {seconds} s; {long.rows} rows of {seconds} s "
         f"and {many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, "
         "once each; "
         f"{repeats} starts when all is finished",
@@ -159,7 +159,7 @@ def measure(short: bool) -> Result:
                 f"{long.rows} irregular rows", long, None if short else MAX_LONG_SECONDS
             ),
             *_sweep_figures(f"{many.rows} regular rows", many, None if short else MAX_MANY_SECONDS),
-            figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
+            figure(f"most memory, {small.rows} rows", "MB", small.megabytes),
             figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
             figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),
             figure("started again, all finished", "s", [one.seconds for one in restarts]),

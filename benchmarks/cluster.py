@@ -77,32 +77,32 @@ def run_sweep(path: Path, folder: Path, scheduler: str) -> SweepTime:
 def measure(short: bool) -> Result:
     """Time one worker and two, alternating, on a campaign that all workers have compiled."""
     repeats, seconds, last = (1, 20, -1100) if short else (5, 300, -2000)
-    one: list[SweepTime] = []
-    two: list[SweepTime] = []
+    single_times: list[SweepTime] = []
+    pair_times: list[SweepTime] = []
     with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as nodes:
         folder = Path(scratch)
         (folder / "few").mkdir()
-        few = write_campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
+        warm_up = write_campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
         path = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
         single = nodes.enter_context(dask_node("scheduler", "--port", "0"))
         pair = nodes.enter_context(dask_node("scheduler", "--port", "0"))
         for scheduler in (single, pair, pair):
             nodes.enter_context(dask_worker(scheduler))
         for scheduler in (single, pair):
-            run_sweep(few, folder / "first", scheduler)
+            run_sweep(warm_up, folder / "first", scheduler)
         for _ in range(repeats):
-            one.append(run_sweep(path, folder / "one", single))
-            two.append(run_sweep(path, folder / "two", pair))
-    gains = [a.seconds / b.seconds for a, b in zip(one, two, strict=True)]
-    lost = [100.0 * (1.0 - each.busy / each.seconds) for each in one]
-    lost_of_two = [100.0 * (1.0 - each.busy / (2.0 * each.seconds)) for each in two]
+            single_times.append(run_sweep(path, folder / "one", single))
+            pair_times.append(run_sweep(path, folder / "two", pair))
+    gains = [a.seconds / b.seconds for a, b in zip(single_times, pair_times, strict=True)]
+    lost = [100.0 * (1.0 - each.busy / each.seconds) for each in single_times]
+    lost_of_two = [100.0 * (1.0 - each.busy / (2.0 * each.seconds)) for each in pair_times]
     return Result(
         "cluster",
         "sweeps on a Dask cluster: scheduler, client and workers of one thread on this host",
-        f"{repeats} times {one[0].cases} rows of {seconds} s on one worker and on two, in turns",
+        f"{repeats} times {single_times[0].cases} rows of {seconds} s on one worker and on two, in turns",
         (
-            figure("one worker", "s", [each.seconds for each in one]),
-            figure("two workers", "s", [each.seconds for each in two]),
+            figure("one worker", "s", [each.seconds for each in single_times]),
+            figure("two workers", "s", [each.seconds for each in pair_times]),
             figure("two against one", "x", gains, at_least=None if short else MIN_SPEEDUP),
             figure("not in cases, one worker", "%", lost, at_most=None if short else MAX_OVERHEAD),
             figure("not in cases, two workers", "%", lost_of_two),

@@ -167,31 +167,33 @@ def _impedance_figures(identifications: list[Identification]) -> list[Figure]:
     return figures
 
 
-def _excitation_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
-    error = np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)[one.good]
+def _excitation_figures(excitation: Excitation, bem: bem_file.Bem) -> list[Figure]:
+    error = np.abs(excitation.value / bem_file.excitation_at(bem, excitation.frequency) - 1.0)[
+        excitation.good
+    ]
     return [
         figure("excitation, worst good line against BEM", "%", PERCENT * error.max(), at_most=3.0),
         figure("  median of the good lines", "%", PERCENT * float(np.median(error))),
-        figure("  lines that are good", "%", PERCENT * float(one.good.mean())),
+        figure("  lines that are good", "%", PERCENT * float(excitation.good.mean())),
     ]
 
 
-def _drag_removed_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
+def _drag_removed_figures(excitation: Excitation, bem: bem_file.Bem) -> list[Figure]:
     """Return the figures with drag removed line by line; a remainder would grow with frequency."""
-    low, high = _worst_errors(one, bem)
+    low, high = _worst_errors(excitation, bem)
     title = "with drag and friction: excitation, worst good line"
     return [
         figure(f"{title} up to {LOW_FREQUENCY:g} Hz", "%", low, at_most=3.0),
         figure(f"{title} above", "%", high, at_most=3.0),
-        figure("  drag that was taken out", "N*s^2/m^2", one.drag),
+        figure("  drag that was taken out", "N*s^2/m^2", excitation.drag),
     ]
 
 
-def _drag_in_impedance_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
+def _drag_in_impedance_figures(excitation: Excitation, bem: bem_file.Bem) -> list[Figure]:
     """Return the figures with a single excited row in calm water, as in eq. 3.3 of the report."""
-    if one.drag:
+    if excitation.drag:
         raise RuntimeError("a drag was identified from one row in calm water")
-    low, high = _worst_errors(one, bem)
+    low, high = _worst_errors(excitation, bem)
     title = "  with the drag left in Z_i: worst good line"
     return [
         figure(f"{title} up to {LOW_FREQUENCY:g} Hz", "%", low),
@@ -199,11 +201,13 @@ def _drag_in_impedance_figures(one: Excitation, bem: bem_file.Bem) -> list[Figur
     ]
 
 
-def _worst_errors(one: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
+def _worst_errors(excitation: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
     """Largest difference from BEM (%) of the good lines up to `SLOW` and above."""
-    error = PERCENT * np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)
-    low = one.frequency <= LOW_FREQUENCY
-    return float(error[one.good & low].max()), float(error[one.good & ~low].max())
+    error = PERCENT * np.abs(
+        excitation.value / bem_file.excitation_at(bem, excitation.frequency) - 1.0
+    )
+    low = excitation.frequency <= LOW_FREQUENCY
+    return float(error[excitation.good & low].max()), float(error[excitation.good & ~low].max())
 
 
 def _family_figures(identifications: Identification) -> list[Figure]:
@@ -235,7 +239,7 @@ def _coverage(trials: int) -> list[float]:
         pair = rng.normal(size=(2, 2, number.size))
         return values + size * (pair[0] + 1j * pair[1])
 
-    def one(realisation: int) -> Experiment:
+    def experiment(realisation: int) -> Experiment:
         phase = rng.uniform(0.0, 2.0 * np.pi, number.size)
         force = np.where(excited, 100.0 * np.exp(1j * phase), 0.0)
         channels = {"velocity": noisy(force / true), "trs": noisy(force), "lcb": noisy(force)}
@@ -246,7 +250,7 @@ def _coverage(trials: int) -> list[float]:
 
     shares = []
     for _ in range(trials):
-        (model,) = models([one(1), one(2)])
+        (model,) = models([experiment(1), experiment(2)])
         identifications = model.responses["Z_i"]
         inside = np.abs(identifications.value - true[excited]) <= identifications.noise
         shares.append(PERCENT * float(inside.mean()))

@@ -96,7 +96,9 @@ def split_tick(loop_parts: LoopParts, seconds: float) -> TickCost:
 
 
 def _tick_figures(ticks: list[TickCost]) -> list[Figure]:
-    figures = [figure("tick without logger", "us of processor", [one.plain for one in ticks])]
+    figures = [
+        figure("tick without logger", "us of processor", [one_core.plain for one_core in ticks])
+    ]
     names = {
         "plant": "plant and its devices",
         "cycle": "cycle",
@@ -104,9 +106,9 @@ def _tick_figures(ticks: list[TickCost]) -> list[Figure]:
         "rest": "rest (loop, clock, mailbox)",
     }
     for i, part in enumerate(PARTS):
-        shares = [100.0 * one.parts[i] / sum(one.parts) for one in ticks]
+        shares = [100.0 * one_core.parts[i] / sum(one_core.parts) for one_core in ticks]
         figures.append(figure(f"  share of {names[part]}", "%", shares))
-    added = [sum(one.parts) - one.plain for one in ticks]
+    added = [sum(one_core.parts) - one_core.plain for one_core in ticks]
     figures.append(figure("  stamps, in these shares", "us", added))
     return figures
 
@@ -116,7 +118,7 @@ def measure(short: bool) -> Result:
     seconds, repetitions = (18.0, 1) if short else (150.0, 5)
     inside, blocks = (5.0, 1) if short else (40.0, 5)
     cores = sorted(os.sched_getaffinity(0))
-    one, two = list[RehearsalSpeed](), list[RehearsalSpeed]()
+    one_core, all_cores = list[RehearsalSpeed](), list[RehearsalSpeed]()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         campaign = write_campaign_file(folder, seconds)
@@ -127,9 +129,9 @@ def measure(short: bool) -> Result:
             os.sched_setaffinity(0, set(cores[:-1]))
         try:
             for i in range(repetitions):
-                one.append(measure_speed(campaign, folder / f"one{i}", dt, cores[-1]))
+                one_core.append(measure_speed(campaign, folder / f"one{i}", dt, cores[-1]))
                 os.sched_setaffinity(0, set(cores))
-                two.append(measure_speed(campaign, folder / f"two{i}", dt, None))
+                all_cores.append(measure_speed(campaign, folder / f"two{i}", dt, None))
                 if len(cores) > 1:
                     os.sched_setaffinity(0, set(cores[:-1]))
         finally:
@@ -144,23 +146,27 @@ def measure(short: bool) -> Result:
             figure(
                 "one core, loop and logger and all",
                 "x real time",
-                [each.times_real for each in one],
+                [each.times_real for each in one_core],
             ),
             figure(
                 f"one core, {NORMALISED}",
                 "x real time",
-                [each.times_real * each.reference_us / REFERENCE_CPU_US for each in one],
+                [each.times_real * each.reference_us / REFERENCE_CPU_US for each in one_core],
                 at_least=MIN_TIMES_REAL,
             ),
             figure(
                 "100 NamedTuples (reference)",
                 "us of processor",
-                [each.reference_us for each in one],
+                [each.reference_us for each in one_core],
             ),
-            figure("one core, by processor time", "x real time", [each.times_core for each in one]),
-            figure(f"{len(cores)} cores, as started", "x real time", [e.times_real for e in two]),
-            figure("loop", "us of processor a tick", [each.loop_us for each in one]),
-            figure("logger", "us of processor a row", [each.logger_us for each in one]),
+            figure(
+                "one core, by processor time", "x real time", [each.times_core for each in one_core]
+            ),
+            figure(
+                f"{len(cores)} cores, as started", "x real time", [e.times_real for e in all_cores]
+            ),
+            figure("loop", "us of processor a tick", [each.loop_us for each in one_core]),
+            figure("logger", "us of processor a row", [each.logger_us for each in one_core]),
             *_tick_figures(ticks),
         ),
         () if len(cores) > 1 else ("this host has one core: both figures are of the same kind",),

@@ -176,11 +176,11 @@ def _own_megabytes(resident: dict[str, int]) -> float:
 
 def _max_backlog_until(run: LiveRun, until: float) -> int:
     """Sleep until a time (s, monotonic); return the largest number of rows in the ring."""
-    most = 0
+    backlog = 0
     while time.monotonic() < until:
-        most = max(most, run.ring.head - run.ring.tail)
+        backlog = max(backlog, run.ring.head - run.ring.tail)
         time.sleep(0.05)
-    return most
+    return backlog
 
 
 def measure(short: bool) -> Result:

@@ -20,8 +20,8 @@ class FaultRig(NamedTuple):
     emulate: Callable[[Path], AbstractContextManager[EmulatedRig]]
     page: Path  # of the documentation
     safe_state: str  # condition at the end of the measured time
-    stop_action: str  # what a stop of category 1 does first
-    motion: str  # motion of the rig when a fault comes
+    stop_action: str  # the first action of a stop of category 1
+    motion: str  # motion of the rig when a fault is injected
     test_file: str  # file of the test that runs the table
     results: Path  # results
     table: Path

@@ -42,7 +42,7 @@ class FaultRow(NamedTuple):
     onset: str  # START: before the run; MOTION: at speed; empty: during the run
     short: bool  # part of the short selection
     long_run: bool  # needs a longer run, because detection is slow
-    alternatives: tuple[str, ...]  # other correct reasons: which comes first is chance
+    alternatives: tuple[str, ...]  # other correct reasons, if their order varies between runs
 
     @property
     def name(self) -> str:
@@ -75,7 +75,7 @@ def table_errors(table: list[FaultRow]) -> list[str]:
 
 
 def missing_rows(table: list[FaultRow], available: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return faults without a row, and rows without such a fault (``there``: faults by device)."""
+    """Return faults without a row, and rows without such a fault (``available``: faults by device)."""
     existing = {(device, fault) for device, faults in available.items() for fault in faults}
     listed = {(row.device, row.fault) for row in table}
     return [

@@ -80,9 +80,9 @@ def quantile(values: Sequence[float] | npt.NDArray[Any], share: float) -> float:
     return float(ordered[max(0, math.ceil(share * len(ordered)) - 1)])
 
 
-def ratios(ours: Iterable[float], theirs: Iterable[float]) -> list[float]:
+def ratios(numerators: Iterable[float], denominators: Iterable[float]) -> list[float]:
     """Return the ratio of each block to its neighbour in time."""
-    return [a / b for a, b in zip(ours, theirs, strict=True)]
+    return [a / b for a, b in zip(numerators, denominators, strict=True)]
 
 
 def table_cells(measured: Figure) -> tuple[str, ...]:

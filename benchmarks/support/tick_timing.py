@@ -27,8 +27,8 @@ class Stamps:
 
     def tick_times(self) -> "TickTimes":
         """Return the microseconds of each part by tick."""
-        whole = len(self.times) // 6
-        at = np.frombuffer(self.times, dtype=np.int64)[: 6 * whole].reshape(-1, 6) / 1e3
+        ticks = len(self.times) // 6
+        at = np.frombuffer(self.times, dtype=np.int64)[: 6 * ticks].reshape(-1, 6) / 1e3
         reading, stepping, writing = at[:, 1] - at[:, 0], at[:, 2] - at[:, 1], at[:, 3] - at[:, 2]
         putting = at[:, 5] - at[:, 4]
         rest = (at[1:, 0] - at[:-1, 5]) + (at[1:, 4] - at[1:, 3])

@@ -71,15 +71,17 @@ def draw_attacks(rng: random.Random, rig: WiredRig, count: int, latest: float) -
         (name,) for name in (SUPERVISOR, LOOP, LOGGER, *rig.io_processes)
     ]
     several = [(SUPERVISOR, LOGGER), (SUPERVISOR, LOOP), (LOOP, LOGGER), (ALL,)]
-    kinds = [(targets, how) for how in (KILLED, SUSPENDED) for targets in alone]
+    kinds = [(targets, method) for method in (KILLED, SUSPENDED) for targets in alone]
     kinds += [(targets, KILLED) for targets in several]
     rng.shuffle(kinds)
-    made = []
+    drawn = []
     for number in range(count):
-        targets, how = kinds[number % len(kinds)]
-        starting = how == KILLED and rng.random() < 0.25
-        made.append(Attack(targets, how, starting, rng.uniform(0.0, 4.0 if starting else latest)))
-    return made
+        targets, method = kinds[number % len(kinds)]
+        starting = method == KILLED and rng.random() < 0.25
+        drawn.append(
+            Attack(targets, method, starting, rng.uniform(0.0, 4.0 if starting else latest))
+        )
+    return drawn
 
 
 def power_off_limits(rig: WiredRig, attack: Attack) -> tuple[float, float] | None:
@@ -101,13 +103,13 @@ def power_off_limits(rig: WiredRig, attack: Attack) -> tuple[float, float] | Non
     return None if latest == 0.0 else (0.0, latest)
 
 
-def _table_limit(rig: WiredRig, name: str, how: str) -> float:
+def _table_limit(rig: WiredRig, name: str, method: str) -> float:
     """Return the time limit (s) of a process in the rig's table of faults; 0 if the run goes on."""
     for row in RIGS[rig.name].rows():
-        if (row.device, row.fault, row.onset) == (f"process {name}", how, ""):
+        if (row.device, row.fault, row.onset) == (f"process {name}", method, ""):
             assert row.expected == LOOP_LOST or row.expected in NO_STOP or row.max_seconds > 0.0
             return row.max_seconds
-    raise LookupError(f"{rig.name}: no row says what happens when {name} is {how}")
+    raise LookupError(f"{rig.name}: no row of the fault table for the process {name}, {method}")
 
 
 def run_attack(rig: WiredRig, runs: Path, attack: Attack) -> AttackOutcome:
@@ -128,8 +130,8 @@ def run_attack(rig: WiredRig, runs: Path, attack: Attack) -> AttackOutcome:
         if rig.has_power():
             failures.append("a motor has power after the run")
         _, _, lost, claims = compare_record_with_ring(observer, runs, rig.row_type)
-    most = 0 if ALL not in attack.targets else MAX_ROWS_LOST
-    if lost > most:
+    max_lost = 0 if ALL not in attack.targets else MAX_ROWS_LOST
+    if lost > max_lost:
         failures.append(f"{lost} rows are lost")
     return AttackOutcome(attack, powerless, observer.rows_put, lost, (*failures, *claims))
 

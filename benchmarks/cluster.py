@@ -99,7 +99,8 @@ def measure(short: bool) -> Result:
     return Result(
         "cluster",
         "sweeps on a Dask cluster: scheduler, client and workers of one thread on this host",
-        f"{repeats} times {single_times[0].cases} rows of {seconds} s on one worker and on two, in turns",
+        f"{repeats} times {single_times[0].cases} rows of {seconds} s on one worker and on two, "
+        "alternating",
         (
             figure("one worker", "s", [each.seconds for each in single_times]),
             figure("two workers", "s", [each.seconds for each in pair_times]),

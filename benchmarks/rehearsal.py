@@ -106,9 +106,9 @@ def _tick_figures(ticks: list[TickCost]) -> list[Figure]:
         "rest": "rest (loop, clock, mailbox)",
     }
     for i, part in enumerate(PARTS):
-        shares = [100.0 * one_core.parts[i] / sum(one_core.parts) for one_core in ticks]
+        shares = [100.0 * each.parts[i] / sum(each.parts) for each in ticks]
         figures.append(figure(f"  share of {names[part]}", "%", shares))
-    added = [sum(one_core.parts) - one_core.plain for one_core in ticks]
+    added = [sum(each.parts) - each.plain for each in ticks]
     figures.append(figure("  stamps, in these shares", "us", added))
     return figures
 

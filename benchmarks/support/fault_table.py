@@ -75,7 +75,7 @@ def table_errors(table: list[FaultRow]) -> list[str]:
 
 
 def missing_rows(table: list[FaultRow], available: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return faults without a row, and rows without such a fault (``available``: faults by device)."""
+    """Return faults without a row, and rows without such a fault; ``available``: by device."""
     existing = {(device, fault) for device, faults in available.items() for fault in faults}
     listed = {(row.device, row.fault) for row in table}
     return [

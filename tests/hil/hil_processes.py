@@ -50,7 +50,7 @@ def run_emulated(
     """Run a campaign with emulated devices of its own and return the result."""
 
     def run() -> RunResult:
-        watcher = CallbackView(on_snapshot or (lambda snapshot: None))
-        return run_campaign(campaign, plan, runs, watcher, wired_mode(campaign, emulated=True))
+        view = CallbackView(on_snapshot or (lambda snapshot: None))
+        return run_campaign(campaign, plan, runs, view, wired_mode(campaign, emulated=True))
 
     return run_when_free(run)

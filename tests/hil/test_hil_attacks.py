@@ -25,10 +25,10 @@ ATTACKS = 5  # on each rig; the long form is `python -m benchmarks crash`
 @pytest.mark.parametrize("name", WIRED_RIGS)
 def test_any_process_may_be_lost_at_any_moment(name: str, tmp_path: Path) -> None:
     print(f"ATTACK_SEED={SEED}")  # shown if it fails
-    wrong = list[str]()
+    failures = list[str]()
     with WIRED_RIGS[name](tmp_path) as rig:
         for number, attack in enumerate(draw_attacks(random.Random(SEED), rig, ATTACKS, 3.0)):
-            found = run_attack(rig, tmp_path / f"run{number}", attack)
-            print(f"{attack}: power off {found.power_off_after} s later; {found.rows_put} rows")
-            wrong += [f"{attack}: {claim}" for claim in found.failures]
-    assert wrong == []
+            outcome = run_attack(rig, tmp_path / f"run{number}", attack)
+            print(f"{attack}: power off {outcome.power_off_after} s later; {outcome.rows_put} rows")
+            failures += [f"{attack}: {claim}" for claim in outcome.failures]
+    assert failures == []

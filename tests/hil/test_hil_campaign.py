@@ -89,7 +89,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
         if result.outcome.status == "complete" and executed_share(result) >= EXECUTED:
             break
         print(f"attempt {attempt}: {result.outcome.status}, {result.outcome.reason}, executed "
-              f"{executed_share(result):.4f}: the host had other work; tried again")  # fmt: skip
+              f"{executed_share(result):.4f}: the host had other work; repeated")  # fmt: skip
     return Pair(rehearsed, result, clock, load)
 
 

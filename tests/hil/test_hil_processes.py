@@ -46,10 +46,10 @@ def run_until_triggered(run: Any, trigger: Any) -> tuple[RunResult, Any]:
     for _ in range(TRIES):
         armed = trigger()
         result = run(armed)
-        if armed.at is not None:
+        if armed.time is not None:
             return result, armed
-        print(f"ended before its time: {result.outcome.reason}")
-    raise AssertionError("no run got that far")
+        print(f"ended before the trigger: {result.outcome.reason}")
+    raise AssertionError("no run reached its trigger")
 
 
 def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBot) -> None:
@@ -60,7 +60,7 @@ def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBo
         on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)
-        measured["gone"] = power_off_time(on.control)
+        measured["power_off"] = power_off_time(on.control)
         measured["currents"] = on.control.request("world")["currents"]
         os.kill(loop, signal.SIGKILL)
         return at
@@ -68,7 +68,7 @@ def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBo
     result, trigger = run_until_triggered(
         lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Trigger(suspend, 1.0)
     )
-    seconds = measured["gone"] - trigger.at
+    seconds = measured["power_off"] - trigger.time
     print(f"safe {seconds:.3f} s after the loop was suspended")
     assert 0.0 < seconds <= WATCHDOG + MARGIN
     assert result.outcome.status == "crashed"
@@ -112,23 +112,23 @@ def test_listening_is_possible_during_a_run(on: EmulatedWaveBot) -> None:
     """As in `rig devices --listen`: every node is received, and the run goes on."""
     activity = list[BusActivity]()
 
-    def look() -> None:
+    def listen_to_bus() -> None:
         activity.append(listen(on.campaign.rig))
 
-    looking = threading.Thread(target=look)
+    listener = threading.Thread(target=listen_to_bus)
 
     def begin() -> float:
-        looking.start()
+        listener.start()
         return time.monotonic()
 
     result, _ = run_until_triggered(
         lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Trigger(begin, 0.0)
     )
-    looking.join(timeout=120)
-    (found,) = activity
-    assert (found.trouble, found.unlisted_nodes) == ((), ())
-    assert [one.name for one in found.nodes] == ["heave", "surge", "stator"]
-    assert {one.nmt for one in found.nodes} == {NmtState.OPERATIONAL}  # set up by the run
+    listener.join(timeout=120)
+    (bus_activity,) = activity
+    assert (bus_activity.trouble, bus_activity.unlisted_nodes) == ((), ())
+    assert [node.name for node in bus_activity.nodes] == ["heave", "surge", "stator"]
+    assert {node.nmt for node in bus_activity.nodes} == {NmtState.OPERATIONAL}  # set up by the run
     assert result.outcome.reason == "PLAN_END"
     assert result.outcome.dropped == result.outcome.unsaved == 0
 

@@ -72,11 +72,11 @@ class Bus:
         return True
 
     def drain(self) -> list[Frame]:
-        found: list[Frame] = []
+        frames: list[Frame] = []
         for node in self._through(self.syncs):
-            found += self._queued[node]
+            frames += self._queued[node]
             self._queued[node] = []
-        return found
+        return frames
 
     def close(self) -> None:
         self.closed = True

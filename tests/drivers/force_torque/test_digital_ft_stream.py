@@ -106,7 +106,7 @@ def test_any_bytes_decode_or_are_refused(data: bytes) -> None:
 
 @given(samples, st.integers(0, 12 * 8 - 1))
 def test_one_flipped_bit_is_seen_unless_it_is_a_bytes_highest(sample: Sample, bit: int) -> None:
-    """128 is nothing to a 7-bit sum: the top bit of each byte is not protected."""
+    """A 7-bit sum ignores 128: the top bit of each byte is not protected."""
     data = bytearray(encode_sample(sample))
     data[bit // 8] ^= 1 << bit % 8
     assert is_checksum_valid(bytes(data)) == (bit % 8 == 7)
@@ -201,7 +201,7 @@ streams = st.lists(
 @given(streams, st.booleans(), st.lists(st.integers(0, 900), max_size=10))
 def test_splits_have_no_effect_on_any_bytes(data: bytes, known: bool, cuts: list[int]) -> None:
     begin = start_at_sample() if known else start()
-    whole = drain(feed, begin, [data])
-    assert drain(feed, begin, pieces(data, cuts)) == whole
-    state, got = whole
+    expected = drain(feed, begin, [data])
+    assert drain(feed, begin, pieces(data, cuts)) == expected
+    state, got = expected
     assert len(got) * SAMPLE_SIZE + state.dropped + len(state.pending) == len(data)

@@ -6,9 +6,9 @@ import math
 import struct
 
 from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, ccitt, modbus
+from faulty_port import STEP, FaultyPort
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from faulty_port import STEP, FaultyPort
 from stream_subjects import BRIDGE, DIGITAL, NET, SERVO
 
 from drivers.compax3.servo import Servo

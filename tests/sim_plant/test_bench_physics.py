@@ -78,13 +78,17 @@ def test_backlash_is_a_play_operator() -> None:
         for k in range(1, 2999)
         if (motor[k] - motor[k - 1]) * (motor[k + 1] - motor[k]) <= 0 and motor[k] != motor[k + 1]
     ]
-    stood, expected, last = 0.0, [], 0
+    rest_angle, expected, last = 0.0, [], 0
     for turn in [*turns, 2999]:
         for k in range(last, turn + 1):
-            way = motor[turn] - motor[last]
-            kept = max(stood, motor[k] - ahead) if way > 0 else min(stood, motor[k] + behind)
-            expected.append(kept)
-        stood, last = expected[-1], turn + 1
+            direction = motor[turn] - motor[last]
+            shaft_angle = (
+                max(rest_angle, motor[k] - ahead)
+                if direction > 0
+                else min(rest_angle, motor[k] + behind)
+            )
+            expected.append(shaft_angle)
+        rest_angle, last = expected[-1], turn + 1
     assert len(turns) > 8
     assert np.ptp(motor) > 20 * ahead
     np.testing.assert_allclose(shaft, expected, rtol=0.0, atol=1e-8)

@@ -15,9 +15,11 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
+from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import reduce_window
 from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import (
     KEPT_FIELDS,
     CampaignSimulator,
@@ -106,13 +108,14 @@ def simulate_rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]
     """Simulate each point of a campaign alone; yield its table row and its measured window."""
     file = single_row_campaign(campaign.file, LEAD_IN)
     period = repeat_period(file.sea)
+    contents = row_contents(LAW_COLUMNS)
     simulator = None
     for number, point in enumerate(campaign.points):
         planned = build_plan(file, campaign.rig, (point,))
         simulator = simulator or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
         for window in simulator.simulate(planned, stator=row.stator_position):
-            means = reduce_window(window, period / planned.dt if period else None, STATIONS)
+            means = reduce_window(window, period / planned.dt if period else None, contents)
             settings = {**row.setting._asdict(), "stator": row.stator_position}
             # A copy, because the simulator overwrites the columns in its next row.
             data: Any = WindowColumns(np.array([window.data[name] for name in KEPT_FIELDS]))

@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 from benchmarks.support.campaigns import rehearse, write_yaml
 from benchmarks.support.result import Figure, Result, figure
+from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import COMPLETE, reduce_window
 from rig.kinds.wavebot.campaign import build_plan, open_campaign
 from rig.kinds.wavebot.campaign.stability import largest_ki
@@ -26,8 +27,8 @@ from rig.kinds.wavebot.recommend.recommendation import (
     recommend,
 )
 from rig.kinds.wavebot.recommend.set_points import Gains
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period, row_windows
 from rig.sweep.cases import single_row_campaign
@@ -72,7 +73,7 @@ class TruePower:
             single_row_campaign(self.campaign.file, LEAD_IN), self.campaign.rig, (point,)
         )
         for window in self._simulator.simulate(plan, stator=plan.rows[0].stator_position):
-            row = reduce_window(window, self._ticks, STATIONS)
+            row = reduce_window(window, self._ticks, row_contents(LAW_COLUMNS))
             if row["state"] == COMPLETE:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}
         return tripped

@@ -12,7 +12,7 @@ from benchmarks.support.recorded import ROOT, write_campaign_file
 from benchmarks.support.result import Result, figure, ratios
 
 MAX_HELP_SECONDS, MAX_CASE_SECONDS = 0.4, 2.0
-RIG_MODULE = [sys.executable, "-c", "import rig.cli; rig.cli.app(prog_name='rig')"]
+RIG_MODULE = [sys.executable, "-c", "import rig.cli.app as c; c.app(prog_name='rig')"]
 
 
 def rig_command() -> list[str]:

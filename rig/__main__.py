@@ -2,13 +2,13 @@
 
 import sys
 
-INTERRUPTED = 3  # equals `rig.cli.STOPPED`, which may not be imported yet
+INTERRUPTED = 3  # equals `rig.cli.exit_codes.STOPPED`, which may not be imported yet
 
 
 def main() -> None:
     """Run the command line; an interrupt during its import also ends with a message."""
     try:
-        from rig.cli import app  # noqa: PLC0415
+        from rig.cli.app import app  # noqa: PLC0415
     except KeyboardInterrupt:
         print("\nrig: interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)

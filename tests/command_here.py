@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from typer.testing import CliRunner
 
-from rig.cli import app
+from rig.cli.app import app
 
 
 class CompletedCommand(NamedTuple):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from rig.cli import app
+from rig.cli.app import app
 
 
 def rig(*arguments: str | Path) -> subprocess.CompletedProcess[str]:

@@ -5,9 +5,9 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from rig.execution.campaign import run_campaign
+from rig.execution.task import run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
-from rig.kinds.wavebot.tasks import rehearsal_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 from rig.processes.run_types import Snapshot
 
 
@@ -46,7 +46,7 @@ def rehearse(path: Path, runs: Path) -> tuple[Path, Plan]:
     """
     campaign, plan = open_checked(path)
     mode = rehearsal_mode(campaign, real_clock=False)
-    result = run_campaign(campaign, plan, runs, SilentView(), mode)
+    result = run_task(execution_task(campaign, plan), runs, SilentView(), mode)
     if result.outcome.status != "complete":
         raise RuntimeError(f"{path.name}: {result.outcome.reason}")
     return result.folder, plan

@@ -16,7 +16,7 @@ from rig.execution.task import RunResult, View, run_task
 from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
 from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import Session, SessionPlan, check_session
-from rig.kinds.oswec_bench.tasks import session_task, wired_mode
+from rig.kinds.oswec_bench.tasks import execution_task, wired_mode
 from rig.processes.child import Child
 from rig.realtime.sequence import MEASURE
 
@@ -50,7 +50,7 @@ class EmulatedBench(NamedTuple):
         ``long`` has no effect: every fault of the bench is detected in the short session.
         """
         mode = wired_mode(self.session, emulated=False)._replace(name="hil")
-        return run_task(session_task(self.session, self.plan), self.folder, view, mode)
+        return run_task(execution_task(self.session, self.plan), self.folder, view, mode)
 
 
 def write_rig_file(folder: Path) -> Path:

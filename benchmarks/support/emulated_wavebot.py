@@ -10,11 +10,11 @@ from benchmarks.support.campaigns import open_checked, write_yaml
 from benchmarks.support.fault_runs import emulated_devices, free_port
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult, View
+from rig.execution.task import RunResult, View, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation
+from rig.kinds.wavebot.tasks import execution_task
 from rig.processes.child import Child
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in
@@ -55,7 +55,7 @@ class EmulatedWaveBot(NamedTuple):
             job.io_processes,
             wires,
         )
-        return run_campaign(campaign, plan, self.folder, view, mode)
+        return run_task(execution_task(campaign, plan), self.folder, view, mode)
 
 
 def write_rig_file(folder: Path) -> Path:

@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from benchmarks.support.campaigns import SilentView, open_checked
-from rig.execution.campaign import run_campaign
-from rig.kinds.wavebot.tasks import rehearsal_mode, wired_mode
+from rig.execution.task import run_task
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode, wired_mode
 
 
 def main() -> None:
@@ -27,7 +27,7 @@ def main() -> None:
         if wires
         else rehearsal_mode(campaign, real_clock=clock == "real")
     )
-    result = run_campaign(campaign, plan, Path(runs), SilentView(), mode)
+    result = run_task(execution_task(campaign, plan), Path(runs), SilentView(), mode)
     print(json.dumps({"folder": str(result.folder), **result.outcome._asdict()}))
 
 

@@ -49,11 +49,14 @@ def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> l
             return messages
         return [*messages, "no row was measured"]
     rows = table["row"].values
-    for axis, name in (("", "mean position"), ("surge_", "mean surge position")):
-        flagged = np.flatnonzero(table[f"{axis}position_alarm"].values)
+    for alarm in (str(name) for name in table.variables):
+        if not alarm.endswith("position_alarm"):
+            continue
+        flagged = np.flatnonzero(table[alarm].values)
         if len(flagged) == 0:
             continue
-        means = table[f"{axis}position_mean"].values
+        means = table[alarm.replace("_alarm", "_mean")].values
+        name = f"mean {alarm.removesuffix('_alarm').replace('_', ' ')}"
         worst = flagged[np.argmax(np.abs(means[flagged]))]
         bound = 1e3 * table.attrs["mean_position_alarm_m"]
         messages.append(

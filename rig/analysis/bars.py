@@ -13,11 +13,11 @@ import xarray
 from matplotlib.axes import Axes
 
 from rig.analysis import labels
-from rig.analysis.points import Matrix, row_settings, stations_of, varied_columns
-from rig.analysis.rows import COMPLETE
-from rig.config.columns import DRIVE_COLUMNS, Column
+from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases, picture
 from rig.presentation.picture import ACCENT, DARK, MUTED
+from rig.row_contents import DRIVE, Column
 from rig.stations import Station, shown
 
 Sort = Literal["run", "power"]
@@ -32,15 +32,12 @@ _MAX_UPRIGHT_LABELS = 55  # row numbers that fit side by side without rotation
 
 def varies_drive(matrix: Matrix) -> bool:
     """Return whether a drive parameter takes more than one value."""
-    names = {column.name for column in DRIVE_COLUMNS}
-    return any(column.name in names for column in varied_columns(matrix))
+    return any(column.role == DRIVE for column in varied_columns(matrix))
 
 
 def shown_columns(matrix: Matrix) -> list[Column]:
     """Return the columns that get a panel, drive parameters first."""
-    names = {column.name for column in DRIVE_COLUMNS}
-    found = varied_columns(matrix)
-    return [c for c in found if c.name in names] + [c for c in found if c.name not in names]
+    return sorted(varied_columns(matrix), key=lambda column: column.role != DRIVE)
 
 
 def row_order(table: xarray.Dataset, sort: Sort) -> list[int]:
@@ -66,7 +63,7 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     if not positions:
         raise ValueError("no complete row: no bars to draw")
     settings = row_settings(table)
-    columns = shown_columns(Matrix((), tuple(settings[i] for i in positions)))
+    columns = shown_columns(Matrix((), tuple(settings[i] for i in positions), columns_of(table)))
     stations = shown(stations_of(table))[:-3:-1]
     heights = [_POWER_HEIGHT] * len(stations) + [_SETTING_HEIGHT] * len(columns)
     width = min(_MAX_WIDTH, max(_MIN_WIDTH, 1.6 + 0.17 * len(positions)))

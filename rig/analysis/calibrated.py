@@ -22,10 +22,10 @@ from rig.recording.calibration import (
 from rig.recording.calibration.correction import is_valid
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records
+from rig.row_contents import LAW, PANEL, Column, X, Y, with_role
 
-POSITION, VELOCITY = "heave.estimate.position", "heave.estimate.velocity"
-GAINS = ("kp", "ki", "km")
-FORCES = ("force_mean", "force_rms", "force_peak", "reference_scale")
+FORCES = {"force_mean", "force_rms", "force_peak", "reference_scale"}
+GAIN_UNITS = ("N*s/m", "N/m", "kg")  # of a law's columns: force per motion
 RECORDED = "_recorded"  # suffix of the column with the value before correction
 
 TableRow = dict[str, Any]
@@ -40,7 +40,10 @@ class RowCorrections(NamedTuple):
     at: RecordingTime
     names: tuple[str, ...]  # name and version of each calibration
     descriptions: tuple[str, ...]  # effect and file of each calibration
-    scaled_powers: tuple[str, ...] = ()  # log fields of powers from the velocity
+    position_field: str = ""  # log field of the position
+    scaled_fields: tuple[str, ...] = ()  # log fields of position, velocity and powers from it
+    panel: Column | None = None  # column that a calibration of the spring rate corrects
+    gains: tuple[str, ...] = ()  # columns with a force per motion
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -88,8 +91,18 @@ def build_corrections(
         )
         if inside:
             corrections = _add_correction(corrections, calibration, run_facts)
-    powers = tuple(f"power.{s.name}" for s in run_facts.stations if s.uses("velocity"))
-    return corrections._replace(at=at, scaled_powers=powers)
+    contents = run_facts.row_contents
+    position, velocity = (f"{contents.axis}.estimate.{name}" for name in ("position", "velocity"))
+    powers = (f"power.{s.name}" for s in contents.stations if s.uses("velocity"))
+    return corrections._replace(
+        at=at,
+        position_field=position,
+        scaled_fields=(position, velocity, *powers),
+        panel=with_role(contents.columns, PANEL),
+        gains=tuple(
+            c.name for c in contents.columns if c.role in (X, Y, LAW) and c.unit in GAIN_UNITS
+        ),
+    )
 
 
 def _add_correction(
@@ -119,9 +132,9 @@ def correct_ticks(corrections: RowCorrections, data: Records) -> Records:
         return data
     corrected = data.copy()
     if isinstance(corrections.position, OffsetCorrection):
-        corrected[POSITION] += corrections.position.offset
+        corrected[corrections.position_field] += corrections.position.offset
         return corrected
-    for name in (POSITION, VELOCITY, *corrections.scaled_powers):
+    for name in corrections.scaled_fields:
         corrected[name] *= corrections.position.factor
     return corrected
 
@@ -137,20 +150,21 @@ def correct_row(corrections: RowCorrections, recorded: TableRow) -> TableRow:
         entry[name + RECORDED] = recorded[name]
         entry[name] = value
 
-    if corrections.spring_rate is not None:
-        rate = recorded["spring_rate"]
-        if corrections.spring_rate.file.quantity == "spring_map":
-            rate = recorded["stator"]
+    panel = corrections.panel
+    if corrections.spring_rate is not None and panel is not None:
+        rate = recorded[panel.name]
+        if corrections.spring_rate.file.quantity == "spring_map" and panel.actuator is not None:
+            rate = recorded[panel.actuator.name]
         if not math.isnan(rate):  # NaN for a run without a plan that did not log it
             rate = apply_calibration(corrections.spring_rate.file, rate, corrections.at).value
-        set_value("spring_rate", rate)
+        set_value(panel.name, rate)
     scale = (
         corrections.position.factor if isinstance(corrections.position, ScaleCorrection) else 1.0
     )
     if corrections.force_factor != 1.0:
-        for name in FORCES:
+        for name in FORCES & recorded.keys():
             entry[name] = recorded[name] * corrections.force_factor
     if corrections.force_factor != 1.0 or scale != 1.0:
-        for name in GAINS:
+        for name in corrections.gains:
             set_value(name, recorded[name] * corrections.force_factor / scale)
     return entry

@@ -2,32 +2,33 @@
 
 A negative difference means that B absorbs more. Its standard error combines those of both points as
 independent; it does not contain systematic errors common to a whole run.
+
+Points are matched by set point, within a tolerance for each column, on the columns that vary in at
+least one run and exist in both. A column that varies in neither run is a setting of the whole run;
+a difference is reported, not matched. A drive without settings (a commercial one) has no drive
+columns: every set of drive parameters of one run is then compared with the same point of the other.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import xarray
 
 from rig.analysis import labels
 from rig.analysis.alarms import format_rows
 from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea
-from rig.analysis.matching import (
-    TOLERANCES,
-    ConstantDifference,
-    MatchedPoints,
-    Pair,
-    match,
-    set_point_offsets,
-)
-from rig.analysis.points import Matrix, Point, Setting, gain_matrix
+from rig.analysis.points import Matrix, Point, Setting, gain_matrix, levels, varied_columns
 from rig.analysis.rows import INCOMPLETE, row_table
-from rig.analysis.run_columns import column_named, known_columns
 from rig.presentation import phrases
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.row_contents import DRIVE, Column, union
 from rig.stations import Station
+
+_ROUNDING = 1e-9  # relative to the value, added to the tolerance
+_TINY = 1e-300  # avoids 0/0 where tolerance and value are 0
 
 
 class ComparedRun(NamedTuple):
@@ -47,6 +48,33 @@ class PowerDifference(NamedTuple):
 
     watts: float
     error: float
+
+
+class Pair(NamedTuple):
+    """Measured points of both runs at one set point."""
+
+    a: Point
+    b: Point
+
+
+class ConstantDifference(NamedTuple):
+    """A column that varies in neither run and differs between them; None where a run lacks it."""
+
+    column: Column
+    a: float | None
+    b: float | None
+
+
+class MatchedPoints(NamedTuple):
+    """The matched points of two matrices, and the points and columns without a counterpart."""
+
+    pairs: tuple[Pair, ...]  # in the order of run A
+    only_a: tuple[Point, ...]
+    only_b: tuple[Point, ...]
+    columns: tuple[Column, ...]  # matched on
+    one_sided: tuple[Column, ...]  # vary in one run, absent from the other
+    all_columns: tuple[Column, ...]  # of either run
+    constant_differences: tuple[ConstantDifference, ...]
 
 
 class Comparison(NamedTuple):
@@ -69,7 +97,7 @@ def compare(
     *,
     incomplete_rows: bool = False,
 ) -> Comparison:
-    """Compare two recorded runs; ``tolerances`` (SI, by column name) override `TOLERANCES`.
+    """Compare two recorded runs; ``tolerances`` (SI, by column name) override the columns' own.
 
     ``incomplete_rows`` is that of `rig.analysis.rows.row_table`. Raises RunError if a record cannot
     be read, and KeyError if the kind of rig has no rows and power.
@@ -92,9 +120,7 @@ def compare_tables(
     seas = normalised_sea(facts_a), normalised_sea(facts_b)
     settings = differences(facts_a, facts_b)
     same_sea = not any(each.group == "sea" for each in settings)
-    tolerances_used = {
-        c.name: {**TOLERANCES, **(tolerances or {})}[c.name] for c in matched.columns
-    }
+    tolerances_used = {c.name: (tolerances or {}).get(c.name, c.tolerance) for c in matched.columns}
     return Comparison(
         _describe_run(facts_a, matrices[0]),
         _describe_run(facts_b, matrices[1]),
@@ -162,6 +188,89 @@ def _warnings(
     return warnings
 
 
+def has_column(matrix: Matrix, column: Column) -> bool:
+    """Return whether a run has this setting; those of a drive without settings are 0."""
+    if column.role == DRIVE:
+        names = [each.name for each in matrix.columns if each.role == DRIVE]
+        return any(setting.get(name, 0.0) for setting in matrix.planned for name in names)
+    return any(column.name in setting for setting in matrix.planned)
+
+
+def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -> MatchedPoints:
+    """Match the measured points of ``a`` and ``b``.
+
+    ``tolerances`` (SI, by column name) override the columns' own. Each point is used
+    once, nearest pairs first, unless a column varies in one run alone.
+    """
+    varied_names = {c.name for c in varied_columns(a)} | {c.name for c in varied_columns(b)}
+    all_columns = union(a.columns, b.columns)
+    limits = {c.name: c.tolerance for c in all_columns} | dict(tolerances or {})
+    varied = [c for c in all_columns if c.name in varied_names]
+    constant_columns = [c for c in all_columns if c not in varied]
+    columns = tuple(c for c in varied if has_column(a, c) and has_column(b, c))
+    one_sided = tuple(c for c in varied if c not in columns)
+    # A column that varies in B alone: several points of B share one point of A.
+    reuse_a = any(has_column(b, c) for c in one_sided)
+    reuse_b = any(has_column(a, c) for c in one_sided)
+    candidates = sorted(_candidate_pairs(a.points, b.points, columns, limits))
+    pairs: list[tuple[int, int]] = []
+    used_a: set[int] = set()
+    used_b: set[int] = set()
+    for _, i, j in candidates:
+        if (reuse_a or i not in used_a) and (reuse_b or j not in used_b):
+            pairs.append((i, j))
+            used_a.add(i)
+            used_b.add(j)
+    return MatchedPoints(
+        tuple(Pair(a.points[i], b.points[j]) for i, j in sorted(pairs)),
+        tuple(p for i, p in enumerate(a.points) if i not in used_a),
+        tuple(p for j, p in enumerate(b.points) if j not in used_b),
+        columns,
+        one_sided,
+        all_columns,
+        tuple(_find_constant_differences(a, b, constant_columns, limits)),
+    )
+
+
+def _candidate_pairs(
+    a: Sequence[Point],
+    b: Sequence[Point],
+    columns: tuple[Column, ...],
+    limits: Mapping[str, float],
+) -> Iterator[tuple[float, int, int]]:
+    """Yield pairs within tolerance: squared distance in tolerances, index in A, index in B."""
+    values_a, values_b = (
+        np.array([[p.setting.get(c.name, np.nan) for c in columns] for p in points])
+        for points in (a, b)
+    )
+    if not a or not b:
+        return
+    tolerance = np.array([limits[c.name] for c in columns])
+    for i, value_a in enumerate(values_a):
+        steps = np.abs(values_b - value_a)
+        bounds = tolerance + _ROUNDING * np.maximum(np.abs(values_b), np.abs(value_a))
+        for j in np.flatnonzero((steps <= bounds).all(axis=1)).tolist():
+            yield float(np.sum((steps[j] / np.maximum(bounds[j], _TINY)) ** 2)), i, j
+
+
+def _find_constant_differences(
+    a: Matrix, b: Matrix, constant_columns: list[Column], limits: Mapping[str, float]
+) -> list[ConstantDifference]:
+    differences = []
+    for column in constant_columns:
+        value_a, value_b = _constant_value(a, column), _constant_value(b, column)
+        if value_a is None and value_b is None:
+            continue
+        if value_a is None or value_b is None or abs(value_a - value_b) > limits[column.name]:
+            differences.append(ConstantDifference(column, value_a, value_b))
+    return differences
+
+
+def _constant_value(matrix: Matrix, column: Column) -> float | None:
+    values = levels(matrix, column.name)
+    return values[0] if values and has_column(matrix, column) else None
+
+
 def power_difference(pair: Pair, station: str) -> PowerDifference:
     """Return the power difference of one pair at a station, given by name."""
     a, b = pair
@@ -191,21 +300,16 @@ def joint_setting(matched: MatchedPoints, pair: Pair) -> Setting:
     for column in matched.one_sided:
         if pair.a.setting.get(column.name, 0.0) == 0.0 and column.name in pair.b.setting:
             merged[column.name] = pair.b.setting[column.name]
-    order = {each.name: i for i, each in enumerate(known_columns())}
-    return {name: merged[name] for name in sorted(names, key=order.__getitem__) if name in merged}
+    in_order = (c.name for c in matched.all_columns if c.name in names)
+    return {name: merged[name] for name in in_order if name in merged}
 
 
 def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
     """Return a pair's set point as text, with the offsets of B."""
-    text = labels.format_settings(joint_setting(matched, pair))
-    offsets = set_point_offsets(pair, matched.columns)
-    if not offsets:
-        return text
-    steps = (
-        f"{column_named(name).label} by {labels.format_quantity(column_named(name), step)}"
-        for name, step in offsets.items()
-    )
-    return f"{text} (B differs in {', '.join(steps)})"
+    text = labels.format_settings(matched.all_columns, joint_setting(matched, pair))
+    steps = ((c, pair.b.setting[c.name] - pair.a.setting[c.name]) for c in matched.columns)
+    offsets = [f"{c.label} by {labels.format_quantity(c, step)}" for c, step in steps if step]
+    return f"{text} (B differs in {', '.join(offsets)})" if offsets else text
 
 
 def best_point(pairs: tuple[Pair, ...], station: str, side: int) -> Point | None:

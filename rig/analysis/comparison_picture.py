@@ -17,20 +17,20 @@ from matplotlib.figure import FigureBase
 from rig.analysis import labels, panel
 from rig.analysis.comparison import (
     Comparison,
+    Pair,
     PowerDifference,
     format_difference,
     joint_setting,
     mean_difference,
     power_difference,
 )
-from rig.analysis.matching import Pair
 from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, varied_columns
 from rig.analysis.slices import Slice, slice_matrix
 from rig.analysis.surfaces import View, default_view
-from rig.config.columns import Column
 from rig.presentation import picture
 from rig.presentation.picture import ACCENT, DARK
+from rig.row_contents import Column
 from rig.stations import Station, shown
 
 _DIFFERENCE_COLOURS = colormaps["PuOr_r"]  # purple: B absorbs more
@@ -58,7 +58,7 @@ def _matched_runs(comparison: Comparison) -> _MatchedRuns:
 
     def matrix_of(side: int) -> Matrix:
         points = tuple(p[side]._replace(setting=s) for p, s in zip(pairs, settings, strict=True))
-        return Matrix(points, settings, comparison.stations)
+        return Matrix(points, settings, comparison.matched.all_columns, comparison.stations)
 
     stations = shown(comparison.stations)
     return _MatchedRuns(matrix_of(0), matrix_of(1), pairs, settings, stations)
@@ -73,7 +73,7 @@ def write_comparison(comparison: Comparison, path: Path, fixed: Setting | None =
     runs = _matched_runs(comparison)
     if not runs.pairs:
         raise ValueError("no set point in common: nothing to draw")
-    view = default_view(runs.a)._replace(by_spring_rate=False)
+    view = default_view(runs.a)._replace(by_panel=False)
     slices = [_slices(runs, station.name, view, fixed or {}) for station in runs.stations]
     # A run without a column that the other varies has no surface over it.
     has_surfaces = not comparison.matched.one_sided and all(
@@ -139,7 +139,7 @@ def _draw_surfaces(body: FigureBase, slices: list[tuple[Slice, Slice]], runs: _M
             panel.draw_panel(axes, slice_, colour_scale, caption)
             heading = f"{letter}: {name}"
             if slice_.fixed:
-                heading += f"\nat {labels.format_settings(slice_.fixed)}"
+                heading += f"\nat {labels.format_settings(slice_.columns, slice_.fixed)}"
             panel.add_heading(axes, heading, lines)
         panel.add_colour_bar(body, row[:2], colour_scale, f"{name}, W", fraction=0.05)
         _draw_difference(body, row[2], slice_a, runs, lines)
@@ -191,8 +191,8 @@ def _draw_lines(
     """Draw both runs with error bars on the left and their difference on the right."""
     indices = [i for i, s in enumerate(runs.settings) if agrees(s, fixed)]
     if not indices:
-        raise ValueError(f"no matched point at {labels.format_settings(fixed)}")
-    varied = varied_columns(Matrix((), tuple(runs.settings[i] for i in indices)))
+        raise ValueError(f"no matched point at {labels.format_settings(runs.a.columns, fixed)}")
+    varied = varied_columns(Matrix((), tuple(runs.settings[i] for i in indices), runs.a.columns))
     column = varied[0] if len(varied) == 1 else None
     if column is not None:
         indices.sort(key=lambda i: runs.settings[i][column.name])

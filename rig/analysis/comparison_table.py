@@ -1,13 +1,13 @@
 """A comparison of two runs as text, JSON and CSV."""
 
 import csv
-import math
 from pathlib import Path
 from typing import Any
 
 from rig.analysis import labels
 from rig.analysis.comparison import (
     Comparison,
+    MatchedPoints,
     best_point,
     describe_pair,
     format_constant_difference,
@@ -17,10 +17,10 @@ from rig.analysis.comparison import (
     power_difference,
 )
 from rig.analysis.differences import shorten
-from rig.analysis.matching import MatchedPoints
 from rig.analysis.points import Point, error_source
-from rig.analysis.run_columns import column_named
 from rig.presentation import phrases
+from rig.presentation.json_values import json_value
+from rig.row_contents import main_columns
 from rig.stations import station_names
 
 _MAX_DIFFERENCES = 12  # listed in the text, for each group
@@ -81,9 +81,9 @@ def _settings_lines(comparison: Comparison) -> list[str]:
 def _matching_lines(comparison: Comparison) -> list[str]:
     matched = comparison.matched
     bounds = ", ".join(
-        f"{column_named(name).label} within "
-        f"{labels.format_quantity(column_named(name), value).lstrip('+')}"
-        for name, value in comparison.tolerances.items()
+        f"{column.label} within "
+        f"{labels.format_quantity(column, comparison.tolerances[column.name]).lstrip('+')}"
+        for column in matched.columns
     )
     criterion = f" by {bounds}" if bounds else ": no column varies that both runs have"
     lines = [f"{len(matched.pairs)} pairs of points matched{criterion}"]
@@ -127,19 +127,18 @@ def _point_lines(comparison: Comparison) -> list[str]:
 
 
 def _unmatched_lines(points: tuple[Point, ...], matched: MatchedPoints) -> list[str]:
+    columns = (*matched.columns, *matched.one_sided) or main_columns(matched.all_columns)
     lines = [
-        f"  row {point.rows[0]}: {labels.format_settings(_varying_settings(point, matched))}"
+        f"  row {point.rows[0]}: "
+        + ", ".join(
+            labels.format_setting(c, point.setting[c.name])
+            for c in matched.all_columns
+            if c in columns and c.name in point.setting
+        )
         for point in points[:_MAX_UNMATCHED]
     ]
     more = len(points) - len(lines)
     return [*lines, f"  and {more} more, all in the CSV"] if more > 0 else lines
-
-
-def _varying_settings(point: Point, matched: MatchedPoints) -> dict[str, float]:
-    """Return the settings that identify a point: those that vary in either run."""
-    varying = [column.name for column in (*matched.columns, *matched.one_sided)]
-    names = varying or ["spring_rate", "kp", "ki"]
-    return {name: value for name, value in point.setting.items() if name in names}
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
@@ -147,7 +146,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     matched = comparison.matched
     names = [station.name for station in comparison.stations]
     means = {name: mean_difference(matched.pairs, name) for name in names}
-    return {
+    values = {
         "a": comparison.a._asdict(),
         "b": comparison.b._asdict(),
         "warnings": list(comparison.warnings),
@@ -161,8 +160,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "varied_in_one_run": [column.name for column in matched.one_sided],
         "mean_difference_w": {
             name: {
-                "b_less_a": _finite_or_none(mean.watts),
-                "standard_error": _finite_or_none(mean.error),
+                "b_less_a": mean.watts,
+                "standard_error": mean.error,
             }
             for name, mean in means.items()
         },
@@ -173,10 +172,10 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
                 "rows_b": list(pair.b.rows),
                 **{
                     name: {
-                        "a": _finite_or_none(pair.a.power[name]),
-                        "b": _finite_or_none(pair.b.power[name]),
-                        "b_less_a": _finite_or_none(power_difference(pair, name).watts),
-                        "standard_error": _finite_or_none(power_difference(pair, name).error),
+                        "a": pair.a.power[name],
+                        "b": pair.b.power[name],
+                        "b_less_a": power_difference(pair, name).watts,
+                        "standard_error": power_difference(pair, name).error,
                     }
                     for name in names
                 },
@@ -186,10 +185,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "only_a": [{"rows": list(p.rows), "setting": p.setting} for p in matched.only_a],
         "only_b": [{"rows": list(p.rows), "setting": p.setting} for p in matched.only_b],
     }
-
-
-def _finite_or_none(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return {key: json_value(value) for key, value in values.items()}
 
 
 def write_csv(comparison: Comparison, path: Path) -> Path:

@@ -15,22 +15,26 @@ following sources that the rows provide:
 The misfit is always reported as well, because neither repetitions nor periods contain interactions
 and curvature.
 
-The realisation of a reference is a categorical label: it has no effect of its own. Rows that differ
-only in realisation are repetitions, and their scatter is the effect of the phases.
+A categorical column, such as the realisation of a reference, has no effect of its own. Rows that
+differ in nothing else are repetitions; their scatter is, say, the effect of the phases.
 """
 
-from typing import NamedTuple
+import csv
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray
 from scipy import stats
 
-from rig.analysis.points import Matrix, row_settings, stations_of, varied_columns
-from rig.analysis.rows import COMPLETE
-from rig.analysis.run_columns import table_columns
-from rig.config.columns import REQUIRED_COLUMNS, Column
-from rig.stations import Station, find
+from rig.analysis import labels
+from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.rows import COMPLETE, columns_of, stations_of
+from rig.presentation import phrases
+from rig.presentation.json_values import json_value
+from rig.row_contents import CATEGORICAL, Column, main_columns
+from rig.stations import Station, find, shown
 
 Floats = npt.NDArray[np.float64]
 
@@ -38,8 +42,6 @@ CONFIDENCE = 0.95
 _MIN_REPETITION_DOF = 3  # with fewer degrees of freedom, periods are the better source
 
 REPETITIONS, PERIODS, MISFIT = "repetitions", "wave periods", "misfit"
-_STANDARD_COLUMNS = {column.name for column in REQUIRED_COLUMNS}
-_CATEGORICAL = {"realisation"}  # columns whose values have no order
 
 
 class RowVariances(NamedTuple):
@@ -63,6 +65,19 @@ class Effect(NamedTuple):
     half_width: float  # W, of the interval
     misfit_half_width: float  # W, by the misfit; NaN without residual degrees of freedom
 
+    @property
+    def range_text(self) -> str:
+        """The range of the column as text: ``50 .. 200 µs``."""
+        low = labels.format_number(self.column, self.low)
+        return f"{low} .. {labels.format_quantity(self.column, self.high)}"
+
+    @property
+    def text(self) -> str:
+        """The effect (W) with the half width of its interval as text without the unit."""
+        if not np.isfinite(self.watts):
+            return "confounded"
+        return phrases.format_power(self.watts, self.half_width).removesuffix(" W")
+
 
 class Effects(NamedTuple):
     """Main effects on the power at one station."""
@@ -77,6 +92,10 @@ class Effects(NamedTuple):
     lead: float  # W, size of the first effect less that of the second; NaN for a single one
     lead_half_width: float  # W, by the source of the intervals
     lead_misfit_half_width: float  # W, by the misfit; NaN without residual degrees of freedom
+
+    def text_of(self, column: Column) -> str:
+        """Return the effect of a column as text."""
+        return next(each.text for each in self.effects if each.column.name == column.name)
 
     @property
     def lead_is_significant(self) -> bool:
@@ -182,21 +201,26 @@ def main_effects(
         np.array(float(fit.misfit_dof)),
         True,
     )
+    unknown = float("nan"), float("nan")
     estimates = []
-    for i, column in enumerate(columns):
-        watts, weights = float(fit.effects[i]), fit.weights[i]
-        estimable = bool(np.isfinite(watts))
-        deviation, dof = (
-            weighted_sum_error(weights, variances) if estimable else (float("nan"), float("nan"))
+    for column, watts, weights, values in zip(
+        columns, fit.effects.tolist(), fit.weights, levels.T, strict=True
+    ):
+        error, by_misfit = (
+            weighted_sum_error(weights, source) if np.isfinite(watts) else unknown
+            for source in (variances, residual_variances)
         )
-        by_misfit = (
-            half_width(*weighted_sum_error(weights, residual_variances), confidence)
-            if estimable
-            else float("nan")
+        estimates.append(
+            Effect(
+                column,
+                float(values.min()),
+                float(values.max()),
+                watts,
+                *error,
+                half_width(*error, confidence),
+                half_width(*by_misfit, confidence),
+            )
         )
-        low, high = float(levels[:, i].min()), float(levels[:, i].max())
-        half_width_w = half_width(deviation, dof, confidence)
-        estimates.append(Effect(column, low, high, watts, deviation, dof, half_width_w, by_misfit))
     order = sorted(
         range(len(estimates)), key=lambda i: -np.nan_to_num(abs(estimates[i].watts), nan=-1.0)
     )
@@ -247,13 +271,12 @@ def compute_effects(
         return None
     power = table[f"power_{name}"].values
     complete = np.flatnonzero((table["state"].values == COMPLETE) & np.isfinite(power))
-    settings = row_settings(table)
-    settings_used = tuple(
-        {n: value for n, value in settings[i].items() if n not in _CATEGORICAL} for i in complete
-    )
+    ordered = tuple(c for c in columns_of(table) if c.role != CATEGORICAL)
+    names, settings = {c.name for c in ordered}, row_settings(table)
+    settings_used = tuple({n: v for n, v in settings[i].items() if n in names} for i in complete)
     columns = [
         c
-        for c in varied_columns(Matrix((), settings_used, columns=table_columns(table)))
+        for c in varied_columns(Matrix((), settings_used, ordered))
         if all(c.name in each for each in settings_used)
     ]
     if not columns or len(complete) < len(columns) + 1:
@@ -273,8 +296,151 @@ def compute_effects(
 
 
 def is_designed(matrix: Matrix) -> bool:
-    """Return whether columns other than spring rate, Kp and Ki vary.
+    """Return whether other than the main columns vary: effects then show more than surfaces."""
+    main = main_columns(matrix.columns)
+    return any(c not in main and c.role != CATEGORICAL for c in varied_columns(matrix))
 
-    Main effects then show more than surfaces.
+
+def all_effects(table: xarray.Dataset) -> tuple[Effects, ...]:
+    """Return the main effects on the powers shown in pictures; empty if nothing varies.
+
+    The last station in the flow of power is first: it determines the ranks on the summary page.
     """
-    return bool({c.name for c in varied_columns(matrix)} - _STANDARD_COLUMNS - _CATEGORICAL)
+    stations = reversed(shown(stations_of(table)))
+    by_station = (compute_effects(table, station.name) for station in stations)
+    return tuple(effects for effects in by_station if effects is not None)
+
+
+def effect_notes(effects: Effects) -> list[str]:
+    """Return notes on the intervals, on the misfit, and on the lead of the first effect."""
+    percent = f"{100.0 * CONFIDENCE:g} %"
+    dofs = [each.dof for each in effects.effects if np.isfinite(each.dof)]
+    name = effects.station.short_label
+    if effects.source == MISFIT:
+        source = f"the misfit of the linear fit ({effects.misfit_dof} dof)"
+    else:
+        dof_text = f"at least {min(dofs):.0f} dof" if dofs else "no dof"
+        source = f"scatter of {effects.source} ({dof_text})"
+    notes = [f"± is the {percent} interval by {source}"]
+    if effects.misfit_dof > 0:
+        misfit, scatter = _format_magnitude(effects.misfit), _format_magnitude(effects.scatter)
+        line = (
+            f"misfit of the linear fit of {name} power {misfit} W ({effects.misfit_dof} dof), "
+            f"scatter of rows {scatter} W"
+        )
+        first = effects.effects[0]
+        if effects.source != MISFIT and first.misfit_half_width > first.half_width:
+            half = _format_magnitude(first.misfit_half_width)
+            line += f"; by misfit, {first.column.label} is ± {half} W"
+        notes.append(line)
+    if np.isfinite(effects.lead):
+        first, second = effects.effects[:2]
+        line = f"the effect of {first.column.label} on {name} power exceeds that of "
+        line += f"{second.column.label} by {_format_magnitude(effects.lead)} W"
+        notes.append(line + _format_lead(effects))
+    confounded = [e.column.label for e in effects.effects if not np.isfinite(e.watts)]
+    if confounded:
+        notes.append(f"this matrix cannot separate {', '.join(confounded)} (confounded)")
+    return notes
+
+
+def _format_lead(effects: Effects) -> str:
+    """Return the half widths of the lead by each error, and whether it is not significant."""
+    errors = []
+    if effects.source != MISFIT:
+        errors.append((effects.lead_half_width, f" by {effects.source}"))
+    errors.append((effects.lead_misfit_half_width, " by misfit"))
+    parts = [
+        f"± {_format_magnitude(half)} W{source}" for half, source in errors if np.isfinite(half)
+    ]
+    if not parts:
+        return ""
+    return f" ({', '.join(parts)}{'' if effects.lead_is_significant else ': not significant'})"
+
+
+def _format_magnitude(value: float) -> str:
+    return f"{value:.1f}" if value >= 0.095 else f"{value:.2f}" if value >= 0.005 else "<0.01"
+
+
+def effects_text(by_station: tuple[Effects, ...]) -> list[str]:
+    """Return the effects as lines for a terminal, ranked by the first station; empty if none."""
+    if not by_station:
+        return []
+    first = by_station[0]
+    headings = [f"{effects.station.short_label}, W" for effects in by_station]
+    lines = [
+        "Main effects (change of power over the range of a column; negative absorbs more)",
+        f"  {'':<20} {'range':<24}" + "".join(f"{heading:>20}" for heading in headings),
+    ]
+    for i, effect in enumerate(first.effects):
+        cells = "".join(f"{effects.text_of(effect.column):>20}" for effects in by_station)
+        lines.append(f"  {i + 1}. {effect.column.label:<17} {effect.range_text:<24}{cells}")
+    return [*lines, *(f"  {note}" for note in effect_notes(first))]
+
+
+def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
+    """Return the effects as JSON data: powers in W, columns in SI, unknown values null."""
+    records = [
+        {
+            "power": effects.station.name,
+            "rows": effects.rows,
+            "confidence": CONFIDENCE,
+            "error_by": effects.source,
+            "row_scatter_w": effects.scatter,
+            "misfit_w": effects.misfit,
+            "misfit_dof": effects.misfit_dof,
+            "first_over_second_w": effects.lead,
+            "first_over_second_half_width_w": effects.lead_half_width,
+            "first_over_second_half_width_by_misfit_w": effects.lead_misfit_half_width,
+            "first_surely_first": effects.lead_is_significant,
+            "effects": [
+                {
+                    "rank": i + 1,
+                    "column": e.column.name,
+                    "unit": e.column.unit,
+                    "from": e.low,
+                    "to": e.high,
+                    "effect_w": e.watts,
+                    "standard_error_w": e.standard_error,
+                    "dof": e.dof,
+                    "half_width_w": e.half_width,
+                    "half_width_by_misfit_w": e.misfit_half_width,
+                }
+                for i, e in enumerate(effects.effects)
+            ],
+        }
+        for effects in by_station
+    ]
+    return [json_value(record) for record in records]
+
+
+def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
+    """Write a CSV with a line for each station and column; W, columns in SI, 95 % intervals."""
+    lines = [
+        {
+            "power": effects.station.name,
+            "rank": i + 1,
+            "column": e.column.name,
+            "unit": e.column.unit,
+            "from": e.low,
+            "to": e.high,
+            "effect [W]": e.watts,
+            "standard error [W]": e.standard_error,
+            "dof": e.dof,
+            "interval from [W]": e.watts - e.half_width,
+            "interval to [W]": e.watts + e.half_width,
+            "error by": effects.source,
+            "interval by misfit from [W]": e.watts - e.misfit_half_width,
+            "interval by misfit to [W]": e.watts + e.misfit_half_width,
+            "misfit [W]": effects.misfit,
+            "misfit dof": effects.misfit_dof,
+            "rows": effects.rows,
+        }
+        for effects in by_station
+        for i, e in enumerate(effects.effects)
+    ]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(lines[0]))
+        writer.writeheader()
+        writer.writerows(lines)
+    return path

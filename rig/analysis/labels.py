@@ -1,31 +1,23 @@
 """Labels of gain-matrix columns and their values, for axes, captions and tables."""
 
-from rig.analysis.run_columns import column_named, known_columns
-from rig.config.columns import Column
+from collections.abc import Iterable, Mapping
+
+from rig.analysis.points import Point
 from rig.presentation.phrases import format_signed
+from rig.row_contents import Column
 
-_DISPLAY_UNITS = {"switching_period": (1e6, "µs")}  # factor from SI, displayed unit
+_FACTORS = {"": 1.0, "µs": 1e6}  # from SI, by displayed unit
 _SIGNED_UNITS = {"N/m", "N*s/m", "kg"}  # units of gains and rates, always shown with their sign
-
-
-def column(name: str) -> Column:
-    """Return a column by its name or its key in files; KeyError lists the valid names."""
-    for each in known_columns():
-        if name in (each.name, each.key):
-            return each
-    raise KeyError(
-        f"no column {name!r}; allowed {', '.join(each.name for each in known_columns())}"
-    )
 
 
 def display_factor(column: Column) -> float:
     """Return the factor from SI to the displayed unit."""
-    return _DISPLAY_UNITS.get(column.name, (1.0, ""))[0]
+    return _FACTORS[column.shown_unit]
 
 
 def display_unit(column: Column) -> str:
     """Return the displayed unit; empty for a dimensionless column."""
-    unit = _DISPLAY_UNITS[column.name][1] if column.name in _DISPLAY_UNITS else column.unit
+    unit = column.shown_unit or column.unit
     return "" if unit == "1" else unit.replace("*", "·")
 
 
@@ -59,6 +51,31 @@ def format_setting(column: Column, value: float) -> str:
     return f"{column.label} {format_quantity(column, value)}"
 
 
-def format_settings(settings: dict[str, float]) -> str:
-    """Return several columns and their values (SI, by column name) as text."""
-    return ", ".join(format_setting(column_named(name), value) for name, value in settings.items())
+def format_settings(columns: Iterable[Column], settings: Mapping[str, float]) -> str:
+    """Return settings (SI, by column name) as text."""
+    by_name = {column.name: column for column in columns}
+    return ", ".join(format_setting(by_name[name], value) for name, value in settings.items())
+
+
+def heading(column: Column, *, unit: bool = True) -> str:
+    """Return the heading of a narrow column."""
+    text = column.heading or column.label
+    return f"{text}, {display_unit(column)}" if unit and display_unit(column) else text
+
+
+def best_values(columns: Iterable[Column], point: Point) -> list[tuple[Column, float]]:
+    """Return the values of a point's columns, and of their actuators; NaN where unknown."""
+    values = []
+    for column in columns:
+        values.append((column, point.setting.get(column.name, float("nan"))))
+        if column.actuator is not None:
+            values.append((column.actuator, point.actuator))
+    return values
+
+
+def panel_title(panel: Column | None, point: Point) -> str:
+    """Return a point's value of the panel column, and the position of its actuator."""
+    return ", ".join(
+        f"{heading(column, unit=False)} {format_signed(value)} {display_unit(column)}"
+        for column, value in best_values([panel] if panel else [], point)
+    )

@@ -10,11 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import effects_table, surfaces
-from rig.analysis.points import stations_of
+from rig.analysis import labels, surfaces
+from rig.analysis.effects import effect_notes
+from rig.analysis.rows import columns_of, stations_of
 from rig.analysis.stop_reason import ENDINGS
 from rig.analysis.summary import Summary
 from rig.presentation import phrases, picture
+from rig.row_contents import PANEL, with_role
 from rig.stations import shown
 
 _DARK = picture.DARK
@@ -22,7 +24,8 @@ _MUTED = picture.MUTED
 _PALE = "#eef2f5"
 _GOOD, _BAD = "#2a7f4f", "#b23a48"
 _LEFT, _RIGHT = 0.06, 0.94
-_MAX_SPRING_RATES = 4  # columns of surfaces that remain readable on the page
+_COLUMN_EDGES = (0.57, 0.65, 0.74, 0.83)  # of the main columns, in the table of best points
+_MAX_PANELS = 4  # columns of surfaces that remain readable on the page
 _MAX_ALARMS = 6
 _MIN_SURFACE_HEIGHT = 0.12  # of the page height, by station; smaller surfaces are unreadable
 _MAX_WIDE_COLUMNS = 3  # stations whose short labels fit side by side
@@ -109,13 +112,12 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
     _heading(figure, _LEFT, top, "Best points")
     note = f"negative is absorbed{summary.error_text}"
     figure.text(_RIGHT, top, note, fontsize=7.5, color=_MUTED, ha="right", va="top")
-    headings = ("station", "mean power", "spring", "stator", "Kp", "Ki", "")
-    units = ("", "", "N/m", "%", "N·s/m", "N/m", "")
-    alignments = ("left", "right", "right", "right", "right", "right", "left")
-    positions = (_LEFT, 0.465, 0.57, 0.65, 0.74, 0.83, 0.85)
+    columns = [c for column in summary.main for c in (column, column.actuator) if c is not None]
+    headings = ("station", "mean power", *map(labels.heading, columns), "")
+    alignments = ("left", *["right"] * (len(columns) + 1), "left")
+    positions = (_LEFT, 0.465, *_COLUMN_EDGES[: len(columns)], 0.85)
     y = top - 0.019
-    for x, head, unit, side in zip(positions, headings, units, alignments, strict=True):
-        text = f"{head}, {unit}" if unit else head
+    for x, text, side in zip(positions, headings, alignments, strict=True):
         figure.text(x, y, text, fontsize=7.5, color=_MUTED, ha=side, va="top")
     y -= 0.016
     if not summary.optima:
@@ -129,15 +131,15 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         cells = (
             optimum.station.label if optimum.station.name != last_name else "",
             phrases.format_power(optimum.power, optimum.error),
-            phrases.format_signed(optimum.point.spring_rate),
-            phrases.format_signed(optimum.point.stator),
-            _gain_text(optimum.point.kp),
-            _gain_text(optimum.point.ki),
+            *(
+                phrases.format_signed(value) if isfinite(value) else ""
+                for _, value in labels.best_values(summary.main, optimum.point)
+            ),
             optimum.caveat,
         )
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 1 else "normal"
-            colour = _BAD if i == 6 else _DARK
+            colour = _BAD if i == len(cells) - 1 else _DARK
             figure.text(
                 x, y, cell, fontsize=8.5, color=colour, ha=side, va="top", fontweight=weight
             )
@@ -147,7 +149,7 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         few = len(summary.optima) <= _MAX_TWO_LINE_OPTIMA
         if further_text and (few or optimum.station.name == main_name):
             figure.text(
-                positions[5], y, further_text, fontsize=7.5, color=_MUTED, ha="right", va="top"
+                _COLUMN_EDGES[-1], y, further_text, fontsize=7.5, color=_MUTED, ha="right", va="top"
             )
             y -= 0.0135
     if summary.further and len(summary.optima) > _MAX_TWO_LINE_OPTIMA:
@@ -182,16 +184,14 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
     y -= 0.0132
     figure.add_artist(Line2D((_LEFT, _RIGHT), (y, y), color="#cfd6dc", lw=0.7))
     y -= 0.0028
-    by_name = [{e.column.name: e for e in each.effects} for each in by_station]
     for i, effect in enumerate(by_station[0].effects):
-        row = [effects_by_name[effect.column.name] for effects_by_name in by_name]
-        cells = [f"{i + 1}  {effect.column.label}", effects_table.format_range(effect)]
-        cells += [effects_table.format_effect(each.watts, each.half_width) for each in row]
+        cells = [f"{i + 1}  {effect.column.label}", effect.range_text]
+        cells += [each.text_of(effect.column) for each in by_station]
         for j, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 0 and j < 3 else "normal"
             figure.text(x, y, cell, fontsize=8.5, color=_DARK, ha=side, va="top", fontweight=weight)
         y -= 0.0152
-    text = "; ".join(effects_table.effect_notes(by_station[0]))
+    text = "; ".join(effect_notes(by_station[0]))
     lines = textwrap.wrap(text[:1].upper() + text[1:] + ".", 128)
     figure.text(_LEFT, y, "\n".join(lines), fontsize=7.5, color=_MUTED, va="top", linespacing=1.2)
     return y - _LINE * len(lines) - 0.012
@@ -222,8 +222,9 @@ def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) 
     """Draw the surfaces between two heights of the page, in their own subfigure."""
     columns = surfaces.panel_columns(table)
     note = ""
-    if columns > _MAX_SPRING_RATES:
-        note = f"{columns} spring rates: see surfaces.png"
+    if columns > _MAX_PANELS:
+        panel = with_role(columns_of(table), PANEL)
+        note = f"{columns} {panel.label if panel else 'panel'}s: see surfaces.png"
     elif top - bottom < _MIN_SURFACE_HEIGHT * len(shown(stations_of(table))):
         note = "Power surfaces: see surfaces.png"
     if note and columns and top - bottom > 0.03:
@@ -251,8 +252,3 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     picture.save(figure, png, 130.0)
     picture.save(figure, pdf, 100.0, metadata={"Title": title})
     return [pdf, png]
-
-
-def _gain_text(value: float) -> str:
-    """Return a gain as text; empty for a law without it."""
-    return phrases.format_signed(value) if isfinite(value) else ""

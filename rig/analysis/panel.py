@@ -24,6 +24,7 @@ from rig.analysis.points import Point
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, Slice, slice_remarks
 from rig.presentation import phrases
 from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, style_axes
+from rig.row_contents import Column, X, Y
 
 POWER_COLOURS = colormaps["YlGnBu_r"]  # most absorbed is dark blue; safe for colour-blind readers
 _STEPS = [1, 2, 2.5, 5, 10]
@@ -150,8 +151,8 @@ def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
             axes,
             *display_xy(slice_, [(best_setting[slice_.x.name], best_setting[slice_.y.name])])[0],
         )
-        set_point = labels.format_settings(
-            {c.name: best_setting[c.name] for c in (slice_.y, slice_.x)}
+        set_point = ", ".join(
+            labels.format_setting(c, best_setting[c.name]) for c in (slice_.y, slice_.x)
         )
         axes.set_title(
             f"{phrases.format_power(slice_.best.power, slice_.best.error)} at {set_point}\n"
@@ -190,19 +191,15 @@ def format_caption(
         text += f" ({best.caveat})" if best.caveat and not best.flat else ""
     lines = [text, "; ".join(slice_remarks(slice_))]
     if sliced and slice_.sliced:
-        lines.insert(1, f"sliced at {labels.format_settings(slice_.sliced)}")
+        lines.insert(1, f"sliced at {labels.format_settings(slice_.columns, slice_.sliced)}")
     width = round(panel_width * CAPTION_LETTERS)
     return "\n".join(part for line in lines for part in textwrap.wrap(line, width))
 
 
-def _format_coordinate(column: Any, value: float) -> str:
+def _format_coordinate(column: Column, value: float) -> str:
     """Return a coordinate as text; gains without the unit, which the axis gives."""
-    number = labels.format_number(column, value)
-    return (
-        number
-        if column.name in ("kp", "ki")
-        else f"{number} {labels.display_unit(column)}".rstrip()
-    )
+    is_gain = column.role in (X, Y)
+    return (labels.format_number if is_gain else labels.format_quantity)(column, value)
 
 
 def draw_panel(

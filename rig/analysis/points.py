@@ -1,44 +1,27 @@
 """Points of the gain matrix: planned and measured set points, and the columns that vary."""
 
-import json
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 
-from rig.analysis.rows import COMPLETE, STATIONS_ATTRIBUTE, standard_error
-from rig.analysis.run_columns import table_columns
-from rig.config.columns import COLUMNS, Column
-from rig.stations import Station, from_records, station_names
+from rig.analysis.rows import COMPLETE, columns_of, standard_error, stations_of
+from rig.row_contents import PANEL, Column, with_role
+from rig.stations import Station, station_names
 
 Setting = dict[str, float]
-"""A set point by the column names of `rig.config.columns`; unknown columns are absent."""
+"""A set point by column name; unknown columns are absent."""
 
 
 class Point(NamedTuple):
     """One set point of the gain matrix with the mean powers of its complete rows."""
 
     setting: Setting
-    stator: float  # %
     power: dict[str, float]  # W by station, negative is absorbed
     error: dict[str, float]  # W, standard error of `power`; NaN where unknown
     rows: tuple[int, ...]
-
-    @property
-    def spring_rate(self) -> float:
-        """N/m."""
-        return self.setting.get("spring_rate", float("nan"))
-
-    @property
-    def kp(self) -> float:
-        """N*s/m."""
-        return self.setting.get("kp", float("nan"))
-
-    @property
-    def ki(self) -> float:
-        """N/m."""
-        return self.setting.get("ki", float("nan"))
+    actuator: float = float("nan")  # position of the actuator of the panel column
 
 
 class Matrix(NamedTuple):
@@ -46,13 +29,13 @@ class Matrix(NamedTuple):
 
     points: tuple[Point, ...]  # measured points, in the order of the campaign
     planned: tuple[Setting, ...]  # every set point of the campaign, measured or not
+    columns: tuple[Column, ...] = ()
     stations: tuple[Station, ...] = ()  # of the points' powers, in the order of the flow of power
-    columns: tuple[Column, ...] = COLUMNS  # of the run
 
-
-def stations_of(table: xarray.Dataset) -> tuple[Station, ...]:
-    """Return the power stations of a row table or of a sweep, in the order of the flow of power."""
-    return from_records(json.loads(table.attrs.get(STATIONS_ATTRIBUTE, "[]")))
+    @property
+    def panel(self) -> Column | None:
+        """The column with a panel for each of its values; None without one."""
+        return with_role(self.columns, PANEL)
 
 
 def agrees(setting: Setting, fixed: Setting) -> bool:
@@ -81,7 +64,7 @@ def row_settings(table: xarray.Dataset) -> list[Setting]:
     The set point of a run without a plan is a mean over its log. It is rounded to nine digits, so
     that rounding errors do not split one point into two.
     """
-    names = (column.name for column in table_columns(table))
+    names = (column.name for column in columns_of(table))
     columns = {name: table[name].values.tolist() for name in names if name in table}
     return [
         {
@@ -98,9 +81,9 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
 
     The standard error of a repeated point comes from the scatter of its rows.
     """
-    stations = stations_of(table)
+    stations, matrix_columns = stations_of(table), columns_of(table)
     if "state" not in table or table.sizes["row"] == 0:
-        return Matrix((), (), stations, table_columns(table))
+        return Matrix((), (), matrix_columns, stations)
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
     settings = row_settings(table)
     planned: dict[tuple[tuple[str, float], ...], Setting] = {}
@@ -116,20 +99,22 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
             return standard_error(columns[f"power_{name}"][rows])
         return float(columns[f"power_{name}_se"][rows[0]])
 
+    panel = with_role(matrix_columns, PANEL)
+    actuator = panel.actuator if panel else None
     points = tuple(
         Point(
             settings[rows[0]],
-            float(columns["stator"][rows[0]]),
             {
                 name: float(columns[f"power_{name}"][rows].mean())
                 for name in station_names(stations)
             },
             {name: error(name, rows) for name in station_names(stations)},
             tuple(columns["row"][rows].tolist()),
+            float(columns[actuator.name][rows[0]]) if actuator else float("nan"),
         )
         for rows in members.values()
     )
-    return Matrix(points, tuple(planned.values()), stations, table_columns(table))
+    return Matrix(points, tuple(planned.values()), matrix_columns, stations)
 
 
 def error_source(points: Iterable[Point]) -> str:

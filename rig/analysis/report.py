@@ -3,34 +3,27 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import xarray
 
 from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.calibration_picture import write_picture
-from rig.analysis.effects_table import all_effects, write_effects
+from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix
-from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-from rig.analysis.rows_file import write_rows
-from rig.analysis.run_columns import plan_columns
+from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
-from rig.config.columns import OTHER_COLUMNS, SPRING_COLUMN
-from rig.kinds.wavebot.spring_map import result
-from rig.kinds.wavebot.spring_map.files import write_map
-from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, mcap_file, reader
-from rig.recording.runs.folder import run_info
+from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordState
+from rig.row_contents import LAW, X, Y
 from rig.spectra import wave_calibration
 
 OPEN_LOOP = "Excited by an open-loop reference"
 IDENTIFY_HINT = "its impedance: rig identify"
-SPRING_MAP = "Magnetic spring, moved by a hoist"
 
 
 def _unfinished_text(contents: list[mcap_file.FileContents]) -> str:
@@ -41,12 +34,13 @@ def _unfinished_text(contents: list[mcap_file.FileContents]) -> str:
     return f"the record was not finished by its writer{unread_text}"
 
 
-def _summarise_rows(
+def summarise_rows(
     run: Path,
     mean_position_alarm: float,
     calibrations: Sequence[CalibrationVersion],
     incomplete_rows: bool = False,
 ) -> tuple[xarray.Dataset, Summary]:
+    """Return the row table and the summary of a run; the arguments are those of `row_table`."""
     contents = list(reader.open_files(run).contents)
     table = row_table(run, mean_position_alarm, calibrations, incomplete_rows=incomplete_rows)
     run_facts = run_info(run, contents)
@@ -56,20 +50,21 @@ def _summarise_rows(
     summary = summary._replace(
         record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
     )
-    if has_excitation(run_facts.plan):
+    if has_excitation(run_facts):
         findings = (str(run_facts.plan["reference"].get("words", "")), IDENTIFY_HINT)
         summary = summary._replace(optima=(), effects=(), findings_of=OPEN_LOOP, findings=findings)
     return table, summary
 
 
-def has_excitation(plan: dict[str, Any]) -> bool:
-    """Return whether a plan is an open-loop test: it has a reference, and its gains are constant.
+def has_excitation(run_facts: RunInfo) -> bool:
+    """Return whether a run is an open-loop test: it has a reference, and its gains are constant.
 
     Its powers are those of the excitation, so it has no best points.
     """
+    plan = run_facts.plan
     rows = plan.get("rows") or []
-    others = {column.name for column in (SPRING_COLUMN, *OTHER_COLUMNS)}
-    names = [column.name for column in plan_columns(plan) if column.name not in others]
+    columns = run_facts.row_contents.columns
+    names = [column.name for column in columns if column.role in (X, Y, LAW)]
     gains = {tuple(row.get(name) for name in names) for row in rows}
     return isinstance(plan.get("reference"), dict) and len(gains) == 1
 
@@ -90,22 +85,6 @@ def _summarise_calibration(
     return table, summary._replace(record=reader.check_record(run))
 
 
-def _summarise_map(
-    run: Path, mean_position_alarm: float, incomplete_rows: bool
-) -> tuple[xarray.Dataset, xarray.Dataset | None, Summary]:
-    """Return row table, spring map and summary; no map if no stator position was completed."""
-    table, summary = _summarise_rows(run, mean_position_alarm, (), incomplete_rows)
-    try:
-        spring_map = result.spring_map(run, incomplete_rows=incomplete_rows)
-        findings = result.findings(spring_map)
-    except RunError as error:
-        spring_map, findings = None, [str(error)]
-    summary = summary._replace(
-        optima=(), effects=(), findings_of=SPRING_MAP, findings=tuple(findings)
-    )
-    return table, spring_map, summary
-
-
 def summarise_run(
     run: Path,
     mean_position_alarm: float = MEAN_POSITION_ALARM,
@@ -122,22 +101,12 @@ def summarise_run(
     if wave_calibration.is_calibration(run_info(run).plan):
         _refuse_for_waves(calibrations)
         return _summarise_calibration(Path(run), incomplete_rows)[1]
-    if result.is_hoisted(run_info(run).plan):
-        _refuse_for_map(calibrations)
-        return _summarise_map(Path(run), mean_position_alarm, incomplete_rows)[2]
-    return _summarise_rows(Path(run), mean_position_alarm, calibrations, incomplete_rows)[1]
+    return summarise_rows(Path(run), mean_position_alarm, calibrations, incomplete_rows)[1]
 
 
 def _refuse_for_waves(calibrations: Sequence[CalibrationVersion]) -> None:
     if calibrations:
         raise ValueError("a wave calibration has no rows for a calibration to correct")
-
-
-def _refuse_for_map(calibrations: Sequence[CalibrationVersion]) -> None:
-    if calibrations:
-        raise ValueError(
-            "a spring map is a source of calibrations; analyse it without --calibration"
-        )
 
 
 def write_products(
@@ -150,8 +119,7 @@ def write_products(
     """Write row table, pictures, effects and summary of a run; return the files written.
 
     The run may have ended early or crashed. A run without the device gives a wave calibration
-    instead of rows and surfaces, a run with a hoist gives a spring map instead of surfaces, and an
-    open-loop test gives neither surfaces nor best points.
+    instead of rows and surfaces, and an open-loop test gives neither surfaces nor best points.
 
     The files go into the run's folder, or next to the MCAP file if ``run_folder`` is one. Products
     with ``calibrations`` go into a subfolder. ``mean_position_alarm`` (m), ``calibrations`` and
@@ -172,10 +140,7 @@ def write_products(
             ]
         )
         return [*paths, *write_texts(summary, folder)]
-    if result.is_hoisted(run_info(run).plan):
-        _refuse_for_map(calibrations)
-        return _write_hoisted(run, folder, mean_position_alarm, incomplete_rows)
-    table, summary = _summarise_rows(run, mean_position_alarm, calibrations, incomplete_rows)
+    table, summary = summarise_rows(run, mean_position_alarm, calibrations, incomplete_rows)
     folder = products_folder(folder, calibrations)
     folder.mkdir(exist_ok=True)
     if summary.findings_of == OPEN_LOOP:
@@ -186,16 +151,6 @@ def write_products(
         *write_texts(summary, folder),
         *write_page(summary, table, folder),
     ]
-
-
-def _write_hoisted(
-    run: Path, folder: Path, mean_position_alarm: float, incomplete_rows: bool
-) -> list[Path]:
-    table, spring_map, summary = _summarise_map(run, mean_position_alarm, incomplete_rows)
-    paths = write_rows(table, folder)
-    if spring_map is not None:
-        paths += [*write_map(spring_map, folder), *write_pictures(spring_map, folder)]
-    return [*paths, *write_texts(summary, folder)]
 
 
 def products_folder(folder: Path, calibrations: Sequence[CalibrationVersion]) -> Path:

@@ -4,24 +4,25 @@ Absorbed power is negative. Rows whose window was cut short are listed with thei
 from surfaces. So are rows whose window lacks ticks in the record (`INCOMPLETE`); their means are
 withheld (NaN) unless requested. The standard error of a mean comes from the means over whole wave
 periods. It is unknown (NaN) where a window holds only one repeat period of an irregular sea, unless
-the point was repeated. The table also holds the checks of `rig.analysis.quality`.
+the point was repeated. What else the table holds is the `RowContents` of the run.
 """
 
+import csv
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.analysis import calibrated, quality, run_columns
+from rig.analysis import calibrated
 from rig.analysis.calibrated import RECORDED
-from rig.analysis.run_columns import plan_columns
-from rig.config.columns import COLUMNS, Column
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.folder import RunInfo, earlier_contents, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import (
@@ -31,7 +32,8 @@ from rig.recording.runs.windows import (
     planned_ticks,
     read_windows,
 )
-from rig.stations import Station, as_records, station_names
+from rig.row_contents import Check, Column, RowContents, column_records, columns_from_records
+from rig.stations import Station, as_records, from_records
 
 if TYPE_CHECKING:
     import xarray
@@ -41,58 +43,89 @@ MEAN_POSITION_ALARM = 0.005  # m; an encoder bias adds a constant force of Ki ti
 COMPLETE, INTERRUPTED, NOT_RUN = "complete", "cut short", "not run"
 INCOMPLETE = "record incomplete"  # fully measured, but the record lacks ticks
 STATIONS_ATTRIBUTE = "stations"  # of the dataset: the run's power stations, as JSON
+COLUMNS_ATTRIBUTE = "columns"  # its matrix columns, as JSON; absent: those of earlier runs
 
-MOTION_FIELDS = {
-    "position": "heave.estimate.position",
-    "velocity": "heave.estimate.velocity",
-    "current": "heave.sense.current",
-    "force": "heave.command.force",
+_MOTION = {  # quantity: log field of the axis, unit
+    "position": ("estimate.position", "m"),
+    "velocity": ("estimate.velocity", "m/s"),
+    "current": ("sense.current", "A"),
+    "force": ("command.force", "N"),
 }
-LOGGED_SETTINGS = {  # log fields that give the set point of a run without a plan
-    "spring_rate": "spring_command.rate",
-    "stator": "spring_command.target",
-    "kp": "heave.demand.kp",
-    "ki": "heave.demand.ki",
-    "km": "heave.demand.km",
-    "reference_scale": "reference.scale",
-    "surge_kp": "surge.demand.kp",
-    "surge_ki": "surge.demand.ki",
-    "bus_voltage": "drive_command.settings.bus_voltage",
-    "switching_period": "drive_command.settings.switching_period",
-    "hysteresis_tolerance": "drive_command.settings.hysteresis_tolerance",
-    "velocity_threshold": "drive_command.settings.velocity_threshold",
-    "discharge_level": "drive_command.settings.discharge_level",
+
+STATISTICS: dict[str, Callable[[Any], Any]] = {
+    "mean": np.mean,
+    "min": np.min,
+    "range": np.ptp,
+    "rms": lambda values: np.sqrt(np.mean(values * values)),
+    "share on": lambda values: np.mean(values != 0),
+    "share off": lambda values: np.mean(values == 0),
+    **{f"p{p:02d}": partial(np.percentile, q=float(p)) for p in (1, 2, 98, 99)},
 }
-SETTINGS = {"spring_rate": "N/m", "stator": "%"} | {c.name: c.unit for c in COLUMNS}
+"""The functions that reduce the values of a `Check` over a window."""
 
 
-def required_fields(stations: Iterable[Station]) -> list[str]:
-    """Return the log fields that the table needs, besides ``time`` and those of the windows."""
+def stations_of(table: "xarray.Dataset") -> tuple[Station, ...]:
+    """Return the power stations of a row table or of a sweep, in the order of the flow of power."""
+    return from_records(json.loads(table.attrs.get(STATIONS_ATTRIBUTE, "[]")))
+
+
+def columns_of(table: "xarray.Dataset") -> tuple[Column, ...]:
+    """Return the matrix columns of a row table or of a sweep."""
+    text, earlier = table.attrs.get(COLUMNS_ATTRIBUTE), earlier_contents().columns
+    return columns_from_records(json.loads(text), earlier) if text else earlier
+
+
+def contents_attributes(contents: RowContents) -> dict[str, str]:
+    """Return the attributes of a dataset that `stations_of` and `columns_of` read."""
+    attributes = {STATIONS_ATTRIBUTE: json.dumps(as_records(contents.stations))}
+    if contents.columns != earlier_contents().columns:
+        attributes[COLUMNS_ATTRIBUTE] = json.dumps(column_records(contents.columns))
+    return attributes
+
+
+def motion_fields(axis: str) -> dict[str, str]:
+    """Return the log fields of an axis' motion and force by quantity."""
+    return {name: f"{axis}.{field}" for name, (field, _) in _MOTION.items()}
+
+
+def _required_fields(contents: RowContents) -> list[str]:
+    """Return the log fields that a table must have, besides ``time`` and those of the windows."""
     return [
-        *(f"power.{station.name}" for station in stations),
-        *MOTION_FIELDS.values(),
-        *(station.force for station in stations if station.force),
-        "heave.command.limited",
-        "heave.warned",
+        *(f"power.{station.name}" for station in contents.stations),
+        *motion_fields(contents.axis).values(),
+        *(station.force for station in contents.stations if station.force),
+        f"{contents.axis}.command.limited",
+        f"{contents.axis}.warned",
         "tare.samples",
     ]
 
 
-def column_units(stations: Iterable[Station]) -> dict[str, str]:
+def table_fields(contents: RowContents, available: Iterable[str]) -> list[str]:
+    """Return the log fields that a table needs; those of settings and checks if ``available``."""
+    optional = {column.field for column in contents.settings}
+    optional.update(name for check in contents.checks for name in _check_fields(check))
+    return ["time", *_required_fields(contents), *sorted(optional & set(available))]
+
+
+def _check_fields(check: Check) -> list[str]:
+    return [*check.fields, *filter(None, [check.zero])]
+
+
+def column_units(contents: RowContents) -> dict[str, str]:
     """Return the units of the table's numbers by column, those of powers by station."""
     return {
-        **{f"power_{station.name}": "W" for station in stations},
-        **{f"power_{station.name}_se": "W" for station in stations},
-        **{f"power_{station.name}_demeaned": "W" for station in stations if station.force},
+        **{f"power_{station.name}": "W" for station in contents.stations},
+        **{f"power_{station.name}_se": "W" for station in contents.stations},
+        **{f"power_{station.name}_demeaned": "W" for station in contents.stations if station.force},
         **{
             f"{name}_{kind}": unit
-            for name, unit in zip(MOTION_FIELDS, ("m", "m/s", "A", "N"), strict=True)
+            for name, (_, unit) in _MOTION.items()
             for kind in ("mean", "rms", "peak")
         },
-        **SETTINGS,
+        **{column.name: column.unit for column in contents.settings},
         "stroke": "m",
         "start": "s",
-        **quality.UNITS,
+        **{check.name: check.unit for check in contents.checks},
     }
 
 
@@ -128,7 +161,7 @@ def flag_names(kind: type[LimitFlag] | type[WarningFlag], values: Any) -> str:
 
 
 def reduce_window(
-    window: Window, period_ticks: float | None, stations: Iterable[Station]
+    window: Window, period_ticks: float | None, contents: RowContents
 ) -> dict[str, Any]:
     """Return the row-table entry of one window by column name, in SI units.
 
@@ -146,49 +179,63 @@ def reduce_window(
         "ticks_missing": window.missing,
         "tare_samples": int(data["tare.samples"].min()),
         "start": float(data["time"][0]),
-        "limits": flag_names(LimitFlag, data["heave.command.limited"]),
-        "warned": flag_names(WarningFlag, data["heave.warned"]),
+        "limits": flag_names(LimitFlag, data[f"{contents.axis}.command.limited"]),
+        "warned": flag_names(WarningFlag, data[f"{contents.axis}.warned"]),
         "periods": 0,
     }
-    for name in station_names(stations):
-        values = data[f"power.{name}"]
-        entry[f"power_{name}"] = float(values.mean())
-        entry[f"power_{name}_se"] = float("nan")
+    for station in contents.stations:
+        values = data[f"power.{station.name}"]
+        entry[f"power_{station.name}"] = float(values.mean())
+        entry[f"power_{station.name}_se"] = float("nan")
         if period_ticks is not None:
             means = period_means(values, data["tick"], period_ticks)
             entry["periods"] = len(means)
-            entry[f"power_{name}_se"] = standard_error(means)
-    velocity = data[MOTION_FIELDS["velocity"]]
-    for station in stations:
+            entry[f"power_{station.name}_se"] = standard_error(means)
+    motion = motion_fields(contents.axis)
+    velocity = data[motion["velocity"]]
+    for station in contents.stations:
         if station.force:
             force = data[station.force]
             mean = (force * velocity).mean() - force.mean() * velocity.mean()
             entry[f"power_{station.name}_demeaned"] = float(mean)
-    for name, field in MOTION_FIELDS.items():
+    for name, field in motion.items():
         values = data[field]
         entry[f"{name}_mean"] = float(values.mean())
         entry[f"{name}_rms"] = float(np.sqrt((values * values).mean()))
         entry[f"{name}_peak"] = float(np.abs(values).max())
-    entry["stroke"] = float(np.ptp(data[MOTION_FIELDS["position"]]))
-    for name, field in LOGGED_SETTINGS.items():  # a value in the plan replaces it later
-        logged = field in (data.dtype.names or ())
-        entry[name] = float(data[field].mean()) if logged else float("nan")
-    entry["realisation"] = float("nan")  # only the plan gives it
-    return {**entry, **quality.quality_columns(data)}
+    entry["stroke"] = float(np.ptp(data[motion["position"]]))
+    logged = set(data.dtype.names or ())
+    for column in contents.settings:  # a value in the plan replaces it later
+        known = column.field in logged
+        entry[column.name] = float(data[column.field].mean()) if known else float("nan")
+    for check in contents.checks:
+        known = logged.issuperset(_check_fields(check))
+        entry[check.name] = _evaluate(check, data) if known else float("nan")
+    return entry
+
+
+def _evaluate(check: Check, data: Records) -> float:
+    values = data[check.fields[0]]
+    for name in check.fields[1:]:
+        values = values + data[name]
+    if check.zero:
+        values = values - data[check.zero]
+    return float(STATISTICS[check.statistic](values))
 
 
 def _add_repetition_errors(table: list[dict[str, Any]], stations: Iterable[Station]) -> None:
     """Fill unknown standard errors of rows with the standard deviation over repetitions."""
-    for name in station_names(stations):
+    for station in stations:
+        name = f"power_{station.name}"
         by_point: dict[int, list[dict[str, Any]]] = {}
         for row in table:
-            if row["state"] == COMPLETE and np.isnan(row[f"power_{name}_se"]):
+            if row["state"] == COMPLETE and np.isnan(row[f"{name}_se"]):
                 by_point.setdefault(row["point"], []).append(row)
         for rows in by_point.values():
             if len(rows) > 1:
-                scatter = float(np.std([row[f"power_{name}"] for row in rows], ddof=1))
+                scatter = float(np.std([row[name] for row in rows], ddof=1))
                 for row in rows:
-                    row[f"power_{name}_se"] = scatter
+                    row[f"{name}_se"] = scatter
 
 
 def row_table(
@@ -206,8 +253,8 @@ def row_table(
     peak. ``power_*_demeaned`` is mean(F v) - mean(F) mean(v). ``power_*_se`` is the standard error
     of the mean of that row.
 
-    Rows whose mean heave or surge position is farther from zero than ``mean_position_alarm`` (m)
-    are flagged. ``calibrations`` correct the rows, at most one for each quantity; errors are those
+    Rows with a mean position of an axis farther from zero than ``mean_position_alarm`` (m) are
+    flagged. ``calibrations`` correct the rows, at most one for each quantity; errors are those
     of `rig.analysis.calibrated.build_corrections`. With ``incomplete_rows`` rows that lack ticks in
     the record keep their means.
     """
@@ -220,15 +267,18 @@ def row_table(
     planned = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
     measured: dict[int, dict[str, Any]] = {}
     available = [leaf.name for leaf in source.leaves]
-    stations = tuple(each for each in run_facts.stations if f"power.{each.name}" in available)
-    units = column_units(stations)
-    logged = set(available) & set(LOGGED_SETTINGS.values()) | set(
-        quality.required_fields(available)
+    contents = run_facts.row_contents
+    contents = contents._replace(
+        stations=tuple(s for s in contents.stations if f"power.{s.name}" in available)
     )
-    fields = ["time", *required_fields(stations), *sorted(logged)]
+    units, settings = column_units(contents), [column.name for column in contents.settings]
     reading = RecordCheck(source.contents, source.damage)
     for raw_window in read_windows(
-        source, fields, run_facts.plan, incomplete_rows=True, reading=reading
+        source,
+        table_fields(contents, available),
+        run_facts.plan,
+        incomplete_rows=True,
+        reading=reading,
     ):
         if raw_window.row < 0:
             continue
@@ -238,44 +288,47 @@ def row_table(
         window = raw_window._replace(
             incomplete_reason=reason, data=calibrated.correct_ticks(corrections, raw_window.data)
         )
-        entry = reduce_window(window, period_ticks, stations)
+        entry = reduce_window(window, period_ticks, contents)
         # A later attempt replaces an earlier one.
-        measured[window.row] = entry if incomplete_rows else _withhold_means(entry, window, units)
-    columns = plan_columns(run_facts.plan)
-    setting_names = ("stator", *(column.name for column in columns))
+        measured[window.row] = (
+            entry if incomplete_rows else _withhold_means(entry, window, units, settings)
+        )
     state = reading.state(run)
     lost_rows = missing_rows(run_facts.plan, measured, state)
     table = [
         calibrated.correct_row(
             corrections,
             _merge_plan(
-                measured.get(row), planned.get(row, {}), row, units, row in lost_rows, setting_names
+                measured.get(row), planned.get(row, {}), row, units, row in lost_rows, settings
             ),
         )
         for row in sorted({*planned, *measured})
     ]
     for row_entry in table:
-        for axis in ("", "surge_"):
-            off_zero = abs(row_entry[f"{axis}position_mean"]) > mean_position_alarm
-            row_entry[f"{axis}position_alarm"] = int(off_zero and row_entry["state"] == COMPLETE)
-    _add_repetition_errors(table, stations)
-    dataset = _build_dataset(table, run_facts, units, period, columns)
+        for name in [name for name in row_entry if name.endswith("position_mean")]:
+            off_zero = abs(row_entry[name]) > mean_position_alarm
+            alarm = name.replace("_mean", "_alarm")
+            row_entry[alarm] = int(off_zero and row_entry["state"] == COMPLETE)
+    _add_repetition_errors(table, contents.stations)
+    dataset = _build_dataset(table, run_facts, units, period, settings)
     attributes = {
         "record": state.description,
         "record_state": json.dumps(state.as_dict()),
-        STATIONS_ATTRIBUTE: json.dumps(as_records(stations)),
+        **contents_attributes(contents),
     }
     return dataset.assign_attrs(
         attributes | corrections.attributes, mean_position_alarm_m=mean_position_alarm
     )
 
 
-def _withhold_means(entry: dict[str, Any], window: Window, units: dict[str, str]) -> dict[str, Any]:
+def _withhold_means(
+    entry: dict[str, Any], window: Window, units: Iterable[str], settings: Iterable[str]
+) -> dict[str, Any]:
     """Return the entry without its means if the record lacks ticks of the window."""
     if not window.missing or entry["state"] != COMPLETE:
         return entry
     state = {"state": INCOMPLETE, "incomplete_reason": window.missing_text}
-    kept = {"start", *SETTINGS}
+    kept = {"start", *settings}
     return {**entry, **state, **{name: float("nan") for name in units if name not in kept}}
 
 
@@ -283,9 +336,9 @@ def _merge_plan(
     measured: dict[str, Any] | None,
     planned: dict[str, Any],
     row: int,
-    units: dict[str, str],
+    units: Iterable[str],
     lost: bool,
-    setting_names: Sequence[str],
+    settings: Iterable[str],
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
@@ -293,22 +346,13 @@ def _merge_plan(
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}
-    entry = own_settings(measured, setting_names) | {"point": int(planned.get("point", row))}
+    entry = measured | {"point": int(planned.get("point", row))}
     entry["repetition"] = int(planned.get("repetition", 0))
-    for name in setting_names:
+    for name in settings:
         value = planned.get(name, planned.get(f"{name}_position"))
         if value is not None:
             entry[name] = float(value)
     return entry
-
-
-def own_settings(entry: dict[str, Any], setting_names: Sequence[str]) -> dict[str, Any]:
-    """Return a row without the settings that its run does not have, and with those it has.
-
-    A log has gains of every law; they are set points of the impedance law only.
-    """
-    kept = {name: value for name, value in entry.items() if name not in SETTINGS}
-    return kept | {name: entry.get(name, float("nan")) for name in setting_names}
 
 
 def _modulation(config: dict[str, Any]) -> dict[str, str]:
@@ -324,7 +368,6 @@ def _modulation(config: dict[str, Any]) -> dict[str, str]:
 
 _COUNTS = ("attempt", "samples", "lost_ticks", "ticks_expected", "ticks_missing", "tare_samples",
            "periods")  # fmt: skip
-_ORDER = ["row", "point", "repetition", "state", "spring_rate", "stator"]
 
 
 def _build_dataset(
@@ -332,14 +375,12 @@ def _build_dataset(
     run_facts: RunInfo,
     units: dict[str, str],
     period: float | None,
-    columns: tuple[Column, ...],
+    settings: Sequence[str],
 ) -> "xarray.Dataset":
     import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
 
     names = list(table[0]) if table else ["row"]
-    units = units | {column.name: column.unit for column in columns}
-    order = [*_ORDER, *(column.name for column in columns)]
-    order = list(dict.fromkeys(order))
+    order = ["row", "point", "repetition", "state", *settings]
     names = [n for n in order if n in names] + [n for n in names if n not in order]
     variables = {
         name: xarray.Variable(
@@ -350,7 +391,19 @@ def _build_dataset(
         for name in names
     }
     attributes = run_facts.attributes() | _modulation(run_facts.config)
-    attributes |= run_columns.attributes(columns)
     if period:
         attributes["wave_period_s"] = period
     return xarray.Dataset(variables, attrs=attributes)
+
+
+def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
+    """Write ``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
+    names = [str(name) for name in table.variables]
+    units = [table[name].attrs.get("units") for name in names]
+    text, binary = folder / "rows.csv", folder / "rows.nc"
+    with text.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(f"{n} [{u}]" if u else n for n, u in zip(names, units, strict=True))
+        writer.writerows(zip(*(table[name].values.tolist() for name in names), strict=True))
+    table.to_netcdf(binary, engine="h5netcdf")
+    return [text, binary]

@@ -12,14 +12,12 @@ import numpy as np
 import xarray
 from scipy.stats import chi2
 
-from rig.analysis.labels import format_quantity
+from rig.analysis.labels import format_quantity, panel_title
 from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
-from rig.analysis.run_columns import column_named
-from rig.config.columns import OTHER_COLUMNS, Column
+from rig.row_contents import LAW, Column, X, Y, find_column, with_role
 from rig.stations import Station, find
 
-KP, KI, SPRING_RATE = (column_named(name) for name in ("kp", "ki", "spring_rate"))
 _VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal
 _STEP_TOLERANCE = 0.01  # relative to the step; steps closer than this are equal
 NEGLIGIBLE_SHARE = 0.01  # of the power; smaller differences are irrelevant
@@ -72,6 +70,7 @@ class Slice(NamedTuple):
     points: tuple[Point, ...]  # measured points of the slice with a finite power
     missing: tuple[XY, ...]  # planned points of the slice that were not measured
     best: Optimum | None  # None if nothing was measured
+    columns: tuple[Column, ...]  # of the matrix
 
     @property
     def xy(self) -> list[XY]:
@@ -102,7 +101,7 @@ def slice_matrix(
         and y.name in p.setting
     ]
     if not points:
-        return Slice(station, x, y, fixed, {}, (), (), None)
+        return Slice(station, x, y, fixed, {}, (), (), None, matrix.columns)
     best_point = min(points, key=lambda point: point.power[name])
     left_out = {c.name for c in varied_columns(matrix)} - {x.name, y.name, *fixed}
     sliced = {n: v for n, v in best_point.setting.items() if n in left_out}
@@ -123,7 +122,8 @@ def slice_matrix(
         _flatness(name, in_slice, 3),
         tuple(n for n in sliced if _flatness(name, _points_along(n, best_point, points), 2)),
     )
-    return Slice(station, x, y, fixed, sliced, in_slice, tuple(sorted(planned - measured)), best)
+    missing = tuple(sorted(planned - measured))
+    return Slice(station, x, y, fixed, sliced, in_slice, missing, best, matrix.columns)
 
 
 def _points_along(name: str, origin: Point, points: list[Point]) -> tuple[Point, ...]:
@@ -147,34 +147,48 @@ def project_matrix(matrix: Matrix, name: str, x: Column, y: Column) -> Slice:
     return best_slice._replace(sliced={}, points=points, missing=())
 
 
-def stator_by_spring_rate(matrix: Matrix) -> dict[float, float]:
-    """Return the stator position (%) of each measured spring rate (N/m), stiffest first."""
-    stators = {p.spring_rate: p.stator for p in reversed(matrix.points)}
-    return dict(sorted(stators.items(), reverse=True))
+class Panel(NamedTuple):
+    """A value of the panel column: the set points of one panel of a picture."""
+
+    fixed: Setting  # empty for a matrix without a panel column
+    title: str
+
+
+def panels(matrix: Matrix) -> list[Panel]:
+    """Return a panel for each measured value of the panel column, the highest first."""
+    column = matrix.panel
+    if column is None:
+        return [Panel({}, "")]
+    by_value = {p.setting.get(column.name, float("nan")): p for p in reversed(matrix.points)}
+    return [
+        Panel({column.name: value}, panel_title(column, point))
+        for value, point in sorted(by_value.items(), key=lambda item: item[0], reverse=True)
+    ]
 
 
 def law_axes(matrix: Matrix) -> tuple[Column, Column]:
-    """Return the axes of a matrix at one spring rate: Ki and Kp, or its law's first two columns."""
-    if {KI, KP} <= set(matrix.columns):
-        return KI, KP
-    first, *rest = matrix.columns[1:]
-    return first, next((each for each in rest if each not in OTHER_COLUMNS), SPRING_RATE)
+    """Return the axes x and y of a panel: those of the run, or its law's first two columns."""
+    x, y = (with_role(matrix.columns, role) for role in (X, Y))
+    if x is not None and y is not None:
+        return x, y
+    first, second, *_ = sorted(matrix.columns, key=lambda column: column.role != LAW)
+    return first, second
 
 
 def find_optima(table: xarray.Dataset) -> list[Optimum]:
-    """Return the measured point that absorbs most, for each station and spring rate.
+    """Return the measured point that absorbs most, for each station and panel.
 
-    The edges are those of all planned rows at that spring rate: a missing row is a gap, not a new
-    edge. Where other columns than spring rate, Kp and Ki vary, edge and gap are those of the slice
-    through the best point.
+    The edges are those of all planned rows of that panel: a missing row is a gap, not a new
+    edge. Where other than the main columns vary, edge and gap are those of the slice through the
+    best point.
     """
     matrix = gain_matrix(table)
     slices = (
-        slice_matrix(matrix, station.name, *law_axes(matrix), {"spring_rate": rate})
+        slice_matrix(matrix, station.name, *law_axes(matrix), each.fixed)
         for station in matrix.stations
-        for rate in stator_by_spring_rate(matrix)
+        for each in panels(matrix)
     )
-    return [each.best for each in slices if each.best is not None]
+    return [found.best for found in slices if found.best is not None]
 
 
 def slice_remarks(slice_: Slice) -> list[str]:
@@ -213,7 +227,7 @@ def _campaign_value(matrix: Matrix, name: str, value: float) -> float:
         if isclose(each, value, rel_tol=_VALUE_TOLERANCE, abs_tol=1e-12)
     ]
     if campaign_levels and not matching:
-        column, digits = column_named(name), 9
+        column, digits = find_column(matrix.columns, name), 9
         available = ", ".join(format_quantity(column, each, digits) for each in campaign_levels)
         shown = format_quantity(column, value, digits)
         raise ValueError(f"{column.label} {shown} is not in the campaign; allowed {available}")

@@ -7,20 +7,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis import effects_table, labels
+from rig.analysis import labels
 from rig.analysis.alarms import alarms
-from rig.analysis.effects import Effects, is_designed
-from rig.analysis.points import Setting, error_source, gain_matrix, varied_columns
+from rig.analysis.effects import Effects, all_effects, effects_json, effects_text, is_designed
+from rig.analysis.points import error_source, gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE
-from rig.analysis.run_columns import column_named
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
-from rig.config.columns import REQUIRED_COLUMNS
 from rig.presentation import phrases
+from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
-
-_STANDARD_COLUMNS = {column.name for column in REQUIRED_COLUMNS}
+from rig.row_contents import PANEL, Column, X, Y, main_columns, with_role
 
 
 class Summary(NamedTuple):
@@ -42,7 +40,8 @@ class Summary(NamedTuple):
     rows_done: int
     rows_planned: int
     optima: tuple[Optimum, ...]
-    further: tuple[str, ...]  # columns that vary, other than spring rate, Kp and Ki
+    main: tuple[Column, ...]  # columns of every best point: panel and axes
+    further: tuple[Column, ...]  # other columns that vary
     alarms: tuple[str, ...]
     timing: str
     stopped: str = ""  # time and place in the plan, of a run that did not complete its plan
@@ -63,24 +62,14 @@ class Summary(NamedTuple):
         """State and damage of the record as text."""
         return self.record.sentence if self.record else ""
 
-    def further_settings(self, optimum: Optimum) -> Setting:
-        """Return the values (SI) of the further columns at a best point, by name."""
-        setting = optimum.point.setting
-        return {name: setting[name] for name in self.further if name in setting}
-
     def further_text(self, optimum: Optimum) -> str:
         """Return the further settings as text; a column without effect only by its name."""
-        settings = self.further_settings(optimum)
-        effective = {
-            name: value for name, value in settings.items() if name not in optimum.without_effect
-        }
-        parts = [f"at {labels.format_settings(effective)}"] if effective else []
-        ineffective = [
-            column_named(name).label for name in settings if name in optimum.without_effect
-        ]
-        return "; ".join(
-            [*parts, f"no effect of {', '.join(ineffective)}"] if ineffective else parts
-        )
+        given = [c for c in self.further if c.name in optimum.point.setting]
+        effective = [c for c in given if c.name not in optimum.without_effect]
+        settings = (labels.format_setting(c, optimum.point.setting[c.name]) for c in effective)
+        parts = [f"at {', '.join(settings)}"] if effective else []
+        without = [column.label for column in given if column not in effective]
+        return "; ".join([*parts, f"no effect of {', '.join(without)}"] if without else parts)
 
     @property
     def error_text(self) -> str:
@@ -146,7 +135,8 @@ def summarise(
     """
     ending = describe_ending(run_facts.status, stop.lost)
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
-    timing = run_facts.timing.get("summary")
+    timing, matrix = run_facts.timing.get("summary"), gain_matrix(table)
+    main = main_columns(matrix.columns)
     return Summary(
         run=run_facts.run,
         campaign=run_facts.campaign or "not recorded",
@@ -164,48 +154,59 @@ def summarise(
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(find_optima(table)),
-        further=tuple(
-            c.name for c in varied_columns(gain_matrix(table)) if c.name not in _STANDARD_COLUMNS
-        ),
+        main=main,
+        further=tuple(c for c in varied_columns(matrix) if c not in main),
         alarms=tuple(alarms(table, run_facts, unfinished)),
         timing=str(timing or "No timing certificate: the run did not reach its end."),
         stopped=stop.location,
         findings=findings,
-        effects=effects_table.all_effects(table) if is_designed(gain_matrix(table)) else (),
+        effects=all_effects(table) if is_designed(matrix) else (),
         lost_ticks=stop.lost,
     )
 
 
+def _best_json(summary: Summary, optimum: Optimum) -> dict[str, Any]:
+    point = optimum.point
+    return {
+        "power": optimum.station.name,
+        "rows": list(point.rows),
+        **{
+            f"{column.name}_{_unit_in_key(column)}": value
+            for column, value in labels.best_values(summary.main, point)
+        },
+        "further": {
+            column.name: point.setting[column.name]
+            for column in summary.further
+            if column.name in point.setting
+        },
+        "further_without_effect": list(optimum.without_effect),
+        "flat": optimum.flat or None,
+        "mean_w": optimum.power,
+        "standard_error_w": optimum.error,
+        "at_edge_of_grid": optimum.at_edge,
+        "beside_unmeasured_point": optimum.at_gap,
+        "points": optimum.points,
+    }
+
+
+def _unit_in_key(column: Column) -> str:
+    """Return a unit as at the end of a key: ``n_s_per_m``."""
+    unit = column.unit.replace("%", "percent").replace("*", "_").replace("/", "_per_")
+    return unit.lower()
+
+
 def as_json(summary: Summary) -> dict[str, Any]:
-    """Return the summary as JSON data in W, N/m, %, N*s/m; an unknown error is null."""
-    best = [
-        {
-            "power": optimum.station.name,
-            "rows": list(optimum.point.rows),
-            "spring_rate_n_per_m": optimum.point.spring_rate,
-            "stator_percent": optimum.point.stator,
-            "kp_n_s_per_m": _known(optimum.point.kp),
-            "ki_n_per_m": _known(optimum.point.ki),
-            "further": summary.further_settings(optimum),
-            "further_without_effect": list(optimum.without_effect),
-            "flat": optimum.flat or None,
-            "mean_w": optimum.power,
-            "standard_error_w": optimum.error if np.isfinite(optimum.error) else None,
-            "at_edge_of_grid": optimum.at_edge,
-            "beside_unmeasured_point": optimum.at_gap,
-            "points": optimum.points,
-        }
-        for optimum in summary.optima
-    ]
-    effects = effects_table.as_json(summary.effects)
-    overrides = {
+    """Return the summary as JSON data in W and SI units (% as such); unknown numbers are null."""
+    values = summary._asdict() | {
+        "further": [column.name for column in summary.further],
         "record": summary.record.as_dict() if summary.record else None,
-        "optima": best,
+        "optima": [json_value(_best_json(summary, optimum)) for optimum in summary.optima],
         "alarms": list(summary.alarms),
-        "effects": effects,
+        "effects": effects_json(summary.effects),
         "lost_ticks": summary.lost_ticks and summary.lost_ticks._asdict(),
     }
-    return {**summary._asdict(), **overrides}
+    del values["main"]
+    return values
 
 
 def as_text(summary: Summary) -> str:
@@ -215,7 +216,7 @@ def as_text(summary: Summary) -> str:
         "",
         f"{summary.ending}: {summary.reason}.",
         *([f"{summary.record_text}."] if summary.record else []),
-        *_rows_lines(summary),
+        *([] if summary.findings and not summary.rows_planned else [f"{summary.rows_text}."]),
         "",
         f"sea      {summary.sea}",
         f"rig      {summary.rig}",
@@ -227,20 +228,10 @@ def as_text(summary: Summary) -> str:
         "",
         *_result_lines(summary),
     ]
-    lines += ["", *effects_table.as_text(summary.effects)] if summary.effects else []
+    lines += ["", *effects_text(summary.effects)] if summary.effects else []
     lines += ["", "Alarms"]
     lines += [f"  {alarm}" for alarm in summary.alarms] or ["  none"]
     return "\n".join([*lines, "", summary.timing, ""])
-
-
-def _rows_lines(summary: Summary) -> list[str]:
-    if summary.findings and not summary.rows_planned:
-        return []
-    return [f"{summary.rows_text}."]
-
-
-def _known(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def _result_lines(summary: Summary) -> list[str]:
@@ -251,13 +242,14 @@ def _result_lines(summary: Summary) -> list[str]:
     for optimum in summary.optima:
         point, power = optimum.point, phrases.format_power(optimum.power, optimum.error)
         gains = "".join(
-            f"{label} {phrases.format_signed(value):>6}  "
-            for label, value in (("Kp", point.kp), ("Ki", point.ki))
-            if np.isfinite(value)
+            f"{labels.heading(column, unit=False)} {phrases.format_signed(value):>6}  "
+            for column, value in labels.best_values(summary.main, point)
+            if column.role in (X, Y) and np.isfinite(value)
         )
+        panel = with_role(summary.main, PANEL)
         lines.append(
-            f"  {optimum.station.label:<32} {power:>16}"
-            f"   {gains} {phrases.spring_text(point.spring_rate, point.stator)}"
+            f"  {optimum.station.label:<32} {power:>16}   {gains}"
+            f" {labels.panel_title(panel, point)}"
             + (f"   {optimum.caveat}" if optimum.caveat else "")
         )
         if further := summary.further_text(optimum):
@@ -269,14 +261,11 @@ def _result_lines(summary: Summary) -> list[str]:
     return lines
 
 
-def _json(summary: Summary) -> str:
-    return json.dumps(as_json(summary), indent=2, ensure_ascii=False)
-
-
 def write_texts(summary: Summary, folder: Path) -> list[Path]:
     """Write ``summary.txt`` and ``summary.json``, each completely or not at all; raises OSError."""
     text, data = folder / "summary.txt", folder / "summary.json"
-    for path, content in ((text, as_text(summary)), (data, _json(summary))):
+    json_text = json.dumps(as_json(summary), indent=2, ensure_ascii=False)
+    for path, content in ((text, as_text(summary)), (data, json_text)):
         temporary = path.with_name(f".{path.name}.new")
         try:
             temporary.write_text(content, encoding="utf-8")

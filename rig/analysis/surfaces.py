@@ -1,8 +1,8 @@
-"""Power surfaces of a run: by spring rate over Kp and Ki, and sliced over any two columns.
+"""Power surfaces of a run: over its axes by panel, and sliced over any two columns.
 
-Panels by spring rate share one colour scale for each station. A slice has every other column at the
+Panels of one station share one colour scale. A slice has every other column at the
 value where that station absorbs most, so each station has its own slice; the heading gives the
-values. If Kp and Ki do not vary, the two columns with most values replace them. A matrix too
+values. If the axes do not vary, the two columns with most values replace them. A matrix too
 scattered for slices is drawn as single points without interpolation.
 """
 
@@ -27,18 +27,10 @@ from rig.analysis.points import (
     levels,
     varied_columns,
 )
-from rig.analysis.slices import (
-    KI,
-    KP,
-    Slice,
-    law_axes,
-    project_matrix,
-    slice_matrix,
-    stator_by_spring_rate,
-)
-from rig.config.columns import Column
-from rig.presentation import phrases, picture
+from rig.analysis.slices import Slice, law_axes, panels, project_matrix, slice_matrix
+from rig.presentation import picture
 from rig.presentation.picture import DARK
+from rig.row_contents import Column, X, Y, main_columns
 
 NO_POINTS = Matrix((), ())
 _HEADING_LETTERS = 40  # per line of a panel's heading
@@ -50,25 +42,24 @@ class View(NamedTuple):
 
     x: Column
     y: Column
-    by_spring_rate: bool  # one column of panels for each spring rate
+    by_panel: bool  # one column of panels for each value of the panel column
 
 
 def default_view(matrix: Matrix) -> View:
-    """Return Kp over Ki by spring rate if both vary or no other column does.
+    """Return the run's axes by panel if both vary or no other column does.
 
     For any other matrix return the two columns with most values.
     """
-    names = [column.name for column in varied_columns(matrix)]
-    gains = {"kp", "ki"} & set(names)
-    has_gains = {KI, KP} <= set(matrix.columns)
-    all_by_gains = (gains and set(names) <= {*gains, "spring_rate"}) or not names
-    if has_gains and (len(gains) == 2 or all_by_gains):
-        return View(KI, KP, True)
-    by_name = {column.name: column for column in matrix.columns}
-    ranked = sorted(names, key=lambda name: -len(levels(matrix, name)))
-    others = [KP.name] if has_gains else [each.name for each in law_axes(matrix)]
-    x, y, *_ = (*ranked, *(name for name in (*others, *by_name) if name not in ranked))
-    return View(by_name[x], by_name[y], not ranked)
+    varied, axes = varied_columns(matrix), law_axes(matrix)
+    has_axes = (axes[0].role, axes[1].role) == (X, Y)
+    gains = [column for column in varied if column in axes]
+    only_gains = (gains and all(c in gains or c == matrix.panel for c in varied)) or not varied
+    if has_axes and (len(gains) == 2 or only_gains):
+        return View(*axes, True)
+    ranked = sorted(varied, key=lambda column: -len(levels(matrix, column.name)))
+    others = (axes[1], *matrix.columns) if has_axes else (*axes, *matrix.columns)
+    x, y, *_ = (*ranked, *(column for column in others if column not in ranked))
+    return View(x, y, not ranked)
 
 
 def panel_columns(table: xarray.Dataset) -> int:
@@ -78,19 +69,21 @@ def panel_columns(table: xarray.Dataset) -> int:
         return 0
     if is_scattered(matrix):
         return 1
-    return len(stator_by_spring_rate(matrix)) if default_view(matrix).by_spring_rate else 1
+    return len(_fixed_settings(matrix, default_view(matrix)))
+
+
+def _fixed_settings(matrix: Matrix, view: View) -> list[Setting]:
+    """Return the set point of each column of panels."""
+    return [each.fixed for each in panels(matrix)] if view.by_panel else [{}]
 
 
 def is_scattered(matrix: Matrix) -> bool:
     """Return whether the slices of a matrix of many columns contain too few points to be drawn."""
     view = default_view(matrix)
-    fixed_settings: list[Setting] = (
-        [{"spring_rate": r} for r in stator_by_spring_rate(matrix)] if view.by_spring_rate else [{}]
-    )
     largest = max(
         (
             len(slice_matrix(matrix, station.name, view.x, view.y, fixed).points)
-            for fixed in fixed_settings
+            for fixed in _fixed_settings(matrix, view)
             for station in matrix.stations[-1:]
         ),
         default=0,
@@ -115,43 +108,40 @@ def draw_surfaces(
     if not matrix.points:
         figure.text(0.5, 0.5, "no complete row: no surface to draw", ha="center", color=DARK)
         return
-    view, rates = default_view(matrix), stator_by_spring_rate(matrix)
+    view = default_view(matrix)
     if is_scattered(matrix):
         _draw_scattered(figure, matrix, view)
         return
-    fixed_settings: list[Setting] = (
-        [{"spring_rate": rate} for rate in rates] if view.by_spring_rate else [{}]
-    )
-    headings = [phrases.spring_text(rate, stator) for rate, stator in rates.items()]
+    fixed_settings = _fixed_settings(matrix, view)
     slices = [
         [slice_matrix(matrix, station.name, view.x, view.y, fixed) for fixed in fixed_settings]
         for station in stations.shown(matrix.stations)
     ]
-    panels: Any = figure.subplots(len(slices), len(fixed_settings), squeeze=False)
+    grid: Any = figure.subplots(len(slices), len(fixed_settings), squeeze=False)
     panel_width = (width - 1.0) / len(fixed_settings) - 0.4
     for i, of_station in enumerate(slices):
         captions = [
             panel.format_caption(each, panel_width, compact=compact, sliced=True)
             for each in of_station
         ]
-        _draw_station(figure, panels[i].tolist(), of_station, captions, overlay, few_ticks=compact)
-        if i == 0 and view.by_spring_rate:
-            for axes, text in zip(panels[i], headings, strict=True):
-                panel.add_heading(axes, text, panel.count_lines(captions), compact=compact)
-    figure.align_ylabels(panels)
+        _draw_station(figure, grid[i].tolist(), of_station, captions, overlay, few_ticks=compact)
+        if i == 0 and view.by_panel:
+            for axes, (_, title) in zip(grid[i], panels(matrix), strict=True):
+                panel.add_heading(axes, title, panel.count_lines(captions), compact=compact)
+    figure.align_ylabels(grid)
 
 
 def _draw_scattered(figure: FigureBase, matrix: Matrix, view: View) -> None:
     """Draw all points of a scattered matrix, one panel for each station."""
     drawn = stations.shown(matrix.stations)
-    panels: Any = figure.subplots(len(drawn), 1, squeeze=False)
-    for axes, station in zip(panels[:, 0], drawn, strict=True):
+    grid: Any = figure.subplots(len(drawn), 1, squeeze=False)
+    for axes, station in zip(grid[:, 0], drawn, strict=True):
         slice_ = project_matrix(matrix, station.name, view.x, view.y)
         if slice_.points:
             colour_scale = panel.power_scale(slice_.values)
             panel.draw_scatter(axes, slice_, colour_scale)
             panel.add_colour_bar(figure, [axes], colour_scale, f"{station.short_label}, W")
-    panels[-1, 0].set_xlabel(labels.axis_label(view.x), fontsize=8)
+    grid[-1, 0].set_xlabel(labels.axis_label(view.x), fontsize=8)
 
 
 def points_in_slice(matrix: Matrix, slice_: Slice) -> list[Point]:
@@ -207,8 +197,8 @@ def write_surfaces(
     """
     matrix = gain_matrix(table)
     view = default_view(matrix)
-    shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring_rate else ())}
-    sliced = {column.name for column in varied_columns(matrix)} - shown and not is_scattered(matrix)
+    shown = {view.x, view.y, matrix.panel if view.by_panel else None}
+    sliced = {*varied_columns(matrix)} - shown and not is_scattered(matrix)
     slice_note = "other columns at the optimum of each panel" if sliced else ""
     subtitle = "; ".join(filter(None, (subtitle, slice_note)))
     note = picture.sign_note(error_source(matrix.points))
@@ -220,32 +210,33 @@ def write_surfaces(
 
 
 def can_be_sliced(matrix: Matrix) -> bool:
-    """Return whether measured Kp, Ki and spring rate vary and slices contain enough points.
+    """Return whether the measured main columns vary and slices contain enough points.
 
-    At a single spring rate the surfaces by spring rate are the slices already.
+    The surfaces of a single panel are the slices already.
     """
     measured = matrix._replace(planned=tuple(point.setting for point in matrix.points))
-    names = {column.name for column in varied_columns(measured)}
-    return names >= {"kp", "ki", "spring_rate"} and not is_scattered(matrix)
+    main = main_columns(matrix.columns)
+    return len(main) == 3 and {*main} <= {*varied_columns(measured)} and not is_scattered(matrix)
 
 
 def write_sliced(
     table: xarray.Dataset,
     path: Path,
-    x: Column = KI,
-    y: Column = KP,
+    axes: tuple[Column, Column] | None = None,
     fixed: Setting | None = None,
     names: tuple[str, ...] = (),
 ) -> Path:
     """Write one panel for each station over two columns, sliced where that station absorbs most.
 
-    ``fixed`` fixes other columns at values of the campaign instead. ``names`` are stations by name
-    or alias; default are those shown in every picture. Raises ValueError for a value
-    that is not in the campaign, and if both axes are the same column.
+    ``axes`` are x and y; default are those of the run. ``fixed`` fixes other columns at values of
+    the campaign instead. ``names`` are stations by name or alias; default are those shown in every
+    picture. Raises ValueError for a value that is not in the campaign, and if both axes are the
+    same column.
     """
+    matrix = gain_matrix(table)
+    x, y = axes or law_axes(matrix)
     if x == y:
         raise ValueError(f"{x.label} cannot be both axes of a surface")
-    matrix = gain_matrix(table)
     drawn = dict.fromkeys(stations.find(matrix.stations, name) for name in names)
     drawn = drawn or dict.fromkeys(stations.shown(matrix.stations))
     slices = [slice_matrix(matrix, station.name, x, y, fixed) for station in drawn]
@@ -256,21 +247,21 @@ def write_sliced(
     figure, body = picture.framed_figure(
         width, 3.9, title, table.attrs, caption, "" if fixed else slice_note
     )
-    panels: Any = body.subplots(1, len(slices), squeeze=False)
+    grid: Any = body.subplots(1, len(slices), squeeze=False)
     panel_width = width / len(slices) - 1.0
-    for axes, slice_ in zip(panels[0], slices, strict=True):
+    for plot, slice_ in zip(grid[0], slices, strict=True):
         colour_scale = panel.power_scale(slice_.values) if slice_.values else None
         name = slice_.station.short_label
         caption = panel.format_caption(slice_, panel_width)
-        content = panel.draw_panel(axes, slice_, colour_scale, caption)
+        content = panel.draw_panel(plot, slice_, colour_scale, caption)
         if content == "surface" and colour_scale is not None:
-            panel.add_colour_bar(body, [axes], colour_scale, f"{name}, W", fraction=0.05)
+            panel.add_colour_bar(body, [plot], colour_scale, f"{name}, W", fraction=0.05)
         elif content == "line":
-            panel.share_power_axis([axes], f"{name}, W", label_each=True)
-        axes.set_ylabel(
-            labels.axis_label(y) if content == "surface" else axes.get_ylabel(), fontsize=8
+            panel.share_power_axis([plot], f"{name}, W", label_each=True)
+        plot.set_ylabel(
+            labels.axis_label(y) if content == "surface" else plot.get_ylabel(), fontsize=8
         )
-        panel.add_heading(axes, slice_heading(slice_), panel.count_lines([caption]))
+        panel.add_heading(plot, slice_heading(slice_), panel.count_lines([caption]))
     return picture.save(figure, path)
 
 
@@ -279,8 +270,9 @@ def slice_heading(slice_: Slice) -> str:
     lines = [slice_.station.short_label]
     if slice_.sliced:
         lines += textwrap.wrap(
-            f"sliced at {labels.format_settings(slice_.sliced)}", _HEADING_LETTERS
+            f"sliced at {labels.format_settings(slice_.columns, slice_.sliced)}", _HEADING_LETTERS
         )
     if slice_.fixed:
-        lines += textwrap.wrap(f"at {labels.format_settings(slice_.fixed)}", _HEADING_LETTERS)
+        at = labels.format_settings(slice_.columns, slice_.fixed)
+        lines += textwrap.wrap(f"at {at}", _HEADING_LETTERS)
     return "\n".join(lines)

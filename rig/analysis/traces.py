@@ -13,10 +13,9 @@ from matplotlib.patches import Patch
 from rig.presentation import phrases, picture
 from rig.realtime.sequence import Phase
 from rig.recording.runs import reader
-from rig.recording.runs.folder import run_info
+from rig.recording.runs.folder import RunInfo, run_info
 from rig.stations import shown
 
-_MOTION_FIELDS = ("heave.estimate", "heave.command.force")  # drawn by default, with two powers
 _WIDTH, _PAGE_HEIGHT = (
     11.0,
     8.0,
@@ -100,6 +99,13 @@ def _format_constants(data: dict[str, Any], constant: list[str], units: dict[str
     return f"constant: {', '.join(texts)}" if texts else ""
 
 
+def _default_fields(run_facts: RunInfo) -> list[str]:
+    """Return motion and force of the powered axis, and two powers."""
+    axis = run_facts.row_contents.axis
+    powers = [f"power.{station.name}" for station in shown(run_facts.stations)[:2]]
+    return [f"{axis}.estimate", f"{axis}.command.force", *powers]
+
+
 def write_traces(
     run: Path,
     path: Path,
@@ -115,8 +121,7 @@ def write_traces(
     """
     source = reader.open_files(run)
     run_facts = run_info(run, source.contents)
-    powers = [f"power.{station.name}" for station in shown(run_facts.stations)[:2]]
-    selected = reader.select_fields(source.leaves, list(fields) or [*_MOTION_FIELDS, *powers])
+    selected = reader.select_fields(source.leaves, list(fields) or _default_fields(run_facts))
     names = [name for name in selected if name != "time"]
     if isinstance(rows, int):
         rows = [rows]

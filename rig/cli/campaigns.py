@@ -1,14 +1,14 @@
-"""`rig campaigns`: the shipped campaigns, bench sessions and rigs."""
+"""`rig campaigns`: the shipped campaigns, sessions and rigs."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
-from rig import cli
-from rig.cli.console import table_console
+from rig.cli.exit_codes import OK
+from rig.cli.options import Json
+from rig.cli.output import print_json
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,
@@ -19,31 +19,30 @@ from rig.config.shipped_files import (
     shipped_folder,
     title,
 )
-from rig.kinds.oswec_bench.sessions import check_session
-from rig.kinds.rig_file import load_rig
-from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.campaign.check import format_duration
+from rig.kinds.rig_file import kind_of_task, load_rig
+from rig.presentation.console import table_console
+from rig.presentation.phrases import format_duration
 
 _HEADINGS = {
     CAMPAIGNS: "campaigns: rig run NAME, rig check NAME, rig sweep NAME",
-    SESSIONS: "sessions of the bench: rig bench NAME, rig check NAME",
+    SESSIONS: "sessions: rig run NAME, rig check NAME",
     RIGS: "rigs: --rig NAME; those with wiring also rig sim NAME, rig devices NAME",
 }
 
 
-def main(*, as_json: bool) -> int:
-    """Print every shipped campaign, session and rig, and return the exit code."""
+def command(as_json: Json = False) -> int:
+    """List the shipped campaigns, sessions and rigs, whose names stand for their files."""
     described = {kind: [_describe(one) for one in shipped_files(kind)] for kind in _HEADINGS}
     if as_json:
-        print(json.dumps({"folder": str(shipped_folder()), **described}, ensure_ascii=False))
-        return cli.OK
+        print_json({"folder": str(shipped_folder()), **described})
+        return OK
     console = table_console()
     for kind, heading in _HEADINGS.items():
         console.print(Text(heading, style="bold"))
         console.print(_table(kind, described[kind]))
         console.print()
     print("rig copy NAME writes one and its input files into the current folder, for you to edit")
-    return cli.OK
+    return OK
 
 
 def _describe(shipped: ShippedFile) -> dict[str, Any]:
@@ -60,23 +59,12 @@ def _describe(shipped: ShippedFile) -> dict[str, Any]:
         return described | {"problem": error.problems[0].text()}
 
 
-def _campaign_facts(path: Path) -> dict[str, Any]:
-    report = check_campaign(path)
-    if report.campaign is None or report.plan is None:
+def _task_facts(path: Path) -> dict[str, Any]:
+    report = kind_of_task(path).room("tasks").examine(path, predict=False)
+    if not report.ok:
         raise ConfigError(report.problems)
     return {
-        "rig": report.campaign.rig.name,
-        "rows": len(report.plan.rows),
-        "duration_s": report.plan.duration,
-    }
-
-
-def _session_facts(path: Path) -> dict[str, Any]:
-    report = check_session(path)
-    if report.session is None or report.plan is None:
-        raise ConfigError(report.problems)
-    return {
-        "rig": report.session.rig.name,
+        "rig": report.checked.rig.name,
         "rows": len(report.plan.rows),
         "duration_s": report.plan.duration,
     }
@@ -87,7 +75,7 @@ def _rig_facts(path: Path) -> dict[str, Any]:
     return {"rig": rig.name, "wired": rig.wiring is not None}
 
 
-_FACTS = {CAMPAIGNS: _campaign_facts, SESSIONS: _session_facts, RIGS: _rig_facts}
+_FACTS = {CAMPAIGNS: _task_facts, SESSIONS: _task_facts, RIGS: _rig_facts}
 
 
 def _table(kind: str, described: list[dict[str, Any]]) -> Table:

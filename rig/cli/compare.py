@@ -1,6 +1,5 @@
 """`rig compare A B`."""
 
-import json
 import math
 import sys
 from pathlib import Path
@@ -8,8 +7,17 @@ from typing import Annotated
 
 import typer
 
-from rig import cli
+from rig.analysis import comparison_table
+from rig.analysis.comparison import compare
+from rig.analysis.comparison_picture import write_comparison
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
+from rig.cli.output import print_json
+from rig.config.problems import error_text
+from rig.recording.runs import run_info
+from rig.row_contents import Column, find_column, union
 
 
 def command(
@@ -29,63 +37,33 @@ def command(
     ] = None,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
-    """Compare two runs of one matrix: differing settings, then power point by point, B minus A."""
-    columns = tolerance or [], left_out or []
-    sys.exit(main(a, b, runs, *columns, output, incomplete_rows=incomplete_rows, as_json=json))
-
-
-def main(
-    a: Path,
-    b: Path,
-    runs: Path,
-    tolerances: list[str],
-    left_out: list[str],
-    output: Path | None,
-    *,
-    incomplete_rows: bool,
-    as_json: bool,
+    as_json: Json = False,
 ) -> int:
-    """Print how two runs differ; write a picture and a table into the second run's folder."""
-    from rig.analysis.comparison import compare
-    from rig.analysis.comparison_picture import write_comparison
-    from rig.analysis.comparison_table import as_json as in_json
-    from rig.analysis.comparison_table import as_text, write_csv
-    from rig.cli.command_error import fail
-    from rig.cli.find_run import find_run
-
-    try:
+    """Compare two runs of one matrix: differing settings, then power point by point, B minus A."""
+    with input_errors("compare", as_json=as_json):
         first, second = find_run(a, runs), find_run(b, runs)
-        comparison = compare(
-            first, second, _parse_values(tolerances), incomplete_rows=incomplete_rows
-        )
-        folder = second if second.is_dir() else second.parent
-        picture = output or folder / f"compared_with_{comparison.a.run}.png"
-        paths = [write_csv(comparison, picture.with_suffix(".csv"))]
+        columns = union(*(run_info(run).row_contents.columns for run in (first, second)))
+        limits, fixed = (_parse_values(each or [], columns) for each in (tolerance, left_out))
+        comparison = compare(first, second, limits, incomplete_rows=incomplete_rows)
+        picture = output or run_folder(second) / f"compared_with_{comparison.a.run}.png"
+        written = [comparison_table.write_csv(comparison, picture.with_suffix(".csv"))]
         if comparison.matched.pairs:
-            paths.append(write_comparison(comparison, picture, _parse_values(left_out)))
-    except (KeyError, ValueError, OSError) as error:
-        return fail("compare", error, as_json=as_json)
-    files = [str(path) for path in paths]
+            written.append(write_comparison(comparison, picture, fixed))
+    names = [str(path) for path in written]
     if as_json:
-        print(json.dumps({**in_json(comparison), "written": files}))
-    else:
-        print(as_text(comparison))
-        print("\n".join(files))
-        for warning in comparison.warnings:
-            print(f"\n!! {warning}", file=sys.stderr)
-    return cli.OK
+        return print_json({**comparison_table.as_json(comparison), "written": names})
+    print(comparison_table.as_text(comparison))
+    print("\n".join(names))
+    for warning in comparison.warnings:
+        print(f"\n!! {warning}", file=sys.stderr)
+    return OK
 
 
-def _parse_values(arguments: list[str]) -> dict[str, float]:
+def _parse_values(arguments: list[str], columns: tuple[Column, ...]) -> dict[str, float]:
     """Parse COLUMN=VALUE arguments into values by column name.
 
     Raises ValueError if an argument has no finite number or names an unknown column.
     """
-    from rig.analysis.labels import column
-    from rig.cli.command_error import error_text
-
     values = {}
     for argument in arguments:
         name, _, text = argument.partition("=")
@@ -96,7 +74,7 @@ def _parse_values(arguments: list[str]) -> dict[str, float]:
         if not math.isfinite(value):
             raise ValueError(f"{argument}: write COLUMN=VALUE, the value in SI units")
         try:
-            values[column(name).name] = value
+            values[find_column(columns, name).name] = value
         except KeyError as error:
             raise ValueError(f"{argument}: {error_text(error)}") from None
     return values

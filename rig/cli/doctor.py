@@ -1,20 +1,26 @@
 """`rig doctor`."""
 
-import json
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from rig import cli
-from rig.cli.console import table_console
-from rig.cli.file_problems import INPUT_ERRORS, refuse
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import RIGS, input_file
+from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import print_json
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import UNPRIVILEGED_S
 from rig.kinds.rig_file import load_rig
+from rig.presentation.console import table_console
 
+EXIT_CODES = """\
+Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not fit, the \
+verdict names the reasons; 2 bad input."""
 DEFAULT_RATE_HZ = 1000.0  # of the loop, without --rate and --rig
 _WIDE_CONSOLE = 110  # columns
 _MARKS = {
@@ -26,30 +32,35 @@ _MARKS = {
 }
 
 
-def main(
-    runs: Path,
-    seconds: float,
-    rate_hz: float | None,
-    hours: float,
-    *,
-    rehearsal: bool,
-    as_json: bool,
-    rig: Path | None = None,
+def command(
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.1, max=3600, help="Time to measure wake-ups, s.")
+    ] = 35.0,
+    rehearsal: Annotated[
+        bool, typer.Option("--rehearsal", help="Judge fitness for rehearsals only (exit code).")
+    ] = False,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate", min=10, max=10_000, help="Loop rate, Hz (default: the rig file's, or 1000)."
+        ),
+    ] = None,
+    hours: Annotated[
+        float, typer.Option("--hours", min=0, max=1000, help="Hours of log that must fit on disk.")
+    ] = 8.0,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="Rig file: also check what its wires need.")
+    ] = None,
+    runs: Runs = RUNS,
+    as_json: Json = False,
 ) -> int:
-    """Examine the host, print the findings, and return the exit code.
-
-    The code is 0 if the host is fit for real time or, with ``rehearsal``, for a rehearsal.
-    ``rig``: also check what the wires of this rig file need; without ``rate_hz`` its rate
-    is that of the loop.
-    """
+    """Check whether this host is fit for real time on a rig; give advice where it is not."""
     console = table_console()
     rig_config = None
     if rig is not None:
-        try:
+        with input_errors("doctor", as_json=as_json):
             rig_config, _, _ = load_rig(input_file(rig, RIGS))
-        except INPUT_ERRORS as error:
-            return refuse("doctor", error, as_json=as_json)
-    rate = rate_hz or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
+    rate = rate or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
     options = DoctorOptions(runs, seconds, rate, hours, rig_config)
     if not as_json and console.is_terminal:
         duration = seconds + min(seconds, UNPRIVILEGED_S)
@@ -58,10 +69,10 @@ def main(
     else:
         examination = examine(options)
     if as_json:
-        print(json.dumps(examination.as_dict()))
+        print_json(examination.as_dict())
     else:
         console.print(render(examination, console.width))
-    return cli.OK if examination.fit(Use.REHEARSAL if rehearsal else Use.REALTIME) else cli.FAILED
+    return OK if examination.fit(Use.REHEARSAL if rehearsal else Use.REALTIME) else FAILED
 
 
 def render(examination: Examination, width: int) -> Group:

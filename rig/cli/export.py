@@ -1,14 +1,18 @@
 """`rig export RUN --as mat|netcdf|csv`."""
 
-import json
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.cli import options
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.find_run import find_run, run_folder
+from rig.cli.options import RUNS, Json, Run, Runs
+from rig.cli.output import print_json
+from rig.interop import tables
+from rig.recording.runs import run_info
 
 
 class ExportFormat(StrEnum):
@@ -23,7 +27,7 @@ SUFFIX = {ExportFormat.MAT: ".mat", ExportFormat.NETCDF: ".nc", ExportFormat.CSV
 
 
 def command(
-    run: options.Run,
+    run: Run,
     form: Annotated[
         ExportFormat,
         typer.Option("--as", help="mat: the MASK4 structure; netcdf: xarray, MHKiT; csv."),
@@ -46,19 +50,14 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File to write (default: in the run).")
     ] = None,
-    runs: options.Runs = options.RUNS,
-    as_json: options.Json = False,
-) -> None:
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
     """Export a run for other tools."""
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.cli.find_run import find_run
-    from rig.recording.runs.folder import run_info
-
     remarks: tuple[str, ...] = ()
-    try:
+    with input_errors("export", as_json=as_json):
         record = find_run(run, runs)
-        folder = record if record.is_dir() else record.parent
-        path = output or folder / f"{run_info(record).run}{SUFFIX[form]}"
+        path = output or run_folder(record) / f"{run_info(record).run}{SUFFIX[form]}"
         if form is ExportFormat.MAT:
             if fields or rows:
                 raise ValueError(
@@ -71,18 +70,14 @@ def command(
             remarks = exported.remarks
             write_mat(exported, path)
         else:
-            from rig.interop import tables
-
             selected = fields or (tables.CSV_FIELDS if form is ExportFormat.CSV else ())
             table = tables.export_table(record, selected, rows or (), rate)
             write = tables.write_csv if form is ExportFormat.CSV else tables.write_netcdf
             write(table, path)
             remarks = tuple(filter(None, [table.attrs.get(tables.INCOMPLETE_ATTRIBUTE, "")]))
-    except INPUT_ERRORS as error:
-        sys.exit(refuse("export", error, as_json=as_json))
     if as_json:
-        print(json.dumps({"written": str(path), "remarks": remarks}))
-    else:
-        print(path)
-        for remark in remarks:
-            print(f"  {remark}")
+        return print_json({"written": str(path), "remarks": remarks})
+    print(path)
+    for remark in remarks:
+        print(f"  {remark}")
+    return OK

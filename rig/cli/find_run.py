@@ -1,11 +1,13 @@
-"""Lookup of the run and the calibrations that a person names."""
+"""Lookup of the run and the calibrations that a person names, and of a run's products."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig.recording.runs import RunError, list_runs
+from rig.kinds import find
+from rig.recording.runs import RunError, list_runs, run_info
 
 if TYPE_CHECKING:
+    from rig.kinds.interface import Products
     from rig.recording.calibration import CalibrationVersion
 
 
@@ -35,11 +37,31 @@ def find_run(name: Path, runs: Path) -> Path:
     raise RunError(f"{name}: no such run or campaign in {runs}/; the newest there: {newest}")
 
 
+def run_folder(run: Path) -> Path:
+    """Return the folder of a run that is given by its folder or by an MCAP file."""
+    return run if run.is_dir() else run.parent
+
+
+def products_of(run: Path) -> "Products":
+    """Return what a run's kind of rig makes of it.
+
+    A record that does not name its kind has the rows of a campaign. KindError if the kind cannot be
+    used here.
+    """
+    kind = run_info(run).kind
+    if not kind:
+        from rig.analysis import campaign_products
+
+        return campaign_products
+    products: Products = find(kind).room("products")
+    return products
+
+
 def find_calibrations(names: list[str]) -> "list[CalibrationVersion]":
     """Return calibrations by file or name; raises the same errors as `rig calibration show`."""
     if not names:
         return []
-    from rig.cli.calibration_commands import find_calibration
+    from rig.cli.calibration import find_calibration
     from rig.cli.options import CALIBRATIONS, calibrations_folder
 
     folder = calibrations_folder(CALIBRATIONS)

@@ -1,18 +1,22 @@
-"""Options of `rig identify`; `rig.cli.identify_command` implements it."""
+"""`rig identify RUNS`, and `rig identify --compare A B`."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.cli.options import IncompleteRows
+from rig.cli.errors import input_errors
+from rig.cli.find_run import find_run, run_folder
+from rig.cli.options import RUNS, IncompleteRows, Json, Runs
+from rig.cli.output import print_result
+from rig.identification import comparison, report
+from rig.identification.bem import read_bem
+from rig.identification.identify import IdentificationOptions, identify
 
 _RUN = (
     "A run's folder, MCAP file, id, campaign, or 'last'. Give several to combine runs in calm "
     "water, in waves, and of the waves without the device."
 )
-_RUNS = "Folder that holds the runs."
 
 
 def command(
@@ -35,17 +39,68 @@ def command(
     ] = None,
     pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
     incomplete_rows: IncompleteRows = False,
-    runs: Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")] = Path(
-        "runs"
-    ),
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
-) -> None:
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
     """Identify impedances and wave excitation from runs with an open-loop reference."""
-    from rig.cli import identify_command
+    if compare is not None:
+        if run_names:
+            raise typer.BadParameter("--compare takes two identifications; leave out RUNS")
+        return _compare(compare, runs, output, as_json=as_json)
+    with input_errors("identify", as_json=as_json):
+        if not run_names:
+            raise ValueError("no run given; name RUNS, or two identifications with --compare A B")
+        paths = [find_run(name, runs) for name in run_names]
+        known = read_bem(bem) if bem else None
+        result = identify(paths, IdentificationOptions(order, probe, known, incomplete_rows))
+        folder = output or _products_folder(paths)
+        folder.mkdir(parents=True, exist_ok=True)
+        written = report.write(result, folder)
+        if pictures:
+            from rig.identification.page import write_page  # matplotlib
+            from rig.identification.pictures import write_pictures
 
-    options = identify_command.IdentifyOptions(order, probe, bem, output, pictures, incomplete_rows)
-    if compare is None:
-        sys.exit(identify_command.main(run_names or [], runs, options, as_json=json))
-    if run_names:
-        raise typer.BadParameter("--compare takes two identifications; leave out RUNS")
-    sys.exit(identify_command.compare(compare, runs, output, as_json=json))
+            written += [*write_pictures(result, folder), *write_page(result, folder)]
+    return print_result(report.as_dict(result), report.as_text(result), written, as_json=as_json)
+
+
+def _compare(pair: tuple[Path, Path], runs: Path, output: Path | None, *, as_json: bool) -> int:
+    """Print how two identifications differ; write a picture and JSON beside the second one."""
+    from rig.identification.pictures import write_comparison  # matplotlib
+
+    with input_errors("identify", as_json=as_json):
+        a, b = (_identification_file(name, runs) for name in pair)
+        result = comparison.compare(
+            comparison.read_identification(a), comparison.read_identification(b)
+        )
+        folder = output or b.parent
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / "identification_compared"
+        written = [
+            report.write_json(comparison.as_dict(result), path.with_suffix(".json")),
+            write_comparison(result, path.with_suffix(".png")),
+        ]
+    values, text = comparison.as_dict(result), comparison.as_text(result)
+    return print_result(values, text, written, as_json=as_json)
+
+
+def _products_folder(paths: list[Path]) -> Path:
+    """Return the run's folder or, for several runs, a subfolder of the first run's folder."""
+    first = run_folder(paths[0])
+    return first if len(paths) == 1 else first / f"identification_of_{len(paths)}_runs"
+
+
+def _identification_file(name: Path, runs: Path) -> Path:
+    """Return the path of an identification.json; identify the run first if it has none.
+
+    ``name`` is the file itself, a folder that holds it, or a run.
+    """
+    if name.is_file() and name.suffix == ".json":
+        return name
+    if (name / report.JSON).exists():
+        return name / report.JSON
+    run = find_run(name, runs)
+    folder = _products_folder([run])
+    if not (folder / report.JSON).exists():
+        report.write(identify([run]), folder)
+    return folder / report.JSON

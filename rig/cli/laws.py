@@ -1,21 +1,29 @@
 """`rig laws`: the control laws that a campaign may use."""
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from rig import cli
+import typer
+
+from rig.cli.exit_codes import BAD_INPUT, OK
+from rig.cli.options import Json
+from rig.cli.output import print_json
 from rig.laws import Law, LawError, RegisteredLaw, load_file, registered
 
 
-def main(files: list[Path], *, as_json: bool) -> int:
-    """Print all registered laws, or those of the given files, and return the exit code."""
+def command(
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Files of laws (.py); default: registered laws.")
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """List the control laws: columns of the matrix, parameters, ranges."""
     listed = [_entry_of_file(path) for path in files] if files else list(registered())
     if as_json:
-        print(json.dumps({"laws": [_as_dict(entry) for entry in listed]}, ensure_ascii=False))
+        print_json({"laws": [_as_dict(entry) for entry in listed]})
     else:
         print("\n\n".join(_text(entry) for entry in listed))
-    return cli.BAD_INPUT if files and any(entry.problem for entry in listed) else cli.OK
+    return BAD_INPUT if files and any(entry.problem for entry in listed) else OK
 
 
 def _entry_of_file(path: Path) -> RegisteredLaw:

@@ -1,17 +1,21 @@
 """`rig merge RUN FILE...`."""
 
-import json
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from rig.cli import options
-
-if TYPE_CHECKING:
-    from rig.interop.basin.merge import MergeSource
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import FAILED, OK
+from rig.cli.find_run import find_run, run_folder
+from rig.cli.options import RUNS, Json, Run, Runs
+from rig.cli.output import print_json
+from rig.interop.basin.align import format_alignment
+from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json
+from rig.interop.basin.products import write_products
+from rig.recording.channel_file import METRES_PER_UNIT
 
 EXIT_CODES = """\
 Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast (see the alarms); \
@@ -19,7 +23,7 @@ Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast (see
 
 
 def command(
-    run: options.Run,
+    run: Run,
     files: Annotated[
         list[str],
         typer.Argument(help="Records (.twe, .csv), each as FILE or NAME=FILE.", metavar="FILE..."),
@@ -55,44 +59,33 @@ def command(
             min=0.1, max=10_000, help="Rate of the product, Hz (default: that of the fastest file)."
         ),
     ] = None,
-    runs: options.Runs = options.RUNS,
-    as_json: options.Json = False,
-) -> None:
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
     """Align wave data, power-analyser and other records with a run's time, by trigger and sine."""
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.cli.find_run import find_run
-    from rig.interop.basin.align import format_alignment
-    from rig.interop.basin.merge import SyncChannels, merge, to_json
-    from rig.interop.basin.products import write_products
-
-    try:
+    with input_errors("merge", as_json=as_json):
         record = find_run(run, runs)
         sources = _parse_sources(files, unit or [], offset or [], match or [])
         merged = merge(record, sources, SyncChannels(ttl, sine, run_sine, frequency, rate))
-        written = write_products(merged, record if record.is_dir() else record.parent)
-    except INPUT_ERRORS as error:
-        sys.exit(refuse("merge", error, as_json=as_json))
+        written = write_products(merged, run_folder(record))
+    names = [str(path) for path in written]
     if as_json:
-        report = {"records": to_json(merged), "alarms": merged.alarms}
-        print(json.dumps({**report, "written": [str(path) for path in written]}))
+        print_json({"records": to_json(merged), "alarms": merged.alarms, "written": names})
     else:
         for source, _, alignment in merged.records:
             print(f"{source.name}: {format_alignment(alignment)}")
             for remark in alignment.remarks:
                 print(f"  {remark}")
-        print("\n".join(str(path) for path in written))
+        print("\n".join(names))
         for alarm in merged.alarms:
             print(f"!! {alarm}", file=sys.stderr)
-    sys.exit(options.FAILED if merged.alarms else options.OK)
+    return FAILED if merged.alarms else OK
 
 
 def _parse_sources(
     files: list[str], units: list[str], offsets: list[str], matches: list[str]
-) -> "list[MergeSource]":
+) -> list[MergeSource]:
     """Return the files with the options of each; ValueError for a malformed argument."""
-    from rig.interop.basin.merge import MergeSource
-    from rig.recording.channel_file import METRES_PER_UNIT
-
     sources: dict[str, MergeSource] = {}
     for argument in files:
         name, equals, path = argument.partition("=")

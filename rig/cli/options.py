@@ -1,4 +1,4 @@
-"""Options, default folders and exit codes that the commands share."""
+"""Options and default folders that the commands share."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +11,14 @@ Run = Annotated[Path, typer.Argument(help=WHICH_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS: Path = Path("runs")
 CAMPAIGN_HELP = "Campaign file (YAML), or the name of a shipped campaign."
+TASK_HELP = "Campaign or session: file (YAML), or the name of a shipped one."
 WIRED_RIG_HELP = "Rig with wiring: file (YAML), or the name of a shipped rig."
 Rig = Annotated[
     Path | None,
-    typer.Option("--rig", help="Rig file (YAML) or shipped rig, replaces that of the campaign."),
+    typer.Option("--rig", help="Rig file (YAML) or shipped rig, replaces that of the file."),
+]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", help="Use the real clock, not the fastest possible pace.")
 ]
 Sim = Annotated[
     bool, typer.Option("--sim", help="Emulate the devices at the far end of the rig's wires.")
@@ -42,7 +46,6 @@ Calibrations = Annotated[
 _READ_BY = "Apply this calibration: NAME, NAME@VERSION or a file; one per quantity."
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
-CODES = OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 IncompleteRows = Annotated[
     bool,
     typer.Option("--incomplete-rows", help="Include means of rows whose record lacks ticks."),

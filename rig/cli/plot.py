@@ -1,117 +1,84 @@
 """`rig plot RUN`."""
 
 import json
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Annotated
 
-from rig import cli
-from rig.cli.file_problems import INPUT_ERRORS, refuse
-from rig.cli.find_run import find_calibrations, find_run
+import typer
 
-if TYPE_CHECKING:
-    import xarray
-
-
-class PlotOptions(NamedTuple):
-    """Options of `rig plot`; without any, the command draws all products."""
-
-    fields: list[str]
-    rows: list[int]
-    surface: tuple[str, str] | None  # columns along x and y
-    left_out: list[str]  # columns, or column=value
-    stations: list[str]
-    sort: str | None
-    output: Path | None
-    calibrations: list[str]  # applied to the run
-    incomplete_rows: bool = False
+from rig.analysis.run_products import DrawOptions
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.find_run import find_calibrations, find_run, products_of
+from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Run, Runs
 
 
-def main(run_name: Path, runs: Path, options: PlotOptions, *, as_json: bool) -> int:
-    """Write surfaces and summary, or the selected picture; print the written paths."""
-    try:
-        written = _draw(find_run(run_name, runs), options)
-    except INPUT_ERRORS as error:
-        return refuse("plot", error, as_json=as_json)
-    if as_json:
-        print(json.dumps([str(path) for path in written]))
-    else:
-        print("\n".join(str(path) for path in written))
-    return cli.OK
+def command(
+    run: Run,
+    fields: Annotated[
+        list[str] | None,
+        typer.Option("--field", "-f", help="Log field or pattern to draw over time; repeatable."),
+    ] = None,
+    rows: Annotated[
+        list[int] | None,
+        typer.Option("--row", "-r", help="Draw only this campaign row; repeatable."),
+    ] = None,
+    surface: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--surface", metavar="X Y", help="Draw sliced power over these two columns."),
+    ] = None,
+    left_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Column to slice at each station's optimum (the default for every column that is "
+            "not an axis); COLUMN=VALUE (SI) slices it at that value; repeatable."
+        ),
+    ] = None,
+    station: Annotated[
+        list[str] | None,
+        typer.Option(help="Station of a surface: mechanical, shaft, ac, dc; repeatable."),
+    ] = None,
+    sort: Annotated[
+        str | None,
+        typer.Option(help="Draw bars of all rows and settings, in order of 'run' or 'power'."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
+    ] = None,
+    calibration: ReadBy = None,
+    incomplete_rows: IncompleteRows = False,
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
+    """Draw a run: its products, one surface, bars, or log fields over time."""
+    with input_errors("plot", as_json=as_json):
+        path = find_run(run, runs)
+        options = DrawOptions(
+            surface,
+            tuple(left_out or ()),
+            tuple(station or ()),
+            sort,
+            output,
+            tuple(find_calibrations(calibration or [])),
+            incomplete_rows,
+        )
+        written = _draw(path, options, fields or [], rows or [])
+    names = [str(each) for each in written]
+    print(json.dumps(names) if as_json else "\n".join(names))
+    return OK
 
 
-def _draw(run: Path, options: PlotOptions) -> list[Path]:
-    from rig.analysis.report import products_folder, write_products
-    from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-    from rig.analysis.traces import write_traces
-
-    traces = bool(options.fields or options.rows)
-    surface = bool(options.surface or options.left_out or options.stations)
-    if traces + surface + bool(options.sort) > 1:
+def _draw(run: Path, options: DrawOptions, fields: list[str], rows: list[int]) -> list[Path]:
+    traces = bool(fields or rows)
+    if traces + options.selects_surface + bool(options.sort) > 1:
         raise ValueError("draw fields over time, a surface or bars; give options of one of them")
     if options.sort not in (None, "run", "power"):
         raise ValueError(f"--sort {options.sort}: allowed run, power")
-    calibrations = find_calibrations(options.calibrations)
+    if not traces and (options.selects_surface or options.sort or not options.output):
+        return products_of(run).draw(run, options)
+    if options.calibrations:
+        raise ValueError("fields over time show recorded values; leave out --calibration")
+    from rig.analysis.traces import write_traces  # matplotlib
+
     folder = run if run.is_dir() else run.parent
-    if surface or options.sort:
-        table = row_table(
-            run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=options.incomplete_rows
-        )
-        folder = products_folder(folder, calibrations)
-        if options.output is None:
-            folder.mkdir(exist_ok=True)
-        return [
-            _draw_surface(table, folder, options) if surface else _draw_bars(table, folder, options)
-        ]
-    if traces or options.output:
-        if calibrations:
-            raise ValueError("fields over time show recorded values; leave out --calibration")
-        picture = options.output or folder / "traces.png"
-        return [write_traces(run, picture, options.fields, options.rows or None)]
-    incomplete = options.incomplete_rows
-    return write_products(run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=incomplete)
-
-
-def _draw_bars(table: "xarray.Dataset", folder: Path, options: PlotOptions) -> Path:
-    from rig.analysis.bars import write_bars
-
-    if options.sort == "run":
-        return write_bars(table, options.output or folder / "bars.png")
-    return write_bars(table, options.output or folder / "bars_by_power.png", "power")
-
-
-def _draw_surface(table: "xarray.Dataset", folder: Path, options: PlotOptions) -> Path:
-    from rig.analysis.labels import column
-    from rig.analysis.points import gain_matrix, varied_columns
-    from rig.analysis.surfaces import write_sliced
-    from rig.config.columns import REQUIRED_COLUMNS
-
-    names = options.surface or ("ki", "kp")
-    x, y = column(names[0]), column(names[1])
-    varying = varied_columns(gain_matrix(table))
-    for axis in (x, y):
-        if axis not in (*varying, *REQUIRED_COLUMNS):
-            available = ", ".join(c.name for c in varying) or "nothing"
-            raise ValueError(f"{axis.name} does not vary in this run; these vary: {available}")
-    other_columns = [c for c in varying if c not in (x, y)]
-    fixed_values = {}
-    for argument in options.left_out:
-        name, _, value = argument.partition("=")
-        left_out_column = column(name)
-        if left_out_column not in other_columns:
-            available = ", ".join(c.name for c in other_columns) or "none"
-            raise ValueError(f"{name} cannot be left out; besides the axes these vary: {available}")
-        if value:
-            fixed_values[left_out_column.name] = _parse_value(argument, value)
-    picture = options.output or folder / f"surface_{x.name}_{y.name}.png"
-    return write_sliced(table, picture, x, y, fixed_values, tuple(options.stations))
-
-
-def _parse_value(argument: str, value: str) -> float:
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{argument}: {value!r} is not a number; write column=value in SI units")
-    return number
+    return [write_traces(run, options.output or folder / "traces.png", fields, rows or None)]

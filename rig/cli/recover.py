@@ -5,14 +5,22 @@ import json
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from rig import cli
-from rig.cli.command_error import fail
+import typer
+
+from rig.cli.errors import fail
+from rig.cli.exit_codes import FAILED, LOST, OK
 from rig.cli.find_run import find_run
+from rig.cli.options import RUNS, Json, Runs
 from rig.recording.runs import RunError, create
 from rig.recording.runs.recover import Recovery, recover
 
+EXIT_CODES = """\
+Exit codes: 0 the record is finished and holds every executed tick; 5 it is finished, but ticks \
+are lost or damaged, or no process recorded whether more ticks followed; 1 not done: the run is \
+still being written, the disk is full, or the new file could not be read back; 2 no such run, or \
+no readable data in it."""
 _MAX_LISTED = 12  # gaps, and rows
 
 
@@ -25,19 +33,32 @@ class RecoveredRow(NamedTuple):
     missing_ticks: int  # of the measured window
 
 
-def main(run_name: Path, runs: Path, output: Path | None, *, as_json: bool) -> int:
-    """Recover a run, print what the record holds and lacks, and return the exit code."""
+def command(
+    run_name: Annotated[
+        Path,
+        typer.Argument(metavar="RUN", help="A run's folder or MCAP file, its id, or 'last'."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to write (default: run.mcap in the run)."),
+    ] = None,
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
+    """Finish the record of a run that was killed, and list exactly which ticks are missing.
+
+    The files that the crash left stay unchanged. The command reads the new
+    file back with the stock MCAP library.
+    """
     try:
         run = find_run(run_name, runs)
         recovery = recover(run, output, datetime.now(UTC))
     except create.BusyError as error:
-        return fail("recover", error, as_json=as_json, code=cli.FAILED)
-    except FileNotFoundError as error:
+        return fail("recover", error, as_json=as_json, code=FAILED)
+    except (FileNotFoundError, RunError) as error:
         return fail("recover", error, as_json=as_json)
     except OSError as error:
-        return fail("recover", _with_advice(error), as_json=as_json, code=cli.FAILED)
-    except RunError as error:
-        return fail("recover", error, as_json=as_json)
+        return fail("recover", _with_advice(error), as_json=as_json, code=FAILED)
     rows = _read_rows(recovery.output)
     if rows is not None and output is None and run.is_dir():
         with suppress(
@@ -45,7 +66,7 @@ def main(run_name: Path, runs: Path, output: Path | None, *, as_json: bool) -> i
         ):  # the record is complete; only the status may be missing
             create.write_rows_done(run, sum(row.state == "complete" for row in rows))
     print(json.dumps(_as_dict(recovery, rows)) if as_json else "\n".join(_lines(recovery, rows)))
-    return cli.OK if recovery.complete else cli.LOST
+    return OK if recovery.complete else LOST
 
 
 def _with_advice(error: OSError) -> Exception:

@@ -1,85 +1,134 @@
-"""`rig run CAMPAIGN`."""
+"""`rig run FILE`: run a campaign or session to its end, and analyse it."""
 
-import json
+import math
 import sys
+from enum import IntEnum, IntFlag
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from rig import cli
-from rig.cli import command_error
-from rig.cli.check import examine, print_errors
-from rig.cli.command_error import fail
-from rig.cli.input_files import CAMPAIGNS, input_file, rig_file
-from rig.cli.progress import Progress
-from rig.cli.run_end import exit_code, print_folder, row_as_json
-from rig.config.problems import Problem
-from rig.config.shipped_files import UnknownNameError
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult
-from rig.kinds.wavebot.campaign import Campaign, Plan
-from rig.kinds.wavebot.tasks import rehearsal_mode, wired_mode
-from rig.processes.run_types import ExecutionMode
+import typer
+
+from rig.analysis.run_products import RunProducts
+from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
+from rig.cli.check import examine, print_problems
+from rig.cli.errors import fail, input_errors
+from rig.cli.exit_codes import FAILED, FAULT, LOST, OK, STOPPED
+from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
+from rig.cli.options import RUNS, TASK_HELP, Json, Realtime, Rig, Runs, Sim
+from rig.cli.output import print_json
+from rig.cli.run_panel import RunPanel
+from rig.config.problems import Problem, error_text
+from rig.execution.task import RunResult, run_task
+from rig.host import disk
+from rig.kinds import KindError, RigKind
+from rig.kinds.interface import Checked, Display, Products, Tasks
+from rig.kinds.rig_file import kind_of_task
+from rig.processes.run_types import ExecutionMode, Outcome
+from rig.realtime.limits import LimitFlag, WarningFlag
+from rig.realtime.reasons import ReasonTable
+from rig.realtime.safety import Mode
+from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, create
 from rig.wires.job import WiringError
 
+EXIT_CODES = """\
+Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
+requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows \
+were lost."""
 _MAX_WARNINGS = 5
+_NAMES: dict[str, type[IntEnum]] = {"safety.mode": Mode, "plan.phase": Phase}
+_FLAGS: dict[str, type[IntFlag]] = {
+    "command.limited": LimitFlag,
+    "warned": WarningFlag,
+}  # of every axis
+_EXIT_CODES = {"complete": OK, "stopped": STOPPED, "fault": FAULT}
 
 
 class RunOptions(NamedTuple):
-    """Options of `rig run` apart from the campaign file."""
+    """Options of a run apart from the campaign or session file."""
 
-    rig: Path | None  # replaces the rig file of the campaign
-    realtime: bool
-    emulated: bool  # --sim
+    rig: Path | None = None  # replaces the rig that the file names
+    realtime: bool = False
+    emulated: bool = False  # --sim
 
 
-def main(path: Path, runs: Path, options: RunOptions, *, as_json: bool) -> int:
-    """Check, run and analyse a campaign, print the result, and return the exit code."""
-    try:
-        report = examine(input_file(path, CAMPAIGNS), rig_file(options.rig))
-    except UnknownNameError as error:
-        return fail("run", error, as_json=as_json)
-    if report.campaign is None or report.plan is None:
-        return print_errors(report, as_json=as_json)
-    campaign, plan = report.campaign, report.plan
-    warnings = report.warnings
+def command(
+    task: Annotated[Path, typer.Argument(metavar="FILE", help=TASK_HELP)],
+    realtime: Realtime = False,
+    rig: Rig = None,
+    sim: Sim = False,
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
+    """Run a campaign or session, and analyse it.
+
+    The rig file decides the kind of rig. A rig file without wiring runs as a
+    rehearsal on the simulated plant. A rig file with wiring runs on the rig's
+    devices.
+    """
+    return run_named("run", task, runs, RunOptions(rig, realtime, sim), as_json=as_json)
+
+
+def run_named(
+    command_name: str,
+    name: Path,
+    runs: Path,
+    options: RunOptions,
+    *,
+    as_json: bool,
+    folders: tuple[str, ...] = (CAMPAIGNS, SESSIONS),
+    kind: RigKind | None = None,
+) -> int:
+    """Run the campaign or session that a person names, and return the exit code.
+
+    ``folders`` are those of the shipped files to search; ``kind``: the kind of rig that it must
+    have, else that of its rig file.
+    """
+    with input_errors(command_name, as_json=as_json):
+        path, rig = input_file(name, *folders), rig_file(options.rig)
+        kind = kind or kind_of_task(path, rig)
+        tasks: Tasks = kind.room("tasks")
+        display: Display = kind.room("display")
+    report = examine(tasks, path, rig)
+    checked, plan = report.checked, report.plan
+    if checked is None or plan is None:
+        return print_problems(report, as_json=as_json)
     if not as_json:
-        _print_warnings(warnings, path)
-        _warn_of_disk_space(runs, plan)
-    title = f"{campaign.file.name} on {campaign.rig.name}"
+        print_warnings(report.warnings, path)
+        # A full disk stops the rig.
+        if shortage := disk.space_shortage(runs, plan.duration, 1.0 / plan.dt):
+            print(f"warning: {shortage}", file=sys.stderr)
+    title = f"{checked.file.name} on {checked.rig.name}"
     try:
-        mode = _execution_mode(campaign, options)
+        mode = _execution_mode(tasks, checked, options)
+        with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
+            ended = run_task(tasks.execution_task(checked, plan), runs, view, mode)
     except WiringError as error:
-        return fail("run", error, as_json=as_json, code=cli.BAD_INPUT)
-    try:
-        with Progress(title, mode.name, plan, quiet=as_json) as view:
-            ended = run_campaign(campaign, plan, runs, view, mode)
+        return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
-        return fail("run", error, as_json=as_json, code=cli.FAILED)
-    products, summary, trouble = _analyse(ended, quiet=as_json)
-    trouble = "; ".join(filter(None, (ended.save_error, trouble)))
-    outcome = ended.outcome
+        return fail(command_name, error, as_json=as_json, code=FAILED)
+    products = _analyse(kind, ended, len(plan.rows), quiet=as_json)
+    trouble = "; ".join(filter(None, (ended.save_error, products.trouble)))
+    outcome, lost = ended.outcome, lost_ticks(ended)
     if as_json:
-        print(
-            json.dumps(
-                {
-                    **outcome._asdict(),
-                    "last_row": row_as_json(outcome.last_row, ended.reasons),
-                    "optima": summary.get("optima", []),
-                    "lost_ticks": summary.get("lost_ticks"),
-                    "folder": str(ended.folder),
-                    "products": [str(product) for product in products],
-                    "trouble": trouble,
-                    "warnings": [warning.as_dict() for warning in warnings],
-                }
-            )
-        )
+        record = {
+            **outcome._asdict(),
+            "last_row": row_as_json(outcome.last_row, ended.reasons),
+            **products.results,
+            "lost_ticks": lost and lost._asdict(),
+            "folder": str(ended.folder),
+            "products": [str(file) for file in products.files],
+            "trouble": trouble,
+            "warnings": [warning.as_dict() for warning in report.warnings],
+        }
+        print_json(record)
     else:
-        _print_result(ended, summary, products, trouble)
+        print_end(ended, products.text, lost)
+        _print_folder(ended, products.files, trouble)
     return exit_code(outcome, trouble)
 
 
-def _print_warnings(warnings: tuple[Problem, ...], path: Path) -> None:
+def print_warnings(warnings: tuple[Problem, ...], path: Path) -> None:
     """Print the warnings of `rig check`, for an operator who did not run it before."""
     for warning in warnings[:_MAX_WARNINGS]:
         print(f"warning: {warning.text()}", file=sys.stderr)
@@ -88,71 +137,115 @@ def _print_warnings(warnings: tuple[Problem, ...], path: Path) -> None:
         print(f"and {remaining} more warnings; rig check {path} lists all", file=sys.stderr)
 
 
-def _warn_of_disk_space(runs: Path, plan: Plan) -> None:
-    """Warn before the run if the disk may be too small: a full disk stops the rig."""
-    from rig.host import disk
-
-    if shortage := disk.space_shortage(runs, plan.duration, 1.0 / plan.dt):
-        print(f"warning: {shortage}", file=sys.stderr)
-
-
-def _execution_mode(campaign: Campaign, options: RunOptions) -> ExecutionMode:
+def _execution_mode(tasks: Tasks, checked: Checked, options: RunOptions) -> ExecutionMode:
     """Return the execution mode.
 
     A rig with wiring runs on its devices or, with --sim, on emulated devices. A rig without wiring
     runs as a rehearsal.
     """
-    if campaign.rig.wiring is None:
-        if options.emulated:
-            raise WiringError(
-                f"{campaign.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
-            )
-        return rehearsal_mode(campaign, real_clock=options.realtime)
-    return wired_mode(campaign, emulated=options.emulated)
+    if checked.rig.wiring is not None:
+        return tasks.wired_mode(checked, emulated=options.emulated)
+    if options.emulated:
+        raise WiringError(
+            f"{checked.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
+        )
+    return tasks.rehearsal_mode(checked, real_clock=options.realtime)
 
 
-def _analyse(ended: RunResult, *, quiet: bool) -> tuple[list[Path], dict[str, Any], str]:
-    """Return the run's products, its summary as in `rig show --json`, and the trouble.
-
-    The trouble states why products are missing. A run without a tick has no products and no
-    trouble.
-    """
-    from rig.analysis.report import write_products
-
-    if ended.outcome.ticks == 0:
-        return [], {}, ""
-    if not quiet:
-        print("drawing surfaces and summary ...", file=sys.stderr, flush=True)
-    products: list[Path] = []
-    summary: dict[str, Any] = {}
+def _analyse(kind: RigKind, ended: RunResult, planned_rows: int, *, quiet: bool) -> RunProducts:
+    """Write the products of a run and the number of its complete rows."""
     try:
-        products = write_products(ended.folder)
-        summary = json.loads((ended.folder / "summary.json").read_text())
-        create.write_rows_done(ended.folder, summary["rows_done"])
-    except (RunError, OSError, ValueError) as error:
-        message = command_error.error_text(error)
-        return products, summary, message if products else f"could not make all products: {message}"
+        room: Products = kind.room("products")
+    except KindError as error:
+        return RunProducts((), {}, trouble=str(error))
+    folder, outcome = ended.folder, ended.outcome
+    if outcome.ticks == 0:
+        return room.NO_PRODUCTS
+    if not quiet:
+        print(f"{room.PROGRESS} ...", file=sys.stderr, flush=True)
+    try:
+        products = room.after_run(folder, outcome)
     except KeyboardInterrupt:
-        message = f"interrupted; `rig plot {ended.folder}` draws surfaces and summary"
-        return products, summary, message
-    return products, summary, ""
+        trouble = f"interrupted; `rig plot {folder}` writes the products"
+        return room.NO_PRODUCTS._replace(trouble=trouble)
+    rows_done = products.rows_done
+    if rows_done is None:  # all rows, or those before the one in which the run stopped
+        complete = outcome.status == "complete"
+        rows_done = planned_rows if complete else max(0, int(outcome.last_row.get("plan.row", 0)))
+    try:
+        create.write_rows_done(folder, rows_done)
+    except (OSError, ValueError) as error:
+        return products._replace(trouble=products.trouble or error_text(error))
+    return products
 
 
-def _print_result(
-    ended: RunResult, summary: dict[str, Any], products: list[Path], failure: str
-) -> None:
-    from rig.analysis.stop_reason import ENDINGS
+def lost_ticks(ended: RunResult) -> LostTicks | None:
+    """Return the ticks that the host lost before a trip, where they may be its cause."""
+    try:
+        return find_stop(ended.folder, {"status": ended.outcome.status}).lost
+    except (RunError, OSError):
+        return None  # the analysis has already reported the error in the record
 
-    summary_file = ended.folder / "summary.txt"
-    if summary_file.exists():
-        print(summary_file.read_text().rstrip())
+
+def exit_code(outcome: Outcome, trouble: str) -> int:
+    """Return the command's exit code; ``trouble`` is a failure after the run (empty: none)."""
+    if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
+        return LOST
+    if trouble or outcome.status == "refused" or (outcome.moved and outcome.status == "complete"):
+        return FAILED
+    return _EXIT_CODES[outcome.status]
+
+
+def row_as_json(row: dict[str, float | int], reasons: ReasonTable) -> dict[str, Any]:
+    """Return a row as JSON values.
+
+    Coded numbers become names, flags become lists of names, NaN and infinity become null.
+    """
+    values: dict[str, Any] = {}
+    for name, value in row.items():
+        if name == "safety.reason":
+            values[name] = reasons.name(int(value)) if int(value) in reasons else value
+        elif name in _NAMES:
+            values[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
+        elif flags := _flag_type(name):
+            values[name] = [flag.name for flag in flags if int(value) & flag]
+        else:
+            values[name] = value if math.isfinite(value) else None
+    return values
+
+
+def _flag_type(name: str) -> type[IntFlag] | None:
+    endings = (flags for end, flags in _FLAGS.items() if f".{name}".endswith(f".{end}"))
+    return next(endings, None)
+
+
+def print_end(ended: RunResult, summary: str, lost: LostTicks | None) -> None:
+    """Print the summary, and on standard error how the run ended, but not twice on one screen."""
     outcome = ended.outcome
-    # The summary on standard output states the ending, too: do not print it twice on one screen.
-    already_printed = summary_file.exists() and (
+    status = {
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "reason_text": ended.reasons.text(outcome.reason),
+    }
+    ending = describe_ending(status, lost).description
+    if summary:
+        print(summary)
+    already_printed = ending in summary and (
         sys.stdout.isatty() or outcome.status not in ("crashed", "refused")
     )
     if not already_printed:
-        ending = ENDINGS.get(outcome.status, outcome.status)
-        reason = summary.get("reason") or ended.reasons.text(outcome.reason)
-        print(f"\n{ending}: {reason}.", file=sys.stderr)
-    print_folder(ended, products, failure)
+        print(f"\n{ending}.", file=sys.stderr)
+
+
+def _print_folder(ended: RunResult, products: tuple[Path, ...], trouble: str) -> None:
+    """Print lost rows, the messages of the run, and the paths of folder and products."""
+    outcome = ended.outcome
+    if outcome.dropped or outcome.unsaved:
+        lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
+        print(f"\nlost: {lost}", file=sys.stderr)
+    for message in (*outcome.messages, outcome.died, outcome.moved, trouble):
+        if message:
+            print(f"\n{message}", file=sys.stderr)
+    print(f"\n{ended.folder}/")
+    for product in products:
+        print(f"  {product.name}")

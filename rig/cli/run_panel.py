@@ -1,10 +1,9 @@
-"""Progress display of a run, for campaigns and sessions."""
+"""Progress display of a run of any kind of rig."""
 
 import sys
 import time
-from abc import ABC, abstractmethod
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -12,52 +11,33 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from rig.presentation.phrases import clock_text
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_2, Mode
 from rig.realtime.sequence import NO_ROW
 
 if TYPE_CHECKING:
+    from rig.kinds.interface import Display
     from rig.processes.run_types import Snapshot
 
 _LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 _MODE_LABELS = {"rehearsal": "REHEARSAL, simulated plant", "hil": "HIL, emulated devices"}
 
 
-def clock_text(seconds: float) -> str:
-    """Format seconds as h:mm:ss or m:ss."""
-    rounded = max(0, round(seconds))
-    hours, rest = divmod(rounded, 3600)
-    minutes, remaining = divmod(rest, 60)
-    return f"{hours}:{minutes:02d}:{remaining:02d}" if hours else f"{minutes}:{remaining:02d}"
-
-
-def plan_end_text(snapshot: "Snapshot", rows: int) -> str:
-    """Return how a finished plan of ``rows`` rows ended."""
-    completed = int(snapshot.row["safety.reason"]) in (Reason.NONE, Reason.PLAN_END)
-    return f"all {rows} done" if completed else f"stopped before all {rows} were done"
-
-
 def _loss_text(snapshot: "Snapshot") -> str:
     return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
 
 
-class HasDuration(Protocol):
-    """A plan with a duration."""
-
-    @property
-    def duration(self) -> float:
-        """Planned duration, s."""
-        ...
-
-
-class RunPanel(ABC):
+class RunPanel:
     """Draws snapshots: a live panel on a terminal, a line every 10 s elsewhere.
 
-    A subclass describes the rig in `plan_position`, `detail_lines` and `short_text`.
+    The rig's position, motion and power are those of its kind's room `display`.
     """
 
-    def __init__(self, title: str, mode: str, plan: HasDuration, *, quiet: bool) -> None:
-        self._title, self._mode, self._planned_duration = title, mode, plan.duration
+    def __init__(
+        self, title: str, mode: str, plan: Any, display: "Display", *, quiet: bool
+    ) -> None:
+        self._title, self._mode, self._plan, self._display = title, mode, plan, display
         self._quiet = quiet
         self._console = Console(stderr=True, highlight=False)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
@@ -65,6 +45,7 @@ class RunPanel(ABC):
         self._start_time = time.monotonic()
         self._last_line_time = self._start_time
         self._last_row = NO_ROW
+        self._measured: dict[str, float | int] = {}  # newest row in a measured window
         self._printed_notice = ""
         self.notice = ""  # the pending request to the run, e.g. after Ctrl-C
 
@@ -86,6 +67,8 @@ class RunPanel(ABC):
         """Draw the current state of the run."""
         if self._quiet:
             return
+        if snapshot.row.get("power.samples", 0) > 0:
+            self._measured = snapshot.row
         if not self._live_display and self.notice != self._printed_notice:
             self._printed_notice = self.notice
             print(self.notice, file=sys.stderr, flush=True)
@@ -103,17 +86,17 @@ class RunPanel(ABC):
 
     def _panel(self, snapshot: "Snapshot") -> Group:
         row = snapshot.row
-        elapsed, total = float(row["time"]), self.total_duration(snapshot)
+        elapsed, total = float(row["time"]), self._display.total_duration(self._plan, row)
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=8)
         table.add_column()
-        table.add_row(*self.plan_position(snapshot))
+        table.add_row(*self._display.plan_position(self._plan, row))
         mode = Mode(int(row["safety.mode"]))
         state = Text(mode.name, style="green" if mode < STOP_2 else "bold red")
         if int(row["safety.reason"]) != Reason.NONE:
             state.append(f"  {snapshot.reason}", style="bold red")
         table.add_row("mode", state)
-        for label, text in self.detail_lines(snapshot):
+        for label, text in self._display.detail_lines(self._plan, row, self._measured):
             table.add_row(label, text)
         table.add_row("time", self._time_text(snapshot))
         health = f"{_loss_text(snapshot)}, {snapshot.unsaved_rows} rows not yet on disk"
@@ -128,27 +111,10 @@ class RunPanel(ABC):
                 parts.append(Text(text, style="bold red"))
         return Group(*parts)
 
-    @abstractmethod
-    def plan_position(self, snapshot: "Snapshot") -> tuple[str, str]:
-        """Return a label and the text of the position in the plan."""
-
-    @abstractmethod
-    def detail_lines(self, snapshot: "Snapshot") -> list[tuple[str, str]]:
-        """Return labels and texts of the rig's motion, for the panel."""
-
-    @abstractmethod
-    def short_text(self, snapshot: "Snapshot") -> str:
-        """Return a short text of the rig's motion, for a line."""
-
-    def total_duration(self, snapshot: "Snapshot") -> float:
-        """Return the duration of the run, s."""
-        return self._planned_duration
-
     def _time_text(self, snapshot: "Snapshot") -> str:
         elapsed = float(snapshot.row["time"])
-        total = max(
-            elapsed, self.total_duration(snapshot)
-        )  # the stop at the end is not in the plan
+        planned = self._display.total_duration(self._plan, snapshot.row)
+        total = max(elapsed, planned)  # the stop at the end is not in the plan
         speed = elapsed / max(time.monotonic() - self._start_time, 1e-3)
         return (
             f"{clock_text(elapsed)} of {clock_text(total)} rig time, "
@@ -156,8 +122,8 @@ class RunPanel(ABC):
         )
 
     def _line(self, snapshot: "Snapshot") -> str:
-        return (
-            f"{self._time_text(snapshot)}  {' '.join(self.plan_position(snapshot))}  "
-            f"{self.short_text(snapshot)}  {_loss_text(snapshot)}"
-            + (f"  {snapshot.problem}" if snapshot.problem else "")
+        position = " ".join(self._display.plan_position(self._plan, snapshot.row))
+        motion = self._display.short_text(self._plan, snapshot.row, self._measured)
+        return f"{self._time_text(snapshot)}  {position}  {motion}  {_loss_text(snapshot)}" + (
+            f"  {snapshot.problem}" if snapshot.problem else ""
         )

@@ -1,33 +1,30 @@
 """`rig runs`."""
 
-import json
-from pathlib import Path
-
 from rich.table import Table
 from rich.text import Text
 
-from rig import cli
-from rig.cli.command_error import fail
-from rig.cli.console import table_console
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import print_json
+from rig.presentation.console import table_console
 from rig.recording.runs import list_runs
 
 _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
 
 
-def main(runs: Path, *, as_json: bool) -> int:
-    """Print the runs, newest first."""
-    try:
+def command(runs: Runs = RUNS, as_json: Json = False) -> int:
+    """List all runs, newest first."""
+    with input_errors("runs", as_json=as_json):
         if runs.exists() and not runs.is_dir():
             raise NotADirectoryError(f"{runs}: not a folder")
         runs_found = list_runs(runs)[::-1]
-    except OSError as error:
-        return fail("runs", error, as_json=as_json)
     if as_json:
-        print(json.dumps([run._asdict() | {"path": str(run.path)} for run in runs_found]))
-        return cli.OK
+        print_json([run._asdict() | {"path": str(run.path)} for run in runs_found])
+        return OK
     if not runs_found:
         print(f"no runs in {runs}/")
-        return cli.OK
+        return OK
     table = Table(box=None, header_style="bold", pad_edge=False)
     longest_name = max(len(run.run) for run in runs_found)
     table.add_column("run", no_wrap=True, min_width=longest_name)  # what a person copies and types
@@ -50,4 +47,4 @@ def main(runs: Path, *, as_json: bool) -> int:
             f"{run.size / 1e6:.1f} MB",
         )
     table_console().print(table, crop=False)
-    return cli.OK
+    return OK

@@ -1,52 +1,24 @@
 """`rig show RUN`."""
 
 import json
-from pathlib import Path
 
-from rig import cli
-from rig.cli.file_problems import INPUT_ERRORS, refuse
-from rig.cli.find_run import find_calibrations, find_run
-from rig.recording.runs import RunError
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.find_run import find_calibrations, find_run, products_of
+from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Run, Runs
 
 
-def main(
-    run_name: Path, runs: Path, calibrations: list[str], *, incomplete_rows: bool, as_json: bool
+def command(
+    run: Run,
+    calibration: ReadBy = None,
+    incomplete_rows: IncompleteRows = False,
+    runs: Runs = RUNS,
+    as_json: Json = False,
 ) -> int:
-    """Compute the summary of a run from its record, print it, and return the exit code."""
-    from rig.analysis.report import summarise_run
-    from rig.analysis.rows import MEAN_POSITION_ALARM
-    from rig.analysis.summary import as_json as in_json
-    from rig.analysis.summary import as_text
-    from rig.recording.runs.folder import run_info
-
-    try:
-        known = find_calibrations(calibrations)
-        run = find_run(run_name, runs)
-        if "session" in run_info(run).config:
-            return _show_session(run, as_json=as_json)
-        summary = summarise_run(run, MEAN_POSITION_ALARM, known, incomplete_rows=incomplete_rows)
-    except INPUT_ERRORS as error:
-        return refuse("show", error, as_json=as_json)
-    print(json.dumps(in_json(summary)) if as_json else as_text(summary).rstrip())
-    return cli.OK
-
-
-def _show_session(run: Path, *, as_json: bool) -> int:
-    """Analyse a session of the bench again, print its results, and rewrite its files.
-
-    The files are the session's report and calibration file.
-    """
-    from rig.analysis.stop_reason import describe_ending, find_stop
-    from rig.kinds.oswec_bench.products import analyse
-    from rig.recording.runs import reader
-    from rig.recording.runs.folder import run_info
-
-    try:
-        summary = analyse(run)
-    except RunError as error:
-        status = run_info(run).status
-        ending = describe_ending(status, find_stop(run, status).lost)
-        record = reader.check_record(run).sentence
-        raise RunError(f"{ending.description}.\n{record}.\n{error}") from error
-    print(json.dumps(summary.as_dict()) if as_json else summary.as_text())
-    return cli.OK
+    """Show how a run went and the summary of its results."""
+    with input_errors("show", as_json=as_json):
+        calibrations = find_calibrations(calibration or [])
+        path = find_run(run, runs)
+        summary = products_of(path).summarise(path, calibrations, incomplete_rows=incomplete_rows)
+    print(json.dumps(summary.values) if as_json else summary.text)
+    return OK

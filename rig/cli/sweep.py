@@ -2,13 +2,12 @@
 
 import os
 import re
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.cli.options import CAMPAIGN_HELP
+from rig.cli.options import CAMPAIGN_HELP, RUNS, Json, Runs
 
 EXIT_CODES = """\
 Exit codes: 0 every case gave its rows; 1 some cases could not run, or the result could not be \
@@ -52,11 +51,9 @@ def command(
     sweeps: Annotated[Path, typer.Option("--sweeps", help="Folder that holds the sweeps.")] = Path(
         "sweeps"
     ),
-    runs: Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")] = Path(
-        "runs"
-    ),
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
-) -> None:
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
     """Simulate a campaign's rows for all values of some parameters, with the compiled plant.
 
     Each row is a case of its own, on all cores or on a cluster. The command
@@ -64,7 +61,7 @@ def command(
     """
     # The cases use all cores; further threads of BLAS would spin and slow them down.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from rig.cli.sweep_run import SweepOptions, main
+    from rig.cli.sweep_run import SweepOptions, main  # numpy
 
     if jobs is not None and scheduler is not None:
         raise typer.BadParameter(
@@ -77,7 +74,7 @@ def command(
     options = SweepOptions(
         over or [], sequential, lead_in, jobs, scheduler, out, measured, sweeps, runs
     )
-    sys.exit(main(campaign, options, as_json=json))
+    return main(campaign, options, as_json=as_json)
 
 
 def _check_out(out: Path) -> None:

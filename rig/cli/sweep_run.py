@@ -1,42 +1,44 @@
 """Implementation of `rig sweep`: check, compile, run, write, draw, and print the result."""
 
-import json
 import sys
 import time
 from pathlib import Path
 from threading import Timer
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from rig import cli
-from rig.analysis.run_columns import table_columns
+from rig.analysis.rows import columns_of
 from rig.cli import calibration_dates
-from rig.cli.command_error import error_text, fail
-from rig.cli.file_problems import INPUT_ERRORS, refuse
+from rig.cli.errors import fail, input_errors
+from rig.cli.exit_codes import FAILED, OK, STOPPED
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
-from rig.cli.sweep_progress import SweepProgress
-from rig.config.columns import OTHER_COLUMNS
-from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.presentation.phrases import format_power
-from rig.recording.runs import RunError, run_info
+from rig.cli.output import print_json
+from rig.config.problems import error_text
+from rig.presentation.phrases import clock_text, format_power
+from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
-from rig.stations import find, station_names
+from rig.row_contents import LAW, PANEL, X, Y
+from rig.stations import Station, find
 from rig.sweep import executors, result_cache, sweep
-from rig.sweep.cases import LEAD_IN
+from rig.sweep import result as results
+from rig.sweep.cases import LEAD_IN, Outcome
 from rig.sweep.journal import JOURNAL_FILE as CASES
-from rig.sweep.result import FAILED
 from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
     import xarray
 
-    from rig.config.columns import Column
+    from rig.row_contents import Column
 
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
 _COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
 _MAX_REASONS = 5
+_LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 
 
 class SweepOptions(NamedTuple):
@@ -56,15 +58,15 @@ class SweepOptions(NamedTuple):
 def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
     """Run the sweep, write its result and pictures, and return the exit code."""
     lead_in = LEAD_IN if options.lead_in is None else options.lead_in
-    try:
+    with input_errors("sweep", as_json=as_json):
         if options.sequential and options.lead_in is not None:
             raise ValueError(
                 "--lead-in: with --sequential the campaign's start.lead_in_s counts; leave it out"
             )
         measured = find_run(options.measured, options.runs) if options.measured else None
-        if measured and "session" in run_info(measured).config:
-            raise RunError(
-                f"--measured {measured}: a run of the bench has no campaign rows; name another run"
+        if measured and "campaign" not in run_info(measured).config:
+            raise ValueError(
+                f"--measured {measured}: this run has no campaign rows; name another run"
             )
         opened = sweep.open_sweep(
             input_file(path, CAMPAIGNS),
@@ -73,8 +75,6 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
             sequential=options.sequential,
             lead_in=lead_in,
         )
-    except (*INPUT_ERRORS, RunError) as error:
-        return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
     warnings = calibration_dates.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, options)
@@ -98,22 +98,21 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
                     table = sweep.run(opened, executor, view.update, view.begin)
                 sweep.write_dataset(table, out)
     except BusyError as error:
-        return fail("sweep", error, as_json=as_json, code=cli.FAILED)
+        return fail("sweep", error, as_json=as_json, code=FAILED)
     except KeyboardInterrupt:
         return _report_interrupt(opened.folder, as_json=as_json)
     except (OSError, ValueError, ArithmeticError) as error:
         hint = f"{opened.folder}/ keeps {view.finished_text}, the same command continues"
         failure = RuntimeError(f"{error_text(error)}; {hint}")
-        return fail("sweep", failure, as_json=as_json, code=cli.FAILED)
+        return fail("sweep", failure, as_json=as_json, code=FAILED)
     if table is not None:
         try:
-            pictures = _draw(table, opened.folder, measured, quiet=as_json)
-            result = _result_as_dict(opened.folder, out, pictures, table)
-            result_cache.store(opened.folder, out, measured, [out, *pictures], result)
+            with input_errors("sweep", as_json=as_json):
+                pictures = _draw(table, opened.folder, measured, quiet=as_json)
+                result = _result_as_dict(opened, out, pictures, table)
+                result_cache.store(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
             return _report_interrupt(opened.folder, as_json=as_json)
-        except (*INPUT_ERRORS, RunError) as error:
-            return refuse("sweep", error, as_json=as_json)
     result = (result or {}) | {
         "seconds": round(time.monotonic() - began, 3),
         "running_s": round(view.elapsed, 3),
@@ -122,10 +121,10 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
         "warnings": warnings,
     }
     if as_json:
-        print(json.dumps(result))
+        print_json(result)
     else:
-        _print_result(result)
-    return cli.FAILED if result["failed"] else cli.OK
+        _print_result(result, _stations(opened.campaign))
+    return FAILED if result["failed"] else OK
 
 
 def _executor(opened: sweep.Sweep, options: SweepOptions) -> executors.Executor:
@@ -169,27 +168,29 @@ def _draw(
 def _report_interrupt(folder: Path, *, as_json: bool) -> int:
     message = f"interrupted; {folder}/ keeps the finished cases, the same command continues"
     if as_json:
-        print(json.dumps({"status": "stopped", "message": message, "folder": str(folder)}))
+        print_json({"status": "stopped", "message": message, "folder": str(folder)})
     else:
         print(f"\nrig sweep: {message}", file=sys.stderr)
-    return cli.STOPPED
+    return STOPPED
 
 
 def _result_as_dict(
-    folder: Path, result: Path, pictures: list[Path], table: "xarray.Dataset"
+    opened: sweep.Sweep, result: Path, pictures: list[Path], table: "xarray.Dataset"
 ) -> dict[str, Any]:
     state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
-    reasons = sorted({str(text) for text in reasons_of_cases[state == FAILED]})
+    reasons = sorted({str(text) for text in reasons_of_cases[state == results.FAILED]})
     return {
         "status": "failed cases" if reasons else "complete",
-        "folder": str(folder),
+        "folder": str(opened.folder),
         "result": str(result),
         "pictures": [str(picture) for picture in pictures],
         "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
         "failed": reasons,
         "best": {
-            name: best for name in station_names(STATIONS) if (best := _best_row(table, name))
+            station.name: best
+            for station in _stations(opened.campaign)
+            if (best := _best_row(table, station.name))
         },
     }
 
@@ -206,18 +207,25 @@ def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
     row: Any = table.isel(place)
     inputs = [
         *map(str, table.sizes),
-        *(each.name for each in table_columns(table) if _is_gain(each, row)),
+        *(each.name for each in columns_of(table) if _is_gain(each, table, row)),
     ]
     values = {key: row[key].values.item() for key in inputs}
     return {"power_w": row[name].values.item(), **values}
 
 
-def _is_gain(column: "Column", row: Any) -> bool:
-    """Return whether a row has a column that describes its set point; Km, mostly 0, does not."""
-    return column.name in row and column not in OTHER_COLUMNS and column.name != "km"
+def _stations(campaign: Any) -> tuple[Station, ...]:
+    """Return the power stations of a campaign's rig."""
+    return simulation_of(campaign).row_contents(campaign).stations
 
 
-def _print_result(result: dict[str, Any]) -> None:
+def _is_gain(column: "Column", table: "xarray.Dataset", row: Any) -> bool:
+    """Return whether a column is a gain of a row: a main one, or one of the law that is in use."""
+    if column.name not in row or column.role not in (PANEL, X, Y, LAW):
+        return False
+    return column.role != LAW or bool(table[column.name].values.any())
+
+
+def _print_result(result: dict[str, Any], stations: tuple[Station, ...]) -> None:
     rows = ", ".join(f"{count} {state}" for state, count in result["rows"].items())
     run_text = "all cases were finished before"
     if result["run_now"]:
@@ -228,7 +236,7 @@ def _print_result(result: dict[str, Any]) -> None:
     for name, best in result["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
                   for key, value in best.items() if key != "power_w")  # fmt: skip
-        label, power = find(STATIONS, name).label, format_power(best["power_w"])
+        label, power = find(stations, name).label, format_power(best["power_w"])
         print(f"  {label:<32} {power:>10}   {', '.join(inputs)}")
     for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)
@@ -237,3 +245,76 @@ def _print_result(result: dict[str, Any]) -> None:
     print(f"\n{result['result']}")
     for picture in result["pictures"]:
         print(picture)
+
+
+class SweepProgress:
+    """Draws a bar on a terminal, prints a line every 10 s elsewhere."""
+
+    def __init__(self, name: str, total: int, *, quiet: bool) -> None:
+        self._total, self._quiet = total, quiet
+        self._already_finished = self.done = self.failed = 0
+        self.simulated = 0.0  # s
+        self.elapsed = 0.0  # s, from the first case handed out to the last outcome
+        console = Console(stderr=True, highlight=False)
+        self._live_display = console.is_terminal and not quiet
+        self._bar = Progress(
+            TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
+            console=console, transient=True, disable=not self._live_display,
+        )  # fmt: skip
+        self._task = self._bar.add_task("", total=total, rate="")
+        self._start_time = self._last_line_time = time.monotonic()
+
+    def __enter__(self) -> "SweepProgress":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def begin(self, already_finished: int) -> None:
+        """Start the clock; ``already_finished`` cases come from an earlier start of the sweep."""
+        self._already_finished = already_finished
+        self._start_time = self._last_line_time = time.monotonic()
+        self._bar.update(self._task, completed=already_finished)
+        if already_finished and not self._quiet:
+            print(
+                f"{already_finished} of {self._total} cases are already finished", file=sys.stderr
+            )
+
+    @property
+    def finished_text(self) -> str:
+        """The number of finished cases as text."""
+        return f"{self._already_finished + self.done - self.failed} of {self._total} cases"
+
+    def update(self, outcome: Outcome) -> None:
+        """Count one more case."""
+        self.done += 1
+        self.failed += bool(outcome.failed)
+        self.simulated += outcome.seconds
+        now = time.monotonic()
+        self.elapsed = max(now - self._start_time, 1e-3)
+        self._bar.update(
+            self._task, completed=self._already_finished + self.done, rate=self._rate_text()
+        )
+        if (
+            not self._live_display
+            and not self._quiet
+            and now - self._last_line_time >= _LINE_INTERVAL_S
+        ):
+            self._last_line_time = now
+            count = f"{self._already_finished + self.done} of {self._total} cases"
+            print(f"{count}, {self._rate_text()}", file=sys.stderr, flush=True)
+
+    def _rate_text(self) -> str:
+        time_left = (self._total - self._already_finished - self.done) * self.elapsed / self.done
+        failed = f", {self.failed} failed" if self.failed else ""
+        rate, speed_ratio = self.done / self.elapsed, self.simulated / self.elapsed
+        return (
+            f"{rate:.3g} a second, {speed_ratio:.0f} times real time, "
+            f"{clock_text(time_left)} left{failed}"
+        )

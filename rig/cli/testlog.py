@@ -1,20 +1,29 @@
 """`rig testlog FILE`."""
 
-import json
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
+from rich.text import Text
 
-from rig import cli
-from rig.cli.options import CALIBRATIONS, Calibrations
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.options import CALIBRATIONS, Calibrations, Json
+from rig.cli.output import print_json
+from rig.config.problems import format_number
+from rig.interop.legacy.testlog import Entry, RunLog, find_links, read_log, recording_time
+from rig.presentation.console import table_console
+from rig.presentation.json_values import json_value
+from rig.recording.calibration import (
+    CalibratedValue,
+    CalibrationVersion,
+    apply_calibration,
+    open_history,
+)
 
-if TYPE_CHECKING:
-    from rig.interop.legacy.testlog import Entry, RunLog
-    from rig.recording.calibration import CalibratedValue, CalibrationVersion
-
-    Corrections = dict[int, CalibratedValue]  # of the spring rate, by run
+Corrections = dict[int, CalibratedValue]
+"""Corrections of the spring rate, by run."""
 
 
 def command(
@@ -26,20 +35,14 @@ def command(
     ],
     run: Annotated[int | None, typer.Option("--run", help="Show only this run, in full.")] = None,
     calibrations: Calibrations = CALIBRATIONS,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
-) -> None:
-    """Read the log of a test: list its runs, the links between them, and every irregularity."""
-    sys.exit(main(file, run, calibrations, as_json=as_json))
+    as_json: Json = False,
+) -> int:
+    """Read the log of a test: list its runs, the links between them, and every irregularity.
 
-
-def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> int:
-    """Print a log or one of its runs, with spring rates corrected by the newest calibration."""
-    from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.interop.legacy.testlog import read_log, recording_time
-    from rig.recording.calibration import apply_calibration
-
-    try:
-        log = read_log(path)
+    Spring rates are also corrected by the newest calibration.
+    """
+    with input_errors("testlog", as_json=as_json):
+        log = read_log(file)
         entries = log.entries if run is None else (log.find(run),)
         known = spring_calibration(calibrations, log.entries[0].series_name)
         corrections = {
@@ -49,28 +52,23 @@ def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> i
             for entry in entries
             if known is not None and entry.spring is not None
         }
-    except INPUT_ERRORS as error:
-        return refuse("testlog", error, as_json=as_json)
     if as_json:
-        report = _as_dict(log, entries, known, corrections, whole_log=run is None)
-        print(json.dumps(report, ensure_ascii=False))
-    elif run is None:
+        return print_json(_as_dict(log, entries, known, corrections, whole_log=run is None))
+    if run is None:
         _print_table(log, corrections)
         if known is not None:
             valid = known.file.valid.description()
             print(f"spring rates written -> corrected by {known.description()}, {valid}")
     else:
         _print_entry(entries[0], corrections)
-    return cli.OK
+    return OK
 
 
-def spring_calibration(folder: Path, series: str) -> "CalibrationVersion | None":
+def spring_calibration(folder: Path, series: str) -> CalibrationVersion | None:
     """Return the newest calibration of spring rates for runs of ``series``; None without one.
 
     A missing folder counts as empty. Raises ValueError if several calibrations match.
     """
-    from rig.recording.calibration import open_history
-
     if not folder.is_dir():
         return None
     history = open_history(folder)
@@ -87,16 +85,13 @@ def spring_calibration(folder: Path, series: str) -> "CalibrationVersion | None"
 
 
 def _as_dict(
-    log: "RunLog",
-    entries: "tuple[Entry, ...]",
-    known: "CalibrationVersion | None",
-    corrections: "Corrections",
+    log: RunLog,
+    entries: tuple[Entry, ...],
+    known: CalibrationVersion | None,
+    corrections: Corrections,
     *,
     whole_log: bool,
 ) -> dict[str, Any]:
-    from rig.interop.legacy.testlog import find_links
-    from rig.presentation.json_values import json_value
-
     runs = [json_value(entry) for entry in entries]
     for run in runs:
         if applied := corrections.get(run["run"]):
@@ -114,12 +109,7 @@ def _as_dict(
     return out
 
 
-def _print_table(log: "RunLog", corrections: "Corrections") -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from rig.cli.console import table_console
-
+def _print_table(log: RunLog, corrections: Corrections) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("run", no_wrap=True, justify="right")
     table.add_column("waves")
@@ -145,15 +135,13 @@ def _print_table(log: "RunLog", corrections: "Corrections") -> None:
     print(f"\n{len(log.entries)} runs, {count} remarks")
 
 
-def _waves_text(entry: "Entry") -> str:
+def _waves_text(entry: Entry) -> str:
     text = "; ".join(_wave_text(wave) for wave in entry.waves) or f"? {entry.waves_text.strip()}"
     series = ",".join(map(str, entry.wave_series))
     return f"{series}: {text}" if series else text
 
 
 def _wave_text(wave: Any) -> str:
-    from rig.config.problems import format_number
-
     when = f"{wave.frequency_hz:.3g} Hz" if wave.frequency_hz else ""
     height = ""
     if wave.amplitude_m is not None:
@@ -163,7 +151,7 @@ def _wave_text(wave: Any) -> str:
     return " ".join(filter(None, (wave.kind.value, when, height, wave.code)))
 
 
-def _spring_text(entry: "Entry", corrections: "Corrections") -> str:
+def _spring_text(entry: Entry, corrections: Corrections) -> str:
     if entry.spring is None:
         return ""
     written, applied = f"{entry.spring.written_n_per_m:+.0f}", corrections.get(entry.run)
@@ -172,9 +160,7 @@ def _spring_text(entry: "Entry", corrections: "Corrections") -> str:
     return f"{written} -> {applied.value:+.0f}"
 
 
-def _print_entry(entry: "Entry", corrections: "Corrections") -> None:
-    from rig.config.problems import format_number
-
+def _print_entry(entry: Entry, corrections: Corrections) -> None:
     applied = corrections.get(entry.run)
     orders = entry.order or entry.amplitudes
     pairs = (

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, create_model
 
 from controllers.law import Parameter, Settings
 from rig import laws
-from rig.config.columns import column_problems
+from rig.config.columns import KindColumns
 from rig.config.model import FileModel, TupleOf
 from rig.config.yaml_source import KeyPath, SourceMap
 
@@ -86,15 +86,18 @@ def named_law(mapping: dict[str, Any]) -> NamedLaw:
 
 
 def find_law(
-    mapping: dict[str, Any], locate: SourceMap, find: Callable[[str, str], laws.Law] = laws.find
+    mapping: dict[str, Any],
+    locate: SourceMap,
+    columns: KindColumns,
+    find: Callable[[str, str], laws.Law] = laws.find,
 ) -> laws.Law:
     """Return the law that a mapping names; a path is relative to the file with the key.
 
-    Raises LawError if the law cannot be used.
+    ``columns`` are the kind's of a matrix. Raises LawError if the law cannot be used.
     """
     text, key = named_law(mapping)
     law = find(text, str(locate(key).path.parent))
-    problems = column_problems(law.columns)
+    problems = columns.problems(law.columns)
     if problems:
         raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
     return law

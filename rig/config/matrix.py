@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import (
     BeforeValidator,
@@ -14,9 +14,8 @@ from pydantic import (
     model_validator,
 )
 
-from controllers import impedance
 from controllers.law import Column as LawColumn
-from rig.config.columns import OTHER_TYPES, SPRING_COLUMN, SpringRate, law_column_type
+from rig.config.columns import KindColumns, law_column_type
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number, format_value
 
@@ -89,34 +88,43 @@ class MatrixColumns(FileModel):
 
 
 @cache
-def grid_model(law_columns: tuple[LawColumn, ...]) -> type[MatrixColumns]:
-    """Return the model of all combinations of given values, for a law's columns."""
+def grid_model(
+    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]
+) -> type[MatrixColumns]:
+    """Return the model of all combinations of given values, for a kind's and a law's columns."""
 
     def values(kind: Any, required: bool) -> Any:
         listed = _tuple_of(kind) if required else _tuple_of(kind) | None
         return (Annotated[listed, ExpandValues], ... if required else None)
 
-    return create_model("Grid", __base__=MatrixColumns, **_fields(law_columns, values))
+    fields = _fields(kind_columns, law_columns, values)
+    return create_model("Grid", __base__=MatrixColumns, **fields)
 
 
 @cache
-def combination_model(law_columns: tuple[LawColumn, ...]) -> type[MatrixColumns]:
-    """Return the model of one combination of the gain matrix, for a law's columns."""
+def combination_model(
+    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]
+) -> type[MatrixColumns]:
+    """Return the model of one combination of the gain matrix, for a kind's and a law's columns."""
 
     def value(kind: Any, required: bool) -> Any:
         return (kind, ...) if required else (kind | None, None)
 
-    return create_model("Combination", __base__=MatrixColumns, **_fields(law_columns, value))
+    fields = _fields(kind_columns, law_columns, value)
+    return create_model("Combination", __base__=MatrixColumns, **fields)
 
 
 def _fields(
-    law_columns: tuple[LawColumn, ...], field: Callable[[Any, bool], Any]
+    kind_columns: KindColumns,
+    law_columns: tuple[LawColumn, ...],
+    field: Callable[[Any, bool], Any],
 ) -> dict[str, Any]:
     """Return the fields of a model by key; in a grid the last given column changes fastest."""
-    fields = {SPRING_COLUMN.key: field(SpringRate, True)}
+    types, first = kind_columns.types, kind_columns.first.key
+    fields = {first: field(types[first], True)}
     for column in law_columns:
         fields[column.key] = field(law_column_type(column), column.default is None)
-    return fields | {key: field(kind, False) for key, kind in OTHER_TYPES.items()}
+    return fields | {c.key: field(types[c.key], False) for c in kind_columns.others}
 
 
 MATRIX_FORMS = ("grid", "list", "csv")
@@ -161,10 +169,10 @@ def _tuple_of(kind: Any) -> Any:
 
 
 @cache
-def matrix_model(law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
-    """Return the model of the gain matrix with a law's columns."""
-    grid = _tuple_of(grid_model(law_columns))
-    combination = _tuple_of(combination_model(law_columns))
+def matrix_model(kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
+    """Return the model of the gain matrix with a kind's and a law's columns."""
+    grid = _tuple_of(grid_model(kind_columns, law_columns))
+    combination = _tuple_of(combination_model(kind_columns, law_columns))
     fields: dict[str, Any] = {
         "grid": (grid | None, Field(default=None, min_length=1, strict=False)),
         "combinations": (
@@ -173,9 +181,3 @@ def matrix_model(law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
         ),
     }
     return create_model("Matrix", __base__=Matrix, **fields)
-
-
-if TYPE_CHECKING:
-    ImpedanceMatrix = Matrix
-else:
-    ImpedanceMatrix = matrix_model(impedance.COLUMNS)

@@ -106,3 +106,19 @@ def format_line_numbers(numbers: Sequence[int]) -> str:
             ranges.append([number, number])
     text = ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in ranges)
     return f"line{'s' if len(numbers) > 1 else ''} {text}"
+
+
+def problems_text(problems: Sequence[Problem]) -> str:
+    """Return one problem a line, and their number."""
+    count = len(problems)
+    lines = [problem.text() for problem in problems]
+    return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+
+
+def error_text(error: Exception) -> str:
+    """Return an error's text, without the quotes of a KeyError or the number of an OSError."""
+    if isinstance(error, KeyError) and error.args:
+        return str(error.args[0])
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)

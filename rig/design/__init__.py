@@ -1,1 +1,1 @@
-"""Design before a run: estimators, impedances, predictions, recommended gains."""
+"""Design of a loop, for any rig: estimator gains, impedances, margins, steady motion, two-ports."""

@@ -2,16 +2,18 @@
 
 A kind is registered by an entry point of the group ``wec_rig.kinds``, whose name is the `kind` of a
 rig file and whose value is the name of a package. `ROOMS` lists the modules of such a package, its
-rooms, and the names in each; a room is imported when it is first used. The core
-names no kind: it finds one here and calls its rooms.
+rooms, and the names in each; `rig.kinds.interface` describes them. A room is imported when it is
+first used. The core names no kind: it finds one here and calls its rooms.
 """
 
 import importlib
+from contextlib import suppress
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from rig.plug_ins import Entry, Registry, error_text
+from rig.realtime.reasons import MAX_NUMBER, PLUG_IN_NUMBER
 
 GROUP = "wec_rig.kinds"
 
@@ -26,12 +28,11 @@ ROOMS = {
     "recorded": ("recorded_task",),
     "hardware.job": ("build_job",),
     "rehearsal.emulation": ("emulate_rig", "emulate_task"),
-    "tasks": ("rehearsal_mode", "wired_mode"),
+    "tasks": ("TaskFile", "examine", "execution_task", "rehearsal_mode", "wired_mode"),
+    "display": ("show_report", "plan_position", "detail_lines", "short_text", "total_duration"),
+    "products": ("PROGRESS", "NO_PRODUCTS", "after_run", "summarise", "draw"),
 }
-"""The modules of a kind's package and the names that the core uses.
-
-A kind whose campaigns can be swept has a room `simulation`, too (`rig.sweep.simulator`).
-"""
+"""The modules of a kind's package and the names that the core uses (`rig.kinds.interface`)."""
 
 
 class KindError(ValueError):
@@ -58,6 +59,14 @@ class RigKind(NamedTuple):
         return import_room(self.package, name)
 
 
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    name: str
+    module: str  # has the function `command`; imported when the command is used
+    help: str  # one sentence
+
+
 class RegisteredKind(NamedTuple):
     """An entry of the registry; a kind that cannot be used has a problem."""
 
@@ -71,8 +80,6 @@ def find(name: str) -> RigKind:
     Raises KindError if there is none, two distributions register the name, or its package cannot be
     imported.
     """
-    if (own := REGISTRY.own(name)) is not None:
-        return _kind(own)
     entry = REGISTRY.find(name)
     if entry is None:
         raise KindError(f"no kind of rig {name!r} is registered; allowed {', '.join(known())}")
@@ -97,6 +104,15 @@ def registered() -> tuple[RegisteredKind, ...]:
     return tuple(listed)
 
 
+def commands() -> tuple[Command, ...]:
+    """Return the commands of all kinds that have the room `commands` and can be imported."""
+    found: list[Command] = []
+    for entry in REGISTRY.entries():
+        with suppress(KindError):
+            found += import_room(entry.module, "commands").COMMANDS
+    return tuple(found)
+
+
 def _kind(entry: Entry) -> RigKind:
     return RigKind(entry.name, entry.module, entry.origin)
 
@@ -111,6 +127,23 @@ def interface_problem(kind: RigKind) -> str:
         missing = [name for name in names if not hasattr(module, name)]
         if missing:
             return f"{kind.package}.{room} lacks {', '.join(missing)}"
+    return _reason_problem(kind)
+
+
+def _reason_problem(kind: RigKind) -> str:
+    """Return why the kind's own reasons of a stop cannot be used; empty if they can."""
+    cycle_kind = kind.room("tick").find_kind("")
+    try:
+        reasons = cycle_kind.reason_table.reasons
+    except ValueError as error:
+        return f"{kind.package}.tick: {error}"
+    own = {reason.number for reason in cycle_kind.reasons}
+    if kind.package not in OWN_PACKAGES.values() and own and min(own) < PLUG_IN_NUMBER:
+        name = next(reason.name for reason in reasons if reason.number == min(own))
+        return (
+            f"{kind.package}.tick: reason {min(own)} {name} has a number of this distribution; "
+            f"allowed {PLUG_IN_NUMBER} .. {MAX_NUMBER}"
+        )
     return ""
 
 
@@ -121,6 +154,8 @@ def import_room(package: str, name: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name in (module, package):
+            raise KindError(f"the kind of rig {package} has no module {error.name}") from error
         raise KindError(f"the kind of rig {package} is unusable: {error_text(error)}") from error
 
 

@@ -1,4 +1,4 @@
-"""Loading of a rig file as the model of its kind."""
+"""The kind of rig of a file: a rig file, or a campaign or session that names one."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -7,7 +7,8 @@ from rig.config.problems import ConfigError, format_value
 from rig.config.pydantic_errors import validate
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap, load_mapping
-from rig.kinds import KindError, RigKind, find, known
+from rig.kinds import KindError, RigKind, find, known, registered
+from rig.planning.input_files import ConfigSource, load_named_source
 
 
 class LoadedRig(NamedTuple):
@@ -35,4 +36,28 @@ def kind_of(mapping: dict[str, Any], locate: SourceMap) -> RigKind:
     try:
         return find(name)
     except KindError as error:
-        raise ConfigError([locate.problem(("kind",), name, str(error))]) from None
+        raise ConfigError([locate.problem(("kind",), name, str(error))]) from error
+
+
+def kind_of_task(path: Path, rig: Path | None = None) -> RigKind:
+    """Return the kind of rig of a campaign or session; ``rig`` replaces the rig that it names.
+
+    A file that leads to no usable kind gets the one whose files share most keys with it: the check
+    of that kind lists what is wrong. Raises KindError if the named kind cannot be used, or if none
+    can.
+    """
+    keys: set[str] = set()
+    try:
+        source = ConfigSource(*load_mapping(path))
+        keys = set(source.mapping)
+        if rig is not None:
+            return kind_of(*load_mapping(rig))
+        if (named := load_named_source(source, ("rig",))) is not None:
+            return kind_of(named.mapping, named.locate)
+    except ConfigError as error:
+        if isinstance(error.__cause__, KindError):
+            raise error.__cause__ from None
+    usable = [each.kind for each in registered() if not each.problem]
+    if not usable:
+        raise KindError("no kind of rig can be used; `rig kinds` lists the reasons")
+    return max(usable, key=lambda kind: len(keys & set(kind.room("tasks").TaskFile.model_fields)))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rig.config.columns import END_MARK, Column, columns_with_law, required_columns
+from rig.config.columns import END_MARK, KindColumns
 from rig.config.matrix import MatrixColumns, combination_model
 from rig.config.problems import (
     ConfigError,
@@ -18,15 +18,18 @@ from rig.config.yaml_source import SourceLocation
 from rig.laws import Law
 from rig.planning.point import MAX_ROWS, Point, ValueLocation, make_point
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
+from rig.row_contents import Column
 
 _KP = "kp_n_s_per_m"  # the column with the end mark
 
 
-def read_matrix_csv(path: Path, named_at: SourceLocation, law: Law) -> tuple[Point, ...]:
+def read_matrix_csv(
+    path: Path, named_at: SourceLocation, columns: KindColumns, law: Law
+) -> tuple[Point, ...]:
     """Return all points of the file, up to a row whose Kp is the end mark.
 
-    ``named_at`` is the location that names the file, ``law`` defines the columns. Raises
-    `ConfigError` with line and column of every invalid cell.
+    ``named_at`` is the location that names the file; ``columns`` and ``law`` define its columns.
+    Raises `ConfigError` with line and column of every invalid cell.
     """
     header: tuple[Column, ...] = ()
     problems, points = list[Problem](), list[Point]()
@@ -34,9 +37,9 @@ def read_matrix_csv(path: Path, named_at: SourceLocation, law: Law) -> tuple[Poi
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if not header:
-            header = _parse_header(path, number, line, law)
+            header = _parse_header(path, number, line, columns, law)
             continue
-        row = _parse_row(path, number, line, header, combination_model(law.columns))
+        row = _parse_row(path, number, line, header, combination_model(columns, law.columns))
         if row is None:
             break
         if isinstance(row, list):
@@ -49,13 +52,15 @@ def read_matrix_csv(path: Path, named_at: SourceLocation, law: Law) -> tuple[Poi
     if problems:
         raise ConfigError(problems)
     if not points:
-        required = ",".join(column.key for column in required_columns(law.columns))
+        required = ",".join(column.key for column in columns.required(law.columns))
         message = f"no row; allowed a header {required} and at least one row"
         raise ConfigError([Problem(display_path(path), 1, "", None, message)])
     return tuple(points)
 
 
-def unused_row_warnings(path: Path, named_at: SourceLocation, law: Law) -> tuple[Problem, ...]:
+def unused_row_warnings(
+    path: Path, named_at: SourceLocation, columns: KindColumns, law: Law
+) -> tuple[Problem, ...]:
     """Return a warning about the lines after the end mark; empty if there are none."""
     header: tuple[Column, ...] = ()
     ended, unused = False, list[int]()
@@ -63,7 +68,7 @@ def unused_row_warnings(path: Path, named_at: SourceLocation, law: Law) -> tuple
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if not header:
-            header = _parse_header(path, number, line, law)
+            header = _parse_header(path, number, line, columns, law)
         elif ended:
             unused.append(number)
         else:
@@ -104,10 +109,12 @@ def _lines(path: Path, named_at: SourceLocation) -> list[str]:
         ) from None
 
 
-def _parse_header(path: Path, number: int, line: str, law: Law) -> tuple[Column, ...]:
+def _parse_header(
+    path: Path, number: int, line: str, columns: KindColumns, law: Law
+) -> tuple[Column, ...]:
     names = [cell.strip() for cell in line.split(",")]
-    by_key = {column.key: column for column in columns_with_law(law.columns)}
-    required = [column.key for column in required_columns(law.columns)]
+    by_key = {column.key: column for column in columns.with_law(law.columns)}
+    required = [column.key for column in columns.required(law.columns)]
     missing = [key for key in required if key not in names]
     if missing or len(set(names)) < len(names) or not set(names) <= set(by_key):
         others = ",".join(key for key in by_key if key not in required)

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from rig.config.columns import Column
 from rig.config.problems import Problem, display_path
 from rig.config.yaml_source import SourceLocation
+from rig.row_contents import Column
 
 MAX_ROWS = 10_000
 """Maximum number of rows of a campaign, with repetitions: two days of regular waves."""
@@ -27,7 +27,7 @@ class ValueLocation(NamedTuple):
 class Point(NamedTuple):
     """One combination of the matrix: the given values, and the location of each."""
 
-    values: dict[str, float]  # by the set point's name (`rig.config.columns`)
+    values: dict[str, float]  # by the set point's name (`Column.name`)
     locations: dict[str, ValueLocation]
 
     def __getattr__(self, name: str) -> float:

@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from rig.config.columns import Column
+from rig.config.columns import KindColumns
 from rig.config.matrix import Matrix
 from rig.config.problems import Problem, format_key
 from rig.config.yaml_source import KeyPath, SourceMap
@@ -21,17 +21,17 @@ def count_points(matrix: Matrix) -> int:
 
 
 def matrix_points(
-    matrix: Matrix, locate: SourceMap, columns: tuple[Column, ...], law: Law
+    matrix: Matrix, locate: SourceMap, kind_columns: KindColumns, law: Law
 ) -> tuple[Point, ...]:
     """Return all points in the order of the file; in a grid the last given column changes fastest.
-
-    ``columns`` are those of a matrix for the ``law``.
 
     Raises `ConfigError` with file, line and column of every invalid cell of a CSV file.
     """
     if matrix.csv is not None:
         key = ("matrix", "csv")
-        return matrix_csv.read_matrix_csv(locate.resolve_path(key, matrix.csv), locate(key), law)
+        path = locate.resolve_path(key, matrix.csv)
+        return matrix_csv.read_matrix_csv(path, locate(key), kind_columns, law)
+    columns = kind_columns.with_law(law.columns)
     points = []
     for i, grid in enumerate(matrix.grid or ()):
         at = ("matrix", "grid", i)
@@ -46,12 +46,15 @@ def matrix_points(
     return tuple(points)
 
 
-def unused_row_warnings(matrix: Matrix | None, locate: SourceMap, law: Law) -> tuple[Problem, ...]:
+def unused_row_warnings(
+    matrix: Matrix | None, locate: SourceMap, kind_columns: KindColumns, law: Law
+) -> tuple[Problem, ...]:
     """Return a warning about lines of a CSV matrix that are never run; empty if there are none."""
     if matrix is None or matrix.csv is None:
         return ()
     key = ("matrix", "csv")
-    return matrix_csv.unused_row_warnings(locate.resolve_path(key, matrix.csv), locate(key), law)
+    path = locate.resolve_path(key, matrix.csv)
+    return matrix_csv.unused_row_warnings(path, locate(key), kind_columns, law)
 
 
 def _locate_values(

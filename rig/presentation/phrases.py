@@ -1,6 +1,7 @@
 """Names and phrases shared by pictures and reports."""
 
 import math
+from collections.abc import Mapping
 from datetime import UTC, datetime
 
 from rig.realtime.reasons import Reason
@@ -51,6 +52,24 @@ def format_utc(text: str) -> str:
     return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def spring_text(rate: float, stator: float) -> str:
-    """Return spring rate (N/m) and stator position (%) as the title of a panel."""
-    return f"spring {format_signed(rate)} N/m, stator {format_signed(stator)} %"
+def clock_text(seconds: float) -> str:
+    """Return seconds as h:mm:ss or m:ss."""
+    rounded = max(0, round(seconds))
+    hours, rest = divmod(rounded, 3600)
+    minutes, remaining = divmod(rest, 60)
+    return f"{hours}:{minutes:02d}:{remaining:02d}" if hours else f"{minutes}:{remaining:02d}"
+
+
+def plan_end_text(row: Mapping[str, float], rows: int) -> str:
+    """Return how a plan of ``rows`` rows ended, by the last log row."""
+    completed = int(row["safety.reason"]) in (Reason.NONE, Reason.PLAN_END)
+    return f"all {rows} done" if completed else f"stopped before all {rows} were done"
+
+
+def format_duration(seconds: float) -> str:
+    """Return a duration as text in hours, minutes and seconds."""
+    minutes, rest = divmod(seconds, 60.0)
+    if minutes < 60.0:
+        return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.3g} s"
+    hours, minutes = divmod(minutes, 60.0)
+    return f"{hours:.0f} h {minutes:.0f} min {rest:.3g} s"

@@ -1,1 +1,1 @@
-"""The processes of a run: supervisor, loop, I/O processes, and the data they exchange."""
+"""The processes of a run: supervisor, loop, logger, I/O processes; their messages and locks."""

@@ -1,1 +1,1 @@
-"""The real-time core: loop, cycle, limits and safety machine."""
+"""The code of a tick that all rigs share: loop, cycle, axis, limits, safety machine, sequence."""

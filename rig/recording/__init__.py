@@ -1,1 +1,1 @@
-"""Recording: rows, ring, logger, run folders, calibrations."""
+"""Recording: rows, ring, MCAP files, run folders, calibrations."""

@@ -13,11 +13,11 @@ from functools import lru_cache
 from threading import Lock
 from typing import Any, NamedTuple
 
-from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
+from rig.analysis.rows import NOT_RUN, reduce_window
 from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.planning.windows import repeat_period
-from rig.stations import Station
+from rig.row_contents import RowContents
 from rig.sweep import InterruptedSweepError
 from rig.sweep.parameters import CampaignFiles, ParameterValues, SweepParameter
 from rig.sweep.simulator import CampaignSimulator, RowSimulation, simulation_of
@@ -41,7 +41,7 @@ class Outcome(NamedTuple):
     """The result of a case."""
 
     case: int
-    rows: tuple[dict[str, Any], ...]  # from `rig.analysis.rows.reduced`
+    rows: tuple[dict[str, Any], ...]  # from `rig.analysis.rows.reduce_window`
     seconds: float  # simulated
     failed: str  # reason of a failure; empty on success
 
@@ -128,8 +128,8 @@ class Cases:
                 raise InterruptedSweepError
 
         simulation = variant.simulator.simulate(planned, check, stator)
-        stations = simulation_of(campaign).STATIONS
-        results = row_results(simulation, planned, variant.period_ticks, stations)
+        contents = simulation_of(campaign).row_contents(campaign)
+        results = row_results(simulation, planned, variant.period_ticks, contents)
         rows = []
         for row, result in zip(planned.rows, results, strict=True):
             number = case.row if case.row >= 0 else self._row_numbers[row.point, row.repetition]
@@ -149,19 +149,19 @@ def row_results(
     simulation: RowSimulation,
     planned: Plan,
     period_ticks: float | None,
-    stations: tuple[Station, ...],
+    contents: RowContents,
 ) -> list[dict[str, Any]]:
     """Return the results of each row of a simulated plan, with the names of the row table.
 
     ``period_ticks`` is the sea's repeat period in ticks, None if it has none.
     """
+    contents = contents._replace(columns=())  # the plan has the set points
     results = {}
     for window in simulation:  # the last attempt counts
-        results[window.row] = reduce_window(window, period_ticks, stations)
+        results[window.row] = reduce_window(window, period_ticks, contents)
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
     return [
-        own_settings(results.get(row.row, not_run), ())
-        | {"stator": row.stator_position, **row.setting._asdict()}
+        results.get(row.row, not_run) | {"stator": row.stator_position, **row.setting._asdict()}
         for row in planned.rows
     ]
 

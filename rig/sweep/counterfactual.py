@@ -16,7 +16,6 @@ import numpy as np
 from scipy.stats import t as student
 
 from rig.analysis.rows import COMPLETE, row_table
-from rig.analysis.run_columns import known_columns
 from rig.identification.incident_waves import (
     ELEVATION,
     FORCES,
@@ -30,6 +29,7 @@ from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.windows import Window, read_windows
+from rig.row_contents import RowContents
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
 from rig.sweep.simulator import simulation_of
@@ -181,7 +181,8 @@ def counterfactual_rows(
     if not measured.rows:
         raise RunError(f"{measured.run}: none of its rows is complete")
     simulation = simulation_of(logged_campaign)
-    stations = station_names(simulation.STATIONS)
+    contents = simulation.row_contents(logged_campaign)
+    stations = station_names(contents.stations)
     try:
         generated = wave_maker_lines(simulation.requested_sea(logged_campaign))
         device, dt = simulation.wave_device(logged_campaign), 1.0 / logged_campaign.rig.rate_hz
@@ -197,7 +198,7 @@ def counterfactual_rows(
     comparisons = tuple(
         RowComparison(
             row["row"],
-            _setting(row),
+            _setting(row, contents),
             {name: row[f"power_{name}"] for name in stations},
             _powers(modelled[row["point"]], stations),
         )
@@ -213,9 +214,18 @@ def counterfactual_rows(
         logged_ranges[name] = AmplitudeRange(min(logged), max(logged), unit)
         if name in identified:
             identified_ranges[name] = AmplitudeRange(*identified[name], unit)
-    rows = []
+    rows, own_contents = [], simulation.row_contents(campaign)
     for point, result in _simulate_points(campaign, sea, lead_in):
-        rows.append(_predict_row(point, result, shares, logged_ranges, identified_ranges))
+        rows.append(
+            _predict_row(
+                point,
+                _setting(result, own_contents),
+                result,
+                shares,
+                logged_ranges,
+                identified_ranges,
+            )
+        )
         on_progress(len(modelled) + len(rows), total)
     return CounterfactualResult(
         measured.run,
@@ -264,6 +274,7 @@ def correct_powers(
 
 def _predict_row(
     point: int,
+    setting: dict[str, float],
     result: dict[str, Any],
     shares: dict[str, ErrorShare],
     logged_ranges: dict[str, AmplitudeRange],
@@ -281,7 +292,7 @@ def _predict_row(
 
     return RowPrediction(
         point,
-        _setting(result),
+        setting,
         result["state"],
         result["incomplete_reason"],
         value,
@@ -298,10 +309,10 @@ def _powers(result: dict[str, Any], stations: Iterable[str]) -> dict[str, float]
     return {name: float(result[f"power_{name}"]) for name in stations}
 
 
-def _setting(row: dict[str, Any]) -> dict[str, float]:
+def _setting(row: dict[str, Any], contents: RowContents) -> dict[str, float]:
     """Return the settings of a row, without those that its drive does not have."""
-    names = ("stator", *(each.name for each in known_columns()))
-    values = {name: float(row[name]) for name in names if name in row}
+    actuators_first = sorted(contents.settings, key=lambda column: column in contents.columns)
+    values = {each.name: float(row[each.name]) for each in actuators_first if each.name in row}
     return {name: value for name, value in values.items() if not math.isnan(value)}
 
 
@@ -318,7 +329,7 @@ def _simulate_points(
         planned: Plan = build_plan(file, campaign.rig, (point,))
         rows = simulator.simulate(planned, stator=planned.rows[0].stator_position)
         ticks = period / planned.dt if period else None
-        (row,) = row_results(rows, planned, ticks, simulation.STATIONS)
+        (row,) = row_results(rows, planned, ticks, simulation.row_contents(campaign))
         yield number, row
 
 

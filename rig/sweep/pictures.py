@@ -16,15 +16,14 @@ from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import panel
 from rig.analysis.mesh import XY
-from rig.analysis.points import Matrix, gain_matrix, stations_of
-from rig.analysis.rows import COMPLETE, row_table
-from rig.analysis.run_columns import known_columns
+from rig.analysis.points import Matrix, gain_matrix
+from rig.analysis.rows import COMPLETE, row_table, stations_of
 from rig.analysis.surfaces import NO_POINTS, write_surfaces
 from rig.config import ranges
-from rig.config.columns import OTHER_COLUMNS
 from rig.config.problems import format_number
 from rig.presentation import phrases, picture
 from rig.presentation.picture import ACCENT, DARK, MUTED
+from rig.row_contents import LAW, PANEL, Column, X, Y
 from rig.stations import shown, station_names
 
 _MAX_LINES = 40  # of one panel; more cannot be distinguished
@@ -130,8 +129,10 @@ def _format_value(table: xarray.Dataset, name: str, index: int) -> str:
 def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
     run_rows = row_table(run)
     points = gain_matrix(run_rows)
-    simulated = {_gains_key(p.setting): p for p in gain_matrix(rows).points}
-    pairs = [(p, other) for p in points.points if (other := simulated.get(_gains_key(p.setting)))]
+    gains = [column for column in points.columns if column.role in (PANEL, X, Y, LAW)]
+    simulated = {_gains_key(p.setting, gains): p for p in gain_matrix(rows).points}
+    keyed = [(p, _gains_key(p.setting, gains)) for p in points.points]
+    pairs = [(p, simulated[key]) for p, key in keyed if key in simulated]
     if not pairs:
         raise ValueError(f"{run}: no complete row has the gains of a row of this sweep")
     differences = []
@@ -147,11 +148,8 @@ def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
     return MeasuredRun(points, caption)
 
 
-def _gains_key(setting: dict[str, float]) -> tuple[float, ...]:
-    """Return spring rate and the law's columns of a row."""
-    others = {column.name for column in OTHER_COLUMNS}
-    names = (column.name for column in known_columns() if column.name not in others)
-    return tuple(setting.get(name, 0.0) for name in names)
+def _gains_key(setting: dict[str, float], columns: list[Column]) -> tuple[float, ...]:
+    return tuple(setting.get(column.name, 0.0) for column in columns)
 
 
 def _base_value(table: xarray.Dataset, name: str) -> float | None:

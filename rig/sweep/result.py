@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis import run_columns
-from rig.analysis.rows import NOT_RUN, STATIONS_ATTRIBUTE, column_units
+from rig.analysis.rows import NOT_RUN, column_units, contents_attributes
 from rig.config import ranges
-from rig.config.columns import columns_with_law
 from rig.kinds.wavebot.campaign import Campaign, CampaignRow, resolved_config
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.planning.windows import repeat_period
 from rig.recording import provenance
-from rig.stations import as_records
 from rig.sweep.cases import Cases, Outcome, single_row_campaign
 from rig.sweep.parameters import CAMPAIGN_KEYS, parameter_unit
 from rig.sweep.simulator import simulation_of
@@ -62,15 +59,15 @@ def build_dataset(
             )
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
-    data, units = {}, column_units(simulation_of(campaign).STATIONS)
-    matrix_columns = columns_with_law(campaign.law.columns)
-    settings = {"stator": "%"} | {each.name: each.unit for each in matrix_columns}
+    contents = simulation_of(campaign).row_contents(campaign)
+    data, units = {}, column_units(contents)
+    settings = {column.name for column in contents.settings}
     for key, flat in columns.items():
         values = flat.reshape(shape)
         if key in settings and (planned := _planned_setting(values, key, cases.rows)) is not None:
-            coords[key] = xarray.Variable("row", planned, _units(settings[key]))
+            coords[key] = xarray.Variable("row", planned, _units(units[key]))
         else:
-            data[key] = xarray.Variable(dims, values, _units((units | settings).get(key, "")))
+            data[key] = xarray.Variable(dims, values, _units(units.get(key, "")))
     return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
 
 
@@ -156,9 +153,8 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
         "campaign": campaign.file.name,
         "sea": campaign.file.sea.description(),
         "sequential": int(cases.request.sequential),
-        STATIONS_ATTRIBUTE: json.dumps(as_records(simulation_of(campaign).STATIONS)),
+        **contents_attributes(simulation_of(campaign).row_contents(campaign)),
         "config": resolved_config(campaign),
-        **run_columns.attributes(columns_with_law(campaign.law.columns)),
         "code_version": code["version"],
         "code_git": code["git"],
         "sweep_parameters": json.dumps(

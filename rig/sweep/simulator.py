@@ -10,7 +10,7 @@ from rig.identification.incident_waves import WaveDevice
 from rig.kinds.wavebot.campaign import Campaign, CampaignParts, InputFile, Plan
 from rig.laws import Law
 from rig.recording.runs.windows import Window
-from rig.stations import Station
+from rig.row_contents import RowContents
 
 ROOM = "simulation"
 
@@ -51,11 +51,12 @@ class CampaignSimulator(Protocol):
 class Simulation(Protocol):
     """The simulation of a kind of rig: a module of its package."""
 
-    STATIONS: tuple[Station, ...]
-    """The stations of power in the rows' results, the first one at the body."""
-
     MATCHING_KEYS: Mapping[KeyPath, KeyPath]
     """Keys of the rig file and keys of the plant file that must have the same value."""
+
+    def row_contents(self, campaign: Campaign) -> RowContents:
+        """Return the contents of the rows' results; their first station is at the body."""
+        ...
 
     def problems(self, parts: CampaignParts) -> tuple[Problem, ...]:
         """Return all problems that would keep loop or plant from starting."""

@@ -89,9 +89,9 @@ def _check_law(campaign: Campaign, planned: Plan) -> None:
     """Raise `ConfigError` for a law that fails its trial or cannot be compiled."""
     problems = list(trial_problems(campaign, planned))
     if not problems and (campaign.law.is_file or campaign.law.name not in OWN_MODULES):
-        from rig.sweep.law_compilation import compilation_problem  # noqa: PLC0415 - numba
+        from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
 
-        if reason := compilation_problem(campaign, planned):
+        if reason := compilation_problem(campaign.law, campaign.file.law, planned.dt):
             message = f"a sweep runs compiled code, but the law cannot be compiled: {reason}"
             problems.append(campaign.locate.problem(("law",), campaign.law.name, message))
     if problems:

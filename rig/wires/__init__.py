@@ -1,1 +1,1 @@
-"""What all rigs share of their wires: CAN service, pollers, locks, surveys."""
+"""What all rigs share of their wires: CAN service, pollers, streams, surveys, scans."""

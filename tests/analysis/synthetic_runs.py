@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.rows import LOGGED_SETTINGS, STATIONS_ATTRIBUTE
+from controllers import impedance
+from rig.analysis.rows import contents_attributes
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.realtime.reasons import Reason
@@ -18,12 +20,15 @@ from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import row_layout
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.runs.mcap_file import row_dtype
-from rig.stations import as_records, station_names
+from rig.stations import station_names
 
 START = 1_760_000_000_000_000_000  # ns, UTC
 DTYPE = row_dtype(row_layout.leaves(WaveBotRow))
 POWERS = station_names(STATIONS)
-STATIONS_ATTRIBUTES = {STATIONS_ATTRIBUTE: json.dumps(as_records(STATIONS))}  # of a row table
+CONTENTS = row_contents(impedance.COLUMNS)
+COLUMNS = CONTENTS.columns
+LOG_FIELDS = {column.name: column.field for column in COLUMNS}
+STATIONS_ATTRIBUTES = contents_attributes(CONTENTS)  # of a row table
 STATOR = {490.9: -13.0, -5715.0: 27.0}
 
 
@@ -123,7 +128,7 @@ def phase_block(n: int, row: int, phase: Phase, planned: Row | None = None) -> A
         block["spring_command.rate"] = planned.spring_rate
         block["spring_command.target"] = STATOR.get(planned.spring_rate, 0.0)
         for name, value in planned.more.items():
-            block[LOGGED_SETTINGS[name]] = value
+            block[LOG_FIELDS[name]] = value
     return block
 
 

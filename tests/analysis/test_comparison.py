@@ -10,24 +10,25 @@ import numpy as np
 import pytest
 import synthetic_runs as synthetic
 from matplotlib.image import imread
-from synthetic_runs import POWERS, Row, Shape
+from synthetic_runs import COLUMNS, POWERS, Row, Shape
 from typer.testing import CliRunner
 
 from rig.analysis.comparison import (
     Comparison,
+    Pair,
     compare,
     describe_pair,
+    match,
     mean_difference,
     power_difference,
 )
 from rig.analysis.comparison_picture import write_comparison
 from rig.analysis.comparison_table import as_json, as_text, write_csv
 from rig.analysis.differences import differences
-from rig.analysis.matching import TOLERANCES, Pair, match
 from rig.analysis.points import Matrix, Point
-from rig.cli import app
-from rig.config.columns import COLUMNS
+from rig.cli.app import app
 from rig.recording.runs.folder import RunInfo
+from rig.row_contents import find_column
 
 SHAPE = Shape(noise=1.0, wander=1.0, settle=5, tail=2, lead_in=10)
 CUSTOM = {
@@ -92,8 +93,13 @@ def test_points_match_by_set_point_and_not_by_row(comparison: Comparison) -> Non
     assert comparison.matched.only_b == ()
     assert [c.name for c in comparison.matched.columns] == ["spring_rate", "kp", "ki"]
     for pair in comparison.matched.pairs:
-        assert (pair.a.spring_rate, pair.a.kp) == (pair.b.spring_rate, pair.b.kp)
-        assert pair.b.ki - pair.a.ki == (9.0 if pair.a.ki == 0.0 else 0.0)
+        assert (pair.a.setting["spring_rate"], pair.a.setting["kp"]) == (
+            pair.b.setting["spring_rate"],
+            pair.b.setting["kp"],
+        )
+        assert pair.b.setting["ki"] - pair.a.setting["ki"] == (
+            9.0 if pair.a.setting["ki"] == 0.0 else 0.0
+        )
     assert "Ki 0 N/m (B differs in Ki by +9 N/m)" in describe_pair(
         comparison.matched, comparison.matched.pairs[0]
     )
@@ -103,7 +109,7 @@ def test_tolerances_are_by_column(runs: Path) -> None:
     strict = compare(runs / "cots", runs / "custom", {"ki": 5.0})
     assert len(strict.matched.pairs) == 64 - 12  # the two springs' points without Ki
     assert strict.tolerances["ki"] == 5.0
-    assert strict.tolerances["kp"] == TOLERANCES["kp"]
+    assert strict.tolerances["kp"] == find_column(COLUMNS, "kp").tolerance
 
 
 def test_differences_are_b_less_a_with_both_errors(comparison: Comparison) -> None:
@@ -121,7 +127,7 @@ def test_differences_are_b_less_a_with_both_errors(comparison: Comparison) -> No
 
 def test_error_of_a_shared_point_counts_once() -> None:
     def point(row: int, error: float) -> Point:
-        return Point({}, 0.0, dict.fromkeys(POWERS, 1.0), dict.fromkeys(POWERS, error), (row,))
+        return Point({}, dict.fromkeys(POWERS, 1.0), dict.fromkeys(POWERS, error), (row,))
 
     shared = point(0, 3.0)
     pairs = tuple(Pair(shared, point(i, 4.0)) for i in (1, 2))
@@ -235,23 +241,25 @@ def test_a_commercial_drive_is_compared_with_every_setting_of_the_other(runs: Pa
 
 def point(**setting: float) -> Point:
     power = dict.fromkeys(POWERS, -1.0)
-    return Point(setting, 0.0, power, power, (int(setting.get("row", 0)),))
+    return Point(setting, power, power, (int(setting.get("row", 0)),))
 
 
 def test_the_nearest_pairs_are_taken_once_each() -> None:
     def matrix_of(kis: list[float]) -> Matrix:
         points = tuple(point(kp=-1.0, ki=ki) for ki in kis)
-        return Matrix(points, tuple(p.setting for p in points))
+        return Matrix(points, tuple(p.setting for p in points), COLUMNS)
 
     matched = match(matrix_of([0.0, 20.0, 500.0]), matrix_of([18.0, 1.0, 900.0]))
-    assert [(p.a.ki, p.b.ki) for p in matched.pairs] == [(0.0, 1.0), (20.0, 18.0)]
-    assert [p.ki for p in matched.only_a] == [500.0]
-    assert [p.ki for p in matched.only_b] == [900.0]
-    assert match(matrix_of([1.0, 2.0]), Matrix((), ())).pairs == ()
+    assert [(p.a.setting["ki"], p.b.setting["ki"]) for p in matched.pairs] == [
+        (0.0, 1.0),
+        (20.0, 18.0),
+    ]
+    assert [p.setting["ki"] for p in matched.only_a] == [500.0]
+    assert [p.setting["ki"] for p in matched.only_b] == [900.0]
+    assert match(matrix_of([1.0, 2.0]), Matrix((), (), COLUMNS)).pairs == ()
     single = match(matrix_of([3.0]), matrix_of([3000.0]))  # varies in neither: a setting of the run
     assert len(single.pairs) == 1
     assert [(h.column.name, h.a, h.b) for h in single.constant_differences] == [("ki", 3.0, 3000.0)]
-    assert set(TOLERANCES) == {column.name for column in COLUMNS}
 
 
 def test_the_csv_has_pairs_and_unmatched_points(comparison: Comparison, tmp_path: Path) -> None:

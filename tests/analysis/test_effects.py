@@ -11,22 +11,26 @@ import pytest
 import synthetic_runs as synthetic
 import xarray
 from scipy import stats
+from synthetic_runs import COLUMNS
 
 from rig.analysis.effects import (
     MISFIT,
     PERIODS,
     REPETITIONS,
     Effects,
+    all_effects,
     compute_effects,
+    effect_notes,
+    effects_json,
+    effects_text,
     half_width,
     is_designed,
     main_effects,
+    write_effects,
 )
-from rig.analysis.effects_table import all_effects, as_json, as_text, effect_notes, write_effects
 from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.report import write_products
 from rig.analysis.rows import row_table
-from rig.config.columns import COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import as_records
 
@@ -283,10 +287,10 @@ def test_switching_comes_first_with_an_interval(designed: xarray.Dataset) -> Non
 
 def test_effects_as_text_json_and_csv(designed: xarray.Dataset, tmp_path: Path) -> None:
     by_station = all_effects(designed)
-    text = "\n".join(as_text(by_station))
+    text = "\n".join(effects_text(by_station))
     assert "1. switching period  50 .. 200 µs" in text
     assert "95 % interval by scatter of repetitions (at least 36 dof)" in text
-    dc, ac, mechanical = as_json(by_station)
+    dc, ac, mechanical = effects_json(by_station)
     assert [each["power"] for each in (dc, ac, mechanical)] == ["dc", "ac", "mechanical_1"]
     assert dc["first_surely_first"] is True
     assert dc["first_over_second_half_width_by_misfit_w"] > 0.0
@@ -333,4 +337,4 @@ def test_realisation_is_categorical() -> None:
     assert effects.effects[0].watts == pytest.approx(10.0)
     assert effects.source == REPETITIONS
     planned = tuple({"kp": -1000.0, "realisation": float(i)} for i in (1, 2))
-    assert not is_designed(Matrix((), planned))
+    assert not is_designed(Matrix((), planned, COLUMNS))

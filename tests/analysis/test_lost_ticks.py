@@ -14,7 +14,7 @@ from command_here import rig
 
 from rig.analysis.report import write_products
 from rig.analysis.stop_reason import LostTicks, describe_reason, find_stop, lost_before_trip
-from rig.cli.bench import _lost_ticks, _print_result
+from rig.cli.run import lost_ticks, print_end
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
@@ -135,12 +135,16 @@ def test_sessions_report_lost_ticks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`rig bench` at its end, and `rig show` of a session without results."""
-    run = tripped(tmp_path / "run", config={"session": {"session": "driveline", "name": "x"}})
+    config = {
+        "session": {"session": "driveline", "name": "x"},
+        "rig": {"kind": "oswec bench", "name": "a bench"},
+    }
+    run = tripped(tmp_path / "run", config=config)
     outcome = SimpleNamespace(status="fault", reason="DRIVE_DROPPED")
     ended: Any = SimpleNamespace(folder=run, outcome=outcome, reasons=earlier_reasons())
-    lost = _lost_ticks(ended)
+    lost = lost_ticks(ended)
     assert lost is not None
-    _print_result(ended, "", lost)
+    print_end(ended, "", lost)
     first = "Stopped by a fault: the host lost 30 ticks"
     assert capsys.readouterr().err.strip().startswith(first)
 
@@ -154,4 +158,4 @@ def test_sessions_report_lost_ticks(
     assert done.stderr.endswith("no row is whole\n")
     assert "\nRecord complete.\n" in done.stderr
     outcome.status = "complete"
-    assert _lost_ticks(ended) is None
+    assert lost_ticks(ended) is None

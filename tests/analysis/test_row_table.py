@@ -13,8 +13,7 @@ from scipy import stats
 from synthetic_runs import POWERS, Row, Shape
 
 from rig.analysis.points import measured_points
-from rig.analysis.rows import INCOMPLETE, period_means, row_table, standard_error
-from rig.analysis.rows_file import write_rows
+from rig.analysis.rows import INCOMPLETE, period_means, row_table, standard_error, write_rows
 from rig.analysis.slices import find_optima
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.limits import LimitFlag, WarningFlag
@@ -315,10 +314,15 @@ def test_files_of_the_table(tmp_path: Path) -> None:
 
 def test_the_best_point_and_whether_it_lies_at_the_edge(tmp_path: Path) -> None:
     table = run(tmp_path, synthetic.default_rows(), Shape())
-    best = {(o.station.name, o.point.spring_rate): o for o in find_optima(table)}
+    best = {(o.station.name, o.point.setting["spring_rate"]): o for o in find_optima(table)}
     assert len(best) == 8
     ac = best["ac", 490.9]
-    assert (ac.point.kp, ac.point.ki, ac.at_edge, ac.points) == (-2500.0, 4000.0, False, 36)
+    assert (ac.point.setting["kp"], ac.point.setting["ki"], ac.at_edge, ac.points) == (
+        -2500.0,
+        4000.0,
+        False,
+        36,
+    )
     assert ac.power == pytest.approx(-55.0)
     table = run(tmp_path / "slope", planned(4), Shape())  # power grows with Ki
     assert [o.at_edge for o in find_optima(table)] == [True] * 4
@@ -356,8 +360,8 @@ def test_missing_rows_move_no_edge(
     for i, row in enumerate(rows):
         if (row.kp, row.ki) in missing:
             table["state"][i] = "cut short" if i % 2 else "not run"
-    optima = [o for o in find_optima(table) if o.point.spring_rate == 490.9]
-    assert {(o.point.kp, o.point.ki) for o in optima} == {best}
+    optima = [o for o in find_optima(table) if o.point.setting["spring_rate"] == 490.9]
+    assert {(o.point.setting["kp"], o.point.setting["ki"]) for o in optima} == {best}
     assert {(o.at_edge, o.at_gap) for o in optima} == {(edge, gap)}
     assert {o.caveat for o in optima} == {"grid's edge" if edge else "next to a gap" if gap else ""}
 
@@ -366,7 +370,8 @@ def test_nan_power_is_a_gap_of_that_station_only(tmp_path: Path) -> None:
     table = run(tmp_path, synthetic.default_rows(), Shape(periods=1))
     table["power_ac"][(table["kp"] == -3000.0) & (table["ki"] == 4000.0)] = np.nan
     gaps = {
-        (o.station.name, o.point.spring_rate): (o.at_edge, o.at_gap) for o in find_optima(table)
+        (o.station.name, o.point.setting["spring_rate"]): (o.at_edge, o.at_gap)
+        for o in find_optima(table)
     }
     assert gaps["ac", 490.9] == (False, True)  # its best is at Kp -2500, Ki 4000
     assert gaps["mechanical_1", -5715.0] == (False, False)

@@ -10,17 +10,12 @@ import xarray
 from between_points import interpolator
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
+from synthetic_runs import COLUMNS, POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis import labels, panel
-from rig.analysis.labels import column
 from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
-from rig.analysis.run_columns import column_named
 from rig.analysis.slices import (
-    KI,
-    KP,
-    SPRING_RATE,
     find_optima,
     project_matrix,
     slice_matrix,
@@ -35,9 +30,15 @@ from rig.analysis.surfaces import (
     write_sliced,
     write_surfaces,
 )
+from rig.row_contents import Column, find_column, main_columns
 
+SPRING_RATE, KP, KI = main_columns(COLUMNS)
 SPRINGS = (490.9, -2763.0, -5715.0)
 NO_ERROR = float("nan")
+
+
+def column(name: str) -> Column:
+    return find_column(COLUMNS, name)
 
 
 def rows(settings: list[dict[str, float]], power: Any, error: float = 0.5) -> xarray.Dataset:
@@ -82,7 +83,7 @@ def test_each_station_is_sliced_at_its_own_optimum() -> None:
         slice_ = slice_matrix(matrix, kind, KI, KP)
         assert slice_.sliced == {"spring_rate": spring}
         assert len(slice_.points) == 9
-        assert {p.spring_rate for p in slice_.points} == {spring}
+        assert {p.setting["spring_rate"] for p in slice_.points} == {spring}
         assert slice_.best is not None
         assert (slice_.best.power, slice_.best.error) == (-50.0, 0.5)
         assert not slice_.best.at_edge
@@ -99,7 +100,7 @@ def test_a_fixed_column_keeps_its_value() -> None:
     fixed = slice_matrix(matrix, "dc", KI, KP, {"spring_rate": 490.9})
     assert (fixed.fixed, fixed.sliced) == ({"spring_rate": 490.9}, {})
     assert fixed.best is not None
-    assert fixed.best.point.spring_rate == 490.9
+    assert fixed.best.point.setting["spring_rate"] == 490.9
     assert slice_heading(fixed) == "electrical DC\nat spring rate +491 N/m"
     near = slice_matrix(matrix, "dc", KI, KP, {"spring_rate": 490.9 * (1.0 + 1e-8)})
     assert near.points == fixed.points
@@ -139,7 +140,7 @@ def test_more_columns_are_sliced_together() -> None:
     assert slice_.sliced == {"spring_rate": -2763.0, "bus_voltage": 60.0, "switching_period": 2e-4}
     assert len(slice_.points) == 9
     drive = slice_matrix(
-        matrix, "ac", column_named("switching_period"), column_named("bus_voltage"), {"kp": -1000.0}
+        matrix, "ac", column("switching_period"), column("bus_voltage"), {"kp": -1000.0}
     )
     assert (drive.fixed, len(drive.points)) == ({"kp": -1000.0}, 4)
     # By spring rate, the best point's neighbours are those that differ in Kp and Ki alone.
@@ -174,7 +175,7 @@ def test_columns_that_make_no_difference_have_no_best_value() -> None:
         "ac": ("bus_voltage", "switching_period", "velocity_threshold"),
         "dc": (),
     }
-    axes = column_named("bus_voltage"), column_named("switching_period")
+    axes = column("bus_voltage"), column("switching_period")
     matrix = gain_matrix(rows(drive_settings(), drive_power, 0.005))
     slices = {kind: slice_matrix(matrix, kind, *axes) for kind in ("mechanical_1", "ac", "dc")}
     remarks_of = {
@@ -224,7 +225,7 @@ def test_settings_read_from_a_log_are_rounded() -> None:
     settings[5]["ki"] = -0.0 if settings[5]["ki"] == 0.0 else settings[5]["ki"]
     matrix = gain_matrix(rows(settings, own_optima))
     assert [c.name for c in varied_columns(matrix)] == ["spring_rate", "kp", "ki"]
-    assert len({p.kp for p in matrix.points}) == 3
+    assert len({p.setting["kp"] for p in matrix.points}) == 3
 
 
 def missing(*places: int) -> xarray.Dataset:
@@ -305,12 +306,12 @@ def test_scattered_points_are_a_surface_within_their_hull() -> None:
 
 def test_default_view() -> None:
     view = default_view(gain_matrix(rows(three_springs(), own_optima)))
-    assert (view.x, view.y, view.by_spring_rate) == (KI, KP, True)
+    assert (view.x, view.y, view.by_panel) == (KI, KP, True)
     one_gain = [each for each in three_springs() if each["ki"] == 0.0]
-    assert default_view(gain_matrix(rows(one_gain, own_optima))).by_spring_rate
+    assert default_view(gain_matrix(rows(one_gain, own_optima))).by_panel
     springs = [each for each in one_gain if each["kp"] == -2000.0]
     view = default_view(gain_matrix(rows(springs, own_optima)))
-    assert (view.x.name, view.by_spring_rate) == ("spring_rate", False)
+    assert (view.x.name, view.by_panel) == ("spring_rate", False)
     drive = [
         {**springs[0], "bus_voltage": bus, "switching_period": period, "kp": kp}
         for bus in (60.0, 75.0, 90.0)
@@ -319,19 +320,19 @@ def test_default_view() -> None:
     ]
     view = default_view(gain_matrix(rows(drive, own_optima)))
     assert {view.x.name, view.y.name} == {"switching_period", "bus_voltage"}
-    assert default_view(Matrix((), ())).by_spring_rate
+    assert default_view(Matrix((), (), COLUMNS)).by_panel
 
 
 @pytest.mark.parametrize("kinds", [("dc",), ("mechanical_2", "ac", "dc")])
 def test_slices_are_drawn(tmp_path: Path, kinds: tuple[str, ...]) -> None:
     table = missing(0, 5)
-    picture = imread(write_sliced(table, tmp_path / "a.png", SPRING_RATE, KP, names=kinds))
+    picture = imread(write_sliced(table, tmp_path / "a.png", (SPRING_RATE, KP), names=kinds))
     assert picture.std() > 0.05
     lines = table.isel(row=[i for i, each in enumerate(three_springs()) if each["ki"] == 0.0])
     assert imread(write_sliced(lines, tmp_path / "b.png", names=kinds)).std() > 0.02
     assert imread(write_sliced(table.isel(row=[]), tmp_path / "c.png", names=kinds)).std() > 0.01
     with pytest.raises(ValueError, match="cannot be both axes"):
-        write_sliced(table, tmp_path / "d.png", KP, KP)
+        write_sliced(table, tmp_path / "d.png", (KP, KP))
 
 
 def hypercube() -> xarray.Dataset:
@@ -369,21 +370,23 @@ def test_scattered_matrix_shows_every_point(tmp_path: Path) -> None:
 
 def test_column_labels() -> None:
     period = column("switching_period_s")
-    assert period is column_named("switching_period")
+    assert period is column("switching_period")
     assert labels.axis_label(period) == "switching period, µs"
     assert labels.format_setting(period, 50e-6) == "switching period 50 µs"
-    assert labels.format_quantity(column_named("discharge_level"), 15.0) == "15"
+    assert labels.format_quantity(column("discharge_level"), 15.0) == "15"
     assert labels.format_quantity(KP, -2500.0) == "−2500 N·s/m"
-    assert labels.format_number(column_named("velocity_threshold"), 0.05) == "0.05"
+    assert labels.format_number(column("velocity_threshold"), 0.05) == "0.05"
     assert labels.format_number(SPRING_RATE, 490.9) == "+491"
     with pytest.raises(KeyError, match="no column 'speed'; allowed spring_rate, kp"):
         column("speed")
 
 
 def test_unknown_settings_of_a_point_are_nan() -> None:
-    point = Point({"kp": -1.0}, 0.0, {}, {}, ())
-    assert point.kp == -1.0
-    assert np.isnan([point.ki, point.spring_rate]).all()
+    found = labels.best_values(main_columns(COLUMNS), Point({"kp": -1.0}, {}, {}, ()))
+    values = {each.name: value for each, value in found}
+    assert values.pop("kp") == -1.0
+    assert values.keys() == {"spring_rate", "stator", "ki"}
+    assert np.isnan(list(values.values())).all()
 
 
 def test_small_power_differences_are_drawn_flat() -> None:

@@ -15,11 +15,11 @@ from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
-from rig.analysis.report import summarise_run, write_products
 from rig.analysis.rows import row_table
 from rig.config import ConfigError, load
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.config import RigFile
+from rig.kinds.wavebot.products.report import summarise_run, write_products
 from rig.kinds.wavebot.spring_map import passes
 from rig.kinds.wavebot.spring_map.files import write_calibration
 from rig.kinds.wavebot.spring_map.passes import FIT_HALF_ANGLE, Samples

@@ -25,7 +25,7 @@ def bowl(kp: float, ki: float) -> float:
 def point(kp: float, ki: float, power: float | None = None) -> Point:
     value = bowl(kp, ki) if power is None else power
     setting = {"spring_rate": 490.9, "kp": kp, "ki": ki}
-    return Point(setting, -13.0, dict.fromkeys(POWERS, value), dict.fromkeys(POWERS, 1.0), ())
+    return Point(setting, dict.fromkeys(POWERS, value), dict.fromkeys(POWERS, 1.0), (), -13.0)
 
 
 def with_soft_spring(of: Point) -> Point:
@@ -33,7 +33,7 @@ def with_soft_spring(of: Point) -> Point:
 
 
 def places(measured: list[Point]) -> list[tuple[float, float]]:
-    return [(p.ki, p.kp) for p in measured]
+    return [(p.setting["ki"], p.setting["kp"]) for p in measured]
 
 
 def surface_of(measured: list[Point]) -> Any:
@@ -50,7 +50,8 @@ def table(measured: list[Point]) -> xarray.Dataset:
         "row": range(len(measured)),
         "point": range(len(measured)),
         "state": ["complete"] * len(measured),
-        **{n: [getattr(p, n) for p in measured] for n in ("spring_rate", "stator", "kp", "ki")},
+        "stator": [p.actuator for p in measured],
+        **{n: [p.setting[n] for p in measured] for n in ("spring_rate", "kp", "ki")},
     }
     for kind in POWERS:
         columns[f"power_{kind}"] = [p.power[kind] for p in measured]
@@ -72,7 +73,9 @@ def texts(measured: list[Point]) -> str:
 def test_the_surface_passes_through_its_points() -> None:
     surface = surface_of(grid())
     for each in grid():
-        assert float(surface(each.ki, each.kp)) == pytest.approx(each.power["ac"], abs=1e-9)
+        assert float(surface(each.setting["ki"], each.setting["kp"])) == pytest.approx(
+            each.power["ac"], abs=1e-9
+        )
 
 
 def test_interpolated_values_lie_between_neighbours() -> None:
@@ -100,7 +103,7 @@ def test_nothing_outside_the_points() -> None:
 
 
 def test_a_half_done_grid_is_not_bridged() -> None:
-    measured = [p for p in grid() if p.kp > -3500.0 or p.ki == 0.0]
+    measured = [p for p in grid() if p.setting["kp"] > -3500.0 or p.setting["ki"] == 0.0]
     surface = surface_of(measured)
     assert surface(6000.0, -3100.0).mask  # inside the hull, but between points far apart
     assert not surface(500.0, -3100.0).mask
@@ -183,7 +186,7 @@ def test_the_optimum_is_marked_with_value_and_gains() -> None:
     shown = texts(grid())
     assert "−90.0 ± 1.0 W at Kp −2000, Ki +8000" in shown
     assert "spring +491 N/m, stator −13 %" in shown
-    edge = [p for p in grid() if p.ki <= 4000.0]
+    edge = [p for p in grid() if p.setting["ki"] <= 4000.0]
     assert "(grid's edge)" in texts(edge)
 
 

@@ -30,7 +30,7 @@ CASES = 24
 HEAVY = ("matplotlib", "xarray", "pandas", "numba", "filterpy", "scipy", "dask")
 PRINT_IMPORTS = f"""
 import json, sys
-from rig.cli import app
+from rig.cli.app import app
 try:
     app(sys.argv[1:])
 except SystemExit as end:

@@ -15,7 +15,7 @@ DEFERRED = ("matplotlib", "xarray", "pandas", "scipy.linalg", "scipy.signal", "d
 _PROGRAM = """
 import json, os, sys
 from pathlib import Path
-import rig.cli
+from rig.cli.app import app
 from rig.cli import sweep
 from typer.testing import CliRunner
 
@@ -23,7 +23,7 @@ loaded = {}
 
 def begin(opened, executor, *_):
     from rig.compilation import lifting
-    from rig.kinds.wavebot.simulation import compiled, simulation as subject
+    from rig.kinds.wavebot.simulation import compiled, simulation
     import numba.np.arraymath
     loaded["before"] = [name for name in sys.argv[3:] if name in sys.modules]
     loaded["threads"] = os.environ.get("OPENBLAS_NUM_THREADS")
@@ -35,7 +35,7 @@ import rig.sweep.sweep
 import rig.cli.sweep_run
 rig.sweep.sweep.run = begin
 rig.cli.sweep_run._compile = lambda opened: None
-CliRunner().invoke(rig.cli.app, ["sweep", sys.argv[1], "--sweeps", sys.argv[2], "--json"])
+CliRunner().invoke(app, ["sweep", sys.argv[1], "--sweeps", sys.argv[2], "--json"])
 print(json.dumps(loaded))
 """
 

@@ -187,9 +187,9 @@ def test_a_scale_of_one_is_the_same_as_no_calibration(tmp_path: Path) -> None:
 
 
 def test_the_list_of_products_matches_a_run() -> None:
-    from rig.analysis import page, report, rows_file, summary
+    from rig.analysis import page, report, rows, summary
 
-    writers = (report, summary, page, rows_file)
+    writers = (report, summary, page, rows)
     sources = "".join(Path(str(writer.__file__)).read_text() for writer in writers)
     for name in PRODUCTS:
         assert f'"{name}"' in sources, name

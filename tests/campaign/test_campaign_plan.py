@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers import impedance
 from rig.config import SourceLocation, load
-from rig.config.columns import REQUIRED_COLUMNS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
 from rig.kinds.wavebot.campaign import (
@@ -23,6 +23,7 @@ from rig.kinds.wavebot.campaign import (
 )
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.order import least_travel, order_points
 from rig.planning.point import ValueLocation, make_point
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase
@@ -33,7 +34,9 @@ UNKNOWN_LOCATION = ValueLocation(SourceLocation(Path("x.yaml"), 1), "x")
 
 
 def point_without_location(rate: float, kp: float, ki: float) -> Point:
-    return make_point(REQUIRED_COLUMNS, [(value, UNKNOWN_LOCATION) for value in (rate, kp, ki)])
+    return make_point(
+        COLUMNS.required(impedance.COLUMNS), [(value, UNKNOWN_LOCATION) for value in (rate, kp, ki)]
+    )
 
 
 RATES = (490.9, -5715.0, 8340.0, -10013.0, 0.0)

@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers import impedance
 from rig.config import SourceLocation, load
-from rig.config.columns import REQUIRED_COLUMNS
 from rig.kinds.wavebot.campaign import Plan, build_plan, check_campaign
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.point import ValueLocation, make_point
 from rig.realtime import sequence
 from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE, Phase
@@ -42,8 +43,12 @@ def small_plan(frequency: float = 0.3) -> Plan:
         }
     )  # fmt: skip
     location = ValueLocation(SourceLocation(Path("x"), 1), "x")
+    columns = COLUMNS.required(impedance.COLUMNS)
     points = tuple(
-        make_point(REQUIRED_COLUMNS, [(value, location) for value in (rate, -1000.0, 0.0)])
+        make_point(
+            columns,
+            [(value, location) for value in (rate, -1000.0, 0.0)],
+        )
         for rate in (0.0, 0.0, 8340.0)
     )
     return build_plan(campaign, RIG_100_HZ, points)

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from command_here import rig as rig_here
 from rich.console import Console
 from ruamel.yaml import YAML
 from wired_rig import CONFIGS, rig, running
 
-from rig.cli import BAD_INPUT, FAILED, OK
-from rig.cli.bench import BenchOptions
-from rig.cli.bench import main as bench
-from rig.cli.devices import main as devices
-from rig.cli.devices_view import render
+from rig.cli.devices import render
+from rig.cli.exit_codes import BAD_INPUT, FAILED, OK
 from rig.config import load
 from rig.host.finding import Host, Verdict
 from rig.host.rig_wires import findings
@@ -91,10 +89,10 @@ def test_a_second_sim_is_refused_and_names_the_addresses_in_use(sim: Sim) -> Non
     assert (sim.folder / "servo").exists()  # that of the first sim
 
 
-def test_all_devices_answer(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
-    code = devices(sim.path, only_listen=False, objects=False, as_json=True)
-    report = json.loads(capsys.readouterr().out)
-    assert (code, report["trouble"]) == (OK, [])
+def test_all_devices_answer(sim: Sim) -> None:
+    done = rig_here("devices", sim.path, "--json")
+    report = json.loads(done.stdout)
+    assert (done.returncode, report["trouble"]) == (OK, [])
     streams = {stream["name"]: stream for stream in report["streams"]}
     assert list(streams) == ["encoders", "servo", "load_cell"]
     assert all(stream["answers"] for stream in streams.values())
@@ -128,11 +126,11 @@ def test_no_text_of_the_view_is_cut(sim: Sim) -> None:
             assert expected in text
 
 
-def test_missing_devices_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_devices_are_named(tmp_path: Path) -> None:
     path = rig_file(tmp_path)
-    code = devices(path, only_listen=False, objects=False, as_json=True)
-    trouble = json.loads(capsys.readouterr().out)["trouble"]
-    assert code == FAILED
+    done = rig_here("devices", path, "--json")
+    trouble = json.loads(done.stdout)["trouble"]
+    assert done.returncode == FAILED
     assert any(text.startswith("encoders at ") and "is not there" in text for text in trouble)
     assert any(text.startswith("servo at ") for text in trouble)
     assert any(text.startswith("load_cell at 127.0.0.1") for text in trouble)
@@ -152,8 +150,7 @@ def test_the_doctor_checks_the_wires_of_a_bench(sim: Sim, tmp_path: Path) -> Non
     assert verdicts["servo"] == verdicts["line io"] == Verdict.WARNING
 
 
-def test_a_bench_without_wiring_cannot_be_emulated(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert bench(SESSION, tmp_path, BenchOptions(None, False, True), as_json=True) == BAD_INPUT
-    assert "has no wiring, so no devices can be emulated" in capsys.readouterr().out
+def test_a_bench_without_wiring_cannot_be_emulated(tmp_path: Path) -> None:
+    done = rig_here("bench", SESSION, "--runs", tmp_path, "--sim", "--json")
+    assert done.returncode == BAD_INPUT
+    assert "has no wiring, so no devices can be emulated" in done.stdout

@@ -6,13 +6,14 @@ with too large a motion, an unstable row, a row with too high a bus voltage, and
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
 from pathlib import Path
 
 import pytest
 from command_here import rig
+
+from rig.kinds.wavebot.tasks import examine
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PLANTED = f"""\
@@ -100,6 +101,6 @@ def test_no_number_of_a_wide_table_is_cut(campaign: Path) -> None:
 )
 def test_every_ready_campaign_passes(path: Path) -> None:
     """The check includes the prediction; it refuses no row."""
-    report = importlib.import_module("rig.cli.check").examine(path)
+    report = examine(path)
     assert report.ok, report.text()
     assert report.problems == ()

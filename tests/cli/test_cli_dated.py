@@ -104,11 +104,13 @@ def test_a_recommendation_warns(
     """The warning depends on the campaign only; the recommendation itself is a stub."""
     opened = open_campaign(campaign(tmp_path, before))
     result = SimpleNamespace(campaign=opened)
-    package = "rig.kinds.wavebot.recommend"
-    monkeypatch.setattr(f"{package}.recommendation.recommend", lambda *_: result)
+    command = "rig.kinds.wavebot.commands.recommend"
+    monkeypatch.setattr(f"{command}.recommend", lambda *_: result)
     for name, stub in (("write", []), ("as_dict", {}), ("as_text", "nothing")):
-        monkeypatch.setattr(f"{package}.report.{name}", lambda *_, value=stub: value)
-    monkeypatch.setattr("rig.cli.find_run.find_run", lambda named, _: named)
+        monkeypatch.setattr(
+            f"rig.kinds.wavebot.recommend.report.{name}", lambda *_, value=stub: value
+        )
+    monkeypatch.setattr(f"{command}.find_run", lambda named, _: named)
     code, out, err = rig_here("recommend", tmp_path, "--no-pictures", "--json")
     assert code == 0, err
     assert len(json.loads(out)["warnings"]) == count

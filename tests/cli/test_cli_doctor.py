@@ -9,13 +9,15 @@ from pathlib import Path
 
 import pytest
 from command_here import rig
+from command_here import rig as rig_here
 from doctor_hosts import HEALTHY_FILES, finding_named, make_host, skip_measurements
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from rig import cli
-from rig.cli.doctor import main, render
+from rig.cli import doctor
+from rig.cli.doctor import render
+from rig.cli.exit_codes import FAILED, OK
 from rig.host import (
     DoctorOptions,
     Examination,
@@ -98,20 +100,20 @@ def test_the_verdict_is_a_sentence() -> None:
 @pytest.mark.parametrize(
     ("found", "rig", "rehearsal"),
     [
-        (finding(Verdict.WARNING), cli.OK, cli.OK),
-        (finding(Verdict.BAD, Use.REALTIME), cli.FAILED, cli.OK),
-        (finding(Verdict.BAD, *Use), cli.FAILED, cli.FAILED),
+        (finding(Verdict.WARNING), OK, OK),
+        (finding(Verdict.BAD, Use.REALTIME), FAILED, OK),
+        (finding(Verdict.BAD, *Use), FAILED, FAILED),
     ],
 )
 def test_exit_codes(
     found: Finding, rig: int, rehearsal: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    command = sys.modules["rig.cli.doctor"]  # the package has a function of that name
-    monkeypatch.setattr(command, "examine", lambda options: Examination((found,)))
+    monkeypatch.setattr(doctor, "examine", lambda options: Examination((found,)))
     for for_rehearsal, expected in ((False, rig), (True, rehearsal)):
         for as_json in (False, True):
-            code = main(tmp_path, 1.0, 1000.0, 1.0, rehearsal=for_rehearsal, as_json=as_json)
-            assert code == expected
+            options = ["--rehearsal"] if for_rehearsal else []
+            options += ["--json"] if as_json else []
+            assert rig_here("doctor", "--runs", tmp_path, *options).returncode == expected
 
 
 @pytest.mark.parametrize("width", [50, 80, 140])

@@ -6,10 +6,11 @@ import pytest
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from rig.cli import app
+from rig import kinds
+from rig.cli.app import COMMANDS, app, load
 
 
-def commands(command: object, name: str = "rig") -> Iterator[tuple[str, TyperCommand]]:
+def commands(command: object, name: str) -> Iterator[tuple[str, TyperCommand]]:
     if isinstance(command, TyperGroup):
         for word, each in command.commands.items():
             yield from commands(each, f"{name} {word}")
@@ -17,12 +18,21 @@ def commands(command: object, name: str = "rig") -> Iterator[tuple[str, TyperCom
         yield name, command
 
 
-ALL = dict(commands(get_command(app)))
+LISTED = (*COMMANDS, *kinds.commands())
+ALL = dict(
+    pair for each in LISTED for pair in commands(load(each.name, each.module), f"rig {each.name}")
+)
 
 
 def test_all_commands_are_listed() -> None:
     assert len(ALL) > 20
-    assert {"rig run", "rig check", "rig scan modbus"} <= set(ALL)
+    assert {"rig run", "rig check", "rig scan modbus", "rig bench", "rig twin"} <= set(ALL)
+    group = get_command(app)
+    assert isinstance(group, TyperGroup)
+    listed = group.list_commands(group.make_context("rig", ["runs"]))
+    assert listed == [each.name for each in LISTED]
+    assert len({each.name for each in LISTED}) == len(LISTED)
+    assert all(each.help for each in LISTED)
 
 
 @pytest.mark.parametrize("name", ALL)

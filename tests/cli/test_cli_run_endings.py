@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 
 from rig.analysis import summary
-from rig.cli import command_error
-from rig.cli.progress import Progress
-from rig.cli.run_end import row_as_json
+from rig.cli.run import row_as_json
+from rig.cli.run_panel import RunPanel
 from rig.config.law_settings import IMPEDANCE
+from rig.config.problems import error_text
 from rig.host import disk
+from rig.kinds.wavebot import display
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
 from rig.realtime.limits import LimitFlag, WarningFlag
@@ -67,12 +68,8 @@ def test_a_line_shows_the_power_of_the_previous_row(
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     setting = SimpleNamespace(kp=-2000.0, ki=0.0, spring_rate=490.9)
     rows = (SimpleNamespace(setting=setting),) * 2
-    view = Progress(
-        "title",
-        "rehearsal",
-        SimpleNamespace(rows=rows, duration=60.0, wave_seconds=50.0, law=IMPEDANCE),
-        quiet=False,
-    )
+    plan = SimpleNamespace(rows=rows, duration=60.0, wave_seconds=50.0, law=IMPEDANCE)
+    view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     lines = []
     for snapshot in (
@@ -137,7 +134,7 @@ def test_a_full_disk_leaves_no_half_of_a_summary(
 def test_the_text_of_a_full_disk_has_no_error_number() -> None:
     """The error of a write names no file, unlike that of opening one."""
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    assert command_error.error_text(full) == "No space left on device"
+    assert error_text(full) == "No space left on device"
 
 
 def test_a_too_small_disk_gives_a_warning_before_the_run(

@@ -15,13 +15,15 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from rig import cli
-from rig.cli.command_error import error_text
+from rig.cli import run as run_command
+from rig.cli.app import app
+from rig.cli.exit_codes import BAD_INPUT, FAILED, FAULT, OK, STOPPED
 from rig.cli.find_run import find_run
-from rig.cli.progress import Progress
-from rig.cli.runs import main as list_command
-from rig.config.problems import Problem
+from rig.cli.run_panel import RunPanel
+from rig.cli.runs import command as list_command
+from rig.config.problems import Problem, error_text
 from rig.execution.task import RunResult
+from rig.kinds.wavebot import display
 from rig.processes.run_types import Outcome, Snapshot
 from rig.realtime.limits import LimitFlag
 from rig.realtime.reasons import Reason
@@ -29,7 +31,6 @@ from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 
-run_command: Any = importlib.import_module("rig.cli.run")  # rig.cli.run is the command itself
 REFUSED = "the host did not grant what the rig file requires"
 
 
@@ -78,7 +79,7 @@ def test_a_narrow_list_keeps_the_run_whole(
     (folder / "run.mcap").write_bytes(b"x")
     for columns in ("100", "40"):
         monkeypatch.setenv("COLUMNS", columns)
-        assert list_command(tmp_path, as_json=False) == cli.OK
+        assert list_command(tmp_path, as_json=False) == OK
         lines = capsys.readouterr().out.splitlines()
         assert lines[1].startswith(name)
     monkeypatch.setenv("COLUMNS", "100")
@@ -94,9 +95,9 @@ def test_an_unhandled_interrupt_ends_with_a_message(monkeypatch: pytest.MonkeyPa
     def interrupted(*_: object, **__: object) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rig.cli.check.main", interrupted)
-    done = CliRunner().invoke(cli.app, ["check", "x.yaml"])
-    assert (done.exit_code, done.stderr) == (cli.STOPPED, "\nrig check: interrupted\n")
+    monkeypatch.setattr("rig.cli.check.kind_of_task", interrupted)
+    done = CliRunner().invoke(app, ["check", "x.yaml"])
+    assert (done.exit_code, done.stderr) == (STOPPED, "\nrig check: interrupted\n")
 
 
 def test_an_interrupt_during_the_import_ends_with_a_message(
@@ -107,11 +108,11 @@ def test_an_interrupt_during_the_import_ends_with_a_message(
             raise KeyboardInterrupt
 
     command = importlib.import_module("rig.__main__")
-    assert command.INTERRUPTED == cli.STOPPED
-    monkeypatch.setitem(sys.modules, "rig.cli", Interrupting())
+    assert command.INTERRUPTED == STOPPED
+    monkeypatch.setitem(sys.modules, "rig.cli.app", Interrupting())
     with pytest.raises(SystemExit) as ended:
         command.main()
-    assert ended.value.code == cli.STOPPED
+    assert ended.value.code == STOPPED
     assert capsys.readouterr().err == "\nrig: interrupted\n"
 
 
@@ -126,7 +127,7 @@ def test_lines_show_time_left_losses_and_each_notice_once(
     now = [1000.0]
     monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4)
-    view = Progress("title", "rehearsal", plan, quiet=False)
+    view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     now[0] += 15.0
     view(snapshot())
@@ -173,7 +174,7 @@ def test_a_run_without_the_device_shows_waves_instead_of_rows(
     monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
     plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
-    view = Progress("title", "rehearsal", plan, quiet=False)
+    view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     now[0] += 15.0
     probes = snapshot(
@@ -199,11 +200,9 @@ def play(
 ) -> int:
     """Return the exit code of `rig run` for a valid campaign whose run has this outcome."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
-    monkeypatch.setattr(run_command, "run_campaign", lambda *a, **k: RunResult(folder, outcome, ""))
-    code: int = run_command.main(
-        campaign, folder.parent, run_command.RunOptions(None, False, False), as_json=as_json
-    )
-    return code
+    monkeypatch.setattr(run_command, "run_task", lambda *a, **k: RunResult(folder, outcome, ""))
+    options = run_command.RunOptions()
+    return run_command.run_named("run", campaign, folder.parent, options, as_json=as_json)
 
 
 def test_a_refused_run_prints_its_reason_and_has_no_products(
@@ -212,12 +211,12 @@ def test_a_refused_run_prints_its_reason_and_has_no_products(
     folder = folder_of(tmp_path, "refused")
     before = sorted(folder.iterdir())
     outcome = Outcome("refused", REFUSED, 0, 0, 0, 0, 0, {})
-    assert play(monkeypatch, folder, outcome) == cli.FAILED
+    assert play(monkeypatch, folder, outcome) == FAILED
     output = capsys.readouterr()
     assert f"Refused: {REFUSED}." in output.err
     assert "no products" not in output.out + output.err
     assert sorted(folder.iterdir()) == before
-    assert play(monkeypatch, folder, outcome, as_json=True) == cli.FAILED
+    assert play(monkeypatch, folder, outcome, as_json=True) == FAILED
     assert json.loads(capsys.readouterr().out)["products"] == []
 
 
@@ -226,7 +225,7 @@ def test_json_of_a_run_holds_no_nan(
 ) -> None:
     row: dict[str, float | int] = {"a": math.nan, "b": -math.inf, "c": 1.5, "tick": 7}
     outcome = Outcome("fault", "NOT_FINITE", 0, 0, 0, 0, 0, row)
-    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == cli.FAULT
+    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == FAULT
     text = capsys.readouterr().out
     assert "NaN" not in text
     assert json.loads(text)["last_row"] == {"a": None, "b": None, "c": 1.5, "tick": 7}
@@ -243,7 +242,7 @@ def test_json_of_a_run_has_names_for_its_codes(
         "heave.warned": 0,
     }
     outcome = Outcome("fault", "POSITION", 0, 0, 0, 0, 0, row)
-    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == cli.FAULT
+    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == FAULT
     report = json.loads(capsys.readouterr().out)
     assert report["last_row"] == {
         "plan.phase": "LEAD_IN",
@@ -257,11 +256,11 @@ def test_json_of_a_run_has_names_for_its_codes(
 
 def test_a_run_prints_only_the_first_warnings(capsys: pytest.CaptureFixture[str]) -> None:
     warnings = tuple(Problem("a.yaml", line, "", None, "a stop is near") for line in range(1, 8))
-    run_command._print_warnings(warnings, Path("a.yaml"))
+    run_command.print_warnings(warnings, Path("a.yaml"))
     *lines, last = capsys.readouterr().err.splitlines()
     assert lines == [f"warning: a.yaml:{line}: a stop is near" for line in range(1, 6)]
     assert last == "and 2 more warnings; rig check a.yaml lists all"
-    run_command._print_warnings((), Path("a.yaml"))
+    run_command.print_warnings((), Path("a.yaml"))
     assert capsys.readouterr().err == ""
 
 
@@ -270,7 +269,9 @@ def test_a_file_as_folder_of_runs_is_an_error(
 ) -> None:
     file = tmp_path / "x"
     file.touch()
-    assert list_command(file, as_json=False) == cli.BAD_INPUT
+    with pytest.raises(SystemExit) as ended:
+        list_command(file, as_json=False)
+    assert ended.value.code == BAD_INPUT
     assert capsys.readouterr().err == f"rig runs: {file}: not a folder\n"
 
 

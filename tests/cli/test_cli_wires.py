@@ -20,10 +20,8 @@ from command_here import rig as rig_here
 from rich.console import Console
 from wired_rig import CONFIGS, Ports, ended, free_ports, ready, rig, rig_file, running
 
-from rig.cli import BAD_INPUT, FAILED, OK, STOPPED
-from rig.cli.devices import main as devices
-from rig.cli.devices_view import render
-from rig.cli.scan_commands import SerialLine, scan_can, scan_modbus
+from rig.cli.devices import render
+from rig.cli.exit_codes import BAD_INPUT, FAILED, OK, STOPPED
 from rig.config import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import build_job
@@ -47,8 +45,55 @@ def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim]:
         yield Sim(folder, ports, path, message)
 
 
-def survey_of(path: Path, capsys: pytest.CaptureFixture[str], **options: bool) -> tuple[int, Any]:
-    code = devices(path, **{"only_listen": False, "objects": False, "as_json": True, **options})
+class SerialLine(NamedTuple):
+    port: str
+    baud: int
+    parity: str
+    stop_bits: int
+
+
+def run_command(*arguments: object, as_json: bool = True) -> int:
+    """Run `rig ARGUMENTS`; print its standard output and return its exit code."""
+    done = rig_here(*arguments, *(["--json"] if as_json else []))
+    print(done.stdout, end="")
+    return done.returncode
+
+
+def scan_can(
+    interface: str,
+    channel: str,
+    bit_rate: int,
+    options: list[str],
+    *,
+    timeout: float,
+    only_listen: bool,
+    as_json: bool,
+) -> int:
+    where = ("-i", interface, "-c", channel, "--bit-rate", bit_rate)
+    more = [text for option in options for text in ("-o", option)]
+    more += ["--listen"] if only_listen else []
+    return run_command("scan", "can", *where, "--patience", timeout, *more, as_json=as_json)
+
+
+def scan_modbus(
+    address: str | None,
+    line: SerialLine | None,
+    units: tuple[int, int],
+    timeout: float,
+    register: int,
+    *,
+    as_json: bool,
+) -> int:
+    where: list[object] = [] if address is None else [address]
+    if line is not None:
+        names = ("--serial", "--baud", "--parity", "--stop-bits")
+        where += [text for pair in zip(names, line, strict=True) for text in pair]
+    which = ("--first", units[0], "--last", units[1], "--timeout", timeout, "--register", register)
+    return run_command("scan", "modbus", *where, *which, as_json=as_json)
+
+
+def survey_of(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, Any]:
+    code = run_command("devices", path, *options)
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -174,7 +219,7 @@ def test_a_survey_without_devices(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert [text.partition(":")[0].split(" at ")[0] for text in report["trouble"]] == [
         "CAN", "line analyser", "line amplifiers", "line io",
     ]  # fmt: skip
-    assert devices(tmp_path / "rig.yaml", only_listen=False, objects=False, as_json=False) == FAILED
+    assert run_command("devices", tmp_path / "rig.yaml", as_json=False) == FAILED
     assert "4 things are wrong" in capsys.readouterr().out
 
 
@@ -203,7 +248,7 @@ def test_listening_sends_nothing(sim: Sim, capsys: pytest.CaptureFixture[str]) -
         while bus.recv(0.2) is not None:  # boot-up messages of the nodes
             pass
         with acquire(wires_in(load(sim.path, RigFile)[0]), "campaign of somebody"):
-            code, report = survey_of(sim.path, capsys, only_listen=True)
+            code, report = survey_of(sim.path, capsys, "--listen")
             assert code == FAILED
             assert report["listened_only"]
             assert report["trouble"][0] == "heave (node 5) sends nothing"

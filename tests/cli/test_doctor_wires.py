@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_here import rig as rig_here
 from doctor_hosts import finding_named, make_host, skip_measurements
 from wired_rig import CONFIGS, Ports, free_ports, rig_file
 
-from rig import cli
-from rig.cli.doctor import main
+from rig.cli.exit_codes import BAD_INPUT, FAILED
 from rig.config import load
 from rig.emulation import addresses
 from rig.host import DoctorOptions, Host, Use, Verdict, examine, rig_wires, wires
@@ -137,17 +137,17 @@ def test_a_rig_with_all_wires_is_good(tmp_path: Path) -> None:
     assert {finding.verdict for finding in found} == {Verdict.GOOD}
 
 
-def test_the_command_takes_a_rig(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_takes_a_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     skip_measurements(monkeypatch)
-    options = (tmp_path, 1.0, None, 1.0)
+    options = ("--runs", tmp_path, "--seconds", 1.0, "--hours", 1.0, "--json")
     path = rig_file(tmp_path, free_ports(), lines={"io": {"host": "no.such.host.invalid"}})
-    assert main(*options, rehearsal=False, as_json=True, rig=path) == cli.FAILED
-    report = json.loads(capsys.readouterr().out)
+    done = rig_here("doctor", "--rig", path, *options)
+    assert done.returncode == FAILED
+    report = json.loads(done.stdout)
     assert "wires of Wires of a test" in {entry["area"] for entry in report["findings"]}
     assert "line io: no.such.host.invalid:" in report["verdict"]
-    assert main(*options, rehearsal=False, as_json=True, rig=tmp_path / "none") == cli.BAD_INPUT
+    done = rig_here("doctor", "--rig", tmp_path / "none.yaml", *options)
+    assert done.returncode == BAD_INPUT
     unwired, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
     found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0, unwired), Host(tmp_path / "nothing"))
     assert finding_named(found.findings, "wiring").value == "none: the rig can only be rehearsed"

@@ -19,6 +19,7 @@ from rig.interop.legacy.testlog import read_log
 from rig.kinds.oswec_bench.sessions import open_session
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.config import LimitsFile
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.mask4.signals import read_signals
 from rig.planning import matrix_csv
 from rig.recording.calibration.history import open_calibration
@@ -68,7 +69,7 @@ READERS: dict[str, tuple[str, Read, int | None]] = {  # suffix, reader, maximum 
     "calibration": (".yaml", open_calibration, MAX_CONFIG_BYTES),
     "matrix": (
         ".csv",
-        lambda path: matrix_csv.read_matrix_csv(path, NAMED_AT, IMPEDANCE),
+        lambda path: matrix_csv.read_matrix_csv(path, NAMED_AT, COLUMNS, IMPEDANCE),
         MAX_CONFIG_BYTES,
     ),
     "elevation": (".csv", read_recording, MAX_RECORD_BYTES),

@@ -19,10 +19,10 @@ import pytest
 from ruamel.yaml import YAML
 
 from drivers.canopen.bus_settings import BusSettings
-from rig.execution.campaign import run_campaign
+from rig.execution.task import run_task
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import wired_mode
+from rig.kinds.wavebot.tasks import execution_task, wired_mode
 from rig.processes.wire_locks import (
     REALTIME_WIRE,
     Wire,
@@ -288,7 +288,9 @@ def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
         mode = wired_mode(report.campaign, emulated=False)
         mode = mode._replace(real_clock=False)  # so that only the wire refuses it
         with pytest.raises(BusyError, match=r"line amplifiers .* taken by campaign first"):
-            run_campaign(report.campaign, report.plan, runs, lambda snapshot: None, mode)
+            run_task(
+                execution_task(report.campaign, report.plan), runs, lambda snapshot: None, mode
+            )
         assert not runs.exists()
         arguments = [sys.executable, "-m", "rig"]
         port = str(far.wiring["lines"]["amplifiers"]["port"])  # type: ignore[index]

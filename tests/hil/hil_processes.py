@@ -10,10 +10,9 @@ from pathlib import Path
 
 from benchmarks.support.fault_runs import CallbackView, Trigger, run_when_free
 from benchmarks.support.process_faults import child_with_stderr
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult
+from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan
-from rig.kinds.wavebot.tasks import wired_mode
+from rig.kinds.wavebot.tasks import execution_task, wired_mode
 from rig.processes.run_types import Snapshot
 
 
@@ -51,6 +50,8 @@ def run_emulated(
 
     def run() -> RunResult:
         view = CallbackView(on_snapshot or (lambda snapshot: None))
-        return run_campaign(campaign, plan, runs, view, wired_mode(campaign, emulated=True))
+        return run_task(
+            execution_task(campaign, plan), runs, view, wired_mode(campaign, emulated=True)
+        )
 
     return run_when_free(run)

@@ -19,7 +19,7 @@ from rig.kinds.oswec_bench.products.driveline import analyse_driveline
 from rig.kinds.oswec_bench.products.points import open_session
 from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions import check_session
-from rig.kinds.oswec_bench.tasks import rehearsal_mode, session_task, wired_mode
+from rig.kinds.oswec_bench.tasks import execution_task, rehearsal_mode, wired_mode
 from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import open_run
 
@@ -84,7 +84,7 @@ def run_session(path: Path, rig: Path, folder: Path, on_wires: bool) -> RunResul
         if on_wires
         else rehearsal_mode(session, real_clock=False)
     )
-    task = session_task(session, plan)
+    task = execution_task(session, plan)
     return run_when_free(lambda: run_task(task, folder, CallbackView(lambda snapshot: None), mode))
 
 

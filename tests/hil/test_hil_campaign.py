@@ -14,10 +14,9 @@ from rehearsing import CONFIGS, SilentView, load_rows
 
 from benchmarks.support.emulated_wavebot import write_campaign_file
 from benchmarks.support.host import ProcessorTime, other_load
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult
+from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import rehearsal_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 from rig.processes.io_processes import FACTS_FILE
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import open_run
@@ -78,7 +77,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     mode = rehearsal_mode(report.campaign, real_clock=False)
-    rehearsed = run_campaign(report.campaign, report.plan, folder, SilentView(), mode)
+    rehearsed = run_task(execution_task(report.campaign, report.plan), folder, SilentView(), mode)
     on_wires = check_campaign(path)
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None

@@ -22,10 +22,9 @@ from benchmarks.support.fault_runs import Trigger, power_off_time, restart_and_r
 from benchmarks.support.live_run import LiveRun, is_running, wait_realtime_free, wait_until
 from benchmarks.support.process_faults import child_with_stderr
 from drivers.canopen.heartbeat import NmtState
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult
+from rig.execution.task import RunResult, run_task
 from rig.kinds.rig_file import load_rig
-from rig.kinds.wavebot.tasks import wired_mode
+from rig.kinds.wavebot.tasks import execution_task, wired_mode
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.processes.wire_locks import REALTIME_WIRE, acquire, wires_in
 from rig.realtime.safety import RUN
@@ -141,7 +140,9 @@ def test_a_second_run_is_refused_while_the_first_one_lives(
     def first() -> RunResult:
         refused = pytest.raises(BusyError, match="taken by campaign first")
         with acquire((REALTIME_WIRE,), "campaign first"), refused:
-            run_campaign(on.campaign, on.plan, tmp_path, SilentView(), emulated_mode(on))
+            run_task(
+                execution_task(on.campaign, on.plan), tmp_path, SilentView(), emulated_mode(on)
+            )
         return None  # type: ignore[return-value]
 
     run_when_free(first)
@@ -212,9 +213,8 @@ def test_a_refused_start_leaves_a_folder_with_the_reason(
     on.control.request("restart")
     on.control.switch("heave", "wrong_kp")
     result = run_when_free(
-        lambda: run_campaign(
-            on.campaign,
-            on.plan,
+        lambda: run_task(
+            execution_task(on.campaign, on.plan),
             tmp_path,
             SilentView(),
             emulated_mode(on)._replace(io_processes=own_io_processes(on)),

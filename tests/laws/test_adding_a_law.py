@@ -127,7 +127,7 @@ def test_run_of_a_law_that_is_not_installed_is_shown(run: Path, tmp_path: Path) 
     config["law"] |= {"name": "gone", "file": False}
     config["campaign"]["law"]["use"] = "gone"
     (copy / "config.json").write_text(json.dumps(config))
-    program = "import sys; from rig.cli import app; app(sys.argv[1:])"
+    program = "import sys; from rig.cli.app import app; app(sys.argv[1:])"
     for arguments in (["show", copy], ["plot", copy, "--surface", "c1", "c0"]):
         subprocess.run([sys.executable, "-c", program, *map(str, arguments)], check=True)
     code, _, err = rig_here("replay", copy)

@@ -20,6 +20,7 @@ from rig.interop.legacy.matrix import (
     read_csv,
 )
 from rig.kinds.wavebot.campaign import open_campaign
+from rig.kinds.wavebot.config.columns import COLUMNS
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 HEAD = "Kp,Ki,springK\n"
@@ -179,7 +180,7 @@ def test_columns_of_the_custom_drive(tmp_path: Path) -> None:
 def test_values_a_campaign_refuses_are_located_in_the_legacy_file(tmp_path: Path) -> None:
     text = "dischargeLevel,Ki,Kp,springK\n" + "1,0,-1,0\n" + "16,40000,500,0\n" * 2
     matrix_file = mask4.read(write_file(tmp_path, text))
-    found = matrix_file.problems(matrix_file.matrix)
+    found = matrix_file.problems(matrix_file.matrix, COLUMNS)
     assert [(p.line, p.column, p.key) for p in found] == [
         (4, 3, "kp_n_s_per_m"),
         (4, 2, "ki_n_per_m"),
@@ -249,7 +250,7 @@ def test_write_and_read_round_trip(
     tmp_path: Path, suffix: str, matrix: GainMatrix, header: bool
 ) -> None:
     path = tmp_path / f"g{suffix}"
-    mask4.write(path, matrix, header=header)
+    mask4.write(path, matrix, COLUMNS, header=header)
     names = ",".join(("kp_n_s_per_m", "ki_n_per_m", "spring_n_per_m", *matrix.columns[3:]))
     matrix_file = mask4.read(path, None if header else names)
     assert matrix_file.matrix == matrix
@@ -259,7 +260,7 @@ def test_write_and_read_round_trip(
 def test_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
     matrix = GainMatrix(COLUMN_ORDER[:3], ((490.9, -2000.0, 0.1 + 0.2), (-5715.0, -2000.0, 0.0)))
     path = tmp_path / "g.mat"
-    mask4.write(path, matrix)
+    mask4.write(path, matrix, COLUMNS)
     assert mask4.read(path).matrix == matrix
     inside = loadmat(path)
     assert inside["GainMatrix"].shape == (6, 3)
@@ -270,11 +271,11 @@ def test_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
 
 def test_invalid_rows_are_not_written(tmp_path: Path) -> None:
     bad = GainMatrix(COLUMN_ORDER[:3], ((0.0, -999.0, 0.0), (float("nan"), 1.0, 0.0)))
-    message = refusal(lambda: mask4.write(tmp_path / "g.xls", bad))
+    message = refusal(lambda: mask4.write(tmp_path / "g.xls", bad, COLUMNS))
     for part in ("-999 ends a matrix", "nan is not a finite number", "out of range", "'.xls'"):
         assert part in message
     assert "no row to write" in refusal(
-        lambda: mask4.write(tmp_path / "g.csv", bad._replace(rows=()))
+        lambda: mask4.write(tmp_path / "g.csv", bad._replace(rows=()), COLUMNS)
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -283,7 +284,7 @@ def test_todays_matrix_round_trip(tmp_path: Path) -> None:
     source = CONFIGS / "campaigns" / "csv_matrix.csv"
     today = read_csv(source)[0]
     assert len(today.rows) == 6  # without its end mark
-    mask4.write(tmp_path / "old.xlsx", today)
+    mask4.write(tmp_path / "old.xlsx", today, COLUMNS)
     back = mask4.read(tmp_path / "old.xlsx").matrix
     repeats = write_file(tmp_path, format_csv(back, ["note"]), "csv_matrix.csv")
     assert read_csv(repeats) == (today, ())

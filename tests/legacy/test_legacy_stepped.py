@@ -20,6 +20,7 @@ from rig.interop.legacy.stepped import (
     convert,
     force_per_gain,
 )
+from rig.kinds.wavebot.config.columns import COLUMNS
 
 FOSWEC_NAMES = "aftStiff,aftDamp,aftStiffCC,aftDampCC,bowStiffCC,bowDampCC,bowStiff,bowDamp"
 LUPA_RIG = SourceRig(LUPA_SPROCKET_RADIUS, 1.0, "absorbs", 0.0)
@@ -147,35 +148,41 @@ def test_foswec_controller_gives_the_converted_force(
 
 
 def test_gains_of_the_lupa_rig_itself_only_change_sign(bench: Path, tmp_path: Path) -> None:
-    converted_matrix = convert(stepped.read(bench, "lupa"), LUPA_RIG)
+    converted_matrix = convert(stepped.read(bench, "lupa"), LUPA_RIG, COLUMNS)
     assert converted_matrix.columns == ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
     assert converted_matrix.rows == tuple((0.0, -50.0 * n, 0.0) for n in range(28, 41))
     softer = stepped.read(write_file(tmp_path, "-300,1400\n"), "lupa")
-    assert convert(softer, LUPA_RIG).rows == ((0.0, -1400.0, 300.0),)  # K < 0 softens: Ki > 0
+    assert convert(softer, LUPA_RIG, COLUMNS).rows == (
+        (0.0, -1400.0, 300.0),
+    )  # K < 0 softens: Ki > 0
 
 
 def test_flap_at_its_own_gear_has_gain_over_lever_squared(tmp_path: Path) -> None:
     path = write_file(tmp_path, "0,0,0,0,0,0,0,0\n-8,20,0,0,0,0,5,100\n")
     message = SourceRig(0.5, FOSWEC_GEAR_RATIO, "absorbs", 0.0, "aft")
     matrix_file = stepped.read(path, "foswec")
-    assert convert(matrix_file, message).rows == ((0.0, -80.0, 32.0),)
-    assert convert(matrix_file, message._replace(flap="bow")).rows == ((0.0, -400.0, -20.0),)
+    assert convert(matrix_file, message, COLUMNS).rows == ((0.0, -80.0, 32.0),)
+    assert convert(matrix_file, message._replace(flap="bow"), COLUMNS).rows == (
+        (0.0, -400.0, -20.0),
+    )
 
 
 def test_gains_from_flap_to_flap_are_refused(tmp_path: Path) -> None:
     path = write_file(tmp_path, "0,20,0,3,0,0,0,0\n0,20,0,0,4,0,0,0\n")
     message = SourceRig(0.5, FOSWEC_GEAR_RATIO, "absorbs", 0.0, "aft")
     matrix_file = stepped.read(path, "foswec")
-    refused = refusal(lambda: convert(matrix_file, message))
+    refused = refusal(lambda: convert(matrix_file, message, COLUMNS))
     assert "g.csv:1:4: aftDampCC: 3 acts from one flap on the other" in refused
     assert "bowStiffCC" not in refused
-    refused = refusal(lambda: convert(matrix_file, message._replace(flap="bow")))
+    refused = refusal(lambda: convert(matrix_file, message._replace(flap="bow"), COLUMNS))
     assert "g.csv:2:5: bowStiffCC: 4 acts" in refused
 
 
 def test_driving_gains_are_refused_at_their_line(bench: Path) -> None:
     matrix_file = stepped.read(bench, "lupa")
-    message = refusal(lambda: convert(matrix_file, LUPA_RIG._replace(positive_damping="drives")))
+    message = refusal(
+        lambda: convert(matrix_file, LUPA_RIG._replace(positive_damping="drives"), COLUMNS)
+    )
     assert len(message.splitlines()) == 13
     assert ":3:2: damping: 1400 becomes kp_n_s_per_m 1400 is out of range" in message
 
@@ -183,7 +190,7 @@ def test_driving_gains_are_refused_at_their_line(bench: Path) -> None:
 def test_invalid_statement_is_refused_with_every_problem(tmp_path: Path) -> None:
     matrix_file = stepped.read(write_file(tmp_path, "0,20,0,0,0,0,0,0\n"), "foswec")
     message = refusal(
-        lambda: convert(matrix_file, SourceRig(0.0, math.nan, "absorbs", 0.0, None, -1.0))
+        lambda: convert(matrix_file, SourceRig(0.0, math.nan, "absorbs", 0.0, None, -1.0), COLUMNS)
     )
     for part in ("lever: 0 ", "gear: nan ", "torque constant ratio: -1 ", "flap: None "):
         assert part in message

@@ -25,7 +25,7 @@ from predicting import (
 )
 from rich.console import Console
 
-from rig.cli.check_view import CheckView
+from rig.kinds.wavebot.check_view import CheckView
 from rig.kinds.wavebot.predictions import RowPredictions
 
 SEA = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}

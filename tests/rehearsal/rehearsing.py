@@ -14,10 +14,9 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, row_table
-from rig.execution.campaign import run_campaign
-from rig.execution.task import RunResult
+from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import rehearsal_mode
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.processes.run_types import Snapshot
 from rig.stations import station_names
@@ -77,7 +76,9 @@ def rehearse(
     assert report.campaign is not None
     assert report.plan is not None
     mode = rehearsal_mode(report.campaign, real_clock=real_clock)
-    return run_campaign(report.campaign, report.plan, runs, SilentView(on_snapshot), mode)
+    return run_task(
+        execution_task(report.campaign, report.plan), runs, SilentView(on_snapshot), mode
+    )
 
 
 def sweep_sequentially(path: Path) -> Any:

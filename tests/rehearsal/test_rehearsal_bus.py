@@ -6,7 +6,6 @@ started near the optimum and then detuned by hand.
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 from pathlib import Path
@@ -17,8 +16,10 @@ import pytest
 from rehearsing import CONFIGS, load_rows, rehearse, write_campaign
 from rig_command import rig
 
-from rig import cli
 from rig.analysis.rows import row_table
+from rig.cli.exit_codes import BAD_INPUT, FAULT, OK
+from rig.cli.run import RunOptions, run_named
+from rig.kinds.wavebot import tasks
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.tick import KIND
@@ -50,7 +51,7 @@ def test_without_supply_the_waves_keep_the_bus_up(tmp_path: Path) -> None:
     """The rig absorbs at least 110 W, the dump burns them, and no source supplies the bus."""
     path = write_campaign(tmp_path, **WITHOUT_SUPPLY, matrix={"list": [NEAR_OPTIMUM, DAMPED]})
     done = rig("run", path, "--runs", tmp_path / "runs", "--json")
-    assert done.returncode == cli.OK, done.stdout + done.stderr
+    assert done.returncode == OK, done.stdout + done.stderr
     printed = json.loads(done.stdout)
     assert (printed["status"], printed["dropped"], printed["unsaved"]) == ("complete", 0, 0)
     folder = Path(printed["folder"])
@@ -120,7 +121,7 @@ def test_a_row_that_starves_the_bus_is_refused_by_name(
     )
     for command in commands:
         done = rig(*command, "--json")
-        assert done.returncode == cli.BAD_INPUT
+        assert done.returncode == BAD_INPUT
         (problem,) = json.loads(done.stdout)["problems"]
         assert problem["key"] == "matrix.list[2].kp_n_s_per_m"
         assert "row 2 (spring -8508 N/m, Kp -100 N*s/m, Ki -8000 N/m)" in problem["message"]
@@ -137,14 +138,11 @@ def test_when_captured_energy_runs_out_the_rig_trips_cleanly(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The prediction is disabled here; then the drive's own trip ends the run."""
-    command = importlib.import_module("rig.cli.run")  # rig.cli.run itself is the command
     monkeypatch.setattr(
-        command, "examine", lambda path, rig: check_campaign(path, extra_check=problems, rig=rig)
+        tasks, "examine", lambda path, rig, day: check_campaign(path, extra_check=problems, rig=rig)
     )
-    code = command.main(
-        starving_campaign, tmp_path / "runs", command.RunOptions(None, False, False), as_json=True
-    )
-    assert code == cli.FAULT == 4
+    code = run_named("run", starving_campaign, tmp_path / "runs", RunOptions(), as_json=True)
+    assert code == FAULT == 4
     printed = json.loads(capsys.readouterr().out)
     assert (printed["status"], printed["reason"]) == ("fault", "BUS_UNDERVOLTAGE")
     assert (printed["dropped"], printed["unsaved"], printed["logger_restarts"]) == (0, 0, 0)

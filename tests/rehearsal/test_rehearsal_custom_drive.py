@@ -30,8 +30,7 @@ from rehearsing import (
 from rig.analysis.comparison import compare, power_difference
 from rig.analysis.comparison_picture import write_comparison
 from rig.analysis.comparison_table import as_text
-from rig.analysis.effects import Effect, Effects, compute_effects
-from rig.analysis.effects_table import effect_notes
+from rig.analysis.effects import Effect, Effects, compute_effects, effect_notes
 
 SHORT = CONFIGS / "campaigns" / "mask4_run_120_short.yaml"
 # Rows of three wave periods in place of four, and a shorter lead-in.

@@ -54,7 +54,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture(scope="module")
 def best(table: Any) -> dict[tuple[str, float], Any]:
-    return {(o.station.name, o.point.spring_rate): o for o in find_optima(table)}
+    return {(o.station.name, o.point.setting["spring_rate"]): o for o in find_optima(table)}
 
 
 def test_all_rows_are_complete(table: Any) -> None:
@@ -77,8 +77,8 @@ def test_optima_lie_inside_the_grid(best: dict[tuple[str, float], Any]) -> None:
 
 
 def test_ac_and_dc_optima_differ_without_the_spring(best: dict[tuple[str, float], Any]) -> None:
-    ac, dc = best["ac", STIFF].point, best["dc", STIFF].point
-    assert (ac.kp, ac.ki) != (dc.kp, dc.ki)
+    ac, dc = best["ac", STIFF].point.setting, best["dc", STIFF].point.setting
+    assert (ac["kp"], ac["ki"]) != (dc["kp"], dc["ki"])
 
 
 def test_the_spring_changes_electrical_power_only(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rehearsing import rehearse, write_repeated_row
 
-from rig.cli.run_end import exit_code
+from rig.cli.run import exit_code
 from rig.execution.task import RunResult
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot

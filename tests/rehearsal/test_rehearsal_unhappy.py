@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from rehearsing import rehearse, write_repeated_row
 
-from rig.cli import LOST
-from rig.cli.run_end import exit_code
+from rig.cli.exit_codes import LOST
+from rig.cli.run import exit_code
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
 from rig.processes.wire_locks import REALTIME_WIRE, acquire

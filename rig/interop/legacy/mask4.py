@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.columns import END_MARK
+from rig.config.columns import END_MARK, KindColumns
 from rig.config.problems import (
     ConfigError,
     Problem,
@@ -122,15 +122,15 @@ class Mask4Matrix(NamedTuple):
         """Columns of the file, by today's names."""
         return tuple(name for name in self.file.names if name != SKIPPED)
 
-    def problems(self, matrix: GainMatrix) -> list[Problem]:
+    def problems(self, matrix: GainMatrix, columns: KindColumns) -> list[Problem]:
         """Return a problem at its cell for every value of ``matrix`` that a campaign refuses.
 
-        ``matrix`` holds the measured rows, as read or corrected.
+        ``matrix`` holds the measured rows, as read or corrected; ``columns`` are the campaign's.
         """
         measured = self.roles.measured
         return [
             self.file.problem(measured[row], name, value, message)
-            for row, name, value, message in refused_values(matrix)
+            for row, name, value, message in refused_values(matrix, columns)
         ]
 
 
@@ -187,18 +187,19 @@ def _remarks(roles: RowRoles, file: NumberTable, kp: int, spring: int) -> list[s
     return remarks
 
 
-def write(path: Path, matrix: GainMatrix, *, header: bool = True) -> int:
+def write(path: Path, matrix: GainMatrix, columns: KindColumns, *, header: bool = True) -> int:
     """Write a matrix as CSV, workbook or MATLAB file and return its number of rows.
 
     The file has load row, hold row, doubled rows and end mark; columns are Kp, Ki, springK, then
     all others; `read` returns the same matrix again. A MATLAB file holds
     the numbers as `GainMatrix` and, unless ``header`` is false, their names as `columns`. Raises
-    `ConfigError` for values that a campaign refuses, OSError if the file cannot be written.
+    `ConfigError` for values that a campaign with these ``columns`` refuses, OSError if the file
+    cannot be written.
     """
     path = Path(path)
     problems = [
         Problem(display_path(path), row + 1, name, value, message)
-        for row, name, value, message in refused_values(matrix)
+        for row, name, value, message in refused_values(matrix, columns)
     ]
     if not matrix.rows:
         problems.append(Problem(display_path(path), 1, "", None, "no row to write"))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from controllers import impedance
-from rig.config.columns import END_MARK
+from rig.config.columns import END_MARK, KindColumns
 from rig.config.matrix import combination_model
 from rig.config.problems import ConfigError, format_number
 from rig.config.ranges import allowed_values
@@ -39,24 +39,24 @@ def select_columns(names: tuple[str, ...], rows: Iterable[tuple[float, ...]]) ->
     return GainMatrix(columns, tuple(tuple(row[i] for i in indices) for row in rows))
 
 
-def refused_values(matrix: GainMatrix) -> list[RefusedValue]:
-    """Return every value of a matrix that a campaign refuses."""
+def refused_values(matrix: GainMatrix, columns: KindColumns) -> list[RefusedValue]:
+    """Return every value of a matrix that a campaign with these columns refuses."""
     return [
         RefusedValue(i, name, value, message)
         for i, row in enumerate(matrix.rows)
         for name, value in zip(matrix.columns, row, strict=True)
-        if (message := _value_problem(name, value))
+        if (message := _value_problem(name, value, columns))
     ]
 
 
-def _value_problem(name: str, value: float) -> str:
+def _value_problem(name: str, value: float, columns: KindColumns) -> str:
     if not math.isfinite(value):
         return f"{format_number(value)} is not a finite number"
     if name == KP and value == END_MARK:
         return "-999 ends a matrix and is never a gain"
     if name == "discharge_level" and value not in range(16):
         return f"{format_number(value)} is out of range; allowed a 4-bit mask, whole 0 .. 15"
-    limits = allowed_values(combination_model(impedance.COLUMNS), (name,))
+    limits = allowed_values(combination_model(columns, impedance.COLUMNS), (name,))
     if limits is not None and not limits.contains(value):
         reason = f" ({limits.reason()})" if limits.reason() else ""
         return f"{format_number(value)} is out of range; allowed {limits.description(name)}{reason}"

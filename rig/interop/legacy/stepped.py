@@ -25,6 +25,7 @@ import math
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from rig.config.columns import KindColumns
 from rig.config.problems import ConfigError, Problem, display_path, format_number
 from rig.interop.legacy.columns import (
     FOSWEC,
@@ -141,11 +142,12 @@ def force_per_gain(style: str, rig: SourceRig) -> float:
     return own * rig.torque_constant_ratio / (travel * travel)
 
 
-def convert(source: SteppedMatrix, rig: SourceRig) -> GainMatrix:
+def convert(source: SteppedMatrix, rig: SourceRig, columns: KindColumns) -> GainMatrix:
     """Convert the active rows to a gain matrix in house signs.
 
     Raises `ConfigError` with every cell that one axis cannot represent (gains from one flap to the
-    other), every value that a campaign refuses, and every invalid entry of ``rig``.
+    other), every value that a campaign with these ``columns`` refuses, and every invalid entry of
+    ``rig``.
     """
     if problems := _rig_problems(source, rig):
         raise ConfigError(problems)
@@ -164,7 +166,7 @@ def convert(source: SteppedMatrix, rig: SourceRig) -> GainMatrix:
     )
     matrix = GainMatrix((SPRING, KP, KI), rows)
     problems = _cross_gain_problems(source, rig)
-    for row, name, converted, message in refused_values(matrix):
+    for row, name, converted, message in refused_values(matrix, columns):
         if name == SPRING:
             problems.append(Problem(display_path(source.path), row + 1, name, converted, message))
             continue

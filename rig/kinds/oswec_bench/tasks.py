@@ -1,11 +1,17 @@
-"""A session of the bench as a task to run, and the modes in which it runs."""
+"""A session of the bench: its check, the task to run, and the modes in which it runs."""
 
+from datetime import date
+from pathlib import Path
+
+from rig.kinds.oswec_bench.config.session_file import SessionFile
 from rig.kinds.oswec_bench.hardware import job as hardware
 from rig.kinds.oswec_bench.rehearsal import emulation
-from rig.kinds.oswec_bench.rehearsal.job import plant_settings
+from rig.kinds.oswec_bench.rehearsal.job import plant_settings, problems
 from rig.kinds.oswec_bench.sessions import (
     Session,
     SessionPlan,
+    SessionReport,
+    check_session,
     plan_as_dict,
     resolved_session,
 )
@@ -14,7 +20,18 @@ from rig.kinds.oswec_bench.tick import KIND
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig
 
+TaskFile = SessionFile
 _WIRED_DEVICES = "rig.kinds.oswec_bench.hardware.devices"
+
+
+def examine(
+    path: Path, rig: Path | None = None, *, day: date | None = None, predict: bool = True
+) -> SessionReport:
+    """Check a session and all its input files; ``rig`` replaces the rig that it names.
+
+    ``predict`` adds the check of the simulated bench; nothing depends on the ``day``.
+    """
+    return check_session(path, problems, rig) if predict else check_session(path, rig=rig)
 
 
 def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
@@ -37,7 +54,7 @@ def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
     return wired_rig.wired_mode(wired_job, session.rig, _WIRED_DEVICES, devices)
 
 
-def session_task(session: Session, plan: SessionPlan) -> Task:
+def execution_task(session: Session, plan: SessionPlan) -> Task:
     """Return the task of a session."""
     return Task(
         session.file.name,

@@ -1,20 +1,58 @@
-"""A WaveBot's campaign as a task to run, and the modes in which it runs."""
+"""A WaveBot's campaign: its check, the task to run, and the modes in which it runs."""
 
+from datetime import date
+from pathlib import Path
 from typing import Any
 
-from rig import laws, stations
-from rig.config.columns import columns_with_law
+from rig import laws
+from rig.config.problems import Problem
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
-from rig.kinds.wavebot.campaign import Campaign, Plan, resolved_config
+from rig.kinds.wavebot.campaign import Campaign, CheckReport, Plan, check_campaign, resolved_config
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware
+from rig.kinds.wavebot.predictions import predict as predict_rows
+from rig.kinds.wavebot.predictions import unpredicted_reason
 from rig.kinds.wavebot.rehearsal import emulation, job
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import kind_with_law
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig
 
+TaskFile = CampaignFile
 _WIRED_DEVICES = "rig.kinds.wavebot.hardware.devices"
+
+
+def examine(
+    path: Path, rig: Path | None = None, *, day: date | None = None, predict: bool = True
+) -> CheckReport:
+    """Check a campaign and all its input files; ``rig`` replaces the rig that it names.
+
+    ``day`` (UTC) adds warnings of calibrations that are not valid on it; ``predict`` adds the
+    simulated plant, predictions, and whether the law can be compiled.
+    """
+    if not predict:
+        return check_campaign(path, rig=rig, day=day)
+    report = check_campaign(path, job.problems, predict_rows, rig, day)
+    if report.campaign is None or report.plan is None:
+        return report
+    return report._replace(
+        not_predicted=unpredicted_reason(report.campaign, report.plan),
+        law_warnings=_compilation_warnings(report.campaign, report.plan),
+    )
+
+
+def _compilation_warnings(campaign: Campaign, planned: Plan) -> tuple[Problem, ...]:
+    """Return a warning about a law that cannot be compiled; those of wec-rig can."""
+    if not campaign.law.is_file and campaign.law.name in laws.OWN_MODULES:
+        return ()
+    from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
+
+    reason = compilation_problem(campaign.law, campaign.file.law, planned.dt)
+    if not reason:
+        return ()
+    message = f"the law cannot be compiled, so it runs interpreted and no sweep has it: {reason}"
+    return (campaign.locate.problem(("law",), campaign.law.name, message),)
 
 
 def rehearsal_mode(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
@@ -34,7 +72,7 @@ def wired_mode(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
     return wired_rig.wired_mode(wired_job, campaign.rig, _WIRED_DEVICES, devices)
 
 
-def campaign_task(campaign: Campaign, plan: Plan) -> Task:
+def execution_task(campaign: Campaign, plan: Plan) -> Task:
     """Return the task of a campaign."""
     file, rig = campaign.file, campaign.rig
     return Task(
@@ -75,13 +113,12 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
             }
             for r in plan.rows
         ],
-        "columns": [column._asdict() for column in columns_with_law(campaign.law.columns)],
         "device": campaign.file.device,
         "repeat_s": repeat_period(sea),
         "sea": sea.model_dump(mode="json") | {"words": sea.description()},
         "reference": _reference_record(campaign),
         "hoist": _hoist_record(campaign),
-        "stations": stations.as_records(STATIONS),
+        **row_contents(campaign.law.columns).as_records(),
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }

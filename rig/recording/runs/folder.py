@@ -15,6 +15,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig import row_contents
 from rig.realtime import reasons
 from rig.realtime.reasons import ReasonTable
 from rig.recording import process_identity
@@ -22,7 +23,8 @@ from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
 from rig.recording.runs.mcap_records import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
-from rig.stations import Station, from_records
+from rig.row_contents import RowContents
+from rig.stations import Station
 
 MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
@@ -30,14 +32,6 @@ STATUS = "run.json"
 CONFIG = "config.json"
 LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
-_MASK4_STATIONS = (  # of runs recorded before 2027, whose plans list none
-    Station("mechanical_1", "lcb * velocity", "mechanical (column load cell)", "mechanical",
-            "mech 1", alias="mechanical", running_mean=True, force="load.lcb", shown=True),
-    Station("mechanical_2", "trs * velocity", "mechanical (shaft torque sensor)",
-            "mechanical (shaft)", "mech 2", alias="shaft", force="load.trs"),
-    Station("ac", "ac", "electrical AC", "electrical AC", "AC", running_mean=True, shown=True),
-    Station("dc", "dc", "electrical DC", "electrical DC", "DC", running_mean=True, shown=True),
-)  # fmt: skip
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 
 
@@ -115,8 +109,12 @@ class RunInfo(NamedTuple):
     @property
     def stations(self) -> tuple[Station, ...]:
         """The power stations in the plan, in the order of the flow of power."""
-        listed = self.plan.get("stations")
-        return _MASK4_STATIONS if listed is None else from_records(listed)
+        return self.row_contents.stations
+
+    @property
+    def row_contents(self) -> RowContents:
+        """The contents of the row table in the plan."""
+        return row_contents.from_records(self.plan, earlier_contents())
 
     @property
     def reasons(self) -> ReasonTable:
@@ -330,5 +328,14 @@ def recorded_reasons(plan: Mapping[str, Any]) -> ReasonTable:
 @cache
 def earlier_reasons() -> ReasonTable:
     """Return the reasons of runs recorded before 2027."""
-    text = resources.files(__package__).joinpath("earlier_reasons.json").read_text()
-    return reasons.from_records(json.loads(text))
+    return reasons.from_records(_earlier("reasons"))
+
+
+@cache
+def earlier_contents() -> RowContents:
+    """Return the contents of the row table of runs recorded before 2027; plans list a part."""
+    return row_contents.from_records(_earlier("row_contents"))
+
+
+def _earlier(name: str) -> Any:
+    return json.loads(resources.files(__package__).joinpath(f"earlier_{name}.json").read_text())

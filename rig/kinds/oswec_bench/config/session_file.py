@@ -15,12 +15,12 @@ from pydantic import (
     model_serializer,
 )
 
-from rig.config.columns import Column
 from rig.config.matrix import ExpandValues
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 from rig.config.task_file import FolderName, Tare, TareOrNone
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS, SessionRequirements
+from rig.row_contents import Column
 
 Amplitude = Annotated[float, Field(ge=0.1, le=90)]
 Period = Annotated[float, Field(ge=0.2, le=600)]

@@ -1,1 +1,1 @@
-"""The devices of a wired bench."""
+"""The devices of a wired bench, and their I/O processes."""

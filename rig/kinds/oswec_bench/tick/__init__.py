@@ -1,4 +1,4 @@
-"""The OSWEC bench as a kind of rig: its signals, its trip checks and its part of the cycle."""
+"""What the loop runs of a bench: its signals, its checks, its reasons, its part of the cycle."""
 
 from rig.kinds.oswec_bench.tick.cycle import KIND, find_kind
 from rig.kinds.oswec_bench.tick.signals import (

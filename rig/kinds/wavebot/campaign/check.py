@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.config.law_settings import DEFAULT_LAW
-from rig.config.problems import ConfigError, Problem, display_path
+from rig.config.problems import ConfigError, Problem, display_path, problems_text
 from rig.kinds.wavebot.campaign.files import (
     Campaign,
     ExtraCheck,
@@ -18,8 +18,10 @@ from rig.kinds.wavebot.campaign.law_trial import trial_problems
 from rig.kinds.wavebot.campaign.plan import Plan, build_plan
 from rig.kinds.wavebot.campaign.validity import validity_warnings
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.points import unused_row_warnings
 from rig.planning.windows import calibration_window, row_windows
+from rig.presentation.phrases import format_duration
 
 
 class CampaignPrediction(Protocol):
@@ -72,6 +74,11 @@ class CheckReport(NamedTuple):
     not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
+    def checked(self) -> Campaign | None:
+        """The campaign; None with problems."""
+        return self.campaign
+
+    @property
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
@@ -108,18 +115,13 @@ class CheckReport(NamedTuple):
             "measured_per_row_s": measured,
             "phases_s": planned.phases._asdict(),
             "rate_hz": campaign.rig.rate_hz,
-            "files": [
-                {"role": f.role, "path": display_path(f.path), "sha256": f.sha256}
-                for f in campaign.files
-            ],
+            "files": [file.as_dict() for file in campaign.files],
         }
 
     def text(self) -> str:
         """Return text for people: one problem per line, or the summary."""
         if self.problems:
-            count = len(self.problems)
-            lines = [problem.text() for problem in self.problems]
-            return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+            return problems_text(self.problems)
         entries = self.summary_lines() + self.input_files()
         if self.not_predicted:
             entries.append(("predicted", f"nothing: {self.not_predicted}"))
@@ -213,7 +215,7 @@ def check_campaign(
         return CheckReport(path, error.problems, None, None)
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     out_of_date = validity_warnings(campaign, day) if day is not None else ()
-    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, campaign.law)
+    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, COLUMNS, campaign.law)
     failed_trials = tuple(trial_problems(campaign, planned))
     if failed_trials:
         return CheckReport(path, failed_trials, None, None)
@@ -254,15 +256,6 @@ def _count_text(count: int, thing: str) -> str:
 
 def _phase_label(phase: str) -> str:
     return phase.replace("_", "-")
-
-
-def format_duration(seconds: float) -> str:
-    """Return a duration as text in hours, minutes and seconds."""
-    minutes, rest = divmod(seconds, 60.0)
-    if minutes < 60.0:
-        return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.3g} s"
-    hours, minutes = divmod(minutes, 60.0)
-    return f"{hours:.0f} h {minutes:.0f} min {rest:.3g} s"
 
 
 def _power_sign_text(campaign: Campaign) -> str:

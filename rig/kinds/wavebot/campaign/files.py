@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from rig.config.columns import columns_with_law
 from rig.config.law_settings import find_law, inherit_law, named_law
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import validate
@@ -24,6 +23,7 @@ from rig.kinds.wavebot.campaign.stator import (
     stator_positions,
 )
 from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.config.limits_file import LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.laws import Law, LawError
@@ -209,13 +209,13 @@ def _read_points(
     if count_points(campaign.matrix) > MAX_ROWS:
         return None
     law = campaign.heave_law
-    return matrix_points(campaign.matrix, locate, columns_with_law(law.columns), law)
+    return matrix_points(campaign.matrix, locate, COLUMNS, law)
 
 
 def _validate_campaign(source: ConfigSource) -> CampaignFile:
     """Return a campaign with its law; a law that cannot be used is a problem at its key."""
     try:
-        law = find_law(source.mapping, source.locate)
+        law = find_law(source.mapping, source.locate, COLUMNS)
     except LawError as error:
         text, key = named_law(source.mapping)
         raise ConfigError([source.locate.problem(key, text, str(error))]) from None

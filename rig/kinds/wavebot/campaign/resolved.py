@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rig.config.columns import columns_with_law
 from rig.config.problems import display_path
 from rig.kinds.wavebot.campaign.files import Campaign
+from rig.kinds.wavebot.config.columns import COLUMNS
 
 
 def resolved_config(campaign: Campaign) -> str:
@@ -14,7 +14,7 @@ def resolved_config(campaign: Campaign) -> str:
 
     Equal campaigns give equal text.
     """
-    columns = columns_with_law(campaign.law.columns)
+    columns = COLUMNS.with_law(campaign.law.columns)
     config: dict[str, Any] = {
         "campaign": campaign.file.model_dump(mode="json", by_alias=True),
         "points": [
@@ -25,9 +25,6 @@ def resolved_config(campaign: Campaign) -> str:
         "limits": campaign.limits.model_dump(mode="json", by_alias=True),
         "plant": campaign.plant,
         "law": campaign.law.record() | {"path": display_path(Path(campaign.law.path))},
-        "files": [
-            {"role": file.role, "path": display_path(file.path), "sha256": file.sha256}
-            for file in campaign.files
-        ],
+        "files": [file.as_dict() for file in campaign.files],
     }
     return json.dumps(config, ensure_ascii=False, indent=2)

@@ -5,17 +5,17 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple, cast
 
-from rig.config.columns import DRIVE_COLUMNS, columns_with_law
 from rig.config.problems import Problem
 from rig.config.yaml_source import SourceMap
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.columns import COLUMNS, DRIVE_COLUMNS
 from rig.kinds.wavebot.config.rig_file import CustomDrive, RigFile
 from rig.laws import Law
 from rig.planning.point import Point
 
 
 class RowSetting(NamedTuple):
-    """The set point of a row for the impedance law; the names are those of `rig.config.columns`.
+    """The set point of a row for the impedance law; names as in `config.columns`.
 
     Those for other laws have the law's columns in the place of Kp, Ki and Km (`setting_type`).
     """
@@ -38,7 +38,7 @@ class RowSetting(NamedTuple):
 @cache
 def setting_type(law: Law) -> type[RowSetting]:
     """Return the type of a row's set point for a law."""
-    names = tuple(column.name for column in columns_with_law(law.columns))
+    names = tuple(column.name for column in COLUMNS.with_law(law.columns))
     if names == RowSetting._fields:
         return RowSetting
     kind: Any = namedtuple("RowSetting", names)  # type: ignore[misc]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     Field,
@@ -13,7 +13,15 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from rig.config.columns import (
+from rig.config.law_settings import IMPEDANCE, ExpandName, ImpedanceSettings, law_model
+from rig.config.matrix import Matrix, matrix_model
+from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
+from rig.config.problems import format_number
+from rig.config.reference import Reference
+from rig.config.sea import CalmSea, Sea
+from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
+from rig.kinds.wavebot.config.columns import (
+    COLUMNS,
     BusVoltage,
     CurrentThreshold,
     DischargeLevel,
@@ -26,15 +34,13 @@ from rig.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.config.law_settings import IMPEDANCE, ExpandName, ImpedanceSettings, law_model
-from rig.config.matrix import ImpedanceMatrix, Matrix, matrix_model
-from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
-from rig.config.problems import format_number
-from rig.config.reference import Reference
-from rig.config.sea import CalmSea, Sea
-from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
 from rig.kinds.wavebot.config.hoist import Hoist
 from rig.laws import Law
+
+if TYPE_CHECKING:
+    ImpedanceMatrix = Matrix
+else:
+    ImpedanceMatrix = matrix_model(COLUMNS, IMPEDANCE.columns)
 
 
 class SetPoint(FileModel):
@@ -215,7 +221,7 @@ def campaign_model(law: Law) -> type[CampaignFile]:
     settings = law_model(law)
     required = any(field.is_required() for field in settings.model_fields.values())
     fields: dict[str, Any] = {
-        "matrix": (matrix_model(law.columns) | None, None),
+        "matrix": (matrix_model(COLUMNS, law.columns) | None, None),
         "law": (Annotated[settings, ExpandName], ... if required else settings()),
     }
     model = create_model("CampaignFile", __base__=CampaignFile, **fields)

@@ -7,7 +7,10 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
-from rig.config.columns import (
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.problems import format_number
+from rig.config.rig_file import BaseRigFile, Rate, StopTiming
+from rig.kinds.wavebot.config.columns import (
     BusVoltage,
     CurrentThreshold,
     DischargeLevel,
@@ -18,9 +21,6 @@ from rig.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
-from rig.config.problems import format_number
-from rig.config.rig_file import BaseRigFile, Rate, StopTiming
 from rig.kinds.wavebot.config.wiring import WaveBotWiring
 
 

@@ -1,1 +1,1 @@
-"""The hardware mode: a rig's real devices for the loop, its I/O processes, surveys of its wires."""
+"""The devices of a wired WaveBot, and their I/O processes."""

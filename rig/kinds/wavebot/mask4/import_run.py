@@ -13,7 +13,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rig.config.columns import COLUMNS
 from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
 from rig.interop.basin.products import write_products
 from rig.interop.tables import write_columns
@@ -192,7 +191,6 @@ def _plan_rows(
     data: Records, columns: tuple[str, ...], timing: RowTiming | None
 ) -> list[dict[str, Any]]:
     """Return the rows of the plan; the first sample of each window gives its set point."""
-    units = {column.name for column in COLUMNS}
     points: dict[tuple[float, ...], int] = {}
     repetitions: dict[int, int] = {}
     rows = []
@@ -204,8 +202,7 @@ def _plan_rows(
         point = points.setdefault(tuple(setting.values()), len(points))
         repetitions[point] = repetitions.get(point, -1) + 1
         entry = {"row": row, "point": point, "repetition": repetitions[point]}
-        entry |= {name: value for name, value in setting.items() if name in units}
-        entry |= {"measure_s": timing.measure} if timing else {}
+        entry |= setting | {"measure_s": timing.measure} if timing else {}
         stator = float(window["spring_sense.position"].mean())
         rows.append(entry | ({"stator": stator} if np.isfinite(stator) else {}))
     return rows

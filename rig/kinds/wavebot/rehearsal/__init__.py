@@ -1,6 +1,6 @@
-"""Rehearsals: the loop with the simulated plant in place of the hardware.
+"""The simulated WaveBot: in the loop's process, and as emulated devices on its wires.
 
-This is one of the few packages that import sim_plant. `rig.kinds.wavebot.rehearsal.job` is the
-supervisor's side, `python -m rig.kinds.wavebot.rehearsal` the loop process, and
-`rig.kinds.wavebot.rehearsal.devices` translates between the signals of plant and loop.
+`job` is the supervisor's side of a rehearsal. The loop process connects to `devices`, which
+translates between the signals of plant and loop. `emulation` is the process of the emulated
+devices.
 """

@@ -24,6 +24,7 @@ from rig.kinds.wavebot.build import estimator_params
 from rig.kinds.wavebot.campaign.files import Campaign
 from rig.kinds.wavebot.campaign.pieces import CampaignParts
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.config.hoist import TURNAROUND_S
 from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.laws import LawError
@@ -144,7 +145,7 @@ def _law_problems(pieces: CampaignParts) -> Iterator[Problem]:
     """Yield problems of the campaign's law and reference beyond those of single keys."""
     campaign, rate = pieces.campaign, pieces.rate_hz or _DEFAULT_RATE_HZ
     with suppress(ValidationError, LawError):
-        law = find_law(campaign.mapping, campaign.locate)
+        law = find_law(campaign.mapping, campaign.locate, COLUMNS)
         given = campaign.mapping.get("law", {})
         mapping = {"use": given} if isinstance(given, str) else given
         settings = law_model(law).model_validate(mapping)

@@ -7,12 +7,13 @@ here import them when they need them.
 from typing import TYPE_CHECKING, Any
 
 from rig.config.yaml_source import KeyPath
+from rig.kinds.wavebot import row_contents as contents
 from rig.kinds.wavebot.campaign import Campaign, InputFile, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.laws import Law
 from rig.planning.input_files import hash_input_file
+from rig.row_contents import RowContents
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,19 +23,24 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MATCHING_KEYS",
-    "STATIONS",
     "identified_range",
     "is_compiled",
     "open_simulator",
     "plant_data",
     "problems",
     "requested_sea",
+    "row_contents",
     "wave_device",
 ]
 
 MATCHING_KEYS: dict[KeyPath, KeyPath] = {
     ("heave", name): path for name, path in job.MATCHING_KEYS.items()
 }
+
+
+def row_contents(campaign: Campaign) -> RowContents:
+    """Return the contents of the row table of a campaign."""
+    return contents.row_contents(campaign.law.columns)
 
 
 def plant_data(campaign: Campaign) -> tuple[InputFile, ...]:

@@ -7,21 +7,21 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from controllers import impedance
 from controllers.signals import DriveSettings
-from rig.analysis import quality
-from rig.analysis.rows import LOGGED_SETTINGS, required_fields
+from rig.analysis.rows import table_fields
 from rig.compilation.column import Column
 from rig.kinds.wavebot.build import index_realisations, list_realisations, wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import build_world
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation import compiled
 from rig.kinds.wavebot.simulation.noise import interleaved
 from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
 from rig.kinds.wavebot.simulation.plant_coupling import CoupledState
 from rig.kinds.wavebot.tick import WaveBotRow, kind_with_law
 from rig.kinds.wavebot.tick.reasons import REASONS
-from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason, reason_table
@@ -40,10 +40,7 @@ KEPT_FIELDS = tuple(
     dict.fromkeys(
         [
             *REQUIRED_FIELDS,
-            "time",
-            *required_fields(STATIONS),
-            *LOGGED_SETTINGS.values(),
-            *quality.required_fields(_LOG_FIELDS),
+            *table_fields(row_contents(impedance.COLUMNS), _LOG_FIELDS),
             *_WAVES,
         ]
     )

@@ -1,4 +1,4 @@
-"""The WaveBot as a kind of rig: its signals, its checks, and its part of the cycle."""
+"""What the loop runs of a WaveBot: its signals, its checks, its reasons, its part of the cycle."""
 
 from rig.kinds.wavebot.tick.check import check
 from rig.kinds.wavebot.tick.cycle import KIND, kind_with_law, observe

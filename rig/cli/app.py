@@ -1,0 +1,106 @@
+"""The command `rig`: a table of its commands, whose modules are imported when they are used."""
+
+import sys
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from rig import kinds
+from rig.cli.exit_codes import STOPPED
+from rig.kinds import Command
+
+COMMANDS = tuple(
+    Command(name, f"rig.cli.{name}", text)
+    for name, text in (
+        ("run", "Run a campaign or session, and analyse it."),
+        ("check", "Check a campaign or session: list every error, or describe the planned run."),
+        ("sim", "Emulate the devices of a wired rig, at the addresses of its rig file."),
+        ("devices", "List the devices that answer on a rig's wires, and check their settings."),
+        ("doctor", "Check whether this host is fit for real time on a rig; give advice if not."),
+        ("recover", "Finish the record of a run that was killed, and list the missing ticks."),
+        ("campaigns", "List the shipped campaigns, sessions and rigs."),
+        ("copy", "Copy a shipped campaign, session or rig, and all its files, for editing."),
+        ("runs", "List all runs, newest first."),
+        ("laws", "List the control laws: columns of the matrix, parameters, ranges."),
+        ("kinds", "List the kinds of rig, with origin and version."),
+        ("show", "Show how a run went and the summary of its results."),
+        ("plot", "Draw a run: its products, one surface, bars, or log fields over time."),
+        ("compare", "Compare two runs of one matrix: settings, then power point by point."),
+        ("identify", "Identify impedances and wave excitation from open-loop runs."),
+        ("matrix", "Read a gain matrix of an earlier rig, and convert it for wec-rig."),
+        ("replay", "Replay a run's logged sensors through today's cycle, and compare."),
+        ("sweep", "Simulate a campaign's rows for all values of some parameters."),
+        ("testlog", "Read the log of a test: its runs, their links, and every irregularity."),
+        ("export", "Export a run for other tools."),
+        ("merge", "Align wave data, power-analyser and other records with a run's time."),
+        ("calibration", "List, show, apply and compare corrections of recorded values."),
+        ("scan", "List the devices on a wire without a rig file. It only reads."),
+    )
+)
+"""The commands of the core, with their help in the list; each has more by its own `--help`."""
+
+
+class CommandGroup(TyperGroup):
+    """The commands of core and kinds of rig, for `--help` known by name and help alone."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._modules: dict[str, str] = {}
+        self._add(COMMANDS)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        self._add(kinds.commands())
+        return super().list_commands(ctx)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command without its options; None for an unknown name."""
+        if cmd_name not in self.commands:
+            self._add(kinds.commands())
+        return super().get_command(ctx, cmd_name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return name, command with its options, and the remaining arguments."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, name and load(name, self._modules[name]), rest
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command and exit with its code; 3 on an interrupt that it did not handle."""
+        try:
+            code = super().invoke(ctx)
+        except KeyboardInterrupt:
+            name = " ".join(filter(None, ("rig", ctx.invoked_subcommand)))  # none: during import
+            print(f"\n{name}: interrupted", file=sys.stderr)
+            code = STOPPED
+        sys.exit(code)
+
+    def _add(self, commands: tuple[Command, ...]) -> None:
+        for each in commands:
+            self._modules.setdefault(each.name, each.module)
+            self.commands.setdefault(each.name, TyperCommand(each.name, help=each.help))
+
+
+def load(name: str, module_name: str) -> Any:
+    """Return a command with its options: a function `command` of a module, or a group of some."""
+    module = import_module(module_name)
+    if isinstance(module.command, typer.Typer):
+        return typer.main.get_command(module.command)
+    single = typer.Typer(add_completion=False)
+    single.command(name, epilog=getattr(module, "EXIT_CODES", None))(module.command)
+    return typer.main.get_command(single)
+
+
+app = typer.Typer(
+    name="rig",
+    cls=CommandGroup,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback()
+def rig() -> None:
+    """Run wave-energy test rigs: campaigns, rehearsals, and the analysis of their results."""

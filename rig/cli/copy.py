@@ -1,0 +1,55 @@
+"""`rig copy NAME`: a shipped campaign, session or rig as files to edit."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.options import Json
+from rig.cli.output import print_json
+from rig.config.shipped_copy import copy_files
+from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_shipped
+
+_NEXT_COMMANDS = {
+    CAMPAIGNS: ("rig check {}", "rig run {}"),
+    SESSIONS: ("rig check {}", "rig run {}"),
+    RIGS: ("rig run CAMPAIGN --rig {}",),
+}
+
+
+def command(
+    name: Annotated[
+        str, typer.Argument(help="Shipped campaign, session or rig; see `rig campaigns`.")
+    ],
+    folder: Annotated[Path, typer.Option("--to", help="Folder to write to.")] = Path(),
+    keep_existing: Annotated[
+        bool, typer.Option("--keep-existing", help="Leave files that exist as they are.")
+    ] = False,
+    as_json: Json = False,
+) -> int:
+    """Copy a shipped campaign, session or rig, and all files that it refers to, for editing.
+
+    The files keep their folders (campaigns, rigs, limits, plants), so that
+    they refer to each other. The command never overwrites a file.
+    """
+    with input_errors("copy", as_json=as_json):
+        shipped = find_shipped(name, CAMPAIGNS, SESSIONS, RIGS)
+        copied = copy_files(shipped.path, folder, keep_existing=keep_existing)
+    if as_json:
+        report = {
+            "file": str(copied.main),
+            "written": [str(path) for path in copied.written],
+            "kept": [str(path) for path in copied.kept],
+        }
+        print_json(report)
+        return OK
+    for path in copied.written:
+        print(f"written  {path}")
+    for path in copied.kept:
+        print(f"kept     {path}")
+    print(f"\nedit {copied.main} and the files that it names; then")
+    for command in _NEXT_COMMANDS[shipped.kind]:
+        print(f"  {command.format(copied.main)}")
+    return OK

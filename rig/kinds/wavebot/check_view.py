@@ -1,0 +1,299 @@
+"""Output of `rig check`: the campaign, predictions of its rows, warnings and refused rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from controllers.law import Column as LawColumn
+from rig.config.problems import Problem
+from rig.design.margin import tightest
+from rig.kinds.wavebot.campaign import CheckReport
+from rig.kinds.wavebot.predictions import (
+    PREDICTED_STATIONS,
+    Prediction,
+    RowPrediction,
+    Travel,
+)
+from rig.presentation.console import WIDTH, table_console
+from rig.presentation.phrases import format_duration
+from rig.stations import shown
+
+ROWS_SHOWN = 8  # without --rows
+MAX_SPRING_RATES = 12
+MAX_WARNINGS = 10
+_HIGH_SHARE = 0.75  # of a limit; the view colours values from here on
+_LEADING_COLUMNS = (("row", ""), ("spring", "N/m"))  # then those of the law
+_RESULT_COLUMNS = (
+    ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"),
+    *((station.heading, "W") for station in PREDICTED_STATIONS),
+)  # fmt: skip
+_OPTIONAL_COLUMNS = ("surge", "rms", *(s.heading for s in reversed(PREDICTED_STATIONS) if s.force))
+"""Dropped in this order until all fits; the electrical stations stay."""
+_UNLIMITED_WIDTH = 10_000  # columns
+_VARYING_COLUMNS = {  # shown only where their values change from row to row
+    "km": ("Km", "kg"),
+    "surge_kp": ("surge Kp", "N s/m"),
+    "surge_ki": ("surge Ki", "N/m"),
+    "bus_voltage": ("bus", "V"),
+    "switching_period": ("period", "s"),
+    "hysteresis_tolerance": ("hyst", "A"),
+    "velocity_threshold": ("v min", "m/s"),
+    "discharge_level": ("dump", ""),
+}
+
+
+class CheckView:
+    """Prints a report with predictions: coloured on a terminal, as plain text into a pipe."""
+
+    def __init__(self, *, every_row: bool, console: Console | None = None) -> None:
+        self._console = console or table_console()
+        self._every_row = every_row
+
+    def show(self, report: CheckReport) -> None:
+        """Print the whole report."""
+        forecast = report.prediction
+        assert isinstance(forecast, Prediction)
+        self._print_facts(report, forecast)
+        refused = self._print_spring_rates(forecast)
+        self._print_rows(forecast, refused)
+        self._print_problems("warnings", report.warnings, "yellow")
+        self._print_problems("refused", forecast.refused, "red")
+        self._print_verdict(forecast)
+
+    def _print_facts(self, report: CheckReport, forecast: Prediction) -> None:
+        table = Table.grid(padding=(0, 2))
+        table.add_column(style="dim", no_wrap=True)
+        table.add_column(overflow="fold")
+        planned = forecast.travel[0]
+        for label, text in report.summary_lines():
+            value = _duration_text(planned, forecast) if label == "duration" else Text(text)
+            if label == "campaign":
+                value.stylize("bold")
+            table.add_row(label, value)
+        table.add_row("stator", _stator_text(planned))
+        for saving in _order_texts(planned, forecast.travel[1:]):
+            table.add_row("order", saving)
+        files = ", ".join(f"{role} {path}" for role, path in report.input_files())
+        table.add_row("files", Text(files))
+        self._console.print(table)
+
+    def _print_spring_rates(self, forecast: Prediction) -> set[int]:
+        """Print a line for each spring rate, and return the points that are refused."""
+        refused = {row.row.point for row in forecast.rows if any(row.blocking())}
+        columns = _law_columns(forecast)
+        table = _table(
+            "Predicted, by spring rate",
+            f"mean W at {'/'.join(c.label for c in columns)} or row; negative power is absorbed",
+        )
+        for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
+            table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
+        stations = shown(PREDICTED_STATIONS)
+        stations = stations if self._console.width >= WIDTH else stations[1:]
+        for station in stations:
+            table.add_column(f"best {station.heading}\n", justify="right", no_wrap=True)
+        groups = _by_spring_rate(forecast.rows)
+        for rate, rows in groups[:MAX_SPRING_RATES]:
+            allowed = [row for row in rows if row.row.point not in refused]
+            table.add_row(
+                f"{rate:g}",
+                str(len(rows)),
+                _range_text([row.predicted.position_peak for row in rows], ".3f"),
+                _range_text([row.predicted.current_peak for row in rows], ".1f"),
+                *(_best_text(allowed, f"power_{station.name}", columns) for station in stations),
+            )
+        self._console.print()
+        self._console.print(table)
+        if len(groups) > MAX_SPRING_RATES:
+            self._console.print(
+                f"  and {len(groups) - MAX_SPRING_RATES} more spring rates", style="dim"
+            )
+        return refused
+
+    def _print_rows(self, forecast: Prediction, refused: set[int]) -> None:
+        rows: Sequence[RowPrediction] = forecast.rows
+        title = f"All {len(rows)} rows"
+        lead_in = [forecast.lead_in] if forecast.lead_in is not None else []
+        if not self._every_row and len(rows) > ROWS_SHOWN:
+            rows = sorted(rows, key=lambda row: -tightest(row.margins).used)[:ROWS_SHOWN]
+            title = f"The {ROWS_SHOWN} of {len(forecast.rows)} rows nearest to a limit"
+        caption = "--rows shows all" if len(rows) < len(forecast.rows) else ""
+        law = _law_columns(forecast)
+        columns = [
+            *_LEADING_COLUMNS,
+            *((each.label, each.unit.replace("*", " ")) for each in law),
+            *_varying_columns(forecast.rows),
+            *_RESULT_COLUMNS,
+        ]
+        shown_rows = [*(lead_in if self._every_row else []), *rows]
+
+        def build_table(left_out: Sequence[str]) -> Table:
+            table = _table(title, caption)
+            kept = [(name, unit) for name, unit in columns if name not in left_out]
+            for name, unit in kept:
+                table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
+            table.add_column("most used\n", no_wrap=True)
+            for row in shown_rows:
+                cells = _cells(row, law)
+                style = "red" if row.row.point in refused else ""
+                table.add_row(*(cells[name] for name, _ in kept), _most_used_text(row), style=style)
+            return table
+
+        unlimited = self._console.options.update(width=_UNLIMITED_WIDTH)
+        tables = (
+            build_table(_OPTIONAL_COLUMNS[:count]) for count in range(len(_OPTIONAL_COLUMNS) + 1)
+        )
+        for table in tables:  # print the first table that fits, or the last one
+            if self._console.measure(table, options=unlimited).maximum <= self._console.width:
+                break
+        self._console.print()
+        self._console.print(table)
+        self._console.print()
+
+    def _print_problems(self, heading: str, problems: tuple[Problem, ...], style: str) -> None:
+        if not problems:
+            return
+        self._console.print(f"{heading}: {len(problems)}", style=f"bold {style}")
+        shown = problems if self._every_row or heading == "refused" else problems[:MAX_WARNINGS]
+        for problem in shown:
+            self._console.print(Text(problem.text(), style=style), soft_wrap=True)
+        if len(shown) < len(problems):
+            hidden = len(problems) - len(shown)
+            self._console.print(f"and {hidden} more; --rows shows all", style=style)
+        self._console.print()
+
+    def _print_verdict(self, forecast: Prediction) -> None:
+        if forecast.refused:
+            self._console.print("the campaign cannot be run", style="bold red")
+        else:
+            self._console.print("the campaign can be run", style="bold green")
+
+
+def _table(title: str, caption: str) -> Table:
+    text = Text(title, style="bold")
+    if caption:
+        text.append(f"   {caption}", style="dim not bold")
+    return Table(
+        title=text,
+        title_justify="left",
+        box=None,
+        padding=(0, 1, 0, 0),
+        header_style="dim",
+        title_style="",
+        pad_edge=False,
+    )
+
+
+def _law_columns(forecast: Prediction) -> list[LawColumn]:
+    """Return the columns of the law that every matrix has."""
+    return [column for column in forecast.campaign.law.columns if column.default is None]
+
+
+def _varying_columns(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
+    """Return the columns besides spring, Kp and Ki whose values differ between rows."""
+    settings = [row.row.setting for row in rows]
+    return [
+        column
+        for name, column in _VARYING_COLUMNS.items()
+        if len({getattr(setting, name, 0.0) for setting in settings}) > 1
+    ]
+
+
+def _cells(prediction: RowPrediction, law: list[LawColumn]) -> dict[str, str]:
+    """Return the cells of a row by column name."""
+    predicted, setting = prediction.predicted, prediction.row.setting
+    return {
+        "row": str(prediction.row.row) if prediction.row.row >= 0 else "lead-in",
+        "spring": f"{setting.spring_rate:g}",
+        **{each.label: f"{getattr(setting, each.name):g}" for each in law},
+        **{
+            label: f"{getattr(setting, name, 0.0):g}"
+            for name, (label, _) in _VARYING_COLUMNS.items()
+        },
+        "x": f"{predicted.position_peak:.3f}",
+        "i": f"{predicted.current_peak:.1f}",
+        "rms": f"{predicted.current_rms:.1f}",
+        "surge": f"{predicted.surge_position_peak:.3f}",
+        **{s.heading: f"{getattr(predicted, f'power_{s.name}'):.1f}" for s in PREDICTED_STATIONS},
+    }
+
+
+def _most_used_text(prediction: RowPrediction) -> Text:
+    margin = tightest(prediction.margins)
+    style = "red" if margin.exceeded else "yellow" if margin.used >= _HIGH_SHARE else ""
+    return Text(f"{margin.limit.name} {100.0 * min(margin.used, 99.0):.0f} %", style=style)
+
+
+def _by_spring_rate(rows: Iterable[RowPrediction]) -> list[tuple[float, list[RowPrediction]]]:
+    def spring_rate(prediction: RowPrediction) -> float:
+        return prediction.row.spring_rate
+
+    ordered = sorted(rows, key=spring_rate, reverse=True)
+    return [(rate, list(group)) for rate, group in groupby(ordered, key=spring_rate)]
+
+
+def _range_text(values: list[float], digits: str) -> str:
+    low, high = f"{min(values):{digits}}", f"{max(values):{digits}}"
+    return low if low == high else f"{low}-{high}"
+
+
+def _best_text(rows: list[RowPrediction], field: str, law: list[LawColumn]) -> str:
+    if not rows:
+        return "-"
+    best = min(rows, key=lambda row: float(getattr(row.predicted, field)))
+    power, setting = getattr(best.predicted, field), best.row.setting
+    gains = {tuple(getattr(row.row.setting, each.name) for each in law) for row in rows}
+    label = ["/".join(f"{getattr(setting, each.name):g}" for each in law)]
+    if len({row.row.point for row in rows}) > len(gains):  # other settings vary, too
+        label = [*(label if len(gains) > 1 else []), f"row {best.row.row}"]
+    return f"{power:.1f} at {', '.join(label)}"
+
+
+def _duration_text(planned: Travel, forecast: Prediction) -> Text:
+    waiting = (
+        f", {planned.waiting_time:.3g} s of it waits for the stator"
+        if planned.waiting_time > 0.05
+        else ""
+    )
+    return Text(
+        f"{format_duration(planned.duration)}{waiting}; "
+        f"wave clock {forecast.plan.wave_seconds:.6g} s"
+    )
+
+
+def _stator_text(planned: Travel) -> Text:
+    moves = f"{planned.moves} move{'s' if planned.moves != 1 else ''} between rows"
+    return Text(
+        f"{moves}; {planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
+    )
+
+
+def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:
+    """Return a line for each other order with its saving; orders that save nothing share one."""
+    equal = [
+        travel
+        for travel in alternatives
+        if travel.moves == planned.moves and abs(_time_saved(planned, travel)) < 0.05
+    ]
+    texts = [_order_text(planned, travel) for travel in alternatives if travel not in equal]
+    if equal:
+        texts.append(Text(f"{', '.join(travel.order for travel in equal)}: nothing to save"))
+    return texts
+
+
+def _time_saved(planned: Travel, alternative: Travel) -> float:
+    return planned.duration - alternative.duration
+
+
+def _order_text(planned: Travel, alternative: Travel) -> Text:
+    moves, seconds = planned.moves - alternative.moves, _time_saved(planned, alternative)
+    verb = "saves" if seconds > 0.0 or moves > 0 else "costs"
+    return Text(
+        f"{alternative.order}: {verb} {abs(moves)} move{'s' if abs(moves) != 1 else ''} and "
+        f"{format_duration(abs(seconds))}",
+        style="yellow" if verb == "saves" else "",
+    )

@@ -1,0 +1,45 @@
+"""`rig twoport RUN`: pictures of the two-port theory for a measured device."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.cli.errors import input_errors
+from rig.cli.exit_codes import OK
+from rig.cli.find_run import find_run, run_folder
+from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import print_json
+from rig.identification.identify import identify
+from rig.kinds.wavebot.twin.records import read_records
+from rig.kinds.wavebot.twin.two_port import VariationOptions, device_from_run, write_pictures
+
+_RUN = "A run in calm water with an open-loop reference: folder, MCAP file, id, campaign, 'last'."
+
+
+def command(
+    run: Annotated[Path, typer.Argument(help=_RUN)],
+    kp: Annotated[float, typer.Option(help="Kp of the pictures, N*s/m.")] = -2500.0,
+    ki: Annotated[float, typer.Option(help="Ki of the pictures, N/m.")] = 0.0,
+    spring: Annotated[
+        float | None, typer.Option(help="Spring rate, N/m (default: that of the run).")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
+    ] = None,
+    runs: Runs = RUNS,
+    as_json: Json = False,
+) -> int:
+    """Draw how gains, spring and gear change the impedance match and the transmitted power."""
+    with input_errors("twoport", as_json=as_json):
+        path = find_run(run, runs)
+        record = read_records(path)
+        device = device_from_run(identify([path]), record.facts, record.records)
+        written = write_pictures(
+            device, VariationOptions(kp, ki, spring), output or run_folder(path)
+        )
+    names = [str(each) for each in written]
+    if as_json:
+        return print_json({"model": device.model, "written": names})
+    print(f"of {device.model}\n" + "\n".join(names))
+    return OK

@@ -69,7 +69,7 @@ def port(tmp_path: Path) -> Iterator[PtyPort]:
 
 
 class PortLoop:
-    """Runs both ends in turn."""
+    """Runs both ends alternately."""
 
     def __init__(self, case: Case, port: PtyPort, echo: int = 0) -> None:
         self.case, self.port = case, port

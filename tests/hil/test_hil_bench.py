@@ -62,7 +62,7 @@ def free_datagram_port() -> int:
 
 
 def rig_file(folder: Path) -> Path:
-    """Write the wired bench with addresses of its own, so that several can be on one host."""
+    """Write the wired bench with free ports, so that several can run on one host."""
     lines = Path(tempfile.mkdtemp(prefix="wec-", dir=folder))
     wiring = {
         "encoders": {"port": str(lines / "encoders")},

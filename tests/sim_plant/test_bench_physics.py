@@ -59,8 +59,8 @@ def test_deflection_and_torque_are_each_others_inverse() -> None:
 def test_backlash_is_a_play_operator() -> None:
     """Unbraked, the shaft is the play of the motor, by its definition over turning points.
 
-    Between two turning points of the motor the shaft stands until the gap and what friction winds
-    up have been crossed, and then keeps that distance.
+    Between two turning points of the motor the shaft rests until the gap and the wind-up by
+    friction have been crossed, and then keeps that distance.
     """
     world = bench("oswec_bench_unbraked", bearing__viscous=0.0)
     soft = math.radians(0.034) / 9.4

@@ -1,6 +1,6 @@
 """The plant in time: closed form, energy balance, integrator error, free decay.
 
-What takes minutes of the plant's time runs compiled, which gives the same bits (tests/rehearsal/
+Tests over minutes of the plant's time run compiled, with the same bits (tests/rehearsal/
 test_compiled_plant).
 """
 

@@ -65,7 +65,7 @@ def test_table_is_an_independent_cosine_sum() -> None:
 
 
 def test_excitation_leads_at_a_crest() -> None:
-    """Fe has a phase of -33 degrees at 0.5 Hz in e^{-iwt}: the force comes before the crest."""
+    """Fe has a phase of -33 degrees at 0.5 Hz in e^{-iwt}: the force leads the crest."""
     table = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
     assert table.elevation[0] == pytest.approx(0.127)
     lead = (len(table.excitation) - int(np.argmax(table.excitation))) * DT

@@ -183,7 +183,7 @@ def test_surge_reaches_heave_by_guide_friction_alone() -> None:
 def test_surge_damping_increases_heave_power() -> None:
     """At surge resonance, damping surge reduces lateral force, thus dry friction and lost power.
 
-    What friction takes is 0.02 |F_lateral| |tanh| |v| more than without a guide, as logged.
+    The power lost to friction is 0.02 |F_lateral| |tanh| |v| more than without a guide, as logged.
     """
     taken, gained, force = {}, {}, {}
     for kp in (0.0, -2500.0):

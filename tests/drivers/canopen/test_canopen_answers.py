@@ -20,7 +20,7 @@ STATUS = layouts(NODE, 0).status
 
 
 class Wire:
-    """A node that answers every ``each``-th SYNC with its number, and a wire that may hold them."""
+    """A node that answers every ``each``-th SYNC with its number, and a wire that may delay it."""
 
     def __init__(self, each: int = 1) -> None:
         self.each, self.syncs = each, 0
@@ -68,8 +68,8 @@ def test_answers_arriving_together_have_their_true_ages(each: int, stalled: int)
 
 
 @given(st.lists(st.integers(0, 9), max_size=400), st.sampled_from([1, 3, 10]))
-def test_held_answers_are_never_taken_for_others(given: list[int], each: int) -> None:
-    """However they come, as long as they catch up now and then and none is lost."""
+def test_delayed_answers_are_never_mistaken_for_others(given: list[int], each: int) -> None:
+    """With any delays, as long as the wire is empty now and then and no answer is lost."""
     wire = Wire(each)
     wire.settle()
     for k, count in enumerate(given):

@@ -1,7 +1,7 @@
-"""The drive driver against a node with another stack than canopen's: durand, by its own hand.
+"""The drive driver against a node with an independent CANopen stack: durand.
 
-Its transmission types above 1 do not count SYNCs (the counter is never set back), so every TPDO
-here has type 1. What is a drive in it (words and states) is ours, the CANopen of it is not.
+Its transmission types above 1 do not count SYNCs (the counter is never reset), so every TPDO here
+has type 1. The drive profile in the node (statuswords and states) is our own, its CANopen is not.
 """
 
 from __future__ import annotations

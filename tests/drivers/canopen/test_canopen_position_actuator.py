@@ -26,7 +26,7 @@ STEP = 300  # counts a tick
 
 
 class Positioner(Drive):
-    """A drive that takes set-points by the handshake of bits 4 and 12, and goes there."""
+    """A drive that accepts set-points by the handshake of bits 4 and 12, and moves to them."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -16,7 +16,7 @@ PARAMS = Params(window=10, settle_ticks=3, immediate=1, handshake_ticks=5, move_
 
 
 class Actuator:
-    """Takes a target on the edge of bit 4, goes there at 100 counts a tick, answers a tick late."""
+    """Accepts a target on the edge of bit 4, moves 100 counts per tick, answers a tick late."""
 
     def __init__(self, position: int = 0) -> None:
         self.position = self.goal = position

@@ -277,7 +277,7 @@ def test_a_drive_silent_during_homing_is_reported_and_disabled(
 
 
 def test_a_homed_drive_is_left_unchanged(service: Service, node: Answers) -> None:
-    """A second run must not want to see an outcome change that stands since the first."""
+    """A second run must not wait for a change of an outcome that is left from the first."""
     node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
     node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
     service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)

@@ -161,8 +161,8 @@ def test_every_byte_is_accounted_for(data: bytes) -> None:
     assert 0 <= unaccounted <= ends + blanks
 
 
-def test_only_replies_are_looked_for() -> None:
-    """A request that comes back (echo of a two-wire adapter) is the link's to take off."""
+def test_only_replies_are_parsed() -> None:
+    """The link removes an echoed request (two-wire adapter), not the parser."""
     state, messages = run(bytes.fromhex("A5 03 02 02 A8 05 E1 46") + ACK)
     state, more = stream.flush_stalled(state)
     assert [m for m in messages + more if isinstance(m, Record)] == [

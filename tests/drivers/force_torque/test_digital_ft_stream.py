@@ -157,7 +157,7 @@ def test_a_corrupt_byte_costs_one_sample(seed: int, at: int, bit: int) -> None:
 @settings(derandomize=True)  # two windows in a row hold by chance once in 16384 streams
 @given(st.integers(0, 2**32), st.integers(0, 20 * 13 - 1), st.integers(1, 30))
 def test_lost_bytes_cost_a_few_samples_and_give_no_wrong_one(seed: int, at: int, lost: int) -> None:
-    """Wrong only by chance: one window in 128 holds its sum, so at most that last one is let by."""
+    """One window in 128 has the right sum by chance, so at most one wrong sample is accepted."""
     sent = noisy(80, seed)
     data = wire(sent)
     state, got = feed(start_at_sample(), data[:at] + data[at + lost :])
@@ -168,7 +168,7 @@ def test_lost_bytes_cost_a_few_samples_and_give_no_wrong_one(seed: int, at: int,
 
 
 def test_a_constant_force_is_found_at_its_old_boundary() -> None:
-    """Its bytes repeat exactly, so other places may hold the sum for ever."""
+    """Its bytes repeat exactly, so other offsets may have the right sum for ever."""
     still = Sample((10, 20, 30, 40, 50, 60), 0)
     data = bytearray(wire([still] * 40))
     data[13 * 5] ^= 1

@@ -9,23 +9,36 @@ a difference is reported, not matched. A drive without settings (a commercial on
 columns: every set of drive parameters of one run is then compared with the same point of the other.
 """
 
+import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 
 from rig.analysis import labels
 from rig.analysis.alarms import format_rows
-from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea
-from rig.analysis.points import Matrix, Point, Setting, gain_matrix, levels, varied_columns
+from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea, shorten
+from rig.analysis.points import (
+    Matrix,
+    Point,
+    Setting,
+    error_source,
+    gain_matrix,
+    levels,
+    varied_columns,
+)
 from rig.analysis.rows import INCOMPLETE, row_table
 from rig.presentation import phrases
+from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo, run_info
-from rig.row_contents import DRIVE, Column, union
-from rig.stations import Station
+from rig.row_contents import DRIVE, Column, main_columns, union
+from rig.stations import Station, station_names
+
+_MAX_DIFFERENCES = 12  # listed in the text, for each group
+_MAX_UNMATCHED = 20
 
 _ROUNDING = 1e-9  # relative to the value, added to the tolerance
 _TINY = 1e-300  # avoids 0/0 where tolerance and value are 0
@@ -330,3 +343,203 @@ def format_constant_difference(difference: ConstantDifference) -> tuple[str, str
 def format_difference(difference: PowerDifference) -> str:
     """Return a difference (W) with its standard error as text without the unit."""
     return phrases.format_power(difference.watts, difference.error).removesuffix(" W")
+
+
+def as_text(comparison: Comparison) -> str:
+    """Return the comparison as text for a terminal: differing settings first, then power."""
+    lines = []
+    for name, side in (("A", comparison.a), ("B", comparison.b)):
+        stamp = phrases.mode_stamp(side.mode)
+        lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
+        lines.append(
+            f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}"
+        )
+    for warning in comparison.warnings:
+        lines += ["", f"!! {warning}"]
+    lines += [
+        "",
+        "Settings that differ",
+        *_settings_lines(comparison),
+        "",
+        *_matching_lines(comparison),
+    ]
+    if comparison.matched.pairs:
+        lines += ["", *_mean_lines(comparison), "", *_point_lines(comparison)]
+    for name, points in (("A", comparison.matched.only_a), ("B", comparison.matched.only_b)):
+        if points:
+            lines += ["", f"Only in {name}", *_unmatched_lines(points, comparison.matched)]
+    return "\n".join([*lines, ""])
+
+
+def _settings_lines(comparison: Comparison) -> list[str]:
+    rows = [
+        ("set point", *format_constant_difference(difference))
+        for difference in comparison.matched.constant_differences
+    ]
+    counts: dict[str, int] = {}
+    for difference in comparison.differences:
+        counts[difference.group] = counts.get(difference.group, 0) + 1
+        if counts[difference.group] <= _MAX_DIFFERENCES:
+            rows.append(
+                (difference.group, difference.key, shorten(difference.a), shorten(difference.b))
+            )
+    if not rows:
+        return ["  none"]
+    widths = [max(len(row[i]) for row in rows) for i in range(3)]
+    lines = [
+        f"  {group:<{widths[0]}}  {key:<{widths[1]}}  A {a:<{widths[2]}}  B {b}"
+        for group, key, a, b in rows
+    ]
+    for group, count in counts.items():
+        if count > _MAX_DIFFERENCES:
+            lines.append(f"  {group}: and {count - _MAX_DIFFERENCES} more, all in --json")
+    return lines
+
+
+def _matching_lines(comparison: Comparison) -> list[str]:
+    matched = comparison.matched
+    bounds = ", ".join(
+        f"{column.label} within "
+        f"{labels.format_quantity(column, comparison.tolerances[column.name]).lstrip('+')}"
+        for column in matched.columns
+    )
+    criterion = f" by {bounds}" if bounds else ": no column varies that both runs have"
+    lines = [f"{len(matched.pairs)} pairs of points matched{criterion}"]
+    if one_sided := ", ".join(column.label for column in matched.one_sided):
+        lines.append(f"only one run varies {one_sided}: its points share points of the other run")
+    return [*lines, f"{len(matched.only_a)} points only in A, {len(matched.only_b)} only in B"]
+
+
+def _mean_lines(comparison: Comparison) -> list[str]:
+    pairs = comparison.matched.pairs
+    source = error_source(point for pair in pairs for point in pair)
+    lines = [
+        "Mean difference and best points of the matched pairs, W (B less A"
+        + (f"; ± standard error by {source})" if source else ")"),
+        f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
+    ]
+    for station in comparison.stations:
+        tops = (best_point(pairs, station.name, side) for side in (0, 1))
+        cells = "".join(f"{_format_point_power(top, station.name):>18}" for top in tops)
+        mean = format_difference(mean_difference(pairs, station.name))
+        lines.append(f"  {station.label:<32}{mean:>16}{cells}")
+    return lines
+
+
+def _format_point_power(point: Point | None, station: str) -> str:
+    if point is None:
+        return "-"
+    return phrases.format_power(point.power[station], point.error[station]).removesuffix(" W")
+
+
+def _point_lines(comparison: Comparison) -> list[str]:
+    headings = "".join(f"{station.short_label:>20}" for station in comparison.stations)
+    title = "Differences by point, W (B - A; negative: B absorbs more)"
+    lines = [title, f"  {'':<8}{headings}   set point"]
+    for pair in comparison.matched.pairs:
+        differences = (power_difference(pair, name) for name in station_names(comparison.stations))
+        cells = "".join(f"{format_difference(each):>20}" for each in differences)
+        rows = f"{pair.a.rows[0]}|{pair.b.rows[0]}"
+        lines.append(f"  {rows:<8}{cells}   {describe_pair(comparison.matched, pair)}")
+    return lines
+
+
+def _unmatched_lines(points: tuple[Point, ...], matched: MatchedPoints) -> list[str]:
+    columns = (*matched.columns, *matched.one_sided) or main_columns(matched.all_columns)
+    lines = [
+        f"  row {point.rows[0]}: "
+        + ", ".join(
+            labels.format_setting(c, point.setting[c.name])
+            for c in matched.all_columns
+            if c in columns and c.name in point.setting
+        )
+        for point in points[:_MAX_UNMATCHED]
+    ]
+    more = len(points) - len(lines)
+    return [*lines, f"  and {more} more, all in the CSV"] if more > 0 else lines
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    """Return the comparison as JSON data: powers in W, columns in SI, unknown values null."""
+    matched = comparison.matched
+    names = [station.name for station in comparison.stations]
+    means = {name: mean_difference(matched.pairs, name) for name in names}
+    values = {
+        "a": comparison.a._asdict(),
+        "b": comparison.b._asdict(),
+        "warnings": list(comparison.warnings),
+        "same_sea": comparison.same_sea,
+        "settings": [each._asdict() for each in comparison.differences],
+        "set_points_held": [
+            {"column": each.column.name, "unit": each.column.unit, "a": each.a, "b": each.b}
+            for each in matched.constant_differences
+        ],
+        "matched_on": dict(comparison.tolerances),
+        "varied_in_one_run": [column.name for column in matched.one_sided],
+        "mean_difference_w": {
+            name: {
+                "b_less_a": mean.watts,
+                "standard_error": mean.error,
+            }
+            for name, mean in means.items()
+        },
+        "pairs": [
+            {
+                "setting": joint_setting(matched, pair),
+                "rows_a": list(pair.a.rows),
+                "rows_b": list(pair.b.rows),
+                **{
+                    name: {
+                        "a": pair.a.power[name],
+                        "b": pair.b.power[name],
+                        "b_less_a": power_difference(pair, name).watts,
+                        "standard_error": power_difference(pair, name).error,
+                    }
+                    for name in names
+                },
+            }
+            for pair in matched.pairs
+        ],
+        "only_a": [{"rows": list(p.rows), "setting": p.setting} for p in matched.only_a],
+        "only_b": [{"rows": list(p.rows), "setting": p.setting} for p in matched.only_b],
+    }
+    return {key: json_value(value) for key, value in values.items()}
+
+
+def write_csv(comparison: Comparison, path: Path) -> Path:
+    """Write a CSV with a line for each pair, then for each unmatched point.
+
+    Set points are in SI, powers in W; ``se`` is the standard error.
+    """
+    matched = comparison.matched
+    columns = (*matched.columns, *matched.one_sided)
+    names = station_names(comparison.stations)
+
+    def settings(setting: Setting) -> dict[str, Any]:
+        return {f"{c.name} [{c.unit}]": setting.get(c.name, "") for c in columns}
+
+    def powers(side: str, point: Point) -> dict[str, Any]:
+        values = {}
+        for name in names:
+            values[f"{name} {side} [W]"] = point.power[name]
+            values[f"{name} {side} se [W]"] = point.error[name]
+        return {f"rows {side}": " ".join(map(str, point.rows)), **values}
+
+    lines: list[dict[str, Any]] = []
+    for pair in matched.pairs:
+        line = {"in": "both", **settings(joint_setting(matched, pair))}
+        line |= powers("A", pair.a) | powers("B", pair.b)
+        for name in names:
+            difference = power_difference(pair, name)
+            line[f"{name} B - A [W]"], line[f"{name} B - A se [W]"] = difference
+        lines.append(line)
+    for side, points in (("A", matched.only_a), ("B", matched.only_b)):
+        lines += [{"in": side, **settings(p.setting), **powers(side, p)} for p in points]
+    quantities = ("A", "A se", "B", "B se"), ("B - A", "B - A se")
+    headings = ["in", "rows A", "rows B", *settings({})]
+    headings += [f"{name} {each} [W]" for group in quantities for name in names for each in group]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, headings, restval="")
+        writer.writeheader()
+        writer.writerows(lines)
+    return path

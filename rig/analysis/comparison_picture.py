@@ -174,7 +174,7 @@ def _draw_difference(
     axes.set_xlabel(labels.axis_label(slice_.x) if is_last else "", fontsize=8)
     mean = format_difference(mean_difference(tuple(pair for _, pair in drawn), station))
     text = f"mean of these points {mean} W\nfilled: beyond {_SIGNIFICANCE:g} standard errors"
-    axes.set_title(text, fontsize=7.5, color=ACCENT, pad=4)
+    panel.set_caption(axes, text)
     panel.add_heading(axes, "B − A (negative: B absorbs more)", max(lines, 2))
     panel.add_colour_bar(body, [axes], colour_scale, "B − A, W", fraction=0.08)
 

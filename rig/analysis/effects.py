@@ -116,6 +116,13 @@ class LinearFit(NamedTuple):
     misfit: float  # W, NaN without a degree of freedom
     misfit_dof: int
 
+    @property
+    def variances(self) -> RowVariances:
+        """The variance of the rows by the misfit."""
+        rows = self.weights.shape[1]
+        dof = np.array(float(self.misfit_dof))
+        return RowVariances(MISFIT, np.full(rows, self.misfit**2), dof, True)
+
 
 def fit_lines(levels: Floats, response: Floats) -> LinearFit:
     """Return the linear fit of ``response`` (rows,) over ``levels`` (rows, columns).
@@ -169,13 +176,13 @@ def row_variances(
     means = np.array([response[groups == one].mean() for one in groups])
     dof = len(groups) - len(set(points))
     pooled = float(np.sum((response - means) ** 2) / dof) if dof else float("nan")
-    ones = np.ones(len(response))
     has_period_errors = bool(np.all(periods >= 2) and np.all(np.isfinite(errors)))
     if dof >= _MIN_REPETITION_DOF or (dof and not has_period_errors):
-        return RowVariances(REPETITIONS, pooled * ones, np.array(float(dof)), True)
+        variance = np.full(len(response), pooled)
+        return RowVariances(REPETITIONS, variance, np.array(float(dof)), True)
     if has_period_errors:
         return RowVariances(PERIODS, errors**2, periods - 1.0, False)
-    return RowVariances(MISFIT, fit.misfit**2 * ones, np.array(float(fit.misfit_dof)), True)
+    return fit.variances
 
 
 def main_effects(
@@ -195,12 +202,6 @@ def main_effects(
     """
     fit = fit_lines(levels, response)
     variances = row_variances(response, points, errors, periods, fit)
-    residual_variances = RowVariances(
-        MISFIT,
-        np.full(len(response), fit.misfit**2),
-        np.array(float(fit.misfit_dof)),
-        True,
-    )
     unknown = float("nan"), float("nan")
     estimates = []
     for column, watts, weights, values in zip(
@@ -208,7 +209,7 @@ def main_effects(
     ):
         error, by_misfit = (
             weighted_sum_error(weights, source) if np.isfinite(watts) else unknown
-            for source in (variances, residual_variances)
+            for source in (variances, fit.variances)
         )
         estimates.append(
             Effect(
@@ -224,28 +225,20 @@ def main_effects(
     order = sorted(
         range(len(estimates)), key=lambda i: -np.nan_to_num(abs(estimates[i].watts), nan=-1.0)
     )
-    lead, lead_half, lead_misfit = _lead(fit, variances, residual_variances, order, confidence)
-    scatter = float(np.sqrt(variances.variance.mean()))
     return Effects(
         station,
         tuple(estimates[i] for i in order),
         len(response),
         variances.source,
-        scatter,
+        float(np.sqrt(variances.variance.mean())),
         fit.misfit,
         fit.misfit_dof,
-        lead,
-        lead_half,
-        lead_misfit,
+        *_lead(fit, variances, order, confidence),
     )
 
 
 def _lead(
-    fit: LinearFit,
-    variances: RowVariances,
-    residual_variances: RowVariances,
-    order: list[int],
-    confidence: float,
+    fit: LinearFit, variances: RowVariances, order: list[int], confidence: float
 ) -> tuple[float, float, float]:
     """Return the lead of the first effect over the second and its half width by both errors."""
     if len(order) < 2 or not np.isfinite(fit.effects[order[:2]]).all():
@@ -254,8 +247,8 @@ def _lead(
     weights = sign[0] * fit.weights[order[0]] - sign[1] * fit.weights[order[1]]
     lead = float(np.abs(fit.effects[order[0]]) - np.abs(fit.effects[order[1]]))
     by_scatter, by_misfit = (
-        half_width(*weighted_sum_error(weights, variances_), confidence)
-        for variances_ in (variances, residual_variances)
+        half_width(*weighted_sum_error(weights, source), confidence)
+        for source in (variances, fit.variances)
     )
     return lead, by_scatter, by_misfit
 

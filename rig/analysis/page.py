@@ -59,7 +59,17 @@ def _header(figure: Figure, summary: Summary) -> None:
 
 
 def _heading(figure: Figure, x: float, y: float, text: str) -> None:
-    figure.text(x, y, text.upper(), fontsize=7.5, fontweight="bold", color=_MUTED, va="top")
+    _note(figure, x, y, text.upper(), fontweight="bold")
+
+
+def _text(figure: Figure, x: float, y: float, text: str, **style: Any) -> None:
+    """Write text below ``y``."""
+    usual: dict[str, Any] = {"fontsize": 8.5, "color": _DARK, "va": "top"}
+    figure.text(x, y, text, **usual | style)
+
+
+def _note(figure: Figure, x: float, y: float, text: str, **style: Any) -> None:
+    _text(figure, x, y, text, **{"fontsize": 7.5, "color": _MUTED} | style)
 
 
 def _run_details(figure: Figure, summary: Summary) -> float:
@@ -76,9 +86,9 @@ def _run_details(figure: Figure, summary: Summary) -> float:
     }
     y = 0.904
     for name, value in details.items():
-        figure.text(_LEFT, y, name, fontsize=8.5, color=_MUTED, va="top")
+        _text(figure, _LEFT, y, name, color=_MUTED)
         wrapped = textwrap.wrap(value, 52) or [""]
-        figure.text(_LEFT + 0.07, y, "\n".join(wrapped), fontsize=8.5, color=_DARK, va="top")
+        _text(figure, _LEFT + 0.07, y, "\n".join(wrapped))
         y -= _LINE * len(wrapped) + 0.001
     return y - 0.01
 
@@ -89,20 +99,20 @@ def _outcome(figure: Figure, summary: Summary) -> float:
     _heading(figure, x, 0.922, "Outcome")
     complete = summary.ending == ENDINGS["complete"]
     colour = _GOOD if complete else _BAD
-    figure.text(x, 0.905, summary.ending, fontsize=15, fontweight="bold", color=colour, va="top")
+    _text(figure, x, 0.905, summary.ending, fontsize=15, fontweight="bold", color=colour)
     reason = textwrap.wrap(summary.reason[:1].upper() + summary.reason[1:] + ".", 48)
-    figure.text(x, 0.880, "\n".join(reason), fontsize=8.5, color=_DARK, va="top")
+    _text(figure, x, 0.880, "\n".join(reason))
     share = summary.rows_done / max(1, summary.rows_planned)
     y, width = min(0.843, 0.876 - _LINE * len(reason)), _RIGHT - x
     figure.add_artist(Rectangle((x, y), width, 0.006, color=_PALE, lw=0))
     figure.add_artist(Rectangle((x, y), width * share, 0.006, color=colour, lw=0))
     rows_lines = textwrap.wrap(summary.rows_text, 54)
-    figure.text(x, y - 0.004, "\n".join(rows_lines), fontsize=8.5, color=_DARK, va="top")
+    _text(figure, x, y - 0.004, "\n".join(rows_lines))
     y -= 0.004 + _LINE * len(rows_lines)
     if summary.record:
         record_lines = textwrap.wrap(summary.record_text + ".", 48, max_lines=4, placeholder=" ...")
         colour = _MUTED if summary.record.complete else _BAD
-        figure.text(x, y, "\n".join(record_lines), fontsize=8.5, color=colour, va="top")
+        _text(figure, x, y, "\n".join(record_lines), color=colour)
         y -= _LINE * len(record_lines)
     return y - 0.006
 
@@ -111,17 +121,17 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
     """Draw the table of best points; return the page height below it."""
     _heading(figure, _LEFT, top, "Best points")
     note = f"negative is absorbed{summary.error_text}"
-    figure.text(_RIGHT, top, note, fontsize=7.5, color=_MUTED, ha="right", va="top")
+    _note(figure, _RIGHT, top, note, ha="right")
     columns = [c for column in summary.main for c in (column, column.actuator) if c is not None]
     headings = ("station", "mean power", *map(labels.heading, columns), "")
     alignments = ("left", *["right"] * (len(columns) + 1), "left")
     positions = (_LEFT, 0.465, *_COLUMN_EDGES[: len(columns)], 0.85)
     y = top - 0.019
     for x, text, side in zip(positions, headings, alignments, strict=True):
-        figure.text(x, y, text, fontsize=7.5, color=_MUTED, ha=side, va="top")
+        _note(figure, x, y, text, ha=side)
     y -= 0.016
     if not summary.optima:
-        figure.text(_LEFT, y, "No complete row.", fontsize=8.5, color=_DARK, va="top")
+        _text(figure, _LEFT, y, "No complete row.")
         return y - 0.02
     last_name, main_name = "", summary.optima[-1].station.name
     for optimum in summary.optima:
@@ -140,24 +150,20 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 1 else "normal"
             colour = _BAD if i == len(cells) - 1 else _DARK
-            figure.text(
-                x, y, cell, fontsize=8.5, color=colour, ha=side, va="top", fontweight=weight
-            )
+            _text(figure, x, y, cell, color=colour, ha=side, fontweight=weight)
         y -= 0.0152
         last_name = optimum.station.name
         further_text = summary.further_text(optimum)
         few = len(summary.optima) <= _MAX_TWO_LINE_OPTIMA
         if further_text and (few or optimum.station.name == main_name):
-            figure.text(
-                _COLUMN_EDGES[-1], y, further_text, fontsize=7.5, color=_MUTED, ha="right", va="top"
-            )
+            _note(figure, _COLUMN_EDGES[-1], y, further_text, ha="right")
             y -= 0.0135
     if summary.further and len(summary.optima) > _MAX_TWO_LINE_OPTIMA:
         text = "Other columns of the best points at the other stations: see summary.txt"
-        figure.text(_LEFT, y, text, fontsize=7.5, color=_MUTED, va="top")
+        _note(figure, _LEFT, y, text)
         y -= 0.0135
     if summary.flatness_text:
-        figure.text(_LEFT, y, summary.flatness_text, fontsize=7.5, color=_MUTED, va="top")
+        _note(figure, _LEFT, y, summary.flatness_text)
         y -= 0.0135
     return y - 0.008
 
@@ -168,7 +174,7 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
     if not by_station:
         return top
     if top - 0.085 - 0.0152 * len(by_station[0].effects) < bottom:
-        figure.text(_LEFT, top, "Main effects: see summary.txt", fontsize=8.5, va="top")
+        _text(figure, _LEFT, top, "Main effects: see summary.txt")
         return top - 0.02
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
     narrow = len(by_station) > _MAX_WIDE_COLUMNS
@@ -180,7 +186,7 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
     alignments = ["left", "left", *["right"] * len(stations)]
     y = top - 0.019
     for x, head, side in zip(positions, headings, alignments, strict=True):
-        figure.text(x, y, head, fontsize=7.5, color=_MUTED, ha=side, va="top")
+        _note(figure, x, y, head, ha=side)
     y -= 0.0132
     figure.add_artist(Line2D((_LEFT, _RIGHT), (y, y), color="#cfd6dc", lw=0.7))
     y -= 0.0028
@@ -189,11 +195,11 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
         cells += [each.text_of(effect.column) for each in by_station]
         for j, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 0 and j < 3 else "normal"
-            figure.text(x, y, cell, fontsize=8.5, color=_DARK, ha=side, va="top", fontweight=weight)
+            _text(figure, x, y, cell, ha=side, fontweight=weight)
         y -= 0.0152
     text = "; ".join(effect_notes(by_station[0]))
     lines = textwrap.wrap(text[:1].upper() + text[1:] + ".", 128)
-    figure.text(_LEFT, y, "\n".join(lines), fontsize=7.5, color=_MUTED, va="top", linespacing=1.2)
+    _note(figure, _LEFT, y, "\n".join(lines), linespacing=1.2)
     return y - _LINE * len(lines) - 0.012
 
 
@@ -207,13 +213,11 @@ def _alarms_and_timing(figure: Figure, summary: Summary) -> float:
         lines += textwrap.wrap(alarm, 120, initial_indent="• ", subsequent_indent="   ")
     timing = textwrap.wrap(summary.timing, 130)
     y = 0.03 + _LINE * len(timing)
-    figure.text(_LEFT, y, "\n".join(timing), fontsize=7.5, color=_MUTED, va="top")
+    _note(figure, _LEFT, y, "\n".join(timing))
     _heading(figure, _LEFT, y + 0.016, "Timing")
     y += 0.027 + _LINE * max(1, len(lines))
     text = "\n".join(lines) if lines else "None."
-    figure.text(
-        _LEFT, y, text, fontsize=8, color=_BAD if lines else _GOOD, va="top", linespacing=1.25
-    )
+    _text(figure, _LEFT, y, text, fontsize=8, color=_BAD if lines else _GOOD, linespacing=1.25)
     _heading(figure, _LEFT, y + 0.016, "Alarms")
     return y + 0.03
 

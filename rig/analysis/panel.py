@@ -105,6 +105,16 @@ def mark_best(axes: Axes, x: float, y: float) -> None:
     axes.plot(x, y, "*", ms=13, mfc=ACCENT, mec="white", mew=0.9, clip_on=False, zorder=5)
 
 
+def _mark_optimum(axes: Axes, slice_: Slice, best: Optimum) -> None:
+    place = (best.point.setting[slice_.x.name], best.point.setting[slice_.y.name])
+    mark_best(axes, *display_xy(slice_, [place])[0])
+
+
+def set_caption(axes: Axes, text: str) -> None:
+    """Set the text directly above a panel."""
+    axes.set_title(text, fontsize=7.5, color=ACCENT, pad=4)
+
+
 def line_axis(slice_: Slice) -> int:
     """Return the horizontal axis for a line of points: 0 for x, 1 for y."""
     xs, ys = zip(*slice_.xy, strict=True)
@@ -147,19 +157,14 @@ def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
     axes.scatter(x, y, c=slice_.values, cmap=colour_scale.colours, norm=colour_scale.norm, **style)
     if slice_.best is not None:
         best_setting = slice_.best.point.setting
-        mark_best(
-            axes,
-            *display_xy(slice_, [(best_setting[slice_.x.name], best_setting[slice_.y.name])])[0],
-        )
+        _mark_optimum(axes, slice_, slice_.best)
         set_point = ", ".join(
             labels.format_setting(c, best_setting[c.name]) for c in (slice_.y, slice_.x)
         )
-        axes.set_title(
+        set_caption(
+            axes,
             f"{phrases.format_power(slice_.best.power, slice_.best.error)} at {set_point}\n"
             f"all {len(slice_.points)} points, other columns differ: not interpolated",
-            fontsize=7.5,
-            color=ACCENT,
-            pad=4,
         )
     axes.set_ylabel(labels.axis_label(slice_.y), fontsize=8)
     axes.margins(0.05)
@@ -221,11 +226,7 @@ def draw_panel(
             x, y = zip(*display_xy(slice_, slice_.missing), strict=True)
             (crosses,) = axes.plot(x, y, "x", color=DARK, ms=4.5, mew=1.2, clip_on=False)
             crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
-        best_setting = slice_.best.point.setting
-        mark_best(
-            axes,
-            *display_xy(slice_, [(best_setting[slice_.x.name], best_setting[slice_.y.name])])[0],
-        )
+        _mark_optimum(axes, slice_, slice_.best)
         subplot = axes.get_subplotspec()
         if subplot is None or subplot.is_last_row():
             axes.set_xlabel(labels.axis_label(slice_.x), fontsize=8)
@@ -234,7 +235,7 @@ def draw_panel(
     else:
         _draw_line(axes, slice_, slice_.best)
     set_ticks(axes, few_ticks=few_ticks)
-    axes.set_title(caption, fontsize=7.5, color=ACCENT, pad=4)
+    set_caption(axes, caption)
     return content
 
 

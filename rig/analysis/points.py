@@ -125,8 +125,3 @@ def error_source(points: Iterable[Point]) -> str:
         if any(np.isfinite(error) for error in point.error.values())
     }
     return f"scatter of {' and '.join(sorted(sources))}" if sources else ""
-
-
-def measured_points(table: xarray.Dataset) -> list[Point]:
-    """Return the points with at least one complete row, in the order of the campaign."""
-    return list(gain_matrix(table).points)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rig.analysis import comparison_table
-from rig.analysis.comparison import compare
+from rig.analysis import comparison
 from rig.analysis.comparison_picture import write_comparison
 from rig.cli.errors import input_errors
 from rig.cli.exit_codes import OK
@@ -44,17 +43,17 @@ def command(
         first, second = find_run(a, runs), find_run(b, runs)
         columns = union(*(run_info(run).row_contents.columns for run in (first, second)))
         limits, fixed = (_parse_values(each or [], columns) for each in (tolerance, left_out))
-        comparison = compare(first, second, limits, incomplete_rows=incomplete_rows)
-        picture = output or run_folder(second) / f"compared_with_{comparison.a.run}.png"
-        written = [comparison_table.write_csv(comparison, picture.with_suffix(".csv"))]
-        if comparison.matched.pairs:
-            written.append(write_comparison(comparison, picture, fixed))
+        found = comparison.compare(first, second, limits, incomplete_rows=incomplete_rows)
+        picture = output or run_folder(second) / f"compared_with_{found.a.run}.png"
+        written = [comparison.write_csv(found, picture.with_suffix(".csv"))]
+        if found.matched.pairs:
+            written.append(write_comparison(found, picture, fixed))
     names = [str(path) for path in written]
     if as_json:
-        return print_json({**comparison_table.as_json(comparison), "written": names})
-    print(comparison_table.as_text(comparison))
+        return print_json({**comparison.as_json(found), "written": names})
+    print(comparison.as_text(found))
     print("\n".join(names))
-    for warning in comparison.warnings:
+    for warning in found.warnings:
         print(f"\n!! {warning}", file=sys.stderr)
     return OK
 

@@ -16,14 +16,16 @@ from typer.testing import CliRunner
 from rig.analysis.comparison import (
     Comparison,
     Pair,
+    as_json,
+    as_text,
     compare,
     describe_pair,
     match,
     mean_difference,
     power_difference,
+    write_csv,
 )
 from rig.analysis.comparison_picture import write_comparison
-from rig.analysis.comparison_table import as_json, as_text, write_csv
 from rig.analysis.differences import differences
 from rig.analysis.points import Matrix, Point
 from rig.cli.app import app

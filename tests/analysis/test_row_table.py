@@ -12,7 +12,7 @@ import xarray
 from scipy import stats
 from synthetic_runs import POWERS, Row, Shape
 
-from rig.analysis.points import measured_points
+from rig.analysis.points import gain_matrix
 from rig.analysis.rows import INCOMPLETE, period_means, row_table, standard_error, write_rows
 from rig.analysis.slices import find_optima
 from rig.kinds.wavebot.tick import WaveBotRow
@@ -128,7 +128,7 @@ def test_one_repeat_period_of_an_irregular_sea_has_no_error(tmp_path: Path) -> N
 def test_repetitions_give_the_error(tmp_path: Path) -> None:
     shape = Shape(periods=1, irregular_repeat=10.0, wander=2.0)
     table = run(tmp_path, planned(2, repetitions=4), shape)
-    for point in measured_points(table):
+    for point in gain_matrix(table).points:
         means = table["power_ac"].values[list(point.rows)]
         assert len(means) == 4
         assert point.power["ac"] == pytest.approx(means.mean())
@@ -182,7 +182,7 @@ def test_a_row_with_missing_ticks_is_withheld(gap: slice, tmp_path: Path) -> Non
     for name in ("power_dc", "power_dc_se", "position_rms", "stroke", "bus_voltage_mean"):
         assert np.isnan(table[name].values).tolist() == [False, True, False], name
     assert table["kp"].values.tolist() == [row.kp for row in rows]
-    assert [point.rows for point in measured_points(table)] == [(0,), (2,)]
+    assert [point.rows for point in gain_matrix(table).points] == [(0,), (2,)]
     assert table.attrs["record"].startswith("incomplete: 7 of ")
     with_incomplete = row_table(tmp_path, incomplete_rows=True)
     assert set(with_incomplete["state"].values) == {"complete"}
@@ -251,7 +251,7 @@ def test_a_row_cut_short_by_a_stop(tmp_path: Path) -> None:
     assert table["state"].values.tolist() == ["complete", "complete", "cut short", "not run"]
     assert table["incomplete_reason"].values[2] == "held or stopped"
     assert np.isnan(table["power_ac"].values[3])
-    assert [point.rows for point in measured_points(table)] == [(0,), (1,)]
+    assert [point.rows for point in gain_matrix(table).points] == [(0,), (1,)]
 
 
 def test_a_row_cut_short_by_the_end_of_the_log(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from rehearsing import CONFIGS
+import pytest
+from rehearsing import CONFIGS, write_campaign
 
 DEFERRED = ("matplotlib", "xarray", "pandas", "scipy.linalg", "scipy.signal", "dask", "filterpy")
 
@@ -48,3 +49,41 @@ def test_plotting_datasets_and_blas_are_imported_after_the_first_case(tmp_path: 
     assert process.returncode == 0, process.stderr
     loaded = json.loads(process.stdout)
     assert loaded == {"before": [], "threads": "1", "solved": 2.0}
+
+
+# The first window of a campaign in the compiled loop, and how numba came by the code.
+_WARM = """
+import sys
+from pathlib import Path
+from rig.kinds.wavebot.campaign import build_plan, open_campaign
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+
+campaign = open_campaign(Path(sys.argv[1]))
+plan = build_plan(campaign.file, campaign.rig, campaign.points)
+simulator = CampaignSimulator(campaign, plan)
+next(iter(simulator.simulate(plan)))
+print(sum(simulator.advance.stats.cache_misses.values()))
+"""
+
+
+_GAINS: dict[str, dict[str, float]] = {
+    "impedance": {"kp_n_s_per_m": -2000, "ki_n_per_m": 0},
+    "nonlinear damping": {"quadratic_n_s2_per_m2": 4000, "coulomb_n": 0},
+}
+
+
+@pytest.mark.parametrize("law", _GAINS)
+def test_a_later_process_finds_the_compiled_loop(law: str, tmp_path: Path) -> None:
+    """A type that numba cannot find by its name would make each process compile for 15 s."""
+    path = write_campaign(
+        tmp_path,
+        sea={"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
+        timing={"settle_s": 1, "interval_s": 5.5},
+        law=law,
+        matrix={"list": [{"spring_n_per_m": 490.9} | _GAINS[law]]},
+    )
+    misses = [
+        int(subprocess.check_output([sys.executable, "-c", _WARM, str(path)], text=True))
+        for _ in range(2)
+    ]
+    assert misses[1] == 0

@@ -4,6 +4,7 @@ Both are generated from the fields of the law's SetPoint: a loop over fields cos
 and compiled code has none.
 """
 
+import sys
 from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
@@ -12,11 +13,16 @@ from typing import Any
 
 @cache
 def columns_type(set_point: Any) -> Any:
-    """Return the NamedTuple type with a tuple of floats for each field of a law's SetPoint."""
+    """Return the NamedTuple type with a tuple of floats for each field of a law's SetPoint.
+
+    The law's module gets it as `LawColumns`: compiled code on disk refers to a type by its name. If
+    the name led nowhere, no later process would find that code again.
+    """
     names: list[str] = list(set_point._fields)
     columns: Any = namedtuple("LawColumns", names)  # type: ignore[misc]
     columns.__annotations__ = dict.fromkeys(set_point._fields, tuple[float, ...])
     columns.__module__ = set_point.__module__
+    sys.modules[set_point.__module__].LawColumns = columns  # type: ignore[attr-defined]
     return columns
 
 

@@ -30,7 +30,7 @@ from benchmarks import (
 )
 from benchmarks.support import host, report
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.result import Result, text
+from benchmarks.support.result import Result, format_table
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -54,20 +54,20 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "faults": faults.measure,
     "coverage": coverage.measure,
 }
-KEPT = [*MEASUREMENTS, *(f"faults_{name}" for name in RIGS)]
+STORED_NAMES = [*MEASUREMENTS, *(f"faults_{name}" for name in RIGS)]
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
-        description="Measure the targets of this project; the figures go to "
+        description="Measure the targets of this project; the figures are stored in "
         "benchmarks/results/ unless the run is a short one.",
         epilog="\n".join(f"  {n:14} {_first_line(m)}" for n, m in MEASUREMENTS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="what to measure (default: all)")
     parser.add_argument(
-        "--short", action="store_true", help="a minute or two instead of half an hour"
+        "--short", action="store_true", help="short form: a minute or two instead of half an hour"
     )
     parser.add_argument(
         "--rig", choices=list(RIGS), default="wavebot", help="faults: rig whose table is measured"
@@ -75,38 +75,38 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--missing",
         action="store_true",
-        help="faults: only rows without a finding, kept one by one",
+        help="faults: only rows without a result; each result is stored at once",
     )
     parser.add_argument(
         "--rows",
         metavar="TEXT",
         default="",
-        help="faults: only rows with this in their name, kept one by one",
+        help="faults: only rows with this in their name; each result is stored at once",
     )
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
-    given = parser.parse_args()
-    unknown = [name for name in given.names if name not in MEASUREMENTS]
+    options = parser.parse_args()
+    unknown = [name for name in options.names if name not in MEASUREMENTS]
     if unknown:
         parser.error(f"no measurement {unknown[0]!r}; there are {', '.join(MEASUREMENTS)}")
-    if (_only_faults(given) or given.rig != "wavebot") and given.names != ["faults"]:
+    if (_selects_rows(options) or options.rig != "wavebot") and options.names != ["faults"]:
         parser.error("--rig, --missing and --rows go with faults alone")
-    if _only_faults(given) and given.short:
+    if _selects_rows(options) and options.short:
         parser.error("--missing and --rows do not go with --short")
-    return given
+    return options
 
 
-def _only_faults(given: argparse.Namespace) -> bool:
+def _selects_rows(options: argparse.Namespace) -> bool:
     """Return True for a part of a table, whose results are stored one by one."""
-    return bool(given.missing or given.rows)
+    return bool(options.missing or options.rows)
 
 
-def _measure(name: str, given: argparse.Namespace) -> Result:
+def _measure(name: str, options: argparse.Namespace) -> Result:
     if name != "faults":
-        return MEASUREMENTS[name](given.short)
-    rig = RIGS[given.rig]
-    if _only_faults(given):
-        return faults.measure_some(rig, given.rows, given.missing)
-    return faults.measure(given.short, rig)
+        return MEASUREMENTS[name](options.short)
+    rig = RIGS[options.rig]
+    if _selects_rows(options):
+        return faults.measure_some(rig, options.rows, options.missing)
+    return faults.measure(options.short, rig)
 
 
 def _first_line(measure: Callable[[bool], Result]) -> str:
@@ -116,36 +116,36 @@ def _first_line(measure: Callable[[bool], Result]) -> str:
 
 def main() -> int:
     """Run the chosen measurements; return 0 unless one of them failed."""
-    given = _arguments()
-    names = given.names or list(MEASUREMENTS)
+    options = _arguments()
+    names = options.names or list(MEASUREMENTS)
     results: dict[str, Any] = {}
     missed: list[str] = []
     failed: list[str] = []
     for name in names:
-        if not given.json:
+        if not options.json:
             print(f"{name} ...", file=sys.stderr, flush=True)
-        before, began = host.Busy.now(), time.monotonic()
+        before, began = host.ProcessorTime.now(), time.monotonic()
         try:
-            result = _measure(name, given)
+            result = _measure(name, options)
         except Exception as error:  # noqa: BLE001  the others are measured all the same
             failed.append(f"{name}: {type(error).__name__}: {error}")
             continue
         results[name] = {
             **result.as_dict(),
-            "host": host.facts(),
-            "load": host.others(before, host.Busy.now()),
+            "host": host.describe_host(),
+            "load": host.other_load(before, host.ProcessorTime.now()),
             "took_s": round(time.monotonic() - began, 1),
         }
         missed += [f"{name}: {f.name.strip()}, {f.median:.3g} {f.unit}" for f in result.missed]
-        if not given.json:
-            print(text(result), end="\n\n", flush=True)
-        if not (given.short or _only_faults(given)):
-            kept = name if given.rig == "wavebot" else f"{name}_{given.rig}"
-            report.keep(RESULTS, kept, results[name], KEPT)
-    if given.json:
-        print(json.dumps({"short": given.short, "results": results, "failed": failed}, indent=2))
+        if not options.json:
+            print(format_table(result), end="\n\n", flush=True)
+        if not (options.short or _selects_rows(options)):
+            stored_name = name if options.rig == "wavebot" else f"{name}_{options.rig}"
+            report.store(RESULTS, stored_name, results[name], STORED_NAMES)
+    if options.json:
+        print(json.dumps({"short": options.short, "results": results, "failed": failed}, indent=2))
     elif results:
-        print(report.closing(missed))
+        print(report.format_missed(missed))
     for line in failed:
         print(f"not measured: {line}", file=sys.stderr)
     return 1 if failed else 0

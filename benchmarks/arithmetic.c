@@ -128,8 +128,8 @@ static struct ramp ramp_step(struct ramp r, double target, double duration, doub
     return way;
 }
 
-/* Walk `ticks` steps; energies (J) into energy[0..2]: mechanical on the body, AC, DC. */
-void walk(const double *given, const double *stations, const double *rates, int n,
+/* Simulate `ticks` steps; energies (J) into energy[0..2]: mechanical on the body, AC, DC. */
+void simulate(const double *constants, const double *stations, const double *rates, int n,
           const double *excitation, int period, double start, double target, double window,
           double dt, long ticks, double *energy) {
     struct body b;
@@ -142,7 +142,7 @@ void walk(const double *given, const double *stations, const double *rates, int 
                     (double *)&w};
     const int size[] = {13, 6, 4, 5, 5, 4};
     for (int i = 0, k = 0; i < 6; i++)
-        for (int j = 0; j < size[i]; j++) to[i][j] = given[k++];
+        for (int j = 0; j < size[i]; j++) to[i][j] = constants[k++];
 
     struct motion m = {0};
     struct drive d = {0};

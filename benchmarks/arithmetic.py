@@ -1,9 +1,9 @@
 """The lifted plant and law compared with the same arithmetic in C, and with scipy's integrator.
 
-The C file says the same operations in the same order, so that its energies must be those of the
-lifted functions to the last bit; then their times are of the same work. scipy integrates the
+The C file has the same operations in the same order, so its energies must equal those of the
+lifted functions to the last bit, and both times are for the same work. scipy integrates the
 continuous model (the law without its sampling) to a tolerance at which its power is as far from
-that of a fine one as ours is.
+that of a fine solution as the power of the lifted functions.
 """
 
 import ctypes
@@ -18,12 +18,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.support.integrated import Floats, Model, continuous, sampled
-from benchmarks.support.recorded import ROOT, campaign_file
+from benchmarks.support.campaigns import open_checked
+from benchmarks.support.recorded import ROOT, write_campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
+from benchmarks.support.scipy_reference import (
+    Floats,
+    Model,
+    solve_continuous_law,
+    solve_sampled_law,
+)
 from controllers import biquads, blocks, impedance
+from controllers.signals import Gains
 from rig.compilation import lifting
-from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import build_world
 from sim_plant import (
@@ -39,13 +45,13 @@ from sim_plant import (
     wavebot,
 )
 
-OF_C, OF_SCIPY = 1.3, 100.0
+MAX_RATIO_TO_C, MIN_RATIO_TO_SCIPY = 1.3, 100.0
 KP, KI, RAMP = -2500.0, 4000.0, 0.5
-TARGET = 20.0  # % of stator travel beyond its start, so that the table is used
-CC = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
-FINE, LOOSEST = 1e-10, 1e-2  # relative tolerances of the integrator
+STATOR_TRAVEL = 20.0  # % beyond the start, so that the table of spring rates is used
+CC_OPTIONS = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
+FINE_TOLERANCE, LOOSEST_TOLERANCE = 1e-10, 1e-2  # relative tolerances of the integrator
 
-_LIFTED = (
+_LIFTED_MODULES = (
     analyser, biquads, blocks, body, bus, cots_drive, custom_drive, drive, electrics, impedance,
     magnetic_spring, pto, wavebot,
 )  # fmt: skip
@@ -60,42 +66,41 @@ from sim_plant.body import BodyState
 
 
 @njit(cache=True, error_model="numpy")
-def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target, dt, ticks):
+def simulate(params, supplied, law, at_rest, gains, per_ampere, table, start, target, dt, ticks):
     hull = BodyState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     stator = magnetic_spring.stator_at_rest(params.spring, start)
-    held = magnetic_spring.force(params.spring, stator.rate, 0.0)
+    passive = magnetic_spring.force(params.spring, stator.rate, 0.0)
     memory = at_rest
     mechanical = ac = dc = 0.0
     for tick in range(ticks):
         now, after = table[tick % len(table)], table[(tick + 1) % len(table)]
-        seen = Estimate(hull.position, hull.velocity, 0.0)
-        memory, wanted = impedance.step(law, memory, gains, seen, 0.0, 0.0, dt)
+        estimate = Estimate(hull.position, hull.velocity, 0.0)
+        memory, demand = impedance.step(law, memory, gains, estimate, 0.0, 0.0, dt)
         driven = electrics.command_step(
-            params.electrics, supplied, wanted.force / per_ampere, 1, 1, 1, hull.velocity, dt
+            params.electrics, supplied, demand.force / per_ampere, 1, 1, 1, hull.velocity, dt
         )
         motor = params.pto.force_per_current * driven.mean_current
-        x, v = body.predict(params.body, hull, now + motor + held, 0.5 * dt)
-        held = wavebot.passive_force(params, stator.rate, x, v, 0.0)
-        between = held
-        hull = body.correct(params.body, hull, x, v, 0.5 * (now + after) + motor + held, dt)
+        x, v = body.predict(params.body, hull, now + motor + passive, 0.5 * dt)
+        passive = wavebot.passive_force(params, stator.rate, x, v, 0.0)
+        midway = passive
+        hull = body.correct(params.body, hull, x, v, 0.5 * (now + after) + motor + passive, dt)
         stator = magnetic_spring.stator_step(params.spring, stator, target, 1, dt)
-        held = wavebot.passive_force(params, stator.rate, hull.position, hull.velocity, 0.0)
+        passive = wavebot.passive_force(params, stator.rate, hull.position, hull.velocity, 0.0)
         power_ac = motor * v + pto.copper_loss(params.pto, motor)
         power_dc = power_ac + electrics.cots_drive.loss(
             params.electrics.cots, driven.mean_current
         )
         supplied = electrics.power_step(params.electrics, supplied, driven, 1, power_ac, dt)
-        mechanical = mechanical + (motor + between) * v * dt
+        mechanical = mechanical + (motor + midway) * v * dt
         ac = ac + power_ac * dt
         dc = dc + power_dc * dt
     return mechanical, ac, dc, supplied.analyser.power_ac
 '''
 
 
-def model(folder: Path) -> Model:
-    """The plant of the default rig."""
-    campaign = check_campaign(campaign_file(folder, 12.0)).campaign
-    assert campaign is not None
+def build_model(folder: Path) -> Model:
+    """Return the model of the default rig."""
+    campaign, _ = open_checked(write_campaign_file(folder, 12.0))
     devices = job.plant_settings(campaign)
     dt = 1.0 / campaign.rig.rate_hz
     begin = build_world(devices | {"compiled": False}, dt).initial_conditions()
@@ -104,62 +109,62 @@ def model(folder: Path) -> Model:
         params,
         np.array(begin.tables.heave, dtype=np.float64),
         begin.state.stator.position,
-        begin.state.stator.position + TARGET,
+        begin.state.stator.position + STATOR_TRAVEL,
         params.pto.force_per_current,
-        impedance.Gains(KP, KI, 0.0),
+        Gains(KP, KI, 0.0),
         RAMP,
         dt,
     )
 
 
-def lifted(made: Model) -> Callable[[int], tuple[float, ...]]:
-    """The functions of plant and law, compiled: energies (J) after so many ticks."""
-    walk = lifting.load("benchmark_arithmetic", _SOURCE, _LIFTED).walk
+def compiled_simulation(model: Model) -> Callable[[int], tuple[float, ...]]:
+    """Return the compiled functions of plant and law: energies (J) after a number of ticks."""
+    simulate = lifting.load("benchmark_arithmetic", _SOURCE, _LIFTED_MODULES).simulate
     law = impedance.Params(RAMP)
-    supplied = electrics.initial(made.params.electrics)
+    supplied = electrics.initial(model.params.electrics)
 
     def run(ticks: int) -> tuple[float, ...]:
-        found: tuple[float, ...] = walk(
-            made.params, supplied, law, impedance.start(law), made.gains, made.per_ampere,
-            made.table, made.start, made.target, made.dt, ticks,
+        energies: tuple[float, ...] = simulate(
+            model.params, supplied, law, impedance.start(law), model.gains,
+            model.newtons_per_ampere, model.excitation, model.stator_start, model.stator_target,
+            model.dt, ticks,
         )  # fmt: skip
-        return found
+        return energies
 
     return run
 
 
-def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None:
-    """The same in C; None where there is no compiler."""
+def c_simulation(model: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None:
+    """Return the same simulation in C; None without a C compiler."""
     compiler = shutil.which("cc")
     if compiler is None:
         return None
     library = folder / "arithmetic.so"
     source = ROOT / "benchmarks" / "arithmetic.c"
-    subprocess.run([compiler, str(source), "-o", str(library), *CC], check=True)
-    walk = ctypes.CDLL(str(library)).walk
-    params, spring = made.params, made.params.spring
-    given = np.array([
+    subprocess.run([compiler, str(source), "-o", str(library), *CC_OPTIONS], check=True)
+    simulate = ctypes.CDLL(str(library)).simulate
+    params, spring = model.params, model.params.spring
+    constants = np.array([
         *lifting.flatten(params.body), *lifting.flatten(params.pto),
         *lifting.flatten(params.electrics.drive), *lifting.flatten(params.electrics.cots),
         spring.angle_per_metre, spring.force_per_rate, spring.sine, spring.effect, spring.speed,
-        KP, KI, RAMP, made.per_ampere,
+        KP, KI, RAMP, model.newtons_per_ampere,
     ], dtype=np.float64)  # fmt: skip
     stations, rates = np.array(spring.stator_positions), np.array(spring.rates)
-    pointer = ctypes.POINTER(ctypes.c_double)
-
-    def at(array: Floats) -> Any:
-        return array.ctypes.data_as(pointer)
-
     double, integer = ctypes.c_double, ctypes.c_int
-    walk.restype = None
+
+    def pointer(array: Floats) -> Any:
+        return array.ctypes.data_as(ctypes.POINTER(double))
+
+    simulate.restype = None
 
     def run(ticks: int) -> tuple[float, ...]:
         energy = np.zeros(4)
-        walk(
-            at(given), at(stations), at(rates), integer(len(stations)), at(made.table),
-            integer(len(made.table)), double(made.start), double(made.target),
-            double(params.electrics.analyser_window), double(made.dt), ctypes.c_long(ticks),
-            at(energy),
+        simulate(
+            pointer(constants), pointer(stations), pointer(rates), integer(len(stations)),
+            pointer(model.excitation), integer(len(model.excitation)), double(model.stator_start),
+            double(model.stator_target), double(params.electrics.analyser_window),
+            double(model.dt), ctypes.c_long(ticks), pointer(energy),
         )  # fmt: skip
         return tuple(energy.tolist())
 
@@ -167,31 +172,34 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
 
 
 def measure(short: bool) -> Result:
-    """Bits and times of both, block after block; then the integrator at our accuracy."""
+    """Compare bits and times in alternating blocks, then the integrator at equal accuracy."""
     blocks_, seconds, span = (3, 200.0, 6.0) if short else (15, 2000.0, 20.0)
     with tempfile.TemporaryDirectory() as scratch:
-        made = model(Path(scratch))
-        ours, theirs = lifted(made), in_c(made, Path(scratch))
-        ticks = round(seconds / made.dt)
-        ours(1)  # compiled
-        took, took_c = list[float](), list[float]()
+        model = build_model(Path(scratch))
+        compiled, in_c = compiled_simulation(model), c_simulation(model, Path(scratch))
+        ticks = round(seconds / model.dt)
+        compiled(1)  # compiles
+        compiled_s, c_s = list[float](), list[float]()
         differing = 0
         for _ in range(blocks_):
-            seconds_, energy = _timed(ours, ticks)
-            took.append(seconds_)
-            if theirs is not None:
-                seconds_c, energy_c = _timed(theirs, ticks)
-                took_c.append(seconds_c)
+            seconds_, energy = _timed(compiled, ticks)
+            compiled_s.append(seconds_)
+            if in_c is not None:
+                seconds_c, energy_c = _timed(in_c, ticks)
+                c_s.append(seconds_c)
                 differing += sum(a != b for a, b in zip(energy, energy_c, strict=True))
-        mine = ours(round(span / made.dt))
-        same, other = (_solved(way, made, span, mine) for way in (sampled, continuous))
-    per_second = [one / seconds for one in took]
+        energies = compiled(round(span / model.dt))
+        sampled, continuous = (
+            _solve_as_accurately(solve, model, span, energies)
+            for solve in (solve_sampled_law, solve_continuous_law)
+        )
+    per_second = [one / seconds for one in compiled_s]
     compared = (
         (
-            figure("lifted / C", "ratio", ratios(took, took_c), at_most=OF_C),
+            figure("lifted / C", "ratio", ratios(compiled_s, c_s), at_most=MAX_RATIO_TO_C),
             figure("energies that differ in any bit", "of 4", differing, at_most=0),
         )
-        if took_c
+        if c_s
         else ()
     )
     return Result(
@@ -201,57 +209,59 @@ def measure(short: bool) -> Result:
         (
             figure("lifted", "x real time", [1.0 / one for one in per_second]),
             *compared,
-            *_against("", same, span, per_second, OF_SCIPY),
-            *_against(", a law without ticks", other, span, per_second, None),
+            *_scipy_figures("", sampled, span, per_second, MIN_RATIO_TO_SCIPY),
+            *_scipy_figures(", a law without ticks", continuous, span, per_second, None),
         ),
-        () if took_c else ("no C compiler on the PATH: not compared with C",),
+        () if c_s else ("no C compiler on the PATH: not compared with C",),
     )
 
 
-class _Solved(NamedTuple):
-    """scipy at the loosest tolerance that is as good as we are."""
+class _ScipyRun(NamedTuple):
+    """scipy at the loosest tolerance that is as accurate as the lifted functions."""
 
     seconds: float  # of processor
     tolerance: float  # relative
     error: float  # of AC energy
-    ours: float  # error of ours
+    own_error: float  # of AC energy, of the lifted functions
 
 
-def _solved(
-    way: Callable[[Model, float, float], tuple[float, ...]],
-    made: Model,
+def _solve_as_accurately(
+    solve: Callable[[Model, float, float], tuple[float, ...]],
+    model: Model,
     span: float,
-    mine: tuple[float, ...],
-) -> _Solved:
-    fine = way(made, span, FINE)
-    wanted, tolerance = _off(mine, fine), LOOSEST
+    energies: tuple[float, ...],
+) -> _ScipyRun:
+    fine_energies = solve(model, span, FINE_TOLERANCE)
+    own_error, tolerance = _relative_error(energies, fine_energies), LOOSEST_TOLERANCE
     while True:
         began = time.process_time()
-        error = _off(way(made, span, tolerance), fine)
-        took = time.process_time() - began
-        if error <= wanted or tolerance <= 10.0 * FINE:
-            return _Solved(took, tolerance, error, wanted)
+        error = _relative_error(solve(model, span, tolerance), fine_energies)
+        seconds = time.process_time() - began
+        if error <= own_error or tolerance <= 10.0 * FINE_TOLERANCE:
+            return _ScipyRun(seconds, tolerance, error, own_error)
         tolerance /= 3.0
 
 
-def _against(
-    which: str, found: _Solved, span: float, per_second: list[float], at_least: float | None
+def _scipy_figures(
+    suffix: str, scipy: _ScipyRun, span: float, per_second: list[float], at_least: float | None
 ) -> tuple[Figure, ...]:
-    ratio = found.seconds / span / float(np.median(per_second))
+    ratio = scipy.seconds / span / float(np.median(per_second))
     return (
-        figure(f"scipy solve_ivp / lifted{which}", "ratio", ratio, at_least=at_least),
-        figure("  error of mean AC power, lifted", "%", 100.0 * found.ours),
-        figure("  error of mean AC power, scipy", "%", 100.0 * found.error),
-        figure("  relative tolerance of scipy", "1", found.tolerance),
+        figure(f"scipy solve_ivp / lifted{suffix}", "ratio", ratio, at_least=at_least),
+        figure("  error of mean AC power, lifted", "%", 100.0 * scipy.own_error),
+        figure("  error of mean AC power, scipy", "%", 100.0 * scipy.error),
+        figure("  relative tolerance of scipy", "1", scipy.tolerance),
     )
 
 
-def _timed(walk: Callable[[int], tuple[float, ...]], ticks: int) -> tuple[float, tuple[float, ...]]:
+def _timed(
+    simulation: Callable[[int], tuple[float, ...]], ticks: int
+) -> tuple[float, tuple[float, ...]]:
     began = time.process_time()
-    energy = walk(ticks)
+    energy = simulation(ticks)
     return time.process_time() - began, energy
 
 
-def _off(energy: tuple[float, ...], fine: tuple[float, ...]) -> float:
+def _relative_error(energy: tuple[float, ...], fine_energies: tuple[float, ...]) -> float:
     """Relative error of AC energy."""
-    return math.fabs(energy[1] - fine[1]) / math.fabs(fine[1])
+    return math.fabs(energy[1] - fine_energies[1]) / math.fabs(fine_energies[1])

@@ -8,17 +8,17 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.start import command
-from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
+from benchmarks.start import rig_command
+from benchmarks.support.campaigns import open_checked
 from benchmarks.support.recorded import ROOT
+from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.result import Figure, Result, figure
-from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.sweep.executors import available_processors
 
-TIMES_REAL = 2000.0
-LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0
-PACE = 2000  # repetitions of the reference
+MIN_TIMES_REAL = 2000.0
+MAX_LONG_SECONDS, MAX_MANY_SECONDS, MAX_RESTART_SECONDS = 20.0, 120.0, 2.0
+REFERENCE_REPEATS = 2000  # repetitions of the reference
 
 _HEAD = """\
 name: benchmark_batch
@@ -44,8 +44,8 @@ matrix:
 """
 
 
-class Swept(NamedTuple):
-    """One `rig sweep` in a process of its own."""
+class SweepCost(NamedTuple):
+    """Cost of one `rig sweep` in its own process."""
 
     seconds: float  # from its start to its end, pictures included
     processor: float  # s, of all threads
@@ -55,13 +55,13 @@ class Swept(NamedTuple):
     reference: float  # us for 100 NamedTuples, mean of before and after
 
     @property
-    def at_pace(self) -> float:
-        """Seconds normalised to the reference CPU, mutual slowing of two cores included."""
+    def normalised_seconds(self) -> float:
+        """Seconds normalised to the reference CPU, including the mutual slowing of two cores."""
         return self.seconds * REFERENCE_CPU_US / self.reference
 
 
-def campaign_file(folder: Path, text: str) -> Path:
-    """A campaign on the WaveBot."""
+def write_campaign_file(folder: Path, text: str) -> Path:
+    """Write a campaign on the WaveBot; return its path."""
     path = folder / "benchmark_batch.yaml"
     rig = json.dumps(str(ROOT / "configs" / "rigs" / "wavebot.yaml"))
     path.write_text(_HEAD.format(rig=rig) + text)
@@ -76,13 +76,11 @@ class BatchPass(NamedTuple):
 
 
 def run_pass(path: Path) -> BatchPass:
-    """All rows of a campaign one after another, the host's pace taken between them."""
-    report = check_campaign(path)
-    assert report.campaign is not None, report.text()
-    assert report.plan is not None
-    subject = CampaignSimulator(report.campaign, report.plan)
-    subject.prepare(report.plan)
-    rows = subject.simulate(report.plan)
+    """Time all rows of a campaign, one after another, with the reference measured between them."""
+    campaign, plan = open_checked(path)
+    simulator = CampaignSimulator(campaign, plan)
+    simulator.prepare(plan)
+    rows = simulator.simulate(plan)
     windows, references, seconds, more = iter(rows), list[float](), 0.0, True
     while more:
         references.append(reference_cost(100))
@@ -92,29 +90,32 @@ def run_pass(path: Path) -> BatchPass:
     return BatchPass(rows.seconds / seconds, sum(references) / len(references))
 
 
-def sweep(path: Path, folder: Path) -> Swept:
-    """`rig sweep` of a campaign from start to end."""
-    words = [*command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
-    before = reference_cost(PACE)
+def run_sweep(path: Path, folder: Path) -> SweepCost:
+    """Run `rig sweep` of a campaign from start to end."""
+    command = [*rig_command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
+    before = reference_cost(REFERENCE_REPEATS)
     began = time.perf_counter()
-    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        out = process.stdout.read()
-        _, status, used = os.wait4(process.pid, 0)  # this process's own use of memory
+        output = process.stdout.read()
+        _, status, used = os.wait4(process.pid, 0)  # memory of this process alone
         process.returncode = os.waitstatus_to_exitcode(status)
     seconds = time.perf_counter() - began
     if process.returncode != 0:
-        raise RuntimeError(f"the sweep ended with {process.returncode}: {out}")
-    told = json.loads(out)
-    processor, most = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
-    rows, reference = sum(told["rows"].values()), (before + reference_cost(PACE)) / 2.0
-    return Swept(seconds, processor, rows, told["simulated_s"], most, reference)
+        raise RuntimeError(f"the sweep ended with {process.returncode}: {output}")
+    report = json.loads(output)
+    processor, max_memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
+    rows, reference = (
+        sum(report["rows"].values()),
+        (before + reference_cost(REFERENCE_REPEATS)) / 2.0,
+    )
+    return SweepCost(seconds, processor, rows, report["simulated_s"], max_memory, reference)
 
 
-def _long(name: str, swept: Swept, at_most: float | None) -> list[Figure]:
+def _sweep_figures(name: str, swept: SweepCost, at_most: float | None) -> list[Figure]:
     return [
         figure(name, "s", swept.seconds),
-        figure(f"{name}, {NORMALISED}", "s", swept.at_pace, at_most=at_most),
+        figure(f"{name}, {NORMALISED}", "s", swept.normalised_seconds, at_most=at_most),
         figure("  of it", "s of processor", swept.processor),
         figure("  of it", "x real time", swept.simulated / swept.seconds),
         figure("  100 NamedTuples, before and after", "us", swept.reference),
@@ -122,26 +123,27 @@ def _long(name: str, swept: Swept, at_most: float | None) -> list[Figure]:
 
 
 def measure(short: bool) -> Result:
-    """Walks, a long campaign, many rows, and the same again, when all is finished."""
+    """Passes through a plan, a long campaign, many rows, and restarts of a finished sweep."""
     repeats, seconds, last, to, step = (1, 20, -1100, -1100, 1650) if short else (
         5, 300, -2000, -2980, 50,
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        irregular = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
+        irregular = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
         passes = [run_pass(irregular) for _ in range(repeats)]
-        few = sweep(irregular, folder / "few")
-        long = sweep(
-            campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
+        small = run_sweep(irregular, folder / "few")
+        long = run_sweep(
+            write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)),
+            folder / "long",
         )
-        regular = campaign_file(folder, _REGULAR.format(last=to, step=step))
-        many = sweep(regular, folder / "many")
-        restarts = [sweep(regular, folder / "many") for _ in range(repeats)]
-    whole = not short
+        regular = write_campaign_file(folder, _REGULAR.format(last=to, step=step))
+        many = run_sweep(regular, folder / "many")
+        restarts = [run_sweep(regular, folder / "many") for _ in range(repeats)]
+
     return Result(
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
-        f"{repeats} passes over {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s "
+        f"{repeats} passes over {small.rows} rows of {seconds} s; {long.rows} rows of {seconds} s "
         f"and {many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, "
         "once each; "
         f"{repeats} starts when all is finished",
@@ -150,18 +152,20 @@ def measure(short: bool) -> Result:
             figure(
                 f"one pass, {NORMALISED}", "x real time",
                 [one.speed * one.reference / REFERENCE_CPU_US for one in passes],
-                at_least=TIMES_REAL,
+                at_least=MIN_TIMES_REAL,
             ),
             figure("100 NamedTuples (reference)", "us", [one.reference for one in passes]),
-            *_long(f"{long.rows} irregular rows", long, LONG_SECONDS if whole else None),
-            *_long(f"{many.rows} regular rows", many, MANY_SECONDS if whole else None),
-            figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
+            *_sweep_figures(
+                f"{long.rows} irregular rows", long, None if short else MAX_LONG_SECONDS
+            ),
+            *_sweep_figures(f"{many.rows} regular rows", many, None if short else MAX_MANY_SECONDS),
+            figure(f"most memory, {small.rows} rows", "MB", small.megabytes),
             figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
             figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),
             figure("started again, all finished", "s", [one.seconds for one in restarts]),
             figure(
-                f"started again, {NORMALISED}", "s", [one.at_pace for one in restarts],
-                at_most=SECOND_START,
+                f"started again, {NORMALISED}", "s", [one.normalised_seconds for one in restarts],
+                at_most=MAX_RESTART_SECONDS,
             ),
         ),
         (f"load of the host before: {os.getloadavg()[0]:.1f}",),

@@ -1,4 +1,4 @@
-"""A whole campaign both ways: rehearsed with plant and log, and in the compiled loop."""
+"""A whole campaign, rehearsed with plant and log, compared with the compiled loop to the bit."""
 
 import json
 import math
@@ -10,65 +10,66 @@ from typing import NamedTuple
 import numpy as np
 import xarray
 
-from benchmarks.start import command
+from benchmarks.start import rig_command
+from benchmarks.support.campaigns import open_checked
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
-from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.recording.runs import reader
+from rig.recording.runs.folder import run_info
 from rig.recording.runs.windows import read_windows
 from rig.stations import station_names
 
-WHOLE, SHORT = "default.yaml", "quick.yaml"
-MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)
+CAMPAIGN, SHORT_CAMPAIGN = "default.yaml", "quick.yaml"
+MAX_POWER_DIFFERENCE = 0.05  # W, of a mean power, after a lead-in of 15 s (docs/sweeps.md)
 
 
 class RowComparison(NamedTuple):
     """Comparison of the measured ticks of a rehearsal and of the compiled loop."""
 
     rows: int
-    numbers: int  # compared: fields x ticks
+    values: int  # compared: fields x ticks
     differing: int  # of them, in any bit
-    unlike: int  # windows that are of another row, or of another length
+    mismatched_windows: int  # windows of another row or another length
 
 
-def ran(words: list[str]) -> dict[str, object]:
-    """What a command of `rig` says in JSON."""
+def run_rig(arguments: list[str]) -> dict[str, object]:
+    """Run a command of `rig`; return its JSON output."""
     done = subprocess.run(
-        [*command(), *words, "--json"], cwd=ROOT, capture_output=True, text=True, check=True
+        [*rig_command(), *arguments, "--json"], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    told: dict[str, object] = json.loads(done.stdout)
-    return told
+    output: dict[str, object] = json.loads(done.stdout)
+    return output
 
 
 def compare(campaign: Path, run: Path) -> RowComparison:
-    """Compare each measured row of a run, number by number, with the compiled loop on its plan."""
-    report = check_campaign(campaign)
-    assert report.campaign is not None, report.text()
-    assert report.plan is not None
-    ticks = iter(CampaignSimulator(report.campaign, report.plan).simulate(report.plan))
-    rows = numbers = differing = unlike = 0
-    for theirs in read_windows(reader.open_files(run), list(KEPT_FIELDS)):
-        ours = next(ticks, None)
+    """Compare each measured row of a run, value by value, with the compiled loop on its plan."""
+    opened, plan = open_checked(campaign)
+    windows = iter(CampaignSimulator(opened, plan).simulate(plan))
+    rows = values = differing = mismatched = 0
+    source = reader.open_files(run)
+    logged_plan = run_info(run, source.contents).plan
+    for logged in read_windows(source, list(KEPT_FIELDS), logged_plan):
+        compiled = next(windows, None)
         rows += 1
-        if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):
-            unlike += 1
+        if compiled is None or (compiled.row, len(compiled.data)) != (logged.row, len(logged.data)):
+            mismatched += 1
             continue
         for name in KEPT_FIELDS:
-            a, b = (np.ascontiguousarray(window.data[name]) for window in (ours, theirs))
-            numbers += len(a)
+            a, b = (np.ascontiguousarray(window.data[name]) for window in (compiled, logged))
+            values += len(a)
             differing += int((a.view(np.int64) != b.view(np.int64)).sum())
-    return RowComparison(rows, numbers, differing, unlike + sum(1 for _ in ticks))
+    return RowComparison(rows, values, differing, mismatched + sum(1 for _ in windows))
 
 
-def apart(swept: Path, run: Path) -> float:
-    """The greatest difference of a mean power, W, of rows alone from rows in sequence."""
+def max_power_difference(sweep: Path, run: Path) -> float:
+    """Return the largest difference of a mean power (W) between single rows and the sequence."""
     table = row_table(run)
-    with xarray.open_dataset(swept) as alone:
+    with xarray.open_dataset(sweep) as single:
         differences = [
-            np.abs(alone[f"power_{name}"].values - table[f"power_{name}"].values)
+            np.abs(single[f"power_{name}"].values - table[f"power_{name}"].values)
             for name in station_names(STATIONS)
         ]
     return float(np.max(differences))
@@ -76,23 +77,30 @@ def apart(swept: Path, run: Path) -> float:
 
 def measure(short: bool) -> Result:
     """Rehearse a campaign, run it in the compiled loop, and sweep each of its rows alone."""
-    campaign = ROOT / "configs" / "campaigns" / (SHORT if short else WHOLE)
+    campaign = ROOT / "configs" / "campaigns" / (SHORT_CAMPAIGN if short else CAMPAIGN)
     with tempfile.TemporaryDirectory() as scratch:
-        run = Path(str(ran(["run", str(campaign), "--runs", f"{scratch}/runs"])["folder"]))
-        found = compare(campaign, run)
-        swept = Path(scratch) / "sweep.nc"
-        ran(["sweep", str(campaign), "--sweeps", f"{scratch}/sweeps", "--out", str(swept)])
-        most = apart(swept, run)
-    assert math.isfinite(most)
+        run = Path(str(run_rig(["run", str(campaign), "--runs", f"{scratch}/runs"])["folder"]))
+        comparison = compare(campaign, run)
+        sweep = Path(scratch) / "sweep.nc"
+        run_rig(["sweep", str(campaign), "--sweeps", f"{scratch}/sweeps", "--out", str(sweep)])
+        difference = max_power_difference(sweep, run)
+    assert math.isfinite(difference)
     return Result(
         "bits",
         "a campaign from power-on to its end, rehearsed and in the compiled loop",
-        f"{campaign.stem}, {found.rows} rows, once; {len(KEPT_FIELDS)} fields of every measured "
-        "tick",
+        f"{campaign.stem}, {comparison.rows} rows, once; {len(KEPT_FIELDS)} fields of every "
+        "measured tick",
         (
-            figure("numbers compared", "1", found.numbers),
-            figure("that differ in any bit", "1", found.differing, at_most=0),
-            figure("windows of another row or length", "1", found.unlike, at_most=0),
-            figure("mean power of a row alone, greatest difference", "W", most, at_most=MOST_APART),
+            figure("numbers compared", "1", comparison.values),
+            figure("that differ in any bit", "1", comparison.differing, at_most=0),
+            figure(
+                "windows of another row or length", "1", comparison.mismatched_windows, at_most=0
+            ),
+            figure(
+                "mean power of a row alone, greatest difference",
+                "W",
+                difference,
+                at_most=MAX_POWER_DIFFERENCE,
+            ),
         ),
     )

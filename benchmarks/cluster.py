@@ -1,4 +1,4 @@
-"""Sweeps on a Dask cluster on loopback: two workers against one, and what handing out costs."""
+"""Sweeps on a Dask cluster on loopback: two workers compared with one, and the overhead."""
 
 import contextlib
 import os
@@ -12,27 +12,27 @@ from pathlib import Path
 from threading import Thread
 from typing import NamedTuple
 
-from benchmarks.batch import IRREGULAR, campaign_file
+from benchmarks.batch import IRREGULAR, write_campaign_file
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.sweep import cluster, sweep
 from rig.sweep.cases import LEAD_IN, Outcome
 
-GAIN, OVERHEAD = 1.6, 10.0  # times, %
+MIN_SPEEDUP, MAX_OVERHEAD = 1.6, 10.0  # times, %
 
 
 class SweepTime(NamedTuple):
-    """One sweep on a cluster."""
+    """Time of one sweep on a cluster."""
 
-    seconds: float  # from the first case handed out to the last outcome
-    busy: float  # s that workers spent in cases
+    seconds: float  # from the first submitted case to the last outcome
+    busy: float  # s of the workers in cases
     cases: int
 
 
 @contextlib.contextmanager
-def node(what: str, *words: str) -> Iterator[str]:
-    """A scheduler or worker in a process of its own; gives its address."""
-    command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.dask_{what}", *words]
+def dask_node(role: str, *arguments: str) -> Iterator[str]:
+    """Start a Dask scheduler or worker in its own process; give its address."""
+    command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.dask_{role}", *arguments]
     env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(
         [*command, "--host", "127.0.0.1", "--no-dashboard"],
@@ -41,68 +41,71 @@ def node(what: str, *words: str) -> Iterator[str]:
         try:
             assert process.stderr is not None
             for line in process.stderr:
-                if found := re.search(r"(?:Scheduler|worker) at: *(tcp://\S+)", line):
-                    # It says more in an hour than a pipe holds, and would wait to be read.
+                if address := re.search(r"(?:Scheduler|worker) at: *(tcp://\S+)", line):
+                    # The pipe must be read: it is full after an hour, and the node would block.
                     Thread(target=process.stderr.read, daemon=True).start()
-                    yield found[1]
+                    yield address[1]
                     break
         finally:
             process.terminate()
 
 
-def worker(scheduler: str) -> contextlib.AbstractContextManager[str]:
-    """One thread of work."""
-    return node("worker", scheduler, "--nthreads", "1", "--no-nanny")
+def dask_worker(scheduler: str) -> contextlib.AbstractContextManager[str]:
+    """Start a worker of one thread."""
+    return dask_node("worker", scheduler, "--nthreads", "1", "--no-nanny")
 
 
 def run_sweep(path: Path, folder: Path, scheduler: str) -> SweepTime:
-    """All rows of a campaign on the workers there are, nothing written but the journal."""
+    """Time all rows of a campaign on the scheduler's workers; write only the journal."""
     opened = sweep.open_sweep(path, [], folder, sequential=False, lead_in=LEAD_IN)
     busy: list[float] = []
-    told: list[Outcome] = []
+    outcomes: list[Outcome] = []
     executor = cluster.cluster_executor(
         scheduler, opened.cases.request, opened.digest, lambda done: busy.append(done.seconds)
     )
     began = time.perf_counter()
     for outcome in executor(opened.cases, opened.cases.run):
-        told.append(outcome)
+        outcomes.append(outcome)
     seconds = time.perf_counter() - began
-    if len(told) != len(opened.cases) or any(one.failed for one in told):
-        raise RuntimeError(f"{len(told)} of {len(opened.cases)} cases, not all of them complete")
-    return SweepTime(seconds, sum(busy), len(told))
+    if len(outcomes) != len(opened.cases) or any(each.failed for each in outcomes):
+        raise RuntimeError(
+            f"{len(outcomes)} of {len(opened.cases)} cases, not all of them complete"
+        )
+    return SweepTime(seconds, sum(busy), len(outcomes))
 
 
 def measure(short: bool) -> Result:
-    """One worker and two, in turns, on the same campaign; all compiled and opened before."""
+    """Time one worker and two, alternating, on a campaign that all workers have compiled."""
     repeats, seconds, last = (1, 20, -1100) if short else (5, 300, -2000)
-    one: list[SweepTime] = []
-    two: list[SweepTime] = []
+    single_times: list[SweepTime] = []
+    pair_times: list[SweepTime] = []
     with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as nodes:
         folder = Path(scratch)
         (folder / "few").mkdir()
-        few = campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
-        path = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
-        alone = nodes.enter_context(node("scheduler", "--port", "0"))
-        pair = nodes.enter_context(node("scheduler", "--port", "0"))
-        for scheduler in (alone, pair, pair):
-            nodes.enter_context(worker(scheduler))
-        for scheduler in (alone, pair):
-            run_sweep(few, folder / "first", scheduler)
+        warm_up = write_campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
+        path = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
+        single = nodes.enter_context(dask_node("scheduler", "--port", "0"))
+        pair = nodes.enter_context(dask_node("scheduler", "--port", "0"))
+        for scheduler in (single, pair, pair):
+            nodes.enter_context(dask_worker(scheduler))
+        for scheduler in (single, pair):
+            run_sweep(warm_up, folder / "first", scheduler)
         for _ in range(repeats):
-            one.append(run_sweep(path, folder / "one", alone))
-            two.append(run_sweep(path, folder / "two", pair))
-    gains = [a.seconds / b.seconds for a, b in zip(one, two, strict=True)]
-    lost = [100.0 * (1.0 - each.busy / each.seconds) for each in one]
-    lost_of_two = [100.0 * (1.0 - each.busy / (2.0 * each.seconds)) for each in two]
+            single_times.append(run_sweep(path, folder / "one", single))
+            pair_times.append(run_sweep(path, folder / "two", pair))
+    gains = [a.seconds / b.seconds for a, b in zip(single_times, pair_times, strict=True)]
+    lost = [100.0 * (1.0 - each.busy / each.seconds) for each in single_times]
+    lost_of_two = [100.0 * (1.0 - each.busy / (2.0 * each.seconds)) for each in pair_times]
     return Result(
         "cluster",
         "sweeps on a Dask cluster: scheduler, client and workers of one thread on this host",
-        f"{repeats} times {one[0].cases} rows of {seconds} s on one worker and on two, in turns",
+        f"{repeats} times {single_times[0].cases} rows of {seconds} s on one worker and on two, "
+        "alternating",
         (
-            figure("one worker", "s", [each.seconds for each in one]),
-            figure("two workers", "s", [each.seconds for each in two]),
-            figure("two against one", "x", gains, at_least=None if short else GAIN),
-            figure("not in cases, one worker", "%", lost, at_most=None if short else OVERHEAD),
+            figure("one worker", "s", [each.seconds for each in single_times]),
+            figure("two workers", "s", [each.seconds for each in pair_times]),
+            figure("two against one", "x", gains, at_least=None if short else MIN_SPEEDUP),
+            figure("not in cases, one worker", "%", lost, at_most=None if short else MAX_OVERHEAD),
             figure("not in cases, two workers", "%", lost_of_two),
         ),
         (f"load of the host before: {os.getloadavg()[0]:.1f}",),

@@ -20,7 +20,11 @@ from rig.analysis.rows import reduce_window
 from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.row_contents import row_contents
-from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.simulation.simulation import (
+    KEPT_FIELDS,
+    CampaignSimulator,
+    WindowColumns,
+)
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
@@ -29,17 +33,17 @@ from rig.sweep.cases import single_row_campaign
 from rig.sweep.counterfactual import FORCES, MeasuredRun, counterfactual_rows
 
 LEAD_IN = 15.0  # s
-WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: allowed error of a prediction
-LEAST_INSIDE, MOST_INSIDE = 90.0, 98.0  # %, of intervals of 95 %
-LEAST_NEAR = 99.0  # % of the rows
-DRAWN = {  # key of the plant file: standard deviation of the factor
+MAX_RELATIVE_ERROR, MIN_ALLOWED_ERROR = 0.05, 0.5  # of the power, W: allowed error of a prediction
+MIN_INSIDE, MAX_INSIDE = 90.0, 98.0  # %, of intervals of 95 %
+MIN_NEAR = 99.0  # % of the rows
+PLANT_DEVIATIONS = {  # key of the plant file: standard deviation of the factor
     "body.mass": 0.01,
     "body.viscous_linear": 0.1,
     "body.viscous_quadratic": 0.2,
     "pto.drivetrain_coulomb": 0.2,
     "pto.torque_constant": 0.005,
 }
-LOGGED, PREDICTED = 6, 3  # rows
+LOGGED_ROWS, PREDICTED_ROWS = 6, 3  # rows
 SPRINGS = (490.9, -2763.0)  # N/m
 KP, KI = (-4000.0, -1000.0), (0.0, 4000.0)
 SEAS: tuple[dict[str, Any], ...] = (
@@ -55,10 +59,10 @@ class Case(NamedTuple):
 
     predicted: np.ndarray[Any, Any]
     half_width: np.ndarray[Any, Any]
-    true: np.ndarray[Any, Any]
+    truth: np.ndarray[Any, Any]
 
 
-def campaign_of(folder: Path, name: str, sea: dict[str, Any], points: list[Any]) -> Campaign:
+def create_campaign(folder: Path, name: str, sea: dict[str, Any], points: list[Any]) -> Campaign:
     """Write and open a campaign of these points in a sea."""
     keys = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
     content = {
@@ -75,7 +79,7 @@ def campaign_of(folder: Path, name: str, sea: dict[str, Any], points: list[Any])
     return open_campaign(path, problems)
 
 
-def drawn(rng: np.random.Generator, count: int) -> list[tuple[float, float, float]]:
+def draw_points(rng: np.random.Generator, count: int) -> list[tuple[float, float, float]]:
     """Draw points of the matrix: spring rate (N/m), Kp (N s/m), Ki (N/m)."""
     return [
         (
@@ -87,10 +91,10 @@ def drawn(rng: np.random.Generator, count: int) -> list[tuple[float, float, floa
     ]
 
 
-def hidden(campaign: Campaign, rng: np.random.Generator) -> Campaign:
+def draw_plant(campaign: Campaign, rng: np.random.Generator) -> Campaign:
     """Return the campaign on a plant with constants drawn around those of its file."""
     plant = {**campaign.plant}
-    for key, deviation in DRAWN.items():
+    for key, deviation in PLANT_DEVIATIONS.items():
         head, name = key.split(".")
         entry = dict(plant[head][name])
         entry["value"] = entry["value"] * float(np.clip(1.0 + deviation * rng.normal(), 0.5, 1.5))
@@ -100,55 +104,40 @@ def hidden(campaign: Campaign, rng: np.random.Generator) -> Campaign:
     ))  # fmt: skip
 
 
-def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
+def simulate_rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
     """Simulate each point of a campaign alone; yield its table row and its measured window."""
     file = single_row_campaign(campaign.file, LEAD_IN)
     period = repeat_period(file.sea)
-    subject = None
+    contents = row_contents(LAW_COLUMNS)
+    simulator = None
     for number, point in enumerate(campaign.points):
         planned = build_plan(file, campaign.rig, (point,))
-        subject = subject or CampaignSimulator(campaign, planned)
+        simulator = simulator or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
-        for window in subject.simulate(planned, stator=row.stator_position):
-            means = reduce_window(
-                window, period / planned.dt if period else None, row_contents(LAW_COLUMNS)
-            )
+        for window in simulator.simulate(planned, stator=row.stator_position):
+            means = reduce_window(window, period / planned.dt if period else None, contents)
             settings = {**row.setting._asdict(), "stator": row.stator_position}
-            columns = np.array([window.data[name] for name in window.data.dtype.names])
+            # A copy, because the simulator overwrites the columns in its next row.
+            data: Any = WindowColumns(np.array([window.data[name] for name in KEPT_FIELDS]))
             yield (
                 {**means, **settings, "row": number, "point": number},
-                window._replace(row=number, data=StoredTicks(window.data.dtype, columns)),  # type: ignore[arg-type]
+                window._replace(row=number, data=data),
             )
 
 
-class StoredTicks:
-    """Copy of a window's ticks, which stays when the simulator runs the next row."""
-
-    def __init__(self, dtype: np.dtype[Any], columns: np.ndarray[Any, Any]) -> None:
-        self.dtype = dtype
-        self._columns = columns
-
-    def __len__(self) -> int:
-        return int(self._columns.shape[1])
-
-    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        names = self.dtype.names
-        assert names is not None
-        column = self._columns[names.index(name)]
-        return column if self.dtype[name].kind == "f" else column.astype(np.int64)
-
-
-def case(folder: Path, seed: int) -> Case:
+def predict_case(folder: Path, seed: int) -> Case:
     """Simulate a hidden plant and predict rows with other gains in its waves."""
     rng = np.random.default_rng(seed)
     sea = SEAS[seed % len(SEAS)]
-    logged = campaign_of(folder, "logged", sea, drawn(rng, LOGGED))
-    other = campaign_of(folder, "other", sea, drawn(rng, PREDICTED))
-    truth = hidden(logged, rng)
-    both = list(rows(truth))
-    measured = MeasuredRun("hidden", tuple(row for row, _ in both), [window for _, window in both])
+    logged = create_campaign(folder, "logged", sea, draw_points(rng, LOGGED_ROWS))
+    other = create_campaign(folder, "other", sea, draw_points(rng, PREDICTED_ROWS))
+    truth = draw_plant(logged, rng)
+    logged_rows = list(simulate_rows(truth))
+    measured = MeasuredRun(
+        "hidden", tuple(row for row, _ in logged_rows), [window for _, window in logged_rows]
+    )
     predicted = counterfactual_rows(measured, logged, other, FORCES, LEAD_IN)
-    true = [row for row, _ in rows(truth._replace(points=other.points))]
+    true = [row for row, _ in simulate_rows(truth._replace(points=other.points))]
     return Case(
         np.array([[row.power[name] for name in _POWERS] for row in predicted.rows]),
         np.array([[row.half_width[name] for name in _POWERS] for row in predicted.rows]),
@@ -157,22 +146,25 @@ def case(folder: Path, seed: int) -> Case:
 
 
 def measure(short: bool) -> Result:
-    """Predict rows of hidden plants, alternately in a regular and an irregular sea."""
+    """Predict rows of hidden plants, alternating between a regular and an irregular sea."""
     count = 10 if short else 200
     with tempfile.TemporaryDirectory() as scratch:
-        cases = [case(Path(scratch), seed) for seed in range(count)]
-    error = np.abs(np.array([one.predicted - one.true for one in cases]))
-    true = np.array([one.true for one in cases])
+        cases = [predict_case(Path(scratch), seed) for seed in range(count)]
+    error = np.abs(np.array([one.predicted - one.truth for one in cases]))
+    true = np.array([one.truth for one in cases])
     half = np.array([one.half_width for one in cases])
     inside = 100.0 * np.mean(error <= half, axis=(0, 1))
-    near = 100.0 * np.mean(error <= np.maximum(WITHIN * np.abs(true), AT_LEAST), axis=(0, 1))
+    near = 100.0 * np.mean(
+        error <= np.maximum(MAX_RELATIVE_ERROR * np.abs(true), MIN_ALLOWED_ERROR),
+        axis=(0, 1),
+    )
     figures = [
         figure(
             "all stations: true power inside the interval",
             "%",
             float(inside.mean()),
-            at_least=LEAST_INSIDE,
-            at_most=None if short else MOST_INSIDE,
+            at_least=MIN_INSIDE,
+            at_most=None if short else MAX_INSIDE,
         ),
         *(
             figure(f"  {name}", "%", float(share))
@@ -183,7 +175,7 @@ def measure(short: bool) -> Result:
                 f"within 5 % or 0.5 W of the true power: {name}",
                 "%",
                 float(share),
-                at_least=LEAST_NEAR,
+                at_least=MIN_NEAR,
             )
             for name, share in zip(_POWERS, near, strict=True)
         ),
@@ -195,6 +187,6 @@ def measure(short: bool) -> Result:
     return Result(
         "counterfactual",
         "rows with other gains predicted in the waves of a run, compared with a hidden plant",
-        f"{count} hidden plants, {LOGGED} rows logged and {PREDICTED} predicted each",
+        f"{count} hidden plants, {LOGGED_ROWS} rows logged and {PREDICTED_ROWS} predicted each",
         tuple(figures),
     )

@@ -1,7 +1,7 @@
-"""Processes of runs killed and suspended at random moments: which rows are gone, who had power.
+"""Processes of runs killed and suspended at random moments: lost rows, and time until power-off.
 
 In rehearsals on the virtual and on the real clock, and on the wires of both rigs with their
-emulated devices in a process apart.
+emulated devices in a separate process.
 """
 
 import random
@@ -9,102 +9,126 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from benchmarks.support.kills import ALL, LEFT_ALONE, PAIRS, SUPERVISOR, Fate, plans, soak
-from benchmarks.support.live import wait_realtime_free
+from benchmarks.support.kills import (
+    ALL,
+    LOOP_SURVIVES,
+    PAIRS,
+    SUPERVISOR,
+    KillOutcome,
+    draw_kills,
+    run_kills,
+)
+from benchmarks.support.live_run import wait_realtime_free
 from benchmarks.support.result import Figure, Result, figure
-from benchmarks.support.wired_attacks import KILLED, Outcome, attacked, attacks
-from benchmarks.support.wired_rigs import WIRED
+from benchmarks.support.wired_attacks import KILLED, AttackOutcome, draw_attacks, run_attack
+from benchmarks.support.wired_rigs import WIRED_RIGS
 
-SECONDS_LOST = 1.0
-DICE = 20_240_601  # who is killed when follows from it
-WHOM = ("logger", "loop", SUPERVISOR, *PAIRS, ALL)
+MAX_SECONDS_LOST = 1.0
+SEED = 20_240_601  # of the random targets and moments
+TARGETS = ("logger", "loop", SUPERVISOR, *PAIRS, ALL)
 VIRTUAL, REAL = "rehearsal", "rehearsal on the real clock"
 
 
-def fates(folder: Path, each: int, latest: float, *, real_clock: bool) -> list[Fate]:
-    """``each`` kills of every kind within ``latest`` s of a run's first tick, start or restart."""
-    dice = random.Random(DICE + real_clock)
-    todo = [kill for who in WHOM for kill in plans(dice, each, (who,), latest)]
-    dice.shuffle(todo)
+def kill_rehearsals(
+    folder: Path, each: int, latest: float, *, real_clock: bool
+) -> list[KillOutcome]:
+    """Kill every target ``each`` times, up to ``latest`` s after a run's first tick or start."""
+    rng = random.Random(SEED + real_clock)
+    kills = [kill for target in TARGETS for kill in draw_kills(rng, each, (target,), latest)]
+    rng.shuffle(kills)
     wait_realtime_free()
-    return soak(folder, todo, real_clock=real_clock, workers=1 if real_clock else 2)
+    return run_kills(folder, kills, real_clock=real_clock, workers=1 if real_clock else 2)
 
 
-def on_wires(folder: Path, name: str, count: int) -> list[Outcome]:
-    """So many attacks on runs of a wired rig."""
-    with WIRED[name](folder) as rig:
-        dice = random.Random(DICE)
+def attack_wired_runs(folder: Path, name: str, count: int) -> list[AttackOutcome]:
+    """Execute ``count`` attacks on runs of a wired rig."""
+    with WIRED_RIGS[name](folder) as rig:
+        rng = random.Random(SEED)
         return [
-            attacked(rig, folder / f"run{number}", attack)
-            for number, attack in enumerate(attacks(dice, rig, count, 4.0))
+            run_attack(rig, folder / f"run{number}", attack)
+            for number, attack in enumerate(draw_attacks(rng, rig, count, 4.0))
         ]
 
 
-def rehearsed_figures(mode: str, found: list[Fate]) -> list[Figure]:
-    """What became of rehearsals, by who was killed."""
-    most = SECONDS_LOST if mode == REAL else None  # a virtual second is gone in no time
+def rehearsed_figures(mode: str, outcomes: list[KillOutcome]) -> list[Figure]:
+    """Return the figures of killed rehearsals, by target."""
+    limit = MAX_SECONDS_LOST if mode == REAL else None  # virtual seconds pass much faster
     figures = []
-    for who in WHOM:
-        some = [fate for fate in found if fate.kill.who == who]
-        if not some:
+    for target in TARGETS:
+        selected = [outcome for outcome in outcomes if outcome.kill.target == target]
+        if not selected:
             continue
-        name = f"{mode}, {who} killed"
-        seconds = [fate.seconds for fate in some]
+        name = f"{mode}, {target} killed"
+        seconds = [outcome.seconds_lost for outcome in selected]
         figures += [
-            figure(name, "times", sum(len(fate.kill.moments) for fate in some)),
-            figure(f"{name}: rows lost", "rows a run", [fate.lost for fate in some]),
-            figure(f"{name}: time lost", "s", seconds, at_most=most, judge="worst"),
+            figure(name, "times", sum(len(outcome.kill.moments) for outcome in selected)),
+            figure(f"{name}: rows lost", "rows a run", [outcome.rows_lost for outcome in selected]),
+            figure(f"{name}: time lost", "s", seconds, at_most=limit, criterion="worst"),
         ]
-        stops = [fate.stopping for fate in some if who in LEFT_ALONE and fate.put]
+        stops = [
+            outcome.stop_seconds
+            for outcome in selected
+            if target in LOOP_SURVIVES and outcome.rows_put
+        ]
         if stops:
             figures.append(figure(f"{name}: until loop and logger had ended", "s", stops))
-    wrong = sum(len(fate.wrong) for fate in found)
-    return [*figures, figure(f"{mode}: claims that failed", "claims", wrong, at_most=0)]
+    failures = sum(len(outcome.failures) for outcome in outcomes)
+    return [*figures, figure(f"{mode}: claims that failed", "claims", failures, at_most=0)]
 
 
-def wired_figures(name: str, found: list[Outcome]) -> list[Figure]:
-    """What became of runs on wires, by who was killed or suspended."""
+def wired_figures(name: str, outcomes: list[AttackOutcome]) -> list[Figure]:
+    """Return the figures of attacked runs on wires, by target and method."""
     figures = []
-    for attack in sorted({(one.attack.who, one.attack.how) for one in found}):
-        some = [one for one in found if (one.attack.who, one.attack.how) == attack]
-        who, how = attack
-        text = f"{name}, {' and '.join(who)} {'killed' if how == KILLED else 'suspended'}"
+    for attack in sorted({(outcome.attack.targets, outcome.attack.method) for outcome in outcomes}):
+        selected = [
+            outcome
+            for outcome in outcomes
+            if (outcome.attack.targets, outcome.attack.method) == attack
+        ]
+        target, method = attack
+        text = f"{name}, {' and '.join(target)} {'killed' if method == KILLED else 'suspended'}"
         figures += [
-            figure(text, "times", len(some)),
-            figure(f"{text}: rows lost", "rows a run", [one.lost for one in some]),
+            figure(text, "times", len(selected)),
+            figure(f"{text}: rows lost", "rows a run", [outcome.rows_lost for outcome in selected]),
         ]
-        powerless = [
-            one.powerless for one in some if one.powerless is not None and not one.attack.starting
+        power_off = [
+            outcome.power_off_after
+            for outcome in selected
+            if outcome.power_off_after is not None and not outcome.attack.starting
         ]
-        if powerless:
-            figures.append(figure(f"{text}: until no motor had power", "s", powerless))
-    wrong = sum(len(one.wrong) for one in found)
-    return [*figures, figure(f"{name}: claims that failed", "claims", wrong, at_most=0)]
+        if power_off:
+            figures.append(figure(f"{text}: until no motor had power", "s", power_off))
+    failures = sum(len(outcome.failures) for outcome in outcomes)
+    return [*figures, figure(f"{name}: claims that failed", "claims", failures, at_most=0)]
 
 
-def _failed(mode: str, found: Iterable[tuple[object, tuple[str, ...]]]) -> list[str]:
-    return [f"{mode}: {what}: {claim}" for what, wrong in found for claim in wrong]
+def _format_failures(mode: str, outcomes: Iterable[tuple[object, tuple[str, ...]]]) -> list[str]:
+    return [f"{mode}: {attack}: {claim}" for attack, failures in outcomes for claim in failures]
 
 
 def measure(short: bool) -> Result:
-    """Kill and suspend each process, two and all at once, at random moments, in every mode."""
+    """Kill and suspend each process, two, and all at once, at random moments, in every mode."""
     each, wired, latest = (1, 4, 0.8) if short else (10, 60, 2.5)
     figures, failed, times = list[Figure](), list[str](), 0
     with tempfile.TemporaryDirectory() as scratch:
         for mode in (VIRTUAL, REAL):
-            place = Path(scratch) / mode.replace(" ", "_")
-            place.mkdir()
-            rehearsed = fates(place, each, latest, real_clock=mode == REAL)
+            folder = Path(scratch) / mode.replace(" ", "_")
+            folder.mkdir()
+            rehearsed = kill_rehearsals(folder, each, latest, real_clock=mode == REAL)
             figures += rehearsed_figures(mode, rehearsed)
-            failed += _failed(mode, ((one.kill.who, one.wrong) for one in rehearsed))
-            times += sum(len(one.kill.moments) for one in rehearsed)
-        for name in WIRED:
-            place = Path(scratch) / name
-            place.mkdir()
-            found = on_wires(place, name, wired)
-            figures += wired_figures(name, found)
-            failed += _failed(name, ((one.attack, one.wrong) for one in found))
-            times += len(found)
+            failed += _format_failures(
+                mode, ((outcome.kill.target, outcome.failures) for outcome in rehearsed)
+            )
+            times += sum(len(outcome.kill.moments) for outcome in rehearsed)
+        for name in WIRED_RIGS:
+            folder = Path(scratch) / name
+            folder.mkdir()
+            outcomes = attack_wired_runs(folder, name, wired)
+            figures += wired_figures(name, outcomes)
+            failed += _format_failures(
+                name, ((outcome.attack, outcome.failures) for outcome in outcomes)
+            )
+            times += len(outcomes)
     return Result(
         "crash",
         "processes killed (kill -9) and suspended at random moments of runs at 1 kHz, one in four "
@@ -113,12 +137,12 @@ def measure(short: bool) -> Result:
         f"{times} kills and suspensions",
         tuple(figures),
         (
-            "claims: every saved row is in the ring to the bit, each once; `rig recover` states "
-            "exactly the ticks that are missing; no motor has power later than its table of faults "
-            "states, and not sooner than the damping lasts where the loop outlives the supervisor; "
-            "no process is left, the locks are free, the next run starts",
-            "time lost with the loop counts from the last logged tick to the kill",
-            "all killed: the ring dies with its processes, what the logger flushed last is left",
+            "claims: every saved row equals its row in the ring to the bit and occurs once; `rig "
+            "recover` states exactly the missing ticks; no motor has power for longer than the "
+            "table of faults allows, nor for less than the damping if the loop outlives the "
+            "supervisor; no process remains, the locks are free, the next run starts",
+            "loop killed: the time lost counts from the last logged tick to the kill",
+            "all killed: the ring ends with its processes, the rows of the last flush remain",
             *sorted(set(failed)),
         ),
     )

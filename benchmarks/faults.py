@@ -8,20 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.support import host
-from benchmarks.support.fault_page import page
+from benchmarks.support.fault_page import format_page
 from benchmarks.support.fault_rigs import RIGS, FaultRig
-from benchmarks.support.fault_table import GOES_ON, REFUSED, Row
-from benchmarks.support.fault_walk import NO_RUN, Finding, walk_fairly, wrong
+from benchmarks.support.fault_runs import NO_RUN, Finding, measure_fault, mismatches
+from benchmarks.support.fault_table import GOES_ON, REFUSED, FaultRow
 from benchmarks.support.result import Figure, Result, figure
 
-MeasuredFault = tuple[Row, Finding]
+MeasuredFault = tuple[FaultRow, Finding]
 WAVEBOT = RIGS["wavebot"]
 
 
 def measure(short: bool, rig: FaultRig = WAVEBOT) -> Result:
     """Measure a rig's table (short: its short selection); a complete one rewrites its page."""
-    chosen = [row for row in rig.rows() if row.short or not short]
-    return _result(*_measure_rows(rig, chosen, not short))
+    selected = [row for row in rig.rows() if row.short or not short]
+    return _result(*_measure_rows(rig, selected, not short))
 
 
 def measure_some(rig: FaultRig, text: str, missing: bool) -> Result:
@@ -29,84 +29,87 @@ def measure_some(rig: FaultRig, text: str, missing: bool) -> Result:
 
     Each result is stored at once.
     """
-    chosen = [row for row in rig.rows() if text in row.name]
-    if not chosen:
+    selected = [row for row in rig.rows() if text in row.name]
+    if not selected:
         raise ValueError(f"no row of {rig.table.name} has {text!r} in its name")
-    known = measured(rig) if missing else {}
-    return _result(*_measure_rows(rig, [row for row in chosen if row.name not in known], True))
+    known = read_results(rig) if missing else {}
+    return _result(*_measure_rows(rig, [row for row in selected if row.name not in known], True))
 
 
-def measured(rig: FaultRig) -> dict[str, Any]:
+def read_results(rig: FaultRig) -> dict[str, Any]:
     """Return the stored results by the names of the rows."""
-    there = rig.measured.exists()
-    known: dict[str, Any] = json.loads(rig.measured.read_text()) if there else {}
-    return known
+    if not rig.results.exists():
+        return {}
+    results: dict[str, Any] = json.loads(rig.results.read_text())
+    return results
 
 
 def _measure_rows(
-    rig: FaultRig, chosen: list[Row], kept: bool
+    rig: FaultRig, selected: list[FaultRow], stored: bool
 ) -> tuple[list[MeasuredFault], list[str]]:
     """Measure these rows; an unexpected result is measured again, and the second one counts."""
     results: list[MeasuredFault] = []
     notes: list[str] = []
-    if not chosen:
+    if not selected:
         return results, notes
-    with tempfile.TemporaryDirectory() as scratch, rig.stage(Path(scratch)) as on:
-        for number, row in enumerate(chosen, start=1):
-            found = walk_fairly(on, row)
-            if first := wrong(row, found):
+    with tempfile.TemporaryDirectory() as scratch, rig.emulate(Path(scratch)) as emulated_rig:
+        for number, row in enumerate(selected, start=1):
+            finding = measure_fault(emulated_rig, row)
+            if first := mismatches(row, finding):
                 notes.append(f"{row.name}: at first {'; '.join(first)}")
-                found = walk_fairly(on, row)
-            results.append((row, found))
-            message = f"{row.name}: {found.verdict}, {found.seconds} s"
-            amiss = "".join(f"; NOT SO: {text}" for text in wrong(row, found))
-            print(f"{number}/{len(chosen)} {message}{amiss}", file=sys.stderr, flush=True)
-            if kept and found.verdict != NO_RUN:  # an interrupted measurement keeps its results
-                keep(rig, {**measured(rig), row.name: as_json(row, found)})
+                finding = measure_fault(emulated_rig, row)
+            results.append((row, finding))
+            messages = "".join(f"; UNEXPECTED: {text}" for text in mismatches(row, finding))
+            progress = f"{row.name}: {finding.verdict}, {finding.seconds} s{messages}"
+            print(f"{number}/{len(selected)} {progress}", file=sys.stderr, flush=True)
+            if stored and finding.verdict != NO_RUN:  # an interrupted measurement keeps its results
+                store_results(rig, {**read_results(rig), row.name: finding_as_json(row, finding)})
     return results, notes
 
 
 def _result(results: list[MeasuredFault], notes: list[str]) -> Result:
-    amiss = [f"{row.name}: {text}" for row, found in results for text in wrong(row, found)]
+    messages = [
+        f"{row.name}: {text}" for row, finding in results for text in mismatches(row, finding)
+    ]
     return Result(
         "Faults",
         "Reaction of the rig to each fault of each device, on real wires with emulated devices.",
         f"{len(results)} faults, each in a run of its own",
         tuple(figures(results)),
-        (*amiss, *notes),
+        (*messages, *notes),
     )
 
 
-def as_json(row: Row, found: Finding) -> dict[str, Any]:
+def finding_as_json(row: FaultRow, finding: Finding) -> dict[str, Any]:
     """Return a result as JSON values, with date and host."""
-    seconds = None if found.seconds is None else round(found.seconds, 3)
+    seconds = None if finding.seconds is None else round(finding.seconds, 3)
     return {
-        "verdict": found.verdict,
+        "verdict": finding.verdict,
         "seconds": seconds,
-        "as_due": not wrong(row, found),
+        "as_expected": not mismatches(row, finding),
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
-        "host": host.description(),
+        "host": host.describe_briefly(),
     }
 
 
-def keep(rig: FaultRig, known: dict[str, Any]) -> None:
+def store_results(rig: FaultRig, known: dict[str, Any]) -> None:
     """Write the results to disk, and to the page of the documentation."""
     rows = rig.rows()
-    there = {row.name for row in rows}
-    known = {name: one for name, one in sorted(known.items()) if name in there}
-    rig.measured.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
-    rig.page.write_text(page(rig, rows, known))
+    names = {row.name for row in rows}
+    known = {name: result for name, result in sorted(known.items()) if name in names}
+    rig.results.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
+    rig.page.write_text(format_page(rig, rows, known))
 
 
 def figures(results: list[MeasuredFault]) -> list[Figure]:
     """Return the number of unexpected results, and the times to the safe state."""
-    amiss = sum(bool(wrong(row, found)) for row, found in results)
-    result_figures = [figure("results that differ from the table", "faults", amiss, at_most=0)]
+    messages = sum(bool(mismatches(row, finding)) for row, finding in results)
+    result_figures = [figure("results that differ from the table", "faults", messages, at_most=0)]
     for category in (0, 1):
         seconds = [
-            found.seconds
-            for row, found in results
-            if row.category == category and found.seconds is not None
+            finding.seconds
+            for row, finding in results
+            if row.category == category and finding.seconds is not None
         ]
         if seconds:
             result_figures.append(
@@ -116,5 +119,7 @@ def figures(results: list[MeasuredFault]) -> list[Figure]:
         result_figures.append(
             figure(verdict, "faults", sum(f.verdict == verdict for _, f in results))
         )
-    result_figures.append(figure("rows lost", "rows", sum(f.lost for _, f in results), at_most=0))
+    result_figures.append(
+        figure("rows lost", "rows", sum(f.rows_lost for _, f in results), at_most=0)
+    )
     return result_figures

@@ -11,15 +11,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.lateness import MISSING, P50_RATIO, P99_RATIO, Block, cyclictest, summary
-from benchmarks.ring import refusals
-from benchmarks.support.live import wait_realtime_free
-from benchmarks.support.recorded import ROOT, campaign_file
+from benchmarks.lateness import (
+    MAX_P50_RATIO,
+    MAX_P99_RATIO,
+    NO_CYCLICTEST,
+    LatenessBlock,
+    run_cyclictest,
+    summarise,
+)
+from benchmarks.ring import refused_privileges
+from benchmarks.support.live_run import wait_realtime_free
+from benchmarks.support.recorded import ROOT, write_campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
 from rig.recording.runs import open_run
 
-EXECUTED = 99.0  # % of the periods
-AGES = {
+MIN_EXECUTED = 99.0  # % of the periods
+AGE_FIELDS = {
     "encoder and drive, heave": "heave.sense.encoder_age",
     "encoder and drive, surge": "surge.sense.encoder_age",
     "stator": "spring_sense.age",
@@ -30,11 +37,11 @@ AGES = {
 }
 
 
-class Run(NamedTuple):
-    """What one run on emulated devices showed."""
+class HilRun(NamedTuple):
+    """Measurements of one run on emulated devices."""
 
-    late: Block
-    work: tuple[float, float, float]  # us of a tick: p50, p99, p99.9
+    lateness: LatenessBlock
+    work: tuple[float, float, float]  # us per tick: p50, p99, p99.9
     executed: float  # % of the elapsed periods
     imbalance: int  # executed + skipped - elapsed periods
     lost: int  # rows dropped or not saved
@@ -42,7 +49,7 @@ class Run(NamedTuple):
     refused: tuple[str, ...]
 
 
-def hil_run(campaign: Path, rig: Path, runs: Path) -> Run:
+def run_hil(campaign: Path, rig: Path, runs: Path) -> HilRun:
     """Run a campaign on emulated devices to its end."""
     wait_realtime_free()
     done = subprocess.run(
@@ -53,75 +60,92 @@ def hil_run(campaign: Path, rig: Path, runs: Path) -> Run:
         check=False,
     )
     if done.returncode != 0:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["no words"])[-1])
+        raise RuntimeError((done.stderr.strip().splitlines() or ["no output"])[-1])
     outcome: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     if outcome["status"] != "complete":
-        raise RuntimeError(f"the run did not end well: {outcome['status']}, {outcome['reason']}")
+        raise RuntimeError(f"the run is not complete: {outcome['status']}, {outcome['reason']}")
     folder = Path(outcome["folder"])
-    data = open_run(folder, fields=["tick", "timing", *AGES.values()])
+    data = open_run(folder, fields=["tick", "timing", *AGE_FIELDS.values()])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
     elapsed = int(ticks[-1]) + 1
     work = data["timing.work"].values[1:] * 1e6
-    return Run(
-        summary((data["timing.lateness"].values * 1e6).astype(np.int64)),
+    return HilRun(
+        summarise((data["timing.lateness"].values * 1e6).astype(np.int64)),
         (quantile(work, 0.5), quantile(work, 0.99), quantile(work, 0.999)),
         100.0 * len(ticks) / elapsed,
         len(ticks) + int(skipped[-1]) - elapsed,
         outcome["dropped"] + outcome["unsaved"],
-        {name: 1e3 * quantile(data[field].values, 0.99) for name, field in AGES.items()},
-        refusals(folder),
+        {name: 1e3 * quantile(data[field].values, 0.99) for name, field in AGE_FIELDS.items()},
+        refused_privileges(folder),
     )
 
 
 def measure(short: bool) -> Result:
-    """Runs on emulated devices and cyclictest, alternating; each run whole, then thrown away."""
+    """Alternate runs on emulated devices and cyclictest; delete each run after its analysis."""
     seconds, runs = (18.0, 1) if short else (120.0, 5)
-    compare = shutil.which("cyclictest") is not None
-    found, peer = list[Run](), list[Block]()
+    has_cyclictest = shutil.which("cyclictest") is not None
+    hil_runs, cyclictest_blocks = list[HilRun](), list[LatenessBlock]()
     rig = ROOT / "configs" / "rigs" / "wavebot_hil.yaml"
     with tempfile.TemporaryDirectory() as scratch:
-        campaign = campaign_file(Path(scratch), seconds)
+        campaign = write_campaign_file(Path(scratch), seconds)
         for i in range(runs):
             folder = Path(scratch) / f"runs{i}"
-            found.append(hil_run(campaign, rig, folder))
+            hil_runs.append(run_hil(campaign, rig, folder))
             shutil.rmtree(folder)
-            if compare:
-                peer.append(cyclictest(20.0 if not short else 2.0))
+            if has_cyclictest:
+                cyclictest_blocks.append(run_cyclictest(20.0 if not short else 2.0))
     figures: list[Figure] = []
-    for name, ours, theirs, limit in (
-        ("p50", [r.late.p50 for r in found], [b.p50 for b in peer], P50_RATIO),
-        ("p99", [r.late.p99 for r in found], [b.p99 for b in peer], P99_RATIO),
-        ("worst", [r.late.worst for r in found], [b.worst for b in peer], None),
+    for name, ours, cyclictest, limit in (
+        (
+            "p50",
+            [r.lateness.p50 for r in hil_runs],
+            [b.p50 for b in cyclictest_blocks],
+            MAX_P50_RATIO,
+        ),
+        (
+            "p99",
+            [r.lateness.p99 for r in hil_runs],
+            [b.p99 for b in cyclictest_blocks],
+            MAX_P99_RATIO,
+        ),
+        ("worst", [r.lateness.worst for r in hil_runs], [b.worst for b in cyclictest_blocks], None),
     ):
         figures.append(figure(f"lateness, {name}", "us", ours))
-        if peer and all(theirs):
-            compared = ratios(ours, theirs)
+        if cyclictest_blocks and all(cyclictest):
+            compared = ratios(ours, cyclictest)
             figures.append(figure(f"loop / cyclictest, {name}", "ratio", compared, at_most=limit))
     for i, name in enumerate(("p50", "p99", "p99.9")):
-        figures.append(figure(f"tick with all drivers, {name}", "us", [r.work[i] for r in found]))
+        figures.append(
+            figure(f"tick with all drivers, {name}", "us", [r.work[i] for r in hil_runs])
+        )
     figures += [
-        figure("executed of elapsed", "%", [r.executed for r in found], at_least=EXECUTED),
+        figure("executed of elapsed", "%", [r.executed for r in hil_runs], at_least=MIN_EXECUTED),
         figure(
             "executed + skipped - elapsed",
             "periods",
-            [abs(r.imbalance) for r in found],
+            [abs(r.imbalance) for r in hil_runs],
             at_most=0,
-            judge="worst",
+            criterion="worst",
         ),
-        figure("rows lost", "rows", [r.lost for r in found], at_most=0, judge="worst"),
-        *(figure(f"age, p99: {name}", "ms", [r.ages[name] for r in found]) for name in AGES),
+        figure("rows lost", "rows", [r.lost for r in hil_runs], at_most=0, criterion="worst"),
+        *(
+            figure(f"age, p99: {name}", "ms", [r.ages[name] for r in hil_runs])
+            for name in AGE_FIELDS
+        ),
     ]
     notes = [
         "two CAN axes and the actuator over socketcand, five Modbus blocks on three lines, "
         "emulated devices on the other core; cyclictest runs without them, so it has less to do",
-        *(() if compare else (MISSING,)),
-        *sorted({f"not granted to the loop: {why}" for run in found for why in run.refused}),
+        *(() if has_cyclictest else (NO_CYCLICTEST,)),
+        *sorted(
+            {f"not granted to the loop: {reason}" for run in hil_runs for reason in run.refused}
+        ),
     ]
     return Result(
         "hil",
         "a WaveBot on real wires with emulated devices at 1 kHz",
         f"{runs} runs of {seconds:g} s"
-        + (", alternating with cyclictest" if compare else "")
+        + (", alternating with cyclictest" if has_cyclictest else "")
         + f" on {len(os.sched_getaffinity(0))} cores",
         tuple(figures),
         tuple(notes),

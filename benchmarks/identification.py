@@ -1,4 +1,4 @@
-"""How near an identification comes to the plant, from full rehearsals; and how long it takes."""
+"""Error of an identification against the plant, from full rehearsals; and its duration."""
 
 import math
 import tempfile
@@ -7,18 +7,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from ruamel.yaml import YAML
 
+from benchmarks.support.campaigns import rehearse, write_yaml
 from benchmarks.support.result import Figure, Result, figure
 from rig.config.yaml_source import load_mapping
-from rig.execution.task import run_task
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
 from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
-from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"
@@ -26,18 +23,11 @@ LINEAR = CONFIGS / "plants" / "wavebot_linear.yaml"
 RIG = CONFIGS / "plants" / "wavebot.yaml"  # with friction, drag and the spring's own curve
 SPRINGS = (490.9, -5715.0, 5873.0)
 PERCENT = 100.0
-SLOW = 0.7  # Hz
-
-
-class _Silent:
-    notice = ""
-
-    def __call__(self, snapshot: Any) -> None:
-        """Draw nothing."""
+LOW_FREQUENCY = 0.7  # Hz
 
 
 class Scale(NamedTuple):
-    """How long the rehearsals are."""
+    """Length and number of the rehearsals."""
 
     repeat: float  # s
     settle: float  # s
@@ -56,53 +46,45 @@ def measure(short: bool) -> Result:
     bem = bem_file.read_bem(BEM)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        calm = [_run(folder, f"calm_{i}", _calm(scale, k)) for i, k in enumerate(scale.springs)]
-        waves = [_run(folder, f"waves_{i}", _waves(scale, i)) for i in scale.seas]
-        seas = [_run(folder, f"sea_{i}", _alone(scale, i)) for i in scale.seas]
-        found = [identify([run]) for run in calm]
+        calm = [
+            _rehearse(folder, f"calm_{i}", _calm(scale, k)) for i, k in enumerate(scale.springs)
+        ]
+        waves = [_rehearse(folder, f"waves_{i}", _waves(scale, i)) for i in scale.seas]
+        seas = [_rehearse(folder, f"sea_{i}", _device_absent(scale, i)) for i in scale.seas]
+        identifications = [identify([run]) for run in calm]
         began = time.monotonic()
-        whole = identify([calm[0], *waves, *seas], IdentificationOptions(bem=bem))
+        linear = identify([calm[0], *waves, *seas], IdentificationOptions(bem=bem))
         took = time.monotonic() - began
-        pushed = [_run(folder, "family", _family(scale))]
-        dragged = [_run(folder, f"dragged_{i}", _waves(scale, i, RIG)) for i in scale.seas]
-        alone = [_run(folder, f"dragged_sea_{i}", _alone(scale, i, RIG)) for i in scale.seas]
-        nonlinear = identify([*pushed, *dragged, *alone], IdentificationOptions(bem=bem))
-        once = [_run(folder, "once", _once(scale))]
-        untold = identify([*once, *dragged, *alone], IdentificationOptions(bem=bem))
+        family = [_rehearse(folder, "family", _family(scale))]
+        with_drag = [_rehearse(folder, f"dragged_{i}", _waves(scale, i, RIG)) for i in scale.seas]
+        absent = [
+            _rehearse(folder, f"dragged_sea_{i}", _device_absent(scale, i, RIG)) for i in scale.seas
+        ]
+        nonlinear = identify([*family, *with_drag, *absent], IdentificationOptions(bem=bem))
+        single = [_rehearse(folder, "once", _single_row(scale))]
+        drag_in_impedance = identify([*single, *with_drag, *absent], IdentificationOptions(bem=bem))
     return Result(
         "identification",
         "impedances and wave excitation of the simulated rig, from full rehearsals",
-        f"{len(found)} rehearsals in calm water and {len(waves)} seas of two realisations, "
-        f"repeat period {scale.repeat:g} s",
+        f"{len(identifications)} rehearsals in calm water and {len(waves)} seas of two "
+        f"realisations, repeat period {scale.repeat:g} s",
         (
-            *_impedance_figures(found),
-            *_excitation_figures(whole.excitations[0], bem),
+            *_impedance_figures(identifications),
+            *_excitation_figures(linear.excitations[0], bem),
             *_family_figures(nonlinear),
-            *_dragged_figures(nonlinear.excitations[0], bem),
-            *_drag_in_impedance_figures(untold.excitations[0], bem),
+            *_drag_removed_figures(nonlinear.excitations[0], bem),
+            *_drag_in_impedance_figures(drag_in_impedance.excitations[0], bem),
             figure("lines within the 95 % band", "%", _coverage(scale.trials)),
             figure("identification of all runs of the excitation", "s", took),
         ),
     )
 
 
-def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
-    path = folder / f"{name}.yaml"
-    whole = {"name": name, "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
-    with path.open("w") as file:
-        YAML(typ="safe").dump(whole, file)
-    report = check_campaign(path)
-    if report.campaign is None or report.plan is None:
-        raise RuntimeError(report.text())
-    ended = run_task(
-        execution_task(report.campaign, report.plan),
-        folder / "runs",
-        _Silent(),
-        rehearsal_mode(report.campaign, real_clock=False),
-    )
-    if ended.outcome.status != "complete":
-        raise RuntimeError(f"{name}: {ended.outcome.reason}")
-    return ended.folder
+def _rehearse(folder: Path, name: str, keys: dict[str, Any]) -> Path:
+    rig = str(CONFIGS / "rigs" / "wavebot.yaml")
+    path = write_yaml(folder / f"{name}.yaml", {"name": name, "rig": rig, **keys})
+    run, _ = rehearse(path, folder / "runs")
+    return run
 
 
 def _excited_calm(scale: Scale, amplitude: float) -> dict[str, Any]:
@@ -130,7 +112,7 @@ def _family(scale: Scale) -> dict[str, Any]:
     return {**keys, "sea": {"kind": "calm"}, "matrix": matrix}
 
 
-def _once(scale: Scale) -> dict[str, Any]:
+def _single_row(scale: Scale) -> dict[str, Any]:
     """Return one row in calm water, which cannot separate drag from damping: Z_i contains both."""
     keys = _family(scale)
     matrix = _matrix(SPRINGS[0], reference_scale=2, realisation=1)
@@ -153,14 +135,14 @@ def _waves(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     return {**keys, "sea": _sea(scale, number), "matrix": _matrix(SPRINGS[0])}
 
 
-def _alone(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
+def _device_absent(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     start = {"set_point_s": 0, "lead_in_s": 60}
-    told = {"sea": _sea(scale, number), "device": "absent", "timing": {"periods": 2}}
-    return {**told, "plant": str(plant), "start": start}
+    keys = {"sea": _sea(scale, number), "device": "absent", "timing": {"periods": 2}}
+    return {**keys, "plant": str(plant), "start": start}
 
 
 def closed_form(frequency: Any, spring: float) -> dict[str, Any]:
-    """Z_i and Z_id of the linear plant (N*s/m) from the numbers of its file."""
+    """Return Z_i and Z_id of the linear plant (N*s/m) from the constants of its file."""
     plant, _ = load_mapping(LINEAR)
     hull, s = plant["body"], 2j * np.pi * frequency
     top = np.polyval([*hull["radiation"]["numerator"]["value"], 0.0], s)
@@ -171,69 +153,82 @@ def closed_form(frequency: Any, spring: float) -> dict[str, Any]:
     return {"Z_i": z, "Z_id": z + plant["pto"]["drivetrain_viscous"]["value"] + spring / s}
 
 
-def _impedance_figures(found: list[Identification]) -> list[Figure]:
-    made = []
+def _impedance_figures(identifications: list[Identification]) -> list[Figure]:
+    figures = []
     for name in ("Z_i", "Z_id"):
         worst = []
-        for each in found:
+        for each in identifications:
             (model,) = each.models
             true = closed_form(model.frequency, model.spring_rate)[name]
-            off = np.abs(model.responses[name].value / true - 1.0)
-            worst.append(PERCENT * float(off.max()))
+            error = np.abs(model.responses[name].value / true - 1.0)
+            worst.append(PERCENT * float(error.max()))
         title = f"{name}, worst line against closed form"
-        made.append(figure(title, "%", worst, at_most=1.0, judge="worst"))
-    return made
+        figures.append(figure(title, "%", worst, at_most=1.0, criterion="worst"))
+    return figures
 
 
-def _excitation_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
-    off = np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)[one.good]
+def _excitation_figures(excitation: Excitation, bem: bem_file.Bem) -> list[Figure]:
+    error = np.abs(excitation.value / bem_file.excitation_at(bem, excitation.frequency) - 1.0)[
+        excitation.good
+    ]
     return [
-        figure("excitation, worst good line against BEM", "%", PERCENT * off.max(), at_most=3.0),
-        figure("  median of the good lines", "%", PERCENT * float(np.median(off))),
-        figure("  lines that are good", "%", PERCENT * float(one.good.mean())),
+        figure("excitation, worst good line against BEM", "%", PERCENT * error.max(), at_most=3.0),
+        figure("  median of the good lines", "%", PERCENT * float(np.median(error))),
+        figure("  lines that are good", "%", PERCENT * float(excitation.good.mean())),
     ]
 
 
-def _dragged_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
-    """Drag is taken out line by line: what of it stays would grow with frequency."""
-    low, high = _worst(one, bem)
+def _drag_removed_figures(excitation: Excitation, bem: bem_file.Bem) -> list[Figure]:
+    """Return the figures with drag removed line by line; a remainder would grow with frequency."""
+    low, high = _worst_errors(excitation, bem)
     title = "with drag and friction: excitation, worst good line"
     return [
-        figure(f"{title} up to {SLOW:g} Hz", "%", low, at_most=3.0),
+        figure(f"{title} up to {LOW_FREQUENCY:g} Hz", "%", low, at_most=3.0),
         figure(f"{title} above", "%", high, at_most=3.0),
-        figure("  drag that was taken out", "N*s^2/m^2", one.drag),
+        figure("  drag that was taken out", "N*s^2/m^2", excitation.drag),
     ]
 
 
-def _drag_in_impedance_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
-    """What it is where calm water was pushed only once, as eq. 3.3 of the report stands."""
-    if one.drag:
-        raise RuntimeError("one row in calm water gave a drag")
-    low, high = _worst(one, bem)
+def _drag_in_impedance_figures(excitation: Excitation, bem: bem_file.Bem) -> list[Figure]:
+    """Return the figures with a single excited row in calm water, as in eq. 3.3 of the report."""
+    if excitation.drag:
+        raise RuntimeError("a drag was identified from one row in calm water")
+    low, high = _worst_errors(excitation, bem)
     title = "  with the drag left in Z_i: worst good line"
-    return [figure(f"{title} up to {SLOW:g} Hz", "%", low), figure(f"{title} above", "%", high)]
-
-
-def _worst(one: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
-    """Largest difference from BEM (%) of the good lines up to `SLOW` and above."""
-    off = PERCENT * np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)
-    low = one.frequency <= SLOW
-    return float(off[one.good & low].max()), float(off[one.good & ~low].max())
-
-
-def _family_figures(found: Identification) -> list[Figure]:
-    """Fig. 4-8 of the MASK4 report (Sandia): static friction weighs more where motion is small."""
-    damping = [member.drivetrain_damping for member in found.family]
-    falling = math.copysign(1.0, min(-np.diff(damping)))
-    told = [
-        figure(f"effective drivetrain damping at {member.peak_a:.0f} A", "N*s/m", value)
-        for member, value in zip(found.family, damping, strict=True)
+    return [
+        figure(f"{title} up to {LOW_FREQUENCY:g} Hz", "%", low),
+        figure(f"{title} above", "%", high),
     ]
-    return [*told, figure("  falls with amplitude (1: yes)", "1", falling, at_least=1.0)]
+
+
+def _worst_errors(excitation: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
+    """Largest difference from BEM (%) of the good lines up to `SLOW` and above."""
+    error = PERCENT * np.abs(
+        excitation.value / bem_file.excitation_at(bem, excitation.frequency) - 1.0
+    )
+    low = excitation.frequency <= LOW_FREQUENCY
+    return float(error[excitation.good & low].max()), float(error[excitation.good & ~low].max())
+
+
+def _family_figures(identifications: Identification) -> list[Figure]:
+    """Return the drivetrain damping by amplitude: friction weighs more in small motions.
+
+    Source: Fig. 4-8 of the MASK4 report (Sandia).
+    """
+    damping = [member.drivetrain_damping for member in identifications.family]
+    falling = math.copysign(1.0, min(-np.diff(damping)))
+    figures = [
+        figure(f"effective drivetrain damping at {member.peak_a:.0f} A", "N*s/m", value)
+        for member, value in zip(identifications.family, damping, strict=True)
+    ]
+    return [*figures, figure("  falls with amplitude (1: yes)", "1", falling, at_least=1.0)]
 
 
 def _coverage(trials: int) -> list[float]:
-    """Share of lines whose band holds the truth, on periods made in the frequency domain, %."""
+    """Return the share (%) of lines whose band contains the truth.
+
+    The periods are generated in the frequency domain.
+    """
     number = np.arange(1, 26)
     frequency, excited = number / 20.0, (number >= 4) & (number <= 20)
     true = closed_form(frequency, 0.0)["Z_i"]
@@ -244,7 +239,7 @@ def _coverage(trials: int) -> list[float]:
         pair = rng.normal(size=(2, 2, number.size))
         return values + size * (pair[0] + 1j * pair[1])
 
-    def one(realisation: int) -> Experiment:
+    def experiment(realisation: int) -> Experiment:
         phase = rng.uniform(0.0, 2.0 * np.pi, number.size)
         force = np.where(excited, 100.0 * np.exp(1j * phase), 0.0)
         channels = {"velocity": noisy(force / true), "trs": noisy(force), "lcb": noisy(force)}
@@ -255,8 +250,8 @@ def _coverage(trials: int) -> list[float]:
 
     shares = []
     for _ in range(trials):
-        (model,) = models([one(1), one(2)])
-        found = model.responses["Z_i"]
-        inside = np.abs(found.value - true[excited]) <= found.noise
+        (model,) = models([experiment(1), experiment(2)])
+        identifications = model.responses["Z_i"]
+        inside = np.abs(identifications.value - true[excited]) <= identifications.noise
         shares.append(PERCENT * float(inside.mean()))
     return [float(np.mean(part)) for part in np.array_split(np.array(shares), 4)]

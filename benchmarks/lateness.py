@@ -14,23 +14,23 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.ring import refusals
-from benchmarks.support.live import Peek, live_run
-from benchmarks.support.recorded import campaign_file
+from benchmarks.ring import refused_privileges
+from benchmarks.support.live_run import TickObservation, live_run
+from benchmarks.support.recorded import write_campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
 from rig.realtime.scheduling import PRIORITY
 from rig.recording.runs import open_run
 
-P50_RATIO, P99_RATIO = 2.0, 3.0
+MAX_P50_RATIO, MAX_P99_RATIO = 2.0, 3.0
 INTERVAL_US = 1000
 BINS = 100_000  # us of cyclictest's histogram
-MISSING = (
+NO_CYCLICTEST = (
     "no comparison: cyclictest is not here (Debian, Ubuntu: apt-get install rt-tests; "
     "it needs root for SCHED_FIFO)"
 )
 
 
-class Block(NamedTuple):
+class LatenessBlock(NamedTuple):
     """Lateness over one block, in microseconds."""
 
     p50: float
@@ -40,43 +40,43 @@ class Block(NamedTuple):
 
 
 class LoopBlock(NamedTuple):
-    """One block of the real-time loop, with its bookkeeping."""
+    """One block of the real-time loop, with its counts of periods."""
 
-    late: Block
+    lateness: LatenessBlock
     work: tuple[float, float, float]  # us of a tick: p50, p99, p99.9
     skipped: int  # periods lost
     imbalance: int  # executed + skipped - elapsed periods, by the loop's own count
-    drift: float  # the same by the monotonic clock seen from outside, in periods
+    drift: float  # periods, the same by the monotonic clock of an observer
     refused: tuple[str, ...]
 
 
 def last_core() -> int:
-    """The core the loop pins itself to."""
+    """Return the core to which the loop pins itself."""
     return max(os.sched_getaffinity(0))
 
 
-def summary(late: npt.NDArray[np.int64]) -> Block:
-    """Percentiles of whole microseconds."""
-    return Block(quantile(late, 0.5), quantile(late, 0.99), float(late.max()), len(late))
+def summarise(late: npt.NDArray[np.int64]) -> LatenessBlock:
+    """Return the percentiles of latenesses in whole microseconds."""
+    return LatenessBlock(quantile(late, 0.5), quantile(late, 0.99), float(late.max()), len(late))
 
 
-def histogram(text: str) -> Block:
-    """Percentiles of what ``cyclictest -h`` prints; ValueError if it is no histogram."""
+def parse_histogram(text: str) -> LatenessBlock:
+    """Return the percentiles of the output of ``cyclictest -h``; ValueError without a histogram."""
     pairs = [line.split() for line in text.splitlines() if re.fullmatch(r"\d+\s+\d+", line)]
     counts = np.array([(int(us), int(count)) for us, count in pairs], dtype=np.int64)
     worst = re.search(r"# Max Latencies: (\d+)", text)
     beyond = re.search(r"# Histogram Overflows: (\d+)", text)
     if len(counts) == 0 or counts[:, 1].sum() == 0 or worst is None or beyond is None:
-        raise ValueError(f"cyclictest gave no histogram: {text.strip()[-200:]}")
+        raise ValueError(f"no histogram in the output of cyclictest: {text.strip()[-200:]}")
     top = int(worst[1])
     late = np.concatenate(
         (np.repeat(counts[:, 0], counts[:, 1]), np.full(int(beyond[1]), top, dtype=np.int64))
     )
-    return summary(late)
+    return summarise(late)
 
 
-def cyclictest(seconds: float) -> Block:
-    """One block of cyclictest: FIFO, absolute clock_nanosleep, memory locked, the loop's core."""
+def run_cyclictest(seconds: float) -> LatenessBlock:
+    """Run cyclictest: FIFO, absolute clock_nanosleep, memory locked, on the loop's core."""
     command = [
         "cyclictest",
         *("--quiet", "--mlockall", "--policy=fifo", f"--priority={PRIORITY}", "--threads=1"),
@@ -86,77 +86,81 @@ def cyclictest(seconds: float) -> Block:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"cyclictest: {(done.stderr or done.stdout).strip()[-200:]}")
-    return histogram(done.stdout)
+    return parse_histogram(done.stdout)
 
 
-def loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
-    """One block of the loop under the supervisor, from its very first tick on."""
-    peeks: list[Peek] = []
+def run_loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
+    """Run the loop under the supervisor; the block begins with its first tick."""
+    observations: list[TickObservation] = []
     with live_run(campaign, runs, real_clock=True) as run:
         start = run.wait_started()
-        while time.monotonic() < start.at + seconds + 0.1:
-            peeks.append(run.peek())
+        while time.monotonic() < start.time + seconds + 0.1:
+            observations.append(run.observe_tick())
             time.sleep(0.01)
         run.stop()
         outcome = run.wait_ended()
     if outcome["status"] != "stopped":
-        raise RuntimeError(f"the loop did not last as long as its block: {outcome['reason']}")
-    return timing_of(run.folder, seconds, drift(peeks))
+        raise RuntimeError(f"the loop ended before its block: {outcome['reason']}")
+    return loop_timing(run.folder, seconds, tick_drift(observations))
 
 
-def timing_of(folder: Path, seconds: float, drifted: float) -> LoopBlock:
-    """What the rows of a run say about its first so many seconds."""
+def loop_timing(folder: Path, seconds: float, drifted: float) -> LoopBlock:
+    """Return the timing of the first ``seconds`` of a run from its rows."""
     periods = round(seconds * 1e6 / INTERVAL_US)
     data = open_run(folder, fields=["tick", "timing"])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
     within = ticks < periods
     late = (data["timing.lateness"].values[within] * 1e6).astype(np.int64)
-    work = data["timing.work"].values[1:][within[1:]] * 1e6  # each row has that of the tick before
+    work = data["timing.work"].values[1:][within[1:]] * 1e6  # a row has the work of the tick before
     return LoopBlock(
-        summary(late),
+        summarise(late),
         (quantile(work, 0.5), quantile(work, 0.99), quantile(work, 0.999)),
         int(skipped[within][-1]),
         len(ticks) + int(skipped[-1]) - (int(ticks[-1]) + 1),
         drifted,
-        refusals(folder),
+        refused_privileges(folder),
     )
 
 
-def drift(peeks: list[Peek]) -> float:
-    """Periods by which the loop's tick ran away from the monotonic clock.
+def tick_drift(observations: list[TickObservation]) -> float:
+    """Return the drift (periods) of the loop's tick against the monotonic clock.
 
-    A look from outside comes up to a period after its tick, and later when the host stalls; the
-    promptest look of each quarter of the run is free of both.
+    An observation is up to one period later than its tick, and later still if the host stalls. The
+    earliest observations of the first and of the last quarter have neither error.
     """
-    ahead = [peek.tick - (peek.at - peeks[0].at) * 1e6 / INTERVAL_US for peek in peeks]
+    ahead = [
+        each.tick - (each.time - observations[0].time) * 1e6 / INTERVAL_US for each in observations
+    ]
     quarter = max(1, len(ahead) // 4)
     return max(ahead[-quarter:]) - max(ahead[:quarter])
 
 
-class Pairs(NamedTuple):
+class AlternatingBlocks(NamedTuple):
     """Alternating blocks under one load; without cyclictest its list is empty."""
 
     loop: list[LoopBlock]
-    peer: list[Block]
+    cyclictest: list[LatenessBlock]
 
 
-def alternate(folder: Path, seconds: float, pairs: int, *, busy: bool, compare: bool) -> Pairs:
-    """Loop, cyclictest, loop, cyclictest, ...; with ``busy`` during a spinning process."""
-    campaign = campaign_file(folder, seconds + 60.0)
-    found = Pairs([], [])
-    load: AbstractContextManager[object] = _Spinner() if busy else nullcontext()
+def alternate_blocks(
+    folder: Path, seconds: float, pairs: int, *, busy: bool, has_cyclictest: bool
+) -> AlternatingBlocks:
+    """Alternate blocks of loop and cyclictest; ``busy``: while a process keeps a core busy."""
+    campaign = write_campaign_file(folder, seconds + 60.0)
+    blocks = AlternatingBlocks([], [])
+    load: AbstractContextManager[object] = _BusyProcess() if busy else nullcontext()
     with load:
         for i in range(pairs):
             runs = folder / f"{'busy' if busy else 'calm'}{i}"
-            found.loop.append(loop_block(campaign, runs, seconds))
+            blocks.loop.append(run_loop_block(campaign, runs, seconds))
             shutil.rmtree(runs)
-            if compare:
-                found.peer.append(cyclictest(seconds))
-    return found
+            if has_cyclictest:
+                blocks.cyclictest.append(run_cyclictest(seconds))
+    return blocks
 
 
-class _Spinner:
-    """A process that does nothing but compute, on the first core."""
+class _BusyProcess:
+    """A process that computes without end on the first core."""
 
     def __enter__(self) -> None:
         code = (
@@ -170,19 +174,19 @@ class _Spinner:
         self._process.wait()
 
 
-def _figures(load: str, found: Pairs) -> list[Figure]:
-    loop, peer = found.loop, found.peer
+def _figures(load: str, blocks: AlternatingBlocks) -> list[Figure]:
+    loop, cyclictest = blocks.loop, blocks.cyclictest
     figures: list[Figure] = []
-    for name, ours, theirs, limit in (
-        ("p50", [b.late.p50 for b in loop], [b.p50 for b in peer], P50_RATIO),
-        ("p99", [b.late.p99 for b in loop], [b.p99 for b in peer], P99_RATIO),
-        ("worst", [b.late.worst for b in loop], [b.worst for b in peer], None),
+    for name, loop_us, cyclictest_us, limit in (
+        ("p50", [b.lateness.p50 for b in loop], [b.p50 for b in cyclictest], MAX_P50_RATIO),
+        ("p99", [b.lateness.p99 for b in loop], [b.p99 for b in cyclictest], MAX_P99_RATIO),
+        ("worst", [b.lateness.worst for b in loop], [b.worst for b in cyclictest], None),
     ):
-        figures.append(figure(f"{load}: loop, {name}", "us late", ours))
-        if peer:
-            figures.append(figure(f"{load}: cyclictest, {name}", "us late", theirs))
-            if all(theirs):
-                compared = ratios(ours, theirs)
+        figures.append(figure(f"{load}: loop, {name}", "us late", loop_us))
+        if cyclictest:
+            figures.append(figure(f"{load}: cyclictest, {name}", "us late", cyclictest_us))
+            if all(cyclictest_us):
+                compared = ratios(loop_us, cyclictest_us)
                 label = f"{load}: loop / cyclictest, {name}"
                 figures.append(figure(label, "ratio", compared, at_most=limit))
     for i, name in enumerate(("p50", "p99", "p99.9")):
@@ -194,14 +198,14 @@ def _figures(load: str, found: Pairs) -> list[Figure]:
             "periods",
             [abs(b.imbalance) for b in loop],
             at_most=0,
-            judge="worst",
+            criterion="worst",
         ),
         figure(
             f"{load}: the same by the clock, from outside",
             "periods",
             [abs(b.drift) for b in loop],
             at_most=1,
-            judge="worst",
+            criterion="worst",
         ),
     ]
     return figures
@@ -210,14 +214,14 @@ def _figures(load: str, found: Pairs) -> list[Figure]:
 def measure(short: bool) -> Result:
     """Alternating blocks on an otherwise idle machine, then with the other core kept busy."""
     seconds, pairs = (2.0, 1) if short else (20.0, 5)
-    compare = shutil.which("cyclictest") is not None
+    has_cyclictest = shutil.which("cyclictest") is not None
     loads = [("calm", False)]
     notes = [
         "calm: no process started except the loop with its supervisor and logger, or cyclictest",
         "busy: a process computing without end on the first core, in loop and cyclictest blocks",
     ]
-    if not compare:
-        notes.append(MISSING)
+    if not has_cyclictest:
+        notes.append(NO_CYCLICTEST)
     if len(os.sched_getaffinity(0)) > 1:
         loads.append(("busy", True))
     else:
@@ -226,15 +230,19 @@ def measure(short: bool) -> Result:
     refused: set[str] = set()
     with tempfile.TemporaryDirectory() as scratch:
         for name, busy in loads:
-            found = alternate(Path(scratch), seconds, pairs, busy=busy, compare=compare)
-            figures += _figures(name, found)
-            refused.update(why for block in found.loop for why in block.refused)
-    notes += [f"not granted to the loop, so not the same terms: {why}" for why in sorted(refused)]
+            blocks = alternate_blocks(
+                Path(scratch), seconds, pairs, busy=busy, has_cyclictest=has_cyclictest
+            )
+            figures += _figures(name, blocks)
+            refused.update(reason for block in blocks.loop for reason in block.refused)
+    notes += [
+        f"not granted to the loop, so not the same terms: {reason}" for reason in sorted(refused)
+    ]
     return Result(
         "lateness",
         f"wake-up of the real-time loop at {1e6 / INTERVAL_US:g} Hz, FIFO {PRIORITY}, last core",
-        f"{2 * pairs if compare else pairs} blocks of {seconds:g} s under each load"
-        + (", loop and cyclictest alternating" if compare else ""),
+        f"{2 * pairs if has_cyclictest else pairs} blocks of {seconds:g} s under each load"
+        + (", loop and cyclictest alternating" if has_cyclictest else ""),
         tuple(figures),
         tuple(notes),
     )

@@ -1,4 +1,4 @@
-"""Open an hour of rows, ten fields and all, in fresh processes; compare with the stock reader."""
+"""Open an hour of rows, ten fields and all, in new processes; compare with the stock reader."""
 
 import json
 import os
@@ -12,18 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.reader import make_reader
 
-from benchmarks.support.live import live_run
-from benchmarks.support.recorded import ROOT, campaign_file
+from benchmarks.support.live_run import live_run
+from benchmarks.support.recorded import ROOT, write_campaign_file
 from benchmarks.support.result import Result, figure, ratios
 from rig.kinds.wavebot.tick import KIND
 from rig.recording.mcap_writer import TOPIC, RowWriter
 from rig.recording.row_layout import CDR_HEADER, leaves, schema
 from rig.recording.runs import mcap_file, open_run
 
-SECONDS, MEMORY_MB = 5.0, 400.0
-SECONDS_PER_GB = 6.0  # of rows: what is decoded and given; a file is a quarter of that or less
-HOUR = 3_600_000  # rows
-TEN = (
+MAX_SECONDS, MAX_MEMORY_MB = 5.0, 400.0
+MAX_SECONDS_PER_GB = 6.0  # of decoded rows; the file has a quarter of that size or less
+HOUR_ROWS = 3_600_000  # rows
+TEN_FIELDS = (
     "plan.row",
     "plan.phase",
     "heave.estimate.position",
@@ -38,9 +38,9 @@ TEN = (
 DT = 0.001
 
 
-def rehearsed(folder: Path, seconds: float) -> mcap_file.Records:
-    """Rows of a rehearsal in this folder."""
-    with live_run(campaign_file(folder, seconds), folder / "runs", real_clock=False) as run:
+def rehearse_rows(folder: Path, seconds: float) -> mcap_file.Records:
+    """Rehearse a campaign in this folder; return its rows."""
+    with live_run(write_campaign_file(folder, seconds), folder / "runs", real_clock=False) as run:
         run.wait_started()
         run.wait_ended()
     contents = mcap_file.scan(run.folder / "run.mcap")
@@ -48,7 +48,7 @@ def rehearsed(folder: Path, seconds: float) -> mcap_file.Records:
 
 
 def write_tiled(path: Path, rows: mcap_file.Records, count: int) -> None:
-    """A file of ``count`` rows: the rehearsal's again and again, tick and time going on."""
+    """Write a file of ``count`` rows that repeats the given rows with continuous tick and time."""
     writer = RowWriter(path, schema(KIND.row_type), {}, {}, start_utc_ns=0)
     tile, done = rows.copy(), 0
     while done < count:
@@ -61,18 +61,20 @@ def write_tiled(path: Path, rows: mcap_file.Records, count: int) -> None:
     writer.finish()
 
 
-class Opened(NamedTuple):
-    """A run opened in a fresh process."""
+class OpenCost(NamedTuple):
+    """Cost of opening a run in a new process."""
 
-    whole: float  # s, interpreter start to exit
-    call: float  # s, open_run alone, its own imports included
-    peak: float  # MB
+    process_s: float  # interpreter start to exit
+    open_run_s: float  # open_run alone, including its own imports
+    peak_mb: float  # memory
 
 
-def opened(path: Path, fields: tuple[str, ...], rows: int, *, alone: bool = True) -> Opened:
-    """Open a run in a process of its own, ``alone`` with what the project needs."""
+def open_in_new_process(
+    path: Path, fields: tuple[str, ...], rows: int, *, without_extras: bool = True
+) -> OpenCost:
+    """Open a run in a new process, ``without_extras`` with the project's dependencies alone."""
     began = perf_counter()
-    options = ["--alone"] if alone else []
+    options = ["--alone"] if without_extras else []
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.support.read_process", *options, str(path), *fields],
         cwd=ROOT,
@@ -80,15 +82,15 @@ def opened(path: Path, fields: tuple[str, ...], rows: int, *, alone: bool = True
         text=True,
         check=True,
     )
-    whole = perf_counter() - began
+    process_s = perf_counter() - began
     report: dict[str, Any] = json.loads(done.stdout)
     if report["rows"] != rows:
         raise RuntimeError(f"{report['rows']} rows were read, {rows} written")
-    return Opened(whole, report["seconds"], report["peak"] / 1e6)
+    return OpenCost(process_s, report["seconds"], report["peak"] / 1e6)
 
 
-def forget(path: Path) -> None:
-    """Ask the system to drop a file from its cache."""
+def drop_from_cache(path: Path) -> None:
+    """Ask the operating system to drop a file from its cache."""
     fd = os.open(path, os.O_RDONLY)
     try:
         os.posix_fadvise(fd, 0, 0, os.POSIX_FADV_DONTNEED)
@@ -96,15 +98,15 @@ def forget(path: Path) -> None:
         os.close(fd)
 
 
-def ours(path: Path) -> float:
-    """Seconds to open all fields."""
+def time_open_run(path: Path) -> float:
+    """Return the seconds to open all fields."""
     began = perf_counter()
     open_run(path)
     return perf_counter() - began
 
 
-def stock(path: Path) -> float:
-    """Seconds to get all fields as arrays with the stock reader, numbers decoded in one go."""
+def time_stock_reader(path: Path) -> float:
+    """Return the seconds of the stock reader for all fields as arrays, decoded in one call."""
     kinds = [(leaf.name, "<f8" if leaf.code == "d" else "<i8") for leaf in leaves(KIND.row_type)]
     began = perf_counter()
     with path.open("rb") as file:
@@ -117,26 +119,28 @@ def stock(path: Path) -> float:
 
 
 def measure(short: bool) -> Result:
-    """Write an hour of rows, open it again and again in fresh processes, then a slice of it."""
-    count, repetitions, slice_rows = (60_000, 2, 10_000) if short else (HOUR, 5, 100_000)
+    """Write an hour of rows, open it repeatedly in new processes, then a slice of it."""
+    count, repetitions, slice_rows = (60_000, 2, 10_000) if short else (HOUR_ROWS, 5, 100_000)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        rows = rehearsed(folder, 20.0 if short else 110.0)
-        path, part = folder / "hour.mcap", folder / "slice.mcap"
+        rows = rehearse_rows(folder, 20.0 if short else 110.0)
+        path, slice_path = folder / "hour.mcap", folder / "slice.mcap"
         write_tiled(path, rows, count)
-        write_tiled(part, rows, slice_rows)
-        forget(path)
-        cold = opened(path, TEN, count)
-        ten, among, everything = list[Opened](), list[Opened](), list[Opened]()
+        write_tiled(slice_path, rows, slice_rows)
+        drop_from_cache(path)
+        cold = open_in_new_process(path, TEN_FIELDS, count)
+        ten, with_extras, everything = list[OpenCost](), list[OpenCost](), list[OpenCost]()
         for _ in range(repetitions):
-            ten.append(opened(path, TEN, count))
-            among.append(opened(path, TEN, count, alone=False))
-            everything.append(opened(path, (), count))
-        ours(part)  # imports and caches, so that the first block is like the others
-        mine, theirs = list[float](), list[float]()
+            ten.append(open_in_new_process(path, TEN_FIELDS, count))
+            with_extras.append(open_in_new_process(path, TEN_FIELDS, count, without_extras=False))
+            everything.append(open_in_new_process(path, (), count))
+        time_open_run(
+            slice_path
+        )  # fills imports and caches, so that the first block is like the others
+        open_run_s, stock_s = list[float](), list[float]()
         for _ in range(repetitions):
-            mine.append(ours(part))
-            theirs.append(stock(part))
+            open_run_s.append(time_open_run(slice_path))
+            stock_s.append(time_stock_reader(slice_path))
         on_disk = path.stat().st_size / 1e9
     unpacked = count * rows.dtype.itemsize / 1e9
     return Result(
@@ -146,23 +150,35 @@ def measure(short: bool) -> Result:
         f"{repetitions} fresh processes each with ten fields and with all, alternating; "
         f"{repetitions} blocks of {slice_rows} rows compared with the stock reader",
         (
-            figure("ten fields, whole process", "s", [e.whole for e in ten], at_most=SECONDS),
-            figure("ten fields, open_run alone", "s", [e.call for e in ten]),
-            figure("ten fields, file not in cache", "s", cold.whole),
-            figure("ten fields, peak memory", "MB", [e.peak for e in ten], at_most=MEMORY_MB),
-            figure("ten fields, whole process with Dask, Arrow", "s", [e.whole for e in among]),
-            figure("ten fields, peak memory with Dask, Arrow", "MB", [e.peak for e in among]),
+            figure(
+                "ten fields, whole process", "s", [e.process_s for e in ten], at_most=MAX_SECONDS
+            ),
+            figure("ten fields, open_run alone", "s", [e.open_run_s for e in ten]),
+            figure("ten fields, file not in cache", "s", cold.process_s),
+            figure(
+                "ten fields, peak memory", "MB", [e.peak_mb for e in ten], at_most=MAX_MEMORY_MB
+            ),
+            figure(
+                "ten fields, whole process with Dask, Arrow",
+                "s",
+                [e.process_s for e in with_extras],
+            ),
+            figure(
+                "ten fields, peak memory with Dask, Arrow", "MB", [e.peak_mb for e in with_extras]
+            ),
             figure(
                 "all fields, open_run",
                 "s per GB of rows",
-                [e.call / unpacked for e in everything],
-                at_most=None if short else SECONDS_PER_GB,
+                [e.open_run_s / unpacked for e in everything],
+                at_most=None if short else MAX_SECONDS_PER_GB,
             ),
             figure(
-                "all fields, open_run", "s per GB of file", [e.call / on_disk for e in everything]
+                "all fields, open_run",
+                "s per GB of file",
+                [e.open_run_s / on_disk for e in everything],
             ),
-            figure("all fields, peak memory", "MB", [e.peak for e in everything]),
-            figure("stock reader / open_run, all fields", "ratio", ratios(theirs, mine)),
+            figure("all fields, peak memory", "MB", [e.peak_mb for e in everything]),
+            figure("stock reader / open_run, all fields", "ratio", ratios(stock_s, open_run_s)),
         ),
         (
             ("short form: a minute instead of an hour, where the imports are most of the time",)

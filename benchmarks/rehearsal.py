@@ -1,4 +1,4 @@
-"""How many times faster than real time a full rehearsal runs, and where its time goes."""
+"""Speed of a full rehearsal in times real time, and the cost of its parts."""
 
 import os
 import tempfile
@@ -8,88 +8,97 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.support.live import LOGGER, LOOP, live_run, processor_time
-from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
-from benchmarks.support.recorded import Parts, campaign_file, parts, quiet
+from benchmarks.support.live_run import LOGGER, LOOP, live_run, processor_time
+from benchmarks.support.recorded import (
+    LoopParts,
+    build_loop_parts,
+    garbage_collection_off,
+    write_campaign_file,
+)
+from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.result import Figure, Result, figure
-from benchmarks.support.seams import PARTS, Stamps
-from benchmarks.support.tick_process import tick
+from benchmarks.support.tick_process import run_loop
+from benchmarks.support.tick_timing import PARTS, Stamps
 from rig.realtime.clock import VirtualClock
 
-TIMES_REAL = 30.0
-PACE = 5000  # repetitions of the reference
-INTERRUPTED = 5.0  # times the median: a tick in which the host took the core away
+MIN_TIMES_REAL = 30.0
+REFERENCE_REPEATS = 5000  # repetitions of the reference
+INTERRUPTED_FACTOR = 5.0  # times the median: a tick that the host has interrupted
 
 
-class Speed(NamedTuple):
-    """One rehearsal, from its first tick until its last row was safe on disk."""
+class RehearsalSpeed(NamedTuple):
+    """Speed of one rehearsal, from its first tick until its last row is saved on disk."""
 
-    times_real: float  # simulated seconds a second
-    times_core: float  # simulated seconds a second of processor time, loop and logger together
-    loop_us: float  # processor time of the loop a tick
-    logger_us: float  # processor time of the logger a row
-    reference_us: float  # the host's pace on that core, before and after
+    times_real: float  # simulated seconds per second
+    times_core: float  # simulated seconds per second of processor time, loop and logger together
+    loop_us: float  # processor time of the loop per tick
+    logger_us: float  # processor time of the logger per row
+    reference_us: float  # cost of the reference on that core, mean of before and after
 
 
-def speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Speed:
-    """Rehearse a campaign under the real supervisor; on one core, or wherever the host likes."""
-    before = _pace(core)
+def measure_speed(campaign: Path, runs: Path, dt: float, core: int | None) -> RehearsalSpeed:
+    """Rehearse a campaign under the real supervisor, on one core or on any (None)."""
+    before = _reference_cost_on(core)
     with live_run(campaign, runs, real_clock=False, core=core) as run:
         logger, loop = run.pid(LOGGER), run.pid(LOOP)
         run.wait_started()
         first, began = run.ring.head, time.monotonic()
         start = {pid: processor_time(pid) or 0.0 for pid in (loop, logger)}
-        spent = dict(start)
-        while not run.drained():
-            spent = {pid: processor_time(pid) or before for pid, before in spent.items()}
+        processor_s = dict(start)
+        while not run.is_drained():
+            processor_s = {
+                pid: processor_time(pid) or before for pid, before in processor_s.items()
+            }
             time.sleep(0.01)
         took, ticks = time.monotonic() - began, run.ring.head - first
         outcome = run.wait_ended()
     if outcome["status"] != "complete" or outcome["logger_restarts"]:
-        raise RuntimeError(f"the rehearsal did not end well: {outcome}")
-    used = {pid: spent[pid] - start[pid] for pid in spent}
-    return Speed(
+        raise RuntimeError(f"the rehearsal is not complete, or its logger was restarted: {outcome}")
+    used = {pid: processor_s[pid] - start[pid] for pid in processor_s}
+    return RehearsalSpeed(
         ticks * dt / took,
         ticks * dt / sum(used.values()),
         used[loop] / ticks * 1e6,
         used[logger] / ticks * 1e6,
-        (before + _pace(core)) / 2.0,
+        (before + _reference_cost_on(core)) / 2.0,
     )
 
 
-def _pace(core: int | None) -> float:
-    """The reference's cost on a core, this process being there for a moment."""
+def _reference_cost_on(core: int | None) -> float:
+    """Return the cost of the reference on a core, to which this process moves meanwhile."""
     allowed = os.sched_getaffinity(0)
     os.sched_setaffinity(0, allowed if core is None else {core})
     try:
-        return reference_cost(PACE)
+        return reference_cost(REFERENCE_REPEATS)
     finally:
         os.sched_setaffinity(0, allowed)
 
 
-class Tick(NamedTuple):
+class TickCost(NamedTuple):
     """Mean microseconds of a tick in one process, without a logger."""
 
-    plain: float  # of processor time, nothing measured inside
-    parts: tuple[float, ...]  # as in PARTS, with the stamps
+    plain: float  # of processor time, without time stamps
+    parts: tuple[float, ...]  # as in PARTS, with time stamps
 
 
-def breakdown(made: Parts, seconds: float) -> Tick:
-    """A loop not timed inside, then one timed at its seams."""
+def split_tick(loop_parts: LoopParts, seconds: float) -> TickCost:
+    """Time a loop without time stamps, then one with them."""
     stamps = Stamps()
-    with quiet():
+    with garbage_collection_off():
         began = time.process_time()
-        ticks, _ = tick(made, VirtualClock, seconds, None)
-        spent = time.process_time() - began
-        tick(made, VirtualClock, seconds, stamps)
-    found = np.array(stamps.parts())
-    whole = found.sum(axis=0)
-    kept = whole < INTERRUPTED * np.median(whole)
-    return Tick(spent / ticks * 1e6, tuple(found[:, kept].mean(axis=1).tolist()))
+        ticks, _ = run_loop(loop_parts, VirtualClock, seconds, None)
+        processor_s = time.process_time() - began
+        run_loop(loop_parts, VirtualClock, seconds, stamps)
+    times = np.array(stamps.tick_times())
+    totals = times.sum(axis=0)
+    uninterrupted = totals < INTERRUPTED_FACTOR * np.median(totals)
+    return TickCost(processor_s / ticks * 1e6, tuple(times[:, uninterrupted].mean(axis=1).tolist()))
 
 
-def _shares(ticks: list[Tick]) -> list[Figure]:
-    figures = [figure("tick without logger", "us of processor", [one.plain for one in ticks])]
+def _tick_figures(ticks: list[TickCost]) -> list[Figure]:
+    figures = [
+        figure("tick without logger", "us of processor", [one_core.plain for one_core in ticks])
+    ]
     names = {
         "plant": "plant and its devices",
         "cycle": "cycle",
@@ -97,64 +106,68 @@ def _shares(ticks: list[Tick]) -> list[Figure]:
         "rest": "rest (loop, clock, mailbox)",
     }
     for i, part in enumerate(PARTS):
-        shares = [100.0 * one.parts[i] / sum(one.parts) for one in ticks]
+        shares = [100.0 * each.parts[i] / sum(each.parts) for each in ticks]
         figures.append(figure(f"  share of {names[part]}", "%", shares))
-    added = [sum(one.parts) - one.plain for one in ticks]
+    added = [sum(each.parts) - each.plain for each in ticks]
     figures.append(figure("  stamps, in these shares", "us", added))
     return figures
 
 
 def measure(short: bool) -> Result:
-    """Rehearsals on one core and on two, alternating; then one tick taken apart."""
+    """Alternate rehearsals on one core and on two; then split one tick into its parts."""
     seconds, repetitions = (18.0, 1) if short else (150.0, 5)
     inside, blocks = (5.0, 1) if short else (40.0, 5)
     cores = sorted(os.sched_getaffinity(0))
-    one, two = list[Speed](), list[Speed]()
+    one_core, all_cores = list[RehearsalSpeed](), list[RehearsalSpeed]()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        campaign = campaign_file(folder, seconds)
-        made = parts(campaign)
-        dt = made.plan.dt
-        # This process looks every 10 ms; it stays off the core that is measured.
+        campaign = write_campaign_file(folder, seconds)
+        loop_parts = build_loop_parts(campaign)
+        dt = loop_parts.plan.dt
+        # This process polls every 10 ms; it stays off the measured core.
         if len(cores) > 1:
             os.sched_setaffinity(0, set(cores[:-1]))
         try:
             for i in range(repetitions):
-                one.append(speed(campaign, folder / f"one{i}", dt, cores[-1]))
+                one_core.append(measure_speed(campaign, folder / f"one{i}", dt, cores[-1]))
                 os.sched_setaffinity(0, set(cores))
-                two.append(speed(campaign, folder / f"two{i}", dt, None))
+                all_cores.append(measure_speed(campaign, folder / f"two{i}", dt, None))
                 if len(cores) > 1:
                     os.sched_setaffinity(0, set(cores[:-1]))
         finally:
             os.sched_setaffinity(0, set(cores))
-        ticks = [breakdown(made, inside) for _ in range(blocks)]
+        ticks = [split_tick(loop_parts, inside) for _ in range(blocks)]
     return Result(
         "rehearsal",
         "full rehearsal with plant and log, first tick to last row on disk",
-        f"{repetitions} rehearsals of {made.plan.duration:g} s on one core and {repetitions} on "
-        f"{len(cores)}, alternating; {blocks} x {inside:g} s taken apart",
+        f"{repetitions} rehearsals of {loop_parts.plan.duration:g} s on one core and "
+        f"{repetitions} on {len(cores)}, alternating; {blocks} x {inside:g} s split into parts",
         (
             figure(
                 "one core, loop and logger and all",
                 "x real time",
-                [each.times_real for each in one],
+                [each.times_real for each in one_core],
             ),
             figure(
                 f"one core, {NORMALISED}",
                 "x real time",
-                [each.times_real * each.reference_us / REFERENCE_CPU_US for each in one],
-                at_least=TIMES_REAL,
+                [each.times_real * each.reference_us / REFERENCE_CPU_US for each in one_core],
+                at_least=MIN_TIMES_REAL,
             ),
             figure(
                 "100 NamedTuples (reference)",
                 "us of processor",
-                [each.reference_us for each in one],
+                [each.reference_us for each in one_core],
             ),
-            figure("one core, by processor time", "x real time", [each.times_core for each in one]),
-            figure(f"{len(cores)} cores, as started", "x real time", [e.times_real for e in two]),
-            figure("loop", "us of processor a tick", [each.loop_us for each in one]),
-            figure("logger", "us of processor a row", [each.logger_us for each in one]),
-            *_shares(ticks),
+            figure(
+                "one core, by processor time", "x real time", [each.times_core for each in one_core]
+            ),
+            figure(
+                f"{len(cores)} cores, as started", "x real time", [e.times_real for e in all_cores]
+            ),
+            figure("loop", "us of processor a tick", [each.loop_us for each in one_core]),
+            figure("logger", "us of processor a row", [each.logger_us for each in one_core]),
+            *_tick_figures(ticks),
         ),
         () if len(cores) > 1 else ("this host has one core: both figures are of the same kind",),
     )

@@ -1,4 +1,4 @@
-"""What handing a row to the logger costs the loop, and whether a stalled logger costs rows."""
+"""Cost of handing a row to the logger, and row loss while the logger is stalled."""
 
 import json
 import os
@@ -12,58 +12,63 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.cycle import on_the_real_clock
-from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
-from benchmarks.support.pace import raw_and_normalised, reference_cost
-from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
+from benchmarks.cycle import run_on_real_clock
+from benchmarks.support.live_run import LOGGER, LOOP, LiveRun, live_run, resident_bytes
+from benchmarks.support.recorded import (
+    RecordedTicks,
+    garbage_collection_off,
+    record_ticks,
+    write_campaign_file,
+)
+from benchmarks.support.reference_cpu import raw_and_normalised, reference_cost
 from benchmarks.support.result import Result, figure, quantile, ratios
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.recording import ring
 from rig.recording.runs import open_run
 
-PUT_US = 3.0
-GROWTH_MB = 1.0
-STRETCH = 200  # ticks
-SETTLED = 1.0  # s after the first tick: memory before
+MAX_PUT_US = 3.0
+MAX_GROWTH_MB = 1.0
+BLOCK_TICKS = 200  # ticks
+SETTLE_S = 1.0  # s after the first tick: memory before
 
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
-class Cost(NamedTuple):
-    """Alternating blocks; all in microseconds a tick."""
+class PutCost(NamedTuple):
+    """Costs of alternating blocks, in microseconds per tick."""
 
     put: list[float]  # rows put one after another
     p99: list[float]
     cycle: list[float]  # the cycle alone
-    added: list[float]  # by putting each row at once, as the loop does
+    added: list[float]  # to the cycle, by putting each row at once as the loop does
     reference: list[float]  # cost of the reference, a measure of the CPU
 
 
-def cost(recorded: Recorded, blocks: int) -> Cost:
-    """Put recorded rows; run recorded ticks with and without putting; block after block."""
+def measure_put_cost(recorded: RecordedTicks, blocks: int) -> PutCost:
+    """Time puts of recorded rows, and recorded ticks with and without puts, in blocks."""
     fd = ring.create(KIND.row_type)
     writer, reader = ring.RingWriter(fd, KIND.row_type, wait=False), ring.RingReader(fd)
     os.posix_fallocate(fd, 0, os.fstat(fd).st_size)
     os.close(fd)
-    found = Cost([], [], [], [], [])
-    with quiet():
+    costs = PutCost([], [], [], [], [])
+    with garbage_collection_off():
         for block in range(blocks + 1):
-            put, p99 = _put(recorded, writer)
+            put, p99 = _time_puts(recorded, writer)
             _empty(reader)
-            alone, added = _cycle_cost(recorded, writer)
+            alone, added = _time_cycles(recorded, writer)
             _empty(reader)
             pace = reference_cost(max(1, len(recorded.rows) // 4))
-            if block:  # the first one brings the ring's pages into memory
-                for into, value in zip(found, (put, p99, alone, added, pace), strict=True):
-                    into.append(value)
+            if block:  # the first block loads the ring's pages into memory
+                for values, value in zip(costs, (put, p99, alone, added, pace), strict=True):
+                    values.append(value)
     if writer.dropped:
-        raise RuntimeError("the ring was full: these figures are not of puts")
-    return found
+        raise RuntimeError("the ring was full, so that rows were dropped instead of put")
+    return costs
 
 
-def _put(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
-    """Mean in processor time, and the 99th percentile by the clock; microseconds."""
+def _time_puts(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[float, float]:
+    """Return the mean processor time and the 99th percentile of the wall time of a put (us)."""
     put, now = writer.put, perf_counter_ns
     began = process_time_ns()
     for row in recorded.rows:
@@ -77,13 +82,13 @@ def _put(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
     return mean, quantile(single, 0.99) / 1e3
 
 
-def _cycle_cost(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
-    """Return medians (us) of the cycle alone, and of the time added by putting, over blocks."""
+def _time_cycles(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[float, float]:
+    """Return medians (us) over blocks: of the cycle alone, and of the time that a put adds."""
     step = cycle.make(KIND)
     params, dt, timing, now = recorded.params, recorded.dt, _NO_TIMING, process_time_ns
 
-    def walk(state: Any, start: int, put: Callable[[Any], None]) -> tuple[Any, float]:
-        senses = recorded.senses[start : start + STRETCH]
+    def run_block(state: Any, start: int, put: Callable[[Any], None]) -> tuple[Any, float]:
+        senses = recorded.senses[start : start + BLOCK_TICKS]
         began = now()
         for tick, sense in enumerate(senses, recorded.first + start):
             state, _, row = step(params, state, sense, 0, tick, timing, 1, dt)
@@ -91,20 +96,20 @@ def _cycle_cost(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, flo
         return state, (now() - began) / 1e3 / len(senses)
 
     state, alone, added = recorded.state, list[float](), list[float]()
-    for i, start in enumerate(range(0, len(recorded.senses) - STRETCH + 1, STRETCH)):
-        if i % 2:  # in turns, so that neither way always finds what the other left in the cache
-            _, with_put = walk(state, start, writer.put)
-            after, without = walk(state, start, _nothing)
+    for i, start in enumerate(range(0, len(recorded.senses) - BLOCK_TICKS + 1, BLOCK_TICKS)):
+        if i % 2:  # alternating, so that neither way always profits from the other's cache
+            _, with_put = run_block(state, start, writer.put)
+            after, without = run_block(state, start, _discard)
         else:
-            after, without = walk(state, start, _nothing)
-            _, with_put = walk(state, start, writer.put)
+            after, without = run_block(state, start, _discard)
+            _, with_put = run_block(state, start, writer.put)
         state = after
         alone.append(without)
         added.append(with_put - without)
     return float(np.median(alone)), float(np.median(added))
 
 
-def _nothing(row: Any) -> None:
+def _discard(row: Any) -> None:
     pass
 
 
@@ -114,92 +119,94 @@ def _empty(reader: ring.RingReader) -> None:
         reader.commit()
 
 
-class Stalled(NamedTuple):
-    """A run on the real clock whose logger stood still for a while."""
+class StalledRun(NamedTuple):
+    """A run on the real clock whose logger was suspended for a while."""
 
     ticks: int
-    lost: int  # rows put or ticked and not in the file
+    lost: int  # ticks or rows that are not in the file
     dropped: int
-    behind: int  # rows waiting in the ring at worst
-    growth: float  # MB of the loop's own memory, ring not counted
-    growth_all: float  # MB, everything resident
+    max_backlog: int  # rows waiting in the ring
+    growth: float  # MB of the loop's own memory, without the ring
+    total_growth: float  # MB of all resident memory
     refused: tuple[str, ...]  # real-time privileges
 
 
-def stalled_run(folder: Path, seconds: float, stall: float) -> Stalled:
-    """Run on the real clock, stop the logger in the middle for ``stall`` seconds, count rows."""
-    campaign = campaign_file(folder, seconds + 30.0)
+def run_with_stalled_logger(folder: Path, seconds: float, stall: float) -> StalledRun:
+    """Run on the real clock, suspend the logger in the middle for ``stall`` s, count rows."""
+    campaign = write_campaign_file(folder, seconds + 30.0)
     with live_run(campaign, folder / "stalled", real_clock=True) as run:
         start = run.wait_started()
         loop, logger = run.pid(LOOP), run.pid(LOGGER)
-        _watch(run, start.at + min(SETTLED, seconds / 4))
-        before = memory(loop)
-        _watch(run, start.at + (seconds - stall) / 2)
+        _max_backlog_until(run, start.time + min(SETTLE_S, seconds / 4))
+        before = resident_bytes(loop)
+        _max_backlog_until(run, start.time + (seconds - stall) / 2)
         os.kill(logger, signal.SIGSTOP)
-        behind = _watch(run, time.monotonic() + stall)
+        backlog = _max_backlog_until(run, time.monotonic() + stall)
         os.kill(logger, signal.SIGCONT)
-        _watch(run, start.at + seconds)
-        after = memory(loop)
+        _max_backlog_until(run, start.time + seconds)
+        after = resident_bytes(loop)
         run.stop()
         outcome = run.wait_ended()
-        last = run.peek().tick
+        last = run.observe_tick().tick
         put = run.ring.head
     if outcome["status"] != "stopped":
-        raise RuntimeError(f"the run did not last as long as it should: {outcome['reason']}")
+        raise RuntimeError(f"the run ended too early: {outcome['reason']}")
     ticks = open_run(run.folder, fields=["tick"])["tick"].values
     executed = last + 1 - int(outcome["skipped"])
-    return Stalled(
+    return StalledRun(
         executed,
         max(executed, put, int(outcome["ticks"])) - len(ticks),
         int(outcome["dropped"]),
-        behind,
-        _own(after) - _own(before),
+        backlog,
+        _own_megabytes(after) - _own_megabytes(before),
         (after["all"] - before["all"]) / 1e6,
-        refusals(run.folder),
+        refused_privileges(run.folder),
     )
 
 
-def refusals(folder: Path) -> tuple[str, ...]:
-    """Real-time privileges that a run was not granted."""
+def refused_privileges(folder: Path) -> tuple[str, ...]:
+    """Return the real-time privileges that a run was not granted, with the reasons."""
     granted: dict[str, str] = json.loads((folder / "privileges.json").read_text())
-    return tuple(f"{name}: {why}" for name, why in granted.items() if why)
+    return tuple(f"{name}: {reason}" for name, reason in granted.items() if reason)
 
 
-def _own(resident: dict[str, int]) -> float:
+def _own_megabytes(resident: dict[str, int]) -> float:
     return (resident["private"] + resident["files"]) / 1e6
 
 
-def _watch(run: LiveRun, until: float) -> int:
-    """Sleep until then; gives the most rows that waited in the ring meanwhile."""
-    most = 0
+def _max_backlog_until(run: LiveRun, until: float) -> int:
+    """Sleep until a time (s, monotonic); return the largest number of rows in the ring."""
+    backlog = 0
     while time.monotonic() < until:
-        most = max(most, run.ring.head - run.ring.tail)
+        backlog = max(backlog, run.ring.head - run.ring.tail)
         time.sleep(0.05)
-    return most
+    return backlog
 
 
 def measure(short: bool) -> Result:
-    """Cost of a put, next to the cycle and at the real rate, and a long run with a stall."""
+    """Measure a put next to the cycle and at the real rate, and a long run with a stall."""
     ticks, blocks, loops = (2000, 4, 1) if short else (10_000, 20, 3)
     seconds, stall = (20.0, 2.0) if short else (600.0, 5.0)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        path = campaign_file(folder, 60.0)
-        found = cost(record(path, ticks), blocks)
-        real = [on_the_real_clock(path, 2.0 if short else 10.0) for _ in range(loops)]
-        run = stalled_run(folder, seconds, stall)
+        path = write_campaign_file(folder, 60.0)
+        costs = measure_put_cost(record_ticks(path, ticks), blocks)
+        real = [run_on_real_clock(path, 2.0 if short else 10.0) for _ in range(loops)]
+        run = run_with_stalled_logger(folder, seconds, stall)
     late = [one["us"]["ring"] for one in real]
     return Result(
         "ring",
-        "handing a row to the logger through shared memory, and a logger that stands still",
+        "handing a row to the logger through shared memory, and a suspended logger",
         f"{blocks} alternating blocks of {ticks} rows; {loops} loops at their real rate; one run "
         f"of {seconds:g} s at 1 kHz with the logger stopped for {stall:g} s in the middle",
         (
-            *raw_and_normalised("put, row after row", found.put, found.reference, PUT_US),
-            figure("put, p99", "us", found.p99),
-            *raw_and_normalised("put, added to the cycle", found.added, found.reference, PUT_US),
-            figure("100 NamedTuples (reference)", "us of processor", found.reference),
-            figure("put / cycle", "ratio", ratios(found.put, found.cycle)),
+            *raw_and_normalised("put, row after row", costs.put, costs.reference, MAX_PUT_US),
+            figure("put, p99", "us", costs.p99),
+            *raw_and_normalised(
+                "put, added to the cycle", costs.added, costs.reference, MAX_PUT_US
+            ),
+            figure("100 NamedTuples (reference)", "us of processor", costs.reference),
+            figure("put / cycle", "ratio", ratios(costs.put, costs.cycle)),
             figure(
                 "put, in a loop at its real rate, mean",
                 "us a tick",
@@ -208,10 +215,10 @@ def measure(short: bool) -> Result:
             figure("put, in a loop at its real rate, p99", "us", [one["p99"] for one in late]),
             figure("rows lost to the stall", "rows", run.lost, at_most=0),
             figure("rows dropped by the ring", "rows", run.dropped, at_most=0),
-            figure("rows waiting in the ring at worst", "rows", run.behind),
+            figure("rows waiting in the ring at worst", "rows", run.max_backlog),
             figure("ticks of that run", "ticks", run.ticks),
-            figure("memory growth of the loop", "MB", run.growth, at_most=GROWTH_MB),
-            figure("  the same with the ring's pages", "MB", run.growth_all),
+            figure("memory growth of the loop", "MB", run.growth, at_most=MAX_GROWTH_MB),
+            figure("  the same with the ring's pages", "MB", run.total_growth),
         ),
-        tuple(f"on the real clock not granted: {why}" for why in run.refused),
+        tuple(f"on the real clock not granted: {reason}" for reason in run.refused),
     )

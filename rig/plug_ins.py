@@ -39,10 +39,6 @@ class Registry:
         """Return the first entry of a name; None if there is none."""
         return next((entry for entry in self.entries() if entry.name == name), None)
 
-    def own(self, name: str) -> Entry | None:
-        """Return this distribution's entry without a search; None if it has none of the name."""
-        return Entry(name, self._own[name], DISTRIBUTION) if name in self._own else None
-
     def duplicates(self, entry: Entry) -> str:
         """Return why a name is ambiguous: two modules have it; empty if one has."""
         same = [each for each in self.entries() if each.name == entry.name]
@@ -74,7 +70,8 @@ def _entries(group: str, own_modules: tuple[tuple[str, str], ...]) -> tuple[Entr
 def error_text(error: BaseException, path: str = "") -> str:
     """Return an exception with the file and line in ``path``, else with those that raised it."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if frame.filename == path] or frames
+    own = [frame for frame in frames if frame.filename == path]
+    own = own or [frame for frame in frames if not frame.filename.startswith("<frozen")] or frames
     file, line = (own[-1].filename, own[-1].lineno) if own else (path, 0)
     if isinstance(error, SyntaxError) and error.filename:
         file, line = error.filename, error.lineno

@@ -5,7 +5,7 @@ from textwrap import fill
 from typing import Any
 
 from benchmarks.support.fault_rigs import FaultRig
-from benchmarks.support.fault_table import GOES_ON, REFUSED, UNDETECTED, Row
+from benchmarks.support.fault_table import GOES_ON, REFUSED, UNDETECTED, FaultRow
 
 _HEAD = """# {title}
 
@@ -28,43 +28,43 @@ limits in place, faults that are not detected here must not be able to hurt anyo
 """
 
 
-def page(rig: FaultRig, rows: list[Row], measured: dict[str, Any]) -> str:
+def format_page(rig: FaultRig, rows: list[FaultRow], results: dict[str, Any]) -> str:
     """Return the whole page."""
     head = _HEAD.format(
         title=rig.title,
         name=rig.name,
-        without=rig.without,
-        stop=rig.stop,
+        without=rig.safe_state,
+        stop=rig.stop_action,
         motion=rig.motion,
-        test=rig.test,
-        measured=measured_rows(rows, measured),
+        test=rig.test_file,
+        measured=format_progress(rows, results),
     )
     parts = ["\n\n".join(fill(part, 100) for part in head.split("\n\n")) + "\n"]
     for device in dict.fromkeys(row.device for row in rows):
         of_device = [row for row in rows if row.device == device]
-        parts.append(f"## {device}\n\n{_table(of_device, measured)}")
-    undetected = [row for row in rows if row.must == UNDETECTED]
-    lines = "\n".join(f"- {row.name}: {row.why}" for row in undetected)
+        parts.append(f"## {device}\n\n{_table(of_device, results)}")
+    undetected = [row for row in rows if row.expected == UNDETECTED]
+    lines = "\n".join(f"- {row.name}: {row.explanation}" for row in undetected)
     parts.append(f"## What is not detected\n\n{lines}\n")
     return "\n".join(parts)
 
 
-def measured_rows(rows: list[Row], measured: dict[str, Any]) -> str:
+def format_progress(rows: list[FaultRow], results: dict[str, Any]) -> str:
     """Return the number of measured rows, dates and hosts, and rows with unexpected results."""
-    found = {row.name: measured[row.name] for row in rows if row.name in measured}
-    lines = [f"**{len(found)} of {len(rows)} rows are measured.**"]
-    where = Counter((one.get("date", ""), one.get("host", "")) for one in found.values())
+    results = {row.name: results[row.name] for row in rows if row.name in results}
+    lines = [f"**{len(results)} of {len(rows)} rows are measured.**"]
+    where = Counter((each.get("date", ""), each.get("host", "")) for each in results.values())
     for (date, host), count in sorted(where.items()):
         lines.append(
             f"{count} on {date}: {host}." if date else f"{count} before date and host were stored."
         )
-    unexpected = [name for name, one in found.items() if not one["as_due"]]
+    unexpected = [name for name, result in results.items() if not result["as_expected"]]
     if unexpected:
         lines.append(f"**Result differs from the table: {', '.join(unexpected)}.**")
     return "\n".join(lines)
 
 
-def _table(rows: list[Row], measured: dict[str, Any]) -> str:
+def _table(rows: list[FaultRow], results: dict[str, Any]) -> str:
     lines = [
         "| fault | expected reaction | category | within, s | measured, s | explanation |",
         "|---|---|---|---|---|---|",
@@ -72,27 +72,27 @@ def _table(rows: list[Row], measured: dict[str, Any]) -> str:
     for row in rows:
         name = row.name.removeprefix(f"{row.device}: ")
         category = "" if row.category is None else str(row.category)
-        within = f"{row.within:g}" if row.within else ""
+        within = f"{row.max_seconds:g}" if row.max_seconds else ""
         cells = (
             f"**{name}**" if row.short else name,
-            " or ".join((row.must, *row.also)),
+            " or ".join((row.expected, *row.alternatives)),
             category,
             within,
-            _measured(row, measured.get(row.name, {})),
-            row.why,
+            _measured(row, results.get(row.name, {})),
+            row.explanation,
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
-def _measured(row: Row, found: dict[str, Any]) -> str:
+def _measured(row: FaultRow, result: dict[str, Any]) -> str:
     """Return the measured result of a row, with the reason if the table allows several."""
-    if not found:
+    if not result:
         return "-"
-    verdict = found["verdict"]
-    seconds = "" if found["seconds"] is None else f"{found['seconds']:.3f}"
-    if not found["as_due"]:
+    verdict = result["verdict"]
+    seconds = "" if result["seconds"] is None else f"{result['seconds']:.3f}"
+    if not result["as_expected"]:
         return f"differs: {verdict} {seconds}".rstrip()
-    if row.also:
+    if row.alternatives:
         return f"{verdict} {seconds}".rstrip()
     return "as expected" if verdict in (REFUSED, GOES_ON) else seconds

@@ -3,74 +3,64 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from benchmarks.support.bench_fault_walk import bench_stage
-from benchmarks.support.fault_table import TABLES, Row, rows
-from benchmarks.support.fault_walk import Scene
+from benchmarks.support.emulated_bench import emulated_bench
+from benchmarks.support.emulated_wavebot import emulated_wavebot
+from benchmarks.support.fault_runs import EmulatedRig
+from benchmarks.support.fault_table import TABLES, FaultRow, read_rows
 from benchmarks.support.recorded import ROOT
-from benchmarks.support.wavebot_fault_walk import stage
 
 
 class FaultRig(NamedTuple):
     """One rig on emulated wires, and its table."""
 
-    name: str  # of its table
+    name: str  # of the table
     title: str
-    stage: Callable[[Path], AbstractContextManager[Scene]]
+    emulate: Callable[[Path], AbstractContextManager[EmulatedRig]]
     page: Path  # of the documentation
-    without: str  # when it is safe, for people
-    stop: str  # what a stop of category 1 does first
-    motion: str  # motion of the rig when a fault comes
-    test: str  # file of the test that runs the table
-    measured: Path  # results
+    safe_state: str  # condition at the end of the measured time
+    stop_action: str  # the first action of a stop of category 1
+    motion: str  # motion of the rig when a fault is injected
+    test_file: str  # file of the test that runs the table
+    results: Path  # results
     table: Path
 
-    def rows(self) -> list[Row]:
-        """All rows of its table."""
-        return rows(self.table)
+    def rows(self) -> list[FaultRow]:
+        """Return all rows of the table."""
+        return read_rows(self.table)
 
 
-def _rig(
-    name: str,
-    title: str,
-    stage: Callable[[Path], AbstractContextManager[Scene]],
-    page: str,
-    without: str,
-    stop: str,
-    motion: str,
-    test: str,
-) -> FaultRig:
-    measured = ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json"
-    table = TABLES / f"{name}.yaml"
+def _rig(name: str, page: str, **fields: Any) -> FaultRig:
     return FaultRig(
-        name, title, stage, ROOT / "docs" / page, without, stop, motion, test, measured, table
+        name=name,
+        page=ROOT / "docs" / page,
+        results=ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json",
+        table=TABLES / f"{name}.yaml",
+        **fields,
     )
 
 
 RIGS = {
-    one.name: one
-    for one in (
-        _rig(
-            "wavebot",
-            "Faults: reactions of the rig",
-            stage,
-            "faults.md",
-            "neither motor has power, at the drives",
-            "damps the body for 2 s",
-            "Faults come 1.5 s after power on, in waves.",
-            "test_hil_faults.py",
-        ),
-        _rig(
-            "oswec_bench",
-            "Faults of the OSWEC bench: reactions of the rig",
-            bench_stage,
-            "bench_faults.md",
-            "the servo has no power, at the drive",
-            "brings the shaft to rest for 1 s",
-            "Faults come 1.5 s after power on, while the shaft still stands; those in motion come "
-            "while it turns at more than half of its highest speed, 0.7 rad/s.",
-            "test_hil_bench_faults.py",
-        ),
-    )
+    "wavebot": _rig(
+        "wavebot",
+        "faults.md",
+        title="Faults: reactions of the rig",
+        emulate=emulated_wavebot,
+        safe_state="neither motor has power, at the drives",
+        stop_action="damps the body for 2 s",
+        motion="Faults come 1.5 s after power on, in waves.",
+        test_file="test_hil_faults.py",
+    ),
+    "oswec_bench": _rig(
+        "oswec_bench",
+        "bench_faults.md",
+        title="Faults of the OSWEC bench: reactions of the rig",
+        emulate=emulated_bench,
+        safe_state="the servo has no power, at the drive",
+        stop_action="brings the shaft to rest for 1 s",
+        motion="Faults come 1.5 s after power on, while the shaft still stands; those in motion "
+        "come while it turns at more than half of its highest speed, 0.7 rad/s.",
+        test_file="test_hil_bench_faults.py",
+    ),
 }

@@ -1,4 +1,4 @@
-"""The machine the figures come from, and how busy others kept it."""
+"""The host of the measurements, and its load by other work."""
 
 import os
 import platform
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from rig.recording import provenance
 
 
-def facts() -> dict[str, Any]:
-    """Processor, cores, kernel, Python, memory, version of the code, and the date."""
+def describe_host() -> dict[str, Any]:
+    """Return processor, cores, kernel, Python, memory, version of the code, and the date."""
     host, code = provenance.describe_host(), provenance.describe_code()
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
@@ -27,8 +27,8 @@ def facts() -> dict[str, Any]:
     }
 
 
-def description() -> str:
-    """Processor, cores, kernel and Python in one line, for people."""
+def describe_briefly() -> str:
+    """Return processor, cores, kernel and Python in one line."""
     processor = provenance.describe_host()["processor"]
     virtual = ", virtual machine" if "hypervisor" in _processor_flags() else ""
     return (
@@ -37,30 +37,30 @@ def description() -> str:
     )
 
 
-class Busy(NamedTuple):
+class ProcessorTime(NamedTuple):
     """Processor time of the whole machine since it was started, in seconds."""
 
-    at: float
+    time: float
     busy: float
     stolen: float  # by other virtual machines on the same host
-    ours: float  # of this process and its ended children
+    own: float  # of this process and its ended children
 
     @staticmethod
-    def now() -> "Busy":
-        """The counters as they stand."""
-        words = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
-        ticks = [int(word) / os.sysconf("SC_CLK_TCK") for word in words]
+    def now() -> "ProcessorTime":
+        """Return the present counters."""
+        fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+        ticks = [int(field) / os.sysconf("SC_CLK_TCK") for field in fields]
         busy = sum(ticks[:3]) + sum(ticks[5:7])
         used = os.times()
-        return Busy(time.monotonic(), busy, ticks[7], sum(used[:4]))
+        return ProcessorTime(time.monotonic(), busy, ticks[7], sum(used[:4]))
 
 
-def others(before: Busy, after: Busy) -> dict[str, float]:
+def other_load(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
     """Return the load of other work on this machine and of other virtual machines, in cores."""
-    elapsed = max(after.at - before.at, 0.001)
-    mine = after.ours - before.ours
+    elapsed = max(after.time - before.time, 0.001)
+    own = after.own - before.own
     return {
-        "other_work_cores": round(max(0.0, after.busy - before.busy - mine) / elapsed, 3),
+        "other_work_cores": round(max(0.0, after.busy - before.busy - own) / elapsed, 3),
         "stolen_cores": round((after.stolen - before.stolen) / elapsed, 3),
     }
 

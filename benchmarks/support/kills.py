@@ -1,8 +1,8 @@
-"""One run, one kind of kill -9 at given moments, and what a witness from outside says of it.
+"""Kill (SIGKILL) processes of a rehearsal at given moments, and compare its record with its ring.
 
-The witness is the ring itself, held open from outside: its head counts the rows that the loop put,
-and the rows are still in it when every process of the run is dead. What the files hold, and what
-`rig recover` says is missing, is compared with it; the logger is never asked.
+The ring is held open from outside: its head counts the rows that the loop put, and the rows remain
+in it when every process of the run is dead. The files, and the missing ticks that `rig recover`
+states, are compared with it, independently of the logger.
 """
 
 import os
@@ -18,16 +18,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.support.live import (
+from benchmarks.support.live_run import (
     LOGGER,
     LOOP,
     LiveRun,
     TimeOutError,
+    is_running,
     live_run,
-    running,
     wait_until,
 )
-from benchmarks.support.recorded import campaign_file
+from benchmarks.support.recorded import write_campaign_file
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime.safety import STOP_0
@@ -43,295 +43,306 @@ PAIRS = {  # killed one right after the other
     "supervisor, logger": (SUPERVISOR, "logger"),
     "logger, supervisor": ("logger", SUPERVISOR),
 }
-LEFT_ALONE = (SUPERVISOR, *PAIRS)  # whose death leaves the loop to itself
-NAMES = {"loop": LOOP, "logger": LOGGER}
+LOOP_SURVIVES = (SUPERVISOR, *PAIRS)  # targets whose death leaves the loop running alone
+MODULES = {"loop": LOOP, "logger": LOGGER}
 DT = 0.001  # s
 LOGGER_KILLS = 4  # in one run
-MARK = "WEC_RIG_KILLED"  # in the environment of every process of a run
+ENVIRONMENT_MARK = "WEC_RIG_KILLED"  # in the environment of every process of a run
 
 
 class Kill(NamedTuple):
-    """What to do to a run."""
+    """Kills in one run."""
 
-    who: str  # loop, logger, supervisor, all, or one of `PAIRS`
+    target: str  # loop, logger, supervisor, all, or one of `PAIRS`
     starting: bool  # the first moment counts from the start of the process, else from tick 0
     moments: tuple[float, ...]  # s; of a logger several, each from the last one's restart
 
 
-class Fate(NamedTuple):
-    """What a killed run left, by the witness."""
+class KillOutcome(NamedTuple):
+    """Outcome of a killed run, by comparison with its ring."""
 
     kill: Kill
-    put: int  # rows that the loop put into the ring
-    lost: int  # of them, rows that are nowhere in the files
-    seconds: float  # of rows lost; with the loop killed, from the last row to the kill
-    stopping: float  # s from the supervisor's kill until every process had ended; else 0
-    wrong: tuple[str, ...]  # claims that do not hold, in words
+    rows_put: int  # by the loop, into the ring
+    rows_lost: int  # of them, missing from the files
+    seconds_lost: float  # of rows lost; with the loop killed, from the last row to the kill
+    stop_seconds: float  # s from the supervisor's kill until every process had ended; else 0
+    failures: tuple[str, ...]  # messages of failed checks
 
 
-def plans(dice: random.Random, kills: int, whom: tuple[str, ...], latest: float) -> list[Kill]:
-    """Runs with so many kills in all, up to ``latest`` s after tick 0; a quarter while starting up.
+def draw_kills(
+    rng: random.Random, kills: int, targets: tuple[str, ...], latest: float
+) -> list[Kill]:
+    """Return runs with ``kills`` kills in total, at random moments up to ``latest`` s after tick 0.
 
-    A logger is killed several times in one run; its supervisor restarts it five times at most.
+    A quarter of the runs are killed while they start. A logger is killed several times in one run;
+    its supervisor restarts it at most five times.
     """
-    made: list[Kill] = []
-    while (left := kills - sum(len(kill.moments) for kill in made)) > 0:
-        who = dice.choice(whom)
-        count = min(left, dice.randint(1, LOGGER_KILLS)) if who == "logger" else 1
-        moments = tuple(dice.uniform(0.0, latest) for _ in range(count))
-        made.append(Kill(who, dice.random() < 0.25, moments))
-    return made
+    drawn: list[Kill] = []
+    while (left := kills - sum(len(kill.moments) for kill in drawn)) > 0:
+        target = rng.choice(targets)
+        count = min(left, rng.randint(1, LOGGER_KILLS)) if target == "logger" else 1
+        moments = tuple(rng.uniform(0.0, latest) for _ in range(count))
+        drawn.append(Kill(target, rng.random() < 0.25, moments))
+    return drawn
 
 
-def soak(folder: Path, todo: list[Kill], *, real_clock: bool, workers: int) -> list[Fate]:
-    """Do all this, shared among so many workers; each does its share one run after the other."""
-    campaign = campaign_file(folder, 120.0 if real_clock else 1200.0)
+def run_kills(
+    folder: Path, kills: list[Kill], *, real_clock: bool, workers: int
+) -> list[KillOutcome]:
+    """Execute all kills, distributed over ``workers`` threads that do one run after the other."""
+    campaign = write_campaign_file(folder, 120.0 if real_clock else 1200.0)
 
-    def share(number: int) -> list[Fate]:
+    def share(number: int) -> list[KillOutcome]:
         place = folder / f"worker{number}"
         return [
-            killed(campaign, place, kill, real_clock=real_clock) for kill in todo[number::workers]
+            run_and_kill(campaign, place, kill, real_clock=real_clock)
+            for kill in kills[number::workers]
         ]
 
     with ThreadPoolExecutor(workers) as pool:
         return [fate for fates in pool.map(share, range(workers)) for fate in fates]
 
 
-class Witness:
-    """Looks on from outside."""
+class RingObserver:
+    """Observer of a run's ring from outside the run."""
 
     def __init__(self, run: LiveRun) -> None:
         self._run = run
         self.ring: RingReader | None = None
-        self.zero = float("inf")  # when tick 0 was due, monotonic s
+        self.tick_zero_time = float("inf")  # s, monotonic, when tick 0 was due
 
-    def look(self, until: float) -> None:
-        """Look until then; the ring is held from the moment it is there."""
+    def observe(self, until: float) -> None:
+        """Observe until a time (s, monotonic), and hold the ring as soon as it exists."""
         while True:
             self.ring = self.ring or self._run.try_ring()
             newest = self.ring.latest() if self.ring else None
             if newest is not None:
                 tick = int(np.frombuffer(newest[:8], "<i8")[0])
-                self.zero = min(self.zero, time.monotonic() - tick * DT)
+                self.tick_zero_time = min(self.tick_zero_time, time.monotonic() - tick * DT)
             left = until - time.monotonic()
             if left <= 0.0:
                 return
             time.sleep(min(0.003, left))
 
-    def due(self) -> float:
-        """Ticks that are due by the real clock now."""
-        return max(0.0, (time.monotonic() - self.zero) / DT)
+    def due_ticks(self) -> float:
+        """Return the number of ticks due by the real clock now."""
+        return max(0.0, (time.monotonic() - self.tick_zero_time) / DT)
 
     @property
-    def put(self) -> int:
-        """Rows the loop has put so far."""
+    def rows_put(self) -> int:
+        """Number of rows that the loop has put so far."""
         return self.ring.head if self.ring else 0
 
-    def rows(self, row_type: type = WaveBotRow) -> Any:
-        """The newest rows the loop put, as records."""
+    def newest_rows(self, row_type: type = WaveBotRow) -> Any:
+        """Return the rows that are still in the ring, as records."""
         dtype = mcap_file.row_dtype(leaves(row_type))
         return np.frombuffer(self.ring.remaining_rows(), dtype) if self.ring else np.empty(0, dtype)
 
 
-def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fate:
+def run_and_kill(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> KillOutcome:
     """Start a run in ``folder``, execute ``kill`` in it, and compare its record with the ring.
 
-    On the real clock the host's one real-time place must be free again at the end.
+    On the real clock the host's real-time slot must be free again at the end.
     """
     token = uuid.uuid4().hex
-    runs, env = folder / token[:8], {MARK: token}
+    runs, env = folder / token[:8], {ENVIRONMENT_MARK: token}
     with live_run(campaign, runs, real_clock=real_clock, env=env) as run:
-        witness = Witness(run)
+        observer = RingObserver(run)
         try:
             if not kill.starting:
                 run.wait_started()
-            due, stopping = _strike(run, witness, kill, token)
+            due, stopping = _kill_and_wait(run, observer, kill, token)
         except TimeOutError as error:
-            return Fate(kill, 0, 0, 0.0, 0.0, (str(error),))
+            return KillOutcome(kill, 0, 0, 0.0, 0.0, (str(error),))
         run.process.wait()
-        wrong = [*_left_over(run, token), *_locked(runs, run.process.pid)]
-        return _compare_with_ring(witness, runs, kill, due, stopping, wrong, real_clock)
+        failures = [*_leftover_processes(run, token), *_held_locks(runs, run.process.pid)]
+        return _compare_with_ring(observer, runs, kill, due, stopping, failures, real_clock)
 
 
-def _strike(run: LiveRun, witness: Witness, kill: Kill, token: str) -> tuple[float, float]:
-    """Kill and see the run to its end; gives the tick due at the kill, and how long the end took.
+def _kill_and_wait(
+    run: LiveRun, observer: RingObserver, kill: Kill, token: str
+) -> tuple[float, float]:
+    """Kill and wait for the end of the run.
 
-    A process that is not there yet is killed in its very first moments.
+    Returns the tick due at the kill, and the seconds until all processes had ended. A process that
+    does not exist yet is killed as soon as it does.
     """
     for moment in kill.moments:
-        witness.look(time.monotonic() + moment)
-        if kill.who in NAMES:
-            run.pid(NAMES[kill.who])
-        witness.look(0.0)
-        _kill(run, kill.who)
-    due, at = witness.due(), time.monotonic()
-    if kill.who in (*LEFT_ALONE, ALL):
+        observer.observe(time.monotonic() + moment)
+        if kill.target in MODULES:
+            run.pid(MODULES[kill.target])
+        observer.observe(0.0)
+        _kill(run, kill.target)
+    due, at = observer.due_ticks(), time.monotonic()
+    if kill.target in (*LOOP_SURVIVES, ALL):
         run.process.wait()
-        _left_over(run, token)
-        return due, time.monotonic() - at if kill.who != ALL else 0.0
-    if kill.who == "logger":
-        witness.look(time.monotonic() + 0.3)
+        _leftover_processes(run, token)
+        return due, time.monotonic() - at if kill.target != ALL else 0.0
+    if kill.target == "logger":
+        observer.observe(time.monotonic() + 0.3)
         run.stop()
     wait_until(lambda: run.process.poll() is not None, "the end of the run")
-    witness.look(0.0)
+    observer.observe(0.0)
     return due, 0.0
 
 
-def _kill(run: LiveRun, who: str) -> None:
-    ours = run.children()
-    if who in PAIRS:
-        both = {SUPERVISOR: run.process.pid, "logger": ours.get(LOGGER)}
-        _end([both[each] for each in PAIRS[who]])
+def _kill(run: LiveRun, target: str) -> None:
+    children = run.children()
+    if target in PAIRS:
+        both = {SUPERVISOR: run.process.pid, "logger": children.get(LOGGER)}
+        _kill_pids([both[each] for each in PAIRS[target]])
         return
-    pids: list[int | None] = [run.process.pid] if who in (SUPERVISOR, ALL) else []
-    pids += [pid for module, pid in ours.items() if who == ALL or NAMES.get(who) == module]
-    _end(pids)
+    pids: list[int | None] = [run.process.pid] if target in (SUPERVISOR, ALL) else []
+    pids += [
+        pid for module, pid in children.items() if target == ALL or MODULES.get(target) == module
+    ]
+    _kill_pids(pids)
 
 
-def _end(pids: list[int | None]) -> None:
+def _kill_pids(pids: list[int | None]) -> None:
     for pid in pids:
         if pid is not None:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
 
-def alive(run: LiveRun, token: str) -> list[int]:
-    """Living processes that a run had as children, or that carry its mark, whoever their parent.
+def living_processes(run: LiveRun, token: str) -> list[int]:
+    """Return the running children of a run, and all processes that carry its mark.
 
-    One that is ending loses its mark before it gives back its locks.
+    An ending process loses its mark before it releases its locks.
     """
-    found = [pid for pid in run.known if running(pid)]
+    pids = [pid for pid in run.known_children if is_running(pid)]
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
                 environment = (entry / "environ").read_bytes()
             except OSError:
                 continue
-            if f"{MARK}={token}".encode() in environment.split(b"\0"):
-                found.append(int(entry.name))
-    return found
+            if f"{ENVIRONMENT_MARK}={token}".encode() in environment.split(b"\0"):
+                pids.append(int(entry.name))
+    return pids
 
 
-def _left_over(run: LiveRun, token: str) -> list[str]:
+def _leftover_processes(run: LiveRun, token: str) -> list[str]:
     try:
-        wait_until(lambda: not alive(run, token), "the end of every process")
+        wait_until(lambda: not living_processes(run, token), "the end of every process")
     except TimeOutError:
-        return [f"processes left over: {alive(run, token)}"]
+        return [f"processes left over: {living_processes(run, token)}"]
     return []
 
 
-def _locked(runs: Path, supervisor: int) -> list[str]:
-    wrong = []
+def _held_locks(runs: Path, supervisor: int) -> list[str]:
+    failures = []
     try:
         acquire((REALTIME_WIRE,), "a benchmark").close()
     except BusyError as error:
         if f"process {supervisor}," in str(error):  # else another run has come since
-            wrong.append(str(error))
-    for folder in _folders(runs):
+            failures.append(str(error))
+    for folder in _run_folders(runs):
         try:
             with create.lock_run(folder):
                 pass
         except BusyError as error:
-            wrong.append(str(error))
-    return wrong
+            failures.append(str(error))
+    return failures
 
 
-def _folders(runs: Path) -> list[Path]:
+def _run_folders(runs: Path) -> list[Path]:
     return [path for path in runs.iterdir() if path.is_dir()]
 
 
-class Compared(NamedTuple):
-    """Recovered record of a run, and the rows in its ring."""
+class RecordComparison(NamedTuple):
+    """Recovered record of a run, compared with the rows in its ring."""
 
-    truth: Any  # the newest rows the loop put, as records
+    in_ring: Any  # the rows that are still in the ring, as records
     saved: Any  # all rows of the record, as records
-    lost: int  # rows put that are nowhere in the files
-    wrong: tuple[str, ...]  # claims that do not hold
+    lost: int  # rows that were put and are missing from the files
+    failures: tuple[str, ...]  # messages of failed checks
 
 
-def record_against(
-    witness: Witness, runs: Path, row_type: type, *, every_tick: bool = False
-) -> Compared:
+def compare_record_with_ring(
+    observer: RingObserver, runs: Path, row_type: type, *, every_tick: bool = False
+) -> RecordComparison:
     """Recover the run in ``runs`` and compare its record with its ring.
 
     ``every_tick``: the loop put each tick from 0 on, and may have put more rows than a ring holds,
     as on the virtual clock.
     """
-    truth, put = witness.rows(row_type), witness.put
-    wrong = list[str]()
-    made: Recovery | None = None
+    in_ring, put = observer.newest_rows(row_type), observer.rows_put
+    failures = list[str]()
+    recovery: Recovery | None = None
     try:
-        for folder in _folders(runs):
-            made = recover(folder, None, datetime.now(UTC))
+        for folder in _run_folders(runs):
+            recovery = recover(folder, None, datetime.now(UTC))
     except (RunError, OSError, BusyError) as error:
-        # Nothing was written: right only if nothing was ever put.
-        wrong += [f"not recovered: {error}"] if put else []
-    blocks = list(mcap_file.blocks(mcap_file.scan(made.output))) if made else []
-    saved = np.concatenate(blocks) if blocks else truth[:0]
-    ticks = np.arange(put) if every_tick else truth["tick"]
+        # Nothing was written, which is correct only if no row was put.
+        failures += [f"not recovered: {error}"] if put else []
+    blocks = list(mcap_file.blocks(mcap_file.scan(recovery.output))) if recovery else []
+    saved = np.concatenate(blocks) if blocks else in_ring[:0]
+    ticks = np.arange(put) if every_tick else in_ring["tick"]
     lost = np.setdiff1d(ticks, saved["tick"])
-    wrong += _differ(truth, saved, ticks, None if every_tick else put)
-    if made is not None:
-        wrong += _misstated(made.account, lost)
-    return Compared(truth, saved, len(lost), tuple(wrong))
+    failures += _ring_differences(in_ring, saved, ticks, None if every_tick else put)
+    if recovery is not None:
+        failures += _account_errors(recovery.account, lost)
+    return RecordComparison(in_ring, saved, len(lost), tuple(failures))
 
 
 def _compare_with_ring(
-    witness: Witness,
+    observer: RingObserver,
     runs: Path,
     kill: Kill,
     due: float,
     stopping: float,
-    wrong: list[str],
+    failures: list[str],
     real_clock: bool,
-) -> Fate:
-    truth, saved, lost, claims = record_against(
-        witness, runs, WaveBotRow, every_tick=not real_clock
+) -> KillOutcome:
+    in_ring, saved, lost, claims = compare_record_with_ring(
+        observer, runs, WaveBotRow, every_tick=not real_clock
     )
-    wrong += claims
-    if kill.who in LEFT_ALONE and len(truth):
-        wrong += _unsafe(truth[-1])
+    failures += claims
+    if kill.target in LOOP_SURVIVES and len(in_ring):
+        failures += _drive_errors(in_ring[-1])
     seconds = lost * DT
-    if real_clock and kill.who in ("loop", ALL) and len(saved):
+    if real_clock and kill.target in ("loop", ALL) and len(saved):
         seconds = max(seconds, (due - int(saved["tick"][-1])) * DT)
-    return Fate(kill, witness.put, lost, seconds, stopping, tuple(wrong))
+    return KillOutcome(kill, observer.rows_put, lost, seconds, stopping, tuple(failures))
 
 
-def _differ(truth: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:
-    """What the files hold otherwise than the ring."""
-    wrong = []
-    if put is not None and put != len(truth):
-        wrong.append("the ring was too small to witness this run")
+def _ring_differences(in_ring: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:
+    """Return the differences of the files from the ring, as messages."""
+    failures = []
+    if put is not None and put != len(in_ring):
+        failures.append("the ring was too small for a comparison of this run")
     if len(np.unique(saved["tick"])) != len(saved):
-        wrong.append("a tick is there twice")
+        failures.append("the files have a tick twice")
     if len(np.setdiff1d(saved["tick"], ticks)):
-        wrong.append("the files hold ticks that were never put")
-    _, ours, theirs = np.intersect1d(saved["tick"], truth["tick"], return_indices=True)
-    if saved[ours].tobytes() != truth[theirs].tobytes():
-        wrong.append("rows differ from those in the ring")
-    return wrong
+        failures.append("the files have ticks that were not put")
+    _, i_saved, i_ring = np.intersect1d(saved["tick"], in_ring["tick"], return_indices=True)
+    if saved[i_saved].tobytes() != in_ring[i_ring].tobytes():
+        failures.append("rows differ from those in the ring")
+    return failures
 
 
-def _misstated(told: TickAccount, lost: Any) -> list[str]:
-    """What `rig recover` says of missing ticks otherwise than the witness."""
-    final = told.end_report is not None and told.end_report.final
-    known = -1 if told.last_known is None else told.last_known
+def _account_errors(account: TickAccount, lost: Any) -> list[str]:
+    """Return the errors of the missing ticks that `rig recover` states, as messages."""
+    final = account.end_report is not None and account.end_report.final
+    known = -1 if account.last_known is None else account.last_known
     stated = np.concatenate(
-        [np.empty(0, np.int64), *(np.arange(gap.first, gap.last + 1) for gap in told.gaps)]
+        [np.empty(0, np.int64), *(np.arange(gap.first, gap.last + 1) for gap in account.gaps)]
     )
-    wrong = []
+    failures = []
     expected = lost if final else lost[lost <= known]
-    if told.lost != len(expected):
-        wrong.append(f"{told.lost} lost ticks are stated, {len(expected)} are lost")
+    if account.lost != len(expected):
+        failures.append(f"{account.lost} lost ticks are stated, {len(expected)} are lost")
     if len(np.setdiff1d(expected, stated)):
-        wrong.append("lost ticks outside the stated ranges")
-    if final and told.complete != (len(lost) == 0):
-        wrong.append("whole and not whole are mistaken")
-    return wrong
+        failures.append("lost ticks outside the stated ranges")
+    if final and account.complete != (len(lost) == 0):
+        failures.append(f"complete is stated as {account.complete}, {len(lost)} ticks are lost")
+    return failures
 
 
-def _unsafe(last: Any) -> list[str]:
-    """What the plant itself still had on when the loop had ended."""
+def _drive_errors(last: Any) -> list[str]:
+    """Return messages about a drive that was still enabled when the loop had ended."""
     if last["safety.mode"] != STOP_0 or last["heave.command.enable"] != 0:
         return ["the loop did not end in a stop"]
     return ["the drive was still on"] if last["heave.sense.enabled"] != 0 else []

@@ -1,7 +1,7 @@
-"""What the processes of a run can suffer: they are killed, or stand still, from outside.
+"""Faults of a run's processes: killed (SIGKILL) or hung (SIGSTOP) from outside.
 
-The supervisor is whoever walks the table, so its own death is not among them; that of every process
-is in `python -m benchmarks crash`.
+The supervisor is the process that runs the table, so its own death is not among these faults;
+`python -m benchmarks crash` kills every process.
 """
 
 import os
@@ -15,27 +15,27 @@ LOOP, LOGGER = "loop", "logger"
 _SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP}
 
 
-def listed(io_processes: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Every fault of a run's processes, by device: loop, logger and I/O processes.
+def faults_by_process(io_processes: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Return the faults of loop, logger and I/O processes by the device names of the table.
 
-    A logger that stands still is no fault before the ring is full, which takes a minute
-    (`python -m benchmarks ring` has one that stands for 5 s).
+    A hung logger is no fault before the ring is full, which takes a minute
+    (`python -m benchmarks ring` suspends it for 5 s).
     """
     both = tuple(_SIGNALS)
     names = {LOOP: both, LOGGER: ("killed",), **dict.fromkeys(io_processes, both)}
     return {PREFIX + name: faults for name, faults in names.items()}
 
 
-def strike(device: str, fault: str) -> float:
-    """Kill or stop a process of the run; gives when (s on the monotonic clock)."""
-    pid = io_process_of(f"{device.removeprefix(PREFIX)}.stderr")
+def inject(device: str, fault: str) -> float:
+    """Kill or suspend a process of the run; return the time (s, monotonic)."""
+    pid = child_with_stderr(f"{device.removeprefix(PREFIX)}.stderr")
     at = time.monotonic()
     os.kill(pid, _SIGNALS[fault])
     return at
 
 
-def io_process_of(stderr: str) -> int:
-    """Process id of our child that writes its errors to a file of this name."""
+def child_with_stderr(stderr: str) -> int:
+    """Return the process id of the child of this process whose stderr is a file of this name."""
     for entry in Path("/proc").iterdir():
         try:
             parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])

@@ -1,4 +1,4 @@
-"""A campaign of any length, and ticks of its rehearsal kept in memory for repetition."""
+"""A campaign of any length, and recorded ticks of its rehearsal to be repeated."""
 
 import gc
 import json
@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.support.campaigns import open_checked
 from rig.kinds.wavebot.build import wavebot_params
-from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import KIND
@@ -19,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 _OPENING = 6.5  # s of tare, readiness and lead-in of the campaign below
 _ROW = 12.0  # s
 
-# A host that stands still for a moment must show in the figures, not end the run.
+# A stall of the host must appear in the figures and not end the run.
 _LIMITS = """\
 extends: {limits}
 loop: {{lost_ticks_stop: 100000}}
@@ -47,11 +48,11 @@ _POINTS = """\
 """
 
 
-def campaign_file(folder: Path, seconds: float) -> Path:
-    """A campaign that lasts at least so long; the drive comes on after a second of tare.
+def write_campaign_file(folder: Path, seconds: float) -> Path:
+    """Write a campaign that lasts at least ``seconds``; return its path.
 
-    Rows of 12 s with two spring rates in turn; one row if that is long enough. The rig is the
-    WaveBot, but lost ticks never trip it.
+    The drive is enabled after a tare of 1 s. Rows last 12 s, with two spring rates in turn; one row
+    if that is long enough. The rig is the WaveBot, but lost ticks never trip it.
     """
     rows = max(1, math.ceil((seconds - _OPENING) / _ROW))
     points = _POINTS.splitlines(keepends=True)[:rows]
@@ -71,8 +72,8 @@ def _quoted(path: Path) -> str:
     return json.dumps(str(path))
 
 
-class Parts(NamedTuple):
-    """What a loop is made of, ready to be put together in this process."""
+class LoopParts(NamedTuple):
+    """Parts of a loop that is to run in this process."""
 
     campaign: Campaign
     plan: Plan
@@ -80,57 +81,54 @@ class Parts(NamedTuple):
     devices: dict[str, Any]
 
     def connect(self) -> WaveBotPlantDevices:
-        """Fresh devices, the plant at rest."""
+        """Return new devices with the plant at rest."""
         return connect(self.devices, self.plan.dt)
 
 
-def parts(path: Path) -> Parts:
-    """The parts of a campaign's loop; ValueError with what is wrong with the file."""
-    report = check_campaign(path)
-    if report.campaign is None or report.plan is None:
-        raise ValueError(report.text())
-    campaign, plan = report.campaign, report.plan
+def build_loop_parts(path: Path) -> LoopParts:
+    """Return the parts of a campaign's loop; raises ValueError with the errors of the file."""
+    campaign, plan = open_checked(path)
     params = wavebot_params(
         campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
     )
     devices = json.loads(json.dumps(job.plant_settings(campaign)))
-    return Parts(campaign, plan, params, devices)
+    return LoopParts(campaign, plan, params, devices)
 
 
-class Recorded(NamedTuple):
-    """Ticks of a rehearsal, as they came, from the drive being on and the waves up."""
+class RecordedTicks(NamedTuple):
+    """Ticks of a rehearsal with the drive enabled and waves at full height."""
 
     params: cycle.Params
     dt: float
     first: int  # tick of the first sense
-    state: cycle.State  # before it
+    state: cycle.State  # before that tick
     senses: tuple[Any, ...]
     rows: tuple[Any, ...]
 
 
-def record(path: Path, ticks: int, skip: int = 12_000) -> Recorded:
-    """Rehearse a campaign in this process and keep ``ticks`` ticks after ``skip``."""
-    made = parts(path)
-    devices, dt = made.connect(), made.plan.dt
+def record_ticks(path: Path, ticks: int, skip: int = 12_000) -> RecordedTicks:
+    """Rehearse a campaign in this process; return ``ticks`` ticks after the first ``skip``."""
+    loop_parts = build_loop_parts(path)
+    devices, dt = loop_parts.connect(), loop_parts.plan.dt
     step = cycle.make(KIND)
-    state = start = cycle.start(KIND, made.params, 0)
+    state = start = cycle.start(KIND, loop_parts.params, 0)
     senses, rows = [], []
-    none = cycle.Timing(0.0, 0.0, 0)
+    no_timing = cycle.Timing(0.0, 0.0, 0)
     for tick in range(skip + ticks):
         sense = devices.read(tick * dt)
         if tick == skip:
             start = state
-        state, command, row = step(made.params, state, sense, 0, tick, none, 1, dt)
+        state, command, row = step(loop_parts.params, state, sense, 0, tick, no_timing, 1, dt)
         devices.write(command)
         if tick >= skip:
             senses.append(sense)
             rows.append(row)
-    return Recorded(made.params, dt, skip, start, tuple(senses), tuple(rows))
+    return RecordedTicks(loop_parts.params, dt, skip, start, tuple(senses), tuple(rows))
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """No garbage collection, as in the loop process, while this is open."""
+def garbage_collection_off() -> Iterator[None]:
+    """Switch garbage collection off, as in the loop process, while the context is open."""
     gc.collect()
     gc.freeze()
     gc.disable()

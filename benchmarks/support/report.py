@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from benchmarks.support.result import HEADINGS, Figure, cells
+from benchmarks.support.result import HEADINGS, Figure, table_cells
 
 _HEAD = """\
 # Measured
@@ -17,17 +17,17 @@ the raw figure stands above it.
 """
 
 
-def keep(folder: Path, name: str, result: dict[str, Any], order: list[str]) -> None:
-    """Write a result and the table of all kept ones, in this order."""
+def store(folder: Path, name: str, result: dict[str, Any], order: list[str]) -> None:
+    """Write a result, and the page with all stored results in this order."""
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, ensure_ascii=False)
     (folder / f"{name}.json").write_text(text + "\n")
-    kept = [folder / f"{each}.json" for each in order if (folder / f"{each}.json").exists()]
-    results = [json.loads(path.read_text()) for path in kept]
+    paths = [folder / f"{each}.json" for each in order if (folder / f"{each}.json").exists()]
+    results = [json.loads(path.read_text()) for path in paths]
     (folder / "README.md").write_text(_HEAD + "".join(_section(one) for one in results))
 
 
-def closing(missed: list[str]) -> str:
+def format_missed(missed: list[str]) -> str:
     """Return the last lines of a run: the targets that were missed."""
     if not missed:
         return "every target was met"
@@ -36,7 +36,7 @@ def closing(missed: list[str]) -> str:
 
 def _section(result: dict[str, Any]) -> str:
     figures = [Figure(**figure) for figure in result["figures"]]
-    rows = [HEADINGS, ("---",) * len(HEADINGS), *(cells(figure) for figure in figures)]
+    rows = [HEADINGS, ("---",) * len(HEADINGS), *(table_cells(figure) for figure in figures)]
     table = "\n".join(f"| {' | '.join(cell.strip() for cell in row)} |" for row in rows)
     host, load = result["host"], result["load"]
     where = (

@@ -49,29 +49,29 @@ def figure(
     *,
     at_most: float | None = None,
     at_least: float | None = None,
-    judge: Criterion = "median",
+    criterion: Criterion = "median",
 ) -> Figure:
     """Return the figure of these repetitions, judged by their median or by the worst of them.
 
     Raises ValueError without values and for values that are not finite.
     """
-    several = [float(values)] if isinstance(values, int | float) else [float(v) for v in values]
-    if not several or not all(math.isfinite(value) for value in several):
-        raise ValueError(f"{name}: no figure from {several}")
-    median = float(np.median(several))
+    numbers = [float(values)] if isinstance(values, int | float) else [float(v) for v in values]
+    if not numbers or not all(math.isfinite(value) for value in numbers):
+        raise ValueError(f"{name}: no figure from {numbers}")
+    median = float(np.median(numbers))
     limits: list[str] = []
     met: bool | None = None
     if at_least is not None:
         limits.append(f">= {at_least:g}")
-        met = (median if judge == "median" else min(several)) >= at_least
+        met = (median if criterion == "median" else min(numbers)) >= at_least
     if at_most is not None:
         limits.append(f"<= {at_most:g}")
-        below = (median if judge == "median" else max(several)) <= at_most
+        below = (median if criterion == "median" else max(numbers)) <= at_most
         met = below and met is not False
     limit = ", ".join(limits)
-    if limit and judge == "worst" and len(several) > 1:
+    if limit and criterion == "worst" and len(numbers) > 1:
         limit += " each"
-    return Figure(name, unit, median, min(several), max(several), len(several), limit, met)
+    return Figure(name, unit, median, min(numbers), max(numbers), len(numbers), limit, met)
 
 
 def quantile(values: Sequence[float] | npt.NDArray[Any], share: float) -> float:
@@ -80,22 +80,26 @@ def quantile(values: Sequence[float] | npt.NDArray[Any], share: float) -> float:
     return float(ordered[max(0, math.ceil(share * len(ordered)) - 1)])
 
 
-def ratios(ours: Iterable[float], theirs: Iterable[float]) -> list[float]:
+def ratios(numerators: Iterable[float], denominators: Iterable[float]) -> list[float]:
     """Return the ratio of each block to its neighbour in time."""
-    return [a / b for a, b in zip(ours, theirs, strict=True)]
+    return [a / b for a, b in zip(numerators, denominators, strict=True)]
 
 
-def cells(one: Figure) -> tuple[str, ...]:
+def table_cells(measured: Figure) -> tuple[str, ...]:
     """Return the figure as table cells: name, median, spread, unit, target, target met."""
-    spread = f"{number(one.low)} - {number(one.high)}" if one.repeats > 1 else ""
-    met = {True: "yes", False: "NO", None: ""}[one.target_met]
-    return one.name, number(one.median), spread, one.unit, one.limit, met
+    spread = (
+        f"{format_number(measured.low)} - {format_number(measured.high)}"
+        if measured.repeats > 1
+        else ""
+    )
+    met = {True: "yes", False: "NO", None: ""}[measured.target_met]
+    return measured.name, format_number(measured.median), spread, measured.unit, measured.limit, met
 
 
 HEADINGS = ("figure", "median", "min - max", "unit", "target", "target met")
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """Format with three significant digits and no exponent; whole numbers in full."""
     if value == int(value) and abs(value) < 1e9:
         return f"{int(value)}"
@@ -103,9 +107,9 @@ def number(value: float) -> str:
     return f"{value:.{min(digits, 9)}f}"
 
 
-def text(result: Result) -> str:
+def format_table(result: Result) -> str:
     """Return the result as a plain table."""
-    rows = [HEADINGS, *(cells(one) for one in result.figures)]
+    rows = [HEADINGS, *(table_cells(measured) for measured in result.figures)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
     lines = [f"{result.name}: {result.description}"]
     for row in rows:

@@ -1,7 +1,7 @@
-"""One campaign under the real supervisor, without products: a process to be watched.
+"""Run one campaign under the real supervisor, without products, in a process to be observed.
 
 ``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``, or ``hil RIG`` for
-emulated devices on a rig's wires; SIGTERM asks for a controlled stop, a second one for power off.
+emulated devices on a rig's wires; SIGTERM requests a controlled stop, a second one power off.
 With a core, supervisor, logger and loop are confined to it.
 """
 
@@ -10,37 +10,25 @@ import os
 import sys
 from pathlib import Path
 
+from benchmarks.support.campaigns import SilentView, open_checked
 from rig.execution.task import run_task
-from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode, wired_mode
-from rig.processes.run_types import Snapshot
-
-
-class _Unseen:
-    """Draws nothing."""
-
-    notice = ""
-
-    def __call__(self, snapshot: Snapshot) -> None:
-        pass
 
 
 def main() -> None:
-    """Run the campaign named on the command line and print how it ended."""
-    campaign, runs, clock, *more = sys.argv[1:]
+    """Run the campaign of the command line, and print its folder and its outcome."""
+    path, runs, clock, *more = sys.argv[1:]
     wires = clock == "hil"
     if more and not wires:
         os.sched_setaffinity(0, {int(more[0])})
-    report = check_campaign(Path(campaign), rig=Path(more[0]) if wires else None)
-    assert report.campaign is not None
-    assert report.plan is not None
+    campaign, plan = open_checked(Path(path), rig=Path(more[0]) if wires else None)
     mode = (
-        wired_mode(report.campaign, emulated=True)
+        wired_mode(campaign, emulated=True)
         if wires
-        else rehearsal_mode(report.campaign, real_clock=clock == "real")
+        else rehearsal_mode(campaign, real_clock=clock == "real")
     )
-    ended = run_task(execution_task(report.campaign, report.plan), Path(runs), _Unseen(), mode)
-    print(json.dumps({"folder": str(ended.folder), **ended.outcome._asdict()}))
+    result = run_task(execution_task(campaign, plan), Path(runs), SilentView(), mode)
+    print(json.dumps({"folder": str(result.folder), **result.outcome._asdict()}))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
-"""One run on real wires, one of its processes killed or suspended, and what witnesses say of it.
+"""Kill or suspend processes of a run on real wires, and check its power-off and its record.
 
-The devices are a process apart. When no motor had power is asked at the emulated drives; which rows
-the loop put is seen in the ring, held open from outside. How soon the motors must be without power
-is stated elsewhere: by the rig's table of faults (configs/faults), and for the supervisor by the
-rig file.
+The devices run in a separate process. The emulated drives report when no motor has power; the ring,
+held open from outside, has the rows that the loop put. The allowed time until power-off comes from
+the rig's table of faults (configs/faults), and for the supervisor from the rig file.
 """
 
 import os
@@ -16,161 +15,170 @@ from typing import NamedTuple
 
 from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.fault_table import LOOP_LOST, NO_STOP
-from benchmarks.support.kills import Witness, record_against
-from benchmarks.support.live import LiveRun, TimeOutError, wait_until
+from benchmarks.support.kills import RingObserver, compare_record_with_ring
+from benchmarks.support.live_run import LiveRun, TimeOutError, wait_until
 from benchmarks.support.wired_rigs import (
     WiredRig,
-    process,
+    process_id,
     processes,
-    started,
-    wait_gone,
-    wait_powered,
+    start_run,
+    wait_for_end,
+    wait_for_power,
 )
 from rig.processes.supervisor import POLL_INTERVAL_S
 
-KILLED, SUSPENDED = "killed", "hung"  # as the tables of faults call them
+KILLED, SUSPENDED = "killed", "hung"  # names in the tables of faults
 SUPERVISOR, LOGGER, LOOP, ALL = "supervisor", "logger", "loop", "all"
-TIMEOUT = 1.0  # s, supervisor_timeout_s of the shipped rigs
-LOOK = 0.1  # s until a loop has noticed, and its drives have gone off
-MARGIN = 0.25  # s of a host with other work
-LOST_AT_MOST = 1000  # rows, when everything is killed at once: a second
+SUPERVISOR_TIMEOUT = 1.0  # s, supervisor_timeout_s of the shipped rigs
+REACTION_S = 0.1  # s until a loop has detected the loss, and its drives have switched off
+MARGIN = 0.25  # s, for a host with other work
+MAX_ROWS_LOST = 1000  # if all processes are killed at once: one second
 _SIGNALS = {KILLED: signal.SIGKILL, SUSPENDED: signal.SIGSTOP}
 
 
 class Attack(NamedTuple):
-    """What to do to a run."""
+    """An attack on processes of a run."""
 
-    who: tuple[str, ...]  # processes by name; ALL: every one
-    how: str  # KILLED or SUSPENDED
-    starting: bool  # the moment counts from the start of the run, else from power on the motors
+    targets: tuple[str, ...]  # process names; ALL: every process
+    method: str  # KILLED or SUSPENDED
+    starting: bool  # the moment counts from the start of the run, else from power on a motor
     moment: float  # s
 
     def __str__(self) -> str:
         since = "the start" if self.starting else "power on"
-        return f"{' and '.join(self.who)} {self.how} {self.moment:.2f} s after {since}"
+        return f"{' and '.join(self.targets)} {self.method} {self.moment:.2f} s after {since}"
 
 
-class Outcome(NamedTuple):
-    """What an attack led to."""
+class AttackOutcome(NamedTuple):
+    """Outcome of an attack."""
 
     attack: Attack
-    powerless: float | None  # s from the attack until no motor had power; None: it had to keep it
-    put: int  # rows that the loop put into the ring
-    lost: int  # of them, rows that are nowhere in the files
-    wrong: tuple[str, ...]  # claims that do not hold
+    power_off_after: (
+        float | None
+    )  # s from the attack until no motor had power; None: it had to keep it
+    rows_put: int  # by the loop, into the ring
+    rows_lost: int  # of them, missing from the files
+    failures: tuple[str, ...]  # messages of failed checks
 
 
-def attacks(dice: random.Random, rig: WiredRig, count: int, latest: float) -> list[Attack]:
-    """So many attacks on all processes of a rig's run in turn, at moments drawn by ``dice``.
+def draw_attacks(rng: random.Random, rig: WiredRig, count: int, latest: float) -> list[Attack]:
+    """Return ``count`` attacks on the processes of a rig's run in turn, at random moments.
 
-    Moments lie up to ``latest`` s after power on; a quarter of the attacks come while the run
-    starts, within 4 s.
+    Moments are up to ``latest`` s after power on. A quarter of the kills come while the run starts,
+    within 4 s.
     """
-    alone = [(name,) for name in (SUPERVISOR, LOOP, LOGGER, *rig.io_processes)]
+    alone: list[tuple[str, ...]] = [
+        (name,) for name in (SUPERVISOR, LOOP, LOGGER, *rig.io_processes)
+    ]
     several = [(SUPERVISOR, LOGGER), (SUPERVISOR, LOOP), (LOOP, LOGGER), (ALL,)]
-    kinds = [(who, how) for how in (KILLED, SUSPENDED) for who in alone]
-    kinds += [(who, KILLED) for who in several]
-    dice.shuffle(kinds)
-    made = []
+    kinds = [(targets, method) for method in (KILLED, SUSPENDED) for targets in alone]
+    kinds += [(targets, KILLED) for targets in several]
+    rng.shuffle(kinds)
+    drawn = []
     for number in range(count):
-        who, how = kinds[number % len(kinds)]
-        starting = how == KILLED and dice.random() < 0.25
-        made.append(Attack(who, how, starting, dice.uniform(0.0, 4.0 if starting else latest)))
-    return made
+        targets, method = kinds[number % len(kinds)]
+        starting = method == KILLED and rng.random() < 0.25
+        drawn.append(
+            Attack(targets, method, starting, rng.uniform(0.0, 4.0 if starting else latest))
+        )
+    return drawn
 
 
-def due(rig: WiredRig, attack: Attack) -> tuple[float, float] | None:
-    """Soonest and latest time (s) from an attack until no motor has power; None: they keep it."""
-    who = set(attack.who)
-    if who & {LOOP, ALL}:
-        return 0.0, _stated(rig, LOOP, attack.how)
-    if SUPERVISOR in who:
-        waits = TIMEOUT if attack.how == SUSPENDED else 0.0
-        soonest = rig.damping + waits - (POLL_INTERVAL_S + 0.05 if waits else 0.01)
-        return soonest, rig.damping + waits + LOOK
-    if who == {LOGGER}:
+def power_off_limits(rig: WiredRig, attack: Attack) -> tuple[float, float] | None:
+    """Return the allowed range of the time (s) from an attack until no motor has power.
+
+    None: the motors must keep their power.
+    """
+    targets = set(attack.targets)
+    if targets & {LOOP, ALL}:
+        return 0.0, _table_limit(rig, LOOP, attack.method)
+    if SUPERVISOR in targets:
+        wait = SUPERVISOR_TIMEOUT if attack.method == SUSPENDED else 0.0
+        soonest = rig.damping + wait - (POLL_INTERVAL_S + 0.05 if wait else 0.01)
+        return soonest, rig.damping + wait + REACTION_S
+    if targets == {LOGGER}:
         return None
-    (name,) = who
-    latest = _stated(rig, name, attack.how)
+    (name,) = targets
+    latest = _table_limit(rig, name, attack.method)
     return None if latest == 0.0 else (0.0, latest)
 
 
-def _stated(rig: WiredRig, name: str, how: str) -> float:
-    """What the rig's table of faults says of a process; 0 if the run goes on."""
+def _table_limit(rig: WiredRig, name: str, method: str) -> float:
+    """Return the time limit (s) of a process in the rig's table of faults; 0 if the run goes on."""
     for row in RIGS[rig.name].rows():
-        if (row.device, row.fault, row.since) == (f"process {name}", how, ""):
-            assert row.must == LOOP_LOST or row.must in NO_STOP or row.within > 0.0
-            return row.within
-    raise LookupError(f"{rig.name}: no row says what happens when {name} is {how}")
+        if (row.device, row.fault, row.onset) == (f"process {name}", method, ""):
+            assert row.expected == LOOP_LOST or row.expected in NO_STOP or row.max_seconds > 0.0
+            return row.max_seconds
+    raise LookupError(f"{rig.name}: no row of the fault table for the process {name}, {method}")
 
 
-def attacked(rig: WiredRig, runs: Path, attack: Attack) -> Outcome:
-    """Start a run in ``runs`` (new), attack it, and compare its record with the witnesses."""
-    wrong = list[str]()
+def run_attack(rig: WiredRig, runs: Path, attack: Attack) -> AttackOutcome:
+    """Start a run in ``runs`` (new), attack it, and check its power and its record."""
+    failures = list[str]()
     powerless: float | None = None
-    with started(rig, runs) as run:
-        witness = Witness(run)
+    with start_run(rig, runs) as run:
+        observer = RingObserver(run)
         try:
             if not attack.starting:
-                wait_powered(rig, run)
-            witness.look(time.monotonic() + attack.moment)
-            at = _strike(runs, attack)
-            powerless = _power(rig, attack, at, wrong)
-            _see_to_the_end(run, runs, witness, attack)
+                wait_for_power(rig, run)
+            observer.observe(time.monotonic() + attack.moment)
+            at = _attack_processes(runs, attack)
+            powerless = _check_power(rig, attack, at, failures)
+            _wait_for_end(run, runs, observer, attack)
         except TimeOutError as error:
-            wrong.append(str(error))
-        if rig.powered():
-            wrong.append("a motor has power after the run")
-        _, _, lost, claims = record_against(witness, runs, rig.row_type)
-    most = 0 if ALL not in attack.who else LOST_AT_MOST
-    if lost > most:
-        wrong.append(f"{lost} rows are lost")
-    return Outcome(attack, powerless, witness.put, lost, (*wrong, *claims))
+            failures.append(str(error))
+        if rig.has_power():
+            failures.append("a motor has power after the run")
+        _, _, lost, claims = compare_record_with_ring(observer, runs, rig.row_type)
+    max_lost = 0 if ALL not in attack.targets else MAX_ROWS_LOST
+    if lost > max_lost:
+        failures.append(f"{lost} rows are lost")
+    return AttackOutcome(attack, powerless, observer.rows_put, lost, (*failures, *claims))
 
 
-def _strike(runs: Path, attack: Attack) -> float:
-    """Kill or suspend; gives when (s, monotonic). A process that is not there yet is waited for."""
-    wanted = list(processes(runs)) if ALL in attack.who else list(attack.who)
-    pids = [process(runs, name) for name in wanted]
+def _attack_processes(runs: Path, attack: Attack) -> float:
+    """Wait for the processes, then kill or suspend them; return the time (s, monotonic)."""
+    names = list(processes(runs)) if ALL in attack.targets else list(attack.targets)
+    pids = [process_id(runs, name) for name in names]
     at = time.monotonic()
     for pid in pids:
         with suppress(ProcessLookupError):
-            os.kill(pid, _SIGNALS[attack.how])
+            os.kill(pid, _SIGNALS[attack.method])
     return at
 
 
-def _power(rig: WiredRig, attack: Attack, at: float, wrong: list[str]) -> float | None:
-    """See whether the motors lose their power when they have to; gives how soon they did (s)."""
-    times = due(rig, attack)
-    if times is None:
+def _check_power(rig: WiredRig, attack: Attack, at: float, failures: list[str]) -> float | None:
+    """Check when the motors lose their power; return the seconds from the attack."""
+    limits = power_off_limits(rig, attack)
+    if limits is None:
         time.sleep(0.5)
-        if not attack.starting and not rig.powered():
-            wrong.append("the motors lost their power, and should have kept it")
+        if not attack.starting and not rig.has_power():
+            failures.append("the motors lost their power although the run goes on")
         return None
-    soonest, latest = times
-    gone = rig.power_gone(latest + 2.0)
-    if gone is None:
-        wrong.append(f"a motor still has power {latest + 2.0:.1f} s later")
+    soonest, latest = limits
+    power_off = rig.power_off_time(latest + 2.0)
+    if power_off is None:
+        failures.append(f"a motor still has power {latest + 2.0:.1f} s later")
         return None
-    seconds = gone - at
+    seconds = power_off - at
     if seconds > latest + MARGIN or (seconds < soonest and not attack.starting):
-        wrong.append(f"power off after {seconds:.3f} s, due {soonest:.2f} to {latest:.2f} s")
+        failures.append(f"power off after {seconds:.3f} s, due {soonest:.2f} to {latest:.2f} s")
     return max(0.0, seconds)
 
 
-def _see_to_the_end(run: LiveRun, runs: Path, witness: Witness, attack: Attack) -> None:
-    """Wake who was suspended and could not be replaced; stop what goes on; wait for the end."""
-    if attack.who == (SUPERVISOR,) and attack.how == SUSPENDED:
-        wait_gone(runs, but=(SUPERVISOR,))
+def _wait_for_end(run: LiveRun, runs: Path, observer: RingObserver, attack: Attack) -> None:
+    """Resume a suspended process that is not replaced, stop a continuing run, wait for the end."""
+    if attack.targets == (SUPERVISOR,) and attack.method == SUSPENDED:
+        wait_for_end(runs, except_for=(SUPERVISOR,))
         run.process.send_signal(signal.SIGCONT)
-    elif attack.who == (LOGGER,):
-        witness.look(time.monotonic() + 1.0)
-        if attack.how == SUSPENDED:
-            os.kill(process(runs, LOGGER), signal.SIGCONT)
+    elif attack.targets == (LOGGER,):
+        observer.observe(time.monotonic() + 1.0)
+        if attack.method == SUSPENDED:
+            os.kill(process_id(runs, LOGGER), signal.SIGCONT)
         run.stop()
-    elif {SUPERVISOR, ALL}.isdisjoint(attack.who):
-        witness.look(time.monotonic() + 1.0)
-        run.stop()  # where the table says that it goes on
+    elif {SUPERVISOR, ALL}.isdisjoint(attack.targets):
+        observer.observe(time.monotonic() + 1.0)
+        run.stop()  # the table of faults lets it go on
     wait_until(lambda: run.process.poll() is not None, "the end of the supervisor")
-    wait_gone(runs)
-    witness.look(0.0)
+    wait_for_end(runs)
+    observer.observe(0.0)

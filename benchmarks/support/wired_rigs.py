@@ -1,6 +1,6 @@
-"""Rigs on emulated wires, their devices a process apart, and runs on them as a person starts them.
+"""Rigs on emulated wires with their devices in a separate process, and runs of `rig` on them.
 
-Nothing that is done to a run reaches the devices but by the wires, as on a rig.
+The wires are the only connection between a run and the devices, as on a rig.
 """
 
 import os
@@ -11,74 +11,82 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.bench_fault_walk import bench_stage
-from benchmarks.support.fault_walk import power_gone
-from benchmarks.support.live import (
+from benchmarks.support.emulated_bench import emulated_bench
+from benchmarks.support.emulated_wavebot import emulated_wavebot
+from benchmarks.support.fault_runs import power_off_time
+from benchmarks.support.live_run import (
     LiveRun,
     TimeOutError,
-    running,
+    is_running,
     wait_realtime_free,
     wait_until,
 )
-from benchmarks.support.wavebot_fault_walk import stage
 from rig.emulation.control_client import ControlClient
 from rig.kinds.oswec_bench.tick import BenchRow
 from rig.kinds.wavebot.tick import WaveBotRow
 
-MARK = "WEC_RIG_ATTACKED"  # in the environment of every process of a run
+ENVIRONMENT_MARK = "WEC_RIG_ATTACKED"  # in the environment of every process of a run
 
 
 class WiredRig(NamedTuple):
-    """A rig whose devices are there, and what can be run on it."""
+    """A rig with running emulated devices, and the command that runs it."""
 
     name: str  # of its table of faults
     control: ControlClient
-    words: tuple[str, ...]  # of the command that runs it
-    row_type: type  # of its record
-    io_processes: tuple[str, ...]  # by name
-    damping: float  # s, stop.duration_s of its rig file
-    enabled: str  # field: its drive is on
-    moves: str  # field that changes while it is damped
+    arguments: tuple[str, ...]  # of `rig`
+    row_type: type  # of the record
+    io_processes: tuple[str, ...]  # names
+    damping: float  # s, stop.duration_s of the rig file
+    enabled_field: str  # row field: the drive is enabled
+    moving_field: str  # row field that changes while the rig is damped
 
-    def powered(self) -> bool:
-        """Whether a motor has power now."""
+    def has_power(self) -> bool:
+        """Return True if a motor has power now."""
         return None in self.control.request("power")["gone"].values()
 
-    def power_gone(self, timeout: float) -> float | None:
-        """When the last motor lost its power (s, monotonic); None if one still has it."""
-        return power_gone(self, timeout)
+    def power_off_time(self, timeout: float) -> float | None:
+        """Return when the last motor lost its power (s, monotonic); None if one still has power."""
+        return power_off_time(self.control, timeout)
 
 
 @contextmanager
 def wavebot(folder: Path) -> Iterator[WiredRig]:
-    """The WaveBot, damping in waves for some seconds."""
-    with stage(folder) as made:
-        words = ("run", str(folder / "campaign.yaml"))
+    """Emulate the WaveBot, with a campaign that damps it in waves for some seconds."""
+    with emulated_wavebot(folder) as emulated:
+        arguments = ("run", str(folder / "campaign.yaml"))
         fields = ("heave.sense.enabled", "heave.command.force")
-        yield WiredRig("wavebot", made.control, words, WaveBotRow, made.io_processes, 2.0, *fields)
+        yield WiredRig(
+            "wavebot", emulated.control, arguments, WaveBotRow, emulated.io_processes, 2.0, *fields
+        )
 
 
 @contextmanager
 def oswec_bench(folder: Path) -> Iterator[WiredRig]:
-    """The bench, its shaft turned to and fro for some seconds."""
-    with bench_stage(folder) as made:
-        words = ("bench", str(folder / "session.yaml"))
+    """Emulate the bench, with a session that oscillates its shaft for some seconds."""
+    with emulated_bench(folder) as emulated:
+        arguments = ("bench", str(folder / "session.yaml"))
         fields = ("servo.enabled", "servo.current")
         yield WiredRig(
-            "oswec_bench", made.control, words, BenchRow, made.io_processes, 1.0, *fields
+            "oswec_bench",
+            emulated.control,
+            arguments,
+            BenchRow,
+            emulated.io_processes,
+            1.0,
+            *fields,
         )
 
 
-WIRED = {"wavebot": wavebot, "oswec_bench": oswec_bench}
+WIRED_RIGS = {"wavebot": wavebot, "oswec_bench": oswec_bench}
 
 
 @contextmanager
-def started(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
-    """A run on a rig whose devices are put to rest before; no process of it is left afterwards."""
+def start_run(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
+    """Bring the devices to rest and start a run; kill its remaining processes on exit."""
     rig.control.request("restart")
     wait_realtime_free()
-    command = [sys.executable, "-m", "rig", *rig.words, "--runs", str(runs), "--json"]
-    with LiveRun(command, runs, {MARK: str(runs)}) as run:
+    command = [sys.executable, "-m", "rig", *rig.arguments, "--runs", str(runs), "--json"]
+    with LiveRun(command, runs, {ENVIRONMENT_MARK: str(runs)}) as run:
         try:
             yield run
         finally:
@@ -87,51 +95,54 @@ def started(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
                     os.kill(pid, signal.SIGKILL)
 
 
-def wait_powered(rig: WiredRig, run: LiveRun) -> None:
-    """Wait until a motor has power; TimeOutError if the run ends before."""
+def wait_for_power(rig: WiredRig, run: LiveRun) -> None:
+    """Wait until a motor has power; raises TimeOutError if the run ends before."""
 
-    def look() -> bool:
+    def powered() -> bool:
         if run.process.poll() is not None:
-            raise TimeOutError(f"no motor had power: {run.last_words()}")
-        return rig.powered()
+            raise TimeOutError(f"no motor had power: {run.last_output_line()}")
+        return rig.has_power()
 
-    wait_until(look, "power on a motor", every=0.02)
+    wait_until(powered, "power on a motor", interval=0.02)
 
 
 def processes(runs: Path) -> dict[str, int]:
-    """Living processes of a run by name: supervisor, loop, logger, and its I/O processes."""
-    found = {}
+    """Return the process ids of a run by name: supervisor, loop, logger and I/O processes."""
+    ids = {}
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
             continue
         try:
-            marked = f"{MARK}={runs}".encode() in (entry / "environ").read_bytes().split(b"\0")
+            marked = f"{ENVIRONMENT_MARK}={runs}".encode() in (
+                entry / "environ"
+            ).read_bytes().split(b"\0")
             errors = Path(os.readlink(entry / "fd" / "2"))
         except OSError:
             continue
-        if marked and running(int(entry.name)):
+        if marked and is_running(int(entry.name)):
             name = errors.name.removesuffix(".stderr") if errors.suffix == ".stderr" else ""
-            found[name or "supervisor"] = int(entry.name)
-    return found
+            ids[name or "supervisor"] = int(entry.name)
+    return ids
 
 
-def process(runs: Path, name: str) -> int:
-    """Process id of one of a run's processes, once it is there."""
-    wait_until(lambda: name in processes(runs), f"the process {name}", every=0.01)
+def process_id(runs: Path, name: str) -> int:
+    """Wait for one of a run's processes; return its process id."""
+    wait_until(lambda: name in processes(runs), f"the process {name}", interval=0.01)
     return processes(runs)[name]
 
 
-def wait_gone(runs: Path, *, but: tuple[str, ...] = ()) -> None:
-    """Wait until no process of a run is left, but those named.
+def wait_for_end(runs: Path, *, except_for: tuple[str, ...] = ()) -> None:
+    """Wait until all processes of a run have ended, except those named.
 
-    One that is ending loses its mark before it gives back its locks, so those seen once count.
+    An ending process loses its mark before it releases its locks, so every process that was seen
+    once must have ended.
     """
     seen = set[int]()
 
-    def gone() -> bool:
-        found = processes(runs)
-        kept = {found[name] for name in but if name in found}
-        seen.update(found.values())
-        return not any(running(pid) for pid in seen - kept)
+    def ended() -> bool:
+        ids = processes(runs)
+        excepted = {ids[name] for name in except_for if name in ids}
+        seen.update(ids.values())
+        return not any(is_running(pid) for pid in seen - excepted)
 
-    wait_until(gone, f"the end of all processes but {but}")
+    wait_until(ended, f"the end of all processes except {except_for}")

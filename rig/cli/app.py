@@ -71,7 +71,8 @@ class CommandGroup(TyperGroup):
         try:
             code = super().invoke(ctx)
         except KeyboardInterrupt:
-            print(f"\nrig {ctx.invoked_subcommand}: interrupted", file=sys.stderr)
+            name = " ".join(filter(None, ("rig", ctx.invoked_subcommand)))  # none: during import
+            print(f"\n{name}: interrupted", file=sys.stderr)
             code = STOPPED
         sys.exit(code)
 

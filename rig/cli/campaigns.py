@@ -1,6 +1,5 @@
 """`rig campaigns`: the shipped campaigns, sessions and rigs."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ from rich.text import Text
 
 from rig.cli.exit_codes import OK
 from rig.cli.options import Json
+from rig.cli.output import print_json
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,
@@ -25,7 +25,7 @@ from rig.presentation.phrases import format_duration
 
 _HEADINGS = {
     CAMPAIGNS: "campaigns: rig run NAME, rig check NAME, rig sweep NAME",
-    SESSIONS: "sessions of the bench: rig bench NAME, rig check NAME",
+    SESSIONS: "sessions: rig run NAME, rig check NAME",
     RIGS: "rigs: --rig NAME; those with wiring also rig sim NAME, rig devices NAME",
 }
 
@@ -34,7 +34,7 @@ def command(as_json: Json = False) -> int:
     """List the shipped campaigns, sessions and rigs, whose names stand for their files."""
     described = {kind: [_describe(one) for one in shipped_files(kind)] for kind in _HEADINGS}
     if as_json:
-        print(json.dumps({"folder": str(shipped_folder()), **described}, ensure_ascii=False))
+        print_json({"folder": str(shipped_folder()), **described})
         return OK
     console = table_console()
     for kind, heading in _HEADINGS.items():

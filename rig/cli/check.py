@@ -30,12 +30,13 @@ def command(
     """
     with input_errors("check", as_json=as_json):
         path, rig = input_file(task, CAMPAIGNS, SESSIONS), rig_file(rig)
-    kind = kind_of_task(path, rig)
-    report = examine(kind.room("tasks"), path, rig)
+        kind = kind_of_task(path, rig)
+        tasks: Tasks = kind.room("tasks")
+        display: Display = kind.room("display")
+    report = examine(tasks, path, rig)
     if as_json:
         print(report.to_json())
     else:
-        display: Display = kind.room("display")
         display.show_report(report, every_row=rows)
     return OK if report.ok else BAD_INPUT
 

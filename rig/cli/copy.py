@@ -1,6 +1,5 @@
 """`rig copy NAME`: a shipped campaign, session or rig as files to edit."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -9,12 +8,13 @@ import typer
 from rig.cli.errors import input_errors
 from rig.cli.exit_codes import OK
 from rig.cli.options import Json
+from rig.cli.output import print_json
 from rig.config.shipped_copy import copy_files
 from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_shipped
 
 _NEXT_COMMANDS = {
     CAMPAIGNS: ("rig check {}", "rig run {}"),
-    SESSIONS: ("rig check {}", "rig bench {}"),
+    SESSIONS: ("rig check {}", "rig run {}"),
     RIGS: ("rig run CAMPAIGN --rig {}",),
 }
 
@@ -43,7 +43,7 @@ def command(
             "written": [str(path) for path in copied.written],
             "kept": [str(path) for path in copied.kept],
         }
-        print(json.dumps(report))
+        print_json(report)
         return OK
     for path in copied.written:
         print(f"written  {path}")

@@ -1,6 +1,5 @@
 """`rig doctor`."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +12,7 @@ from rig.cli.errors import input_errors
 from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import print_json
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import UNPRIVILEGED_S
 from rig.kinds.rig_file import load_rig
@@ -69,7 +69,7 @@ def command(
     else:
         examination = examine(options)
     if as_json:
-        print(json.dumps(examination.as_dict()))
+        print_json(examination.as_dict())
     else:
         console.print(render(examination, console.width))
     return OK if examination.fit(Use.REHEARSAL if rehearsal else Use.REALTIME) else FAILED

@@ -1,9 +1,8 @@
 """`rig kinds`: the kinds of rig that a rig file may name."""
 
-import json
-
 from rig.cli.exit_codes import OK
 from rig.cli.options import Json
+from rig.cli.output import print_json
 from rig.kinds import RegisteredKind, registered
 
 
@@ -11,7 +10,7 @@ def command(as_json: Json = False) -> int:
     """List the kinds of rig, with origin and version."""
     listed = registered()
     if as_json:
-        print(json.dumps({"kinds": [_as_dict(each) for each in listed]}, ensure_ascii=False))
+        print_json({"kinds": [_as_dict(each) for each in listed]})
     else:
         print("\n".join(_text(each) for each in listed))
     return OK

@@ -1,6 +1,5 @@
 """`rig laws`: the control laws that a campaign may use."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,6 +7,7 @@ import typer
 
 from rig.cli.exit_codes import BAD_INPUT, OK
 from rig.cli.options import Json
+from rig.cli.output import print_json
 from rig.laws import Law, LawError, RegisteredLaw, load_file, registered
 
 
@@ -20,7 +20,7 @@ def command(
     """List the control laws: columns of the matrix, parameters, ranges."""
     listed = [_entry_of_file(path) for path in files] if files else list(registered())
     if as_json:
-        print(json.dumps({"laws": [_as_dict(entry) for entry in listed]}, ensure_ascii=False))
+        print_json({"laws": [_as_dict(entry) for entry in listed]})
     else:
         print("\n\n".join(_text(entry) for entry in listed))
     return BAD_INPUT if files and any(entry.problem for entry in listed) else OK

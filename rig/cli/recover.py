@@ -55,12 +55,10 @@ def command(
         recovery = recover(run, output, datetime.now(UTC))
     except create.BusyError as error:
         return fail("recover", error, as_json=as_json, code=FAILED)
-    except FileNotFoundError as error:
+    except (FileNotFoundError, RunError) as error:
         return fail("recover", error, as_json=as_json)
     except OSError as error:
         return fail("recover", _with_advice(error), as_json=as_json, code=FAILED)
-    except RunError as error:
-        return fail("recover", error, as_json=as_json)
     rows = _read_rows(recovery.output)
     if rows is not None and output is None and run.is_dir():
         with suppress(

@@ -1,24 +1,37 @@
 """`rig replay RUN [--with CAMPAIGN]`."""
 
+import math
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
+from rig.analysis.rows import COMPLETE
 from rig.cli.errors import input_errors
 from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run
+from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import print_json
 from rig.execution.replay import ReplayReport, replay
+from rig.kinds.wavebot.campaign import open_campaign
+from rig.presentation.console import table_console
 from rig.presentation.json_values import json_value
+from rig.stations import shown
+
+if TYPE_CHECKING:
+    from rig.sweep.counterfactual import AmplitudeRange, CounterfactualResult
 
 EXIT_CODES = """\
 Exit codes: 0 today's cycle reproduces every command and mode to the bit (--with: every row \
 completes); 1 it does not; 2 no such run or file, or one that cannot be replayed."""
 _MAX_FIELDS = 40  # fields shown
+_SETTING_HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
+_MM_PER_M = 1000.0  # mm in a metre
+_LARGE_ERROR = 0.1  # share of gross power; such a model describes another device
 
 
 class Waves(Enum):
@@ -57,11 +70,8 @@ def command(
     if campaign is None and (model is not None or waves is not None):
         raise typer.BadParameter("--model and --waves need --with")
     if campaign is not None:
-        from rig.cli import replay_with  # numba
-
-        return replay_with.main(
-            run, runs, campaign, model, waves.value if waves else None, as_json=as_json
-        )
+        method = waves.value if waves else None
+        return _replay_with(run, runs, campaign, model, method, as_json=as_json)
     console = Console(stderr=True, highlight=False)
     with input_errors("replay", as_json=as_json):
         path = find_run(run, runs)
@@ -116,3 +126,189 @@ def _print_report(comparison: ReplayReport) -> None:
 
 def _number_text(value: float | None) -> str:
     return "no number" if value is None else f"{value:.6g}"
+
+
+def _replay_with(
+    run_name: Path,
+    runs: Path,
+    campaign_name: Path,
+    model_name: Path | None,
+    method: str | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Recover the waves, check the model on the logged rows, and simulate the campaign's rows.
+
+    Returns the exit code.
+    """
+    console = Console(stderr=True, highlight=False)
+    from rig.sweep.counterfactual import counterfactual_for_run  # numba
+    from rig.sweep.simulator import problems, simulation_of
+
+    with (
+        input_errors("replay", as_json=as_json),
+        console.status("compiling or reading the compiled loop ...") as status,
+    ):
+        run = find_run(run_name, runs)
+        campaign = open_campaign(input_file(campaign_name, CAMPAIGNS), problems)
+        model = open_campaign(input_file(model_name, CAMPAIGNS), problems) if model_name else None
+
+        def show_progress(done: int, of: int) -> None:
+            status.update(f"simulated {done} of {of} rows ...")
+
+        result = counterfactual_for_run(
+            run, campaign, model=model, method=method, on_progress=show_progress
+        )
+    if as_json:
+        print_json(_as_dict(result))
+    else:
+        stations = shown(simulation_of(campaign).row_contents(campaign).stations)
+        headings = {station.name: station.heading for station in stations}
+        _print_prediction(result, headings, table_console())
+    return OK if all(row.state == COMPLETE for row in result.rows) else FAILED
+
+
+def _as_dict(result: "CounterfactualResult") -> dict[str, Any]:
+    """Return the result as JSON values; null for unknown values."""
+    waves = result.waves
+    values: dict[str, Any] = json_value(
+        {
+            "run": result.run,
+            "campaign": result.campaign,
+            "waves": {
+                "by": waves.method,
+                "rows": waves.rows,
+                "periods": waves.periods,
+                "scatter_m": waves.scatter.tolist(),
+                "left_out": list(waves.skipped_rows),
+                **waves.description(),
+            },
+            "checked": result.comparisons,
+            "shares": result.shares,
+            "spans": result.logged_ranges,
+            "identified": result.identified_ranges,
+            "rows": result.rows,
+        }
+    )
+    return values
+
+
+def _print_prediction(
+    result: "CounterfactualResult", headings: dict[str, str], console: Console
+) -> None:
+    waves = result.waves
+    lines = _count_text(len(waves.wave_maker.cycles), "line")
+    periods, rows = _count_text(waves.periods, "period"), _count_text(waves.rows, "row")
+    console.print(f"waves of {result.run}: {lines} by {waves.method}, from {periods} of {rows}")
+    for why in waves.skipped_rows:
+        console.print(f"  left out: {why}")
+    console.print("\nLogged rows, and the model with the same gains in these waves; W")
+    console.print(_logged_rows_table(result, headings))
+    _print_model_error(result, headings, console)
+    console.print(f"\n{result.campaign} in these waves; W, 95 % interval from the errors above")
+    console.print(_predicted_rows_table(result, headings))
+    for row in result.rows:
+        if row.state != COMPLETE:
+            console.print(f"row {row.row} does not complete: {row.incomplete_reason}")
+    if any(row.beyond_logged for row in result.rows):
+        console.print(
+            f"beyond: greater than in the logged rows ({_span_text(result.logged_ranges)}); "
+            "the model was not checked there"
+        )
+    if any(row.beyond_identified for row in result.rows):
+        console.print(
+            f"beyond the twin: greater than in the data of its identification "
+            f"({_span_text(result.identified_ranges)}); the twin extrapolates there"
+        )
+    if len(result.comparisons) < 2:
+        console.print("one logged row gives no scatter, so there are no intervals")
+
+
+def _print_model_error(
+    result: "CounterfactualResult", headings: dict[str, str], console: Console
+) -> None:
+    """Print the model's mean error and its scatter between rows."""
+    texts = []
+    for name, label in headings.items():
+        share = result.shares[name]
+        scatter = "" if math.isnan(share.scatter) else f" ± {100.0 * share.scatter:.1f}"
+        texts.append(f"{label} {round(100.0 * share.mean, 1) + 0.0:+.1f}{scatter}")  # no -0.0
+    console.print(
+        f"logged minus model, % of gross power: {', '.join(texts)}; the mean is added below"
+    )
+    if any(abs(result.shares[name].mean) > _LARGE_ERROR for name in headings):
+        console.print("this error is large: check the model before you use the rows below")
+
+
+def _span_text(spans: "dict[str, AmplitudeRange]") -> str:
+    stroke, velocity = spans["stroke"], spans["velocity_rms"]
+    least, greatest = stroke.least * _MM_PER_M, stroke.greatest * _MM_PER_M
+    return (
+        f"stroke {least:.0f} .. {greatest:.0f} mm, "
+        f"rms velocity {velocity.least:.3g} .. {velocity.greatest:.3g} m/s"
+    )
+
+
+def _count_text(count: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless it is 1."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _table(settings: list[str]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("row", justify="right")
+    for name in settings:
+        table.add_column(_SETTING_HEADINGS.get(name, name.replace("_", " ")), justify="right")
+    return table
+
+
+def _shown_settings(rows: list[dict[str, float]]) -> list[str]:
+    """Return the settings to show: spring rate, Kp, Ki, and all that differ between rows."""
+    names = [name for name in rows[0] if all(name in row for row in rows)]
+    varying = {name for name in names if len({row[name] for row in rows}) > 1}
+    always_shown = ("spring_rate", "kp", "ki")
+    return [n for n in names if n in always_shown or (n in varying and n != "stator")]
+
+
+def _logged_rows_table(result: "CounterfactualResult", headings: dict[str, str]) -> Table:
+    settings = _shown_settings([row.setting for row in result.comparisons])
+    table = _table(settings)
+    for heading in headings.values():
+        table.add_column(heading, justify="right")
+        table.add_column("model", justify="right")
+    for row in result.comparisons:
+        cells = [f"{row.setting[name]:g}" for name in settings]
+        for name in headings:
+            cells += [f"{row.logged[name]:.2f}", f"{row.modelled[name]:.2f}"]
+        table.add_row(str(row.row), *cells)
+    return table
+
+
+def _predicted_rows_table(result: "CounterfactualResult", headings: dict[str, str]) -> Table:
+    settings = _shown_settings([row.setting for row in result.rows])
+    table = _table(settings)
+    for heading in headings.values():
+        table.add_column(heading, justify="right")
+    table.add_column("stroke mm", justify="right")
+    any_beyond = any(row.beyond_logged or row.beyond_identified for row in result.rows)
+    if any_beyond:
+        table.add_column("beyond")
+    for row in result.rows:
+        cells = [f"{row.setting[name]:g}" for name in settings]
+        cells += [_interval_text(row.power[name], row.half_width[name]) for name in headings]
+        stroke = row.amplitude["stroke"]
+        cells.append("" if math.isnan(stroke) else f"{stroke * _MM_PER_M:.0f}")
+        if any_beyond:
+            beyond = [name.partition("_")[0] for name in row.beyond_logged]
+            beyond += ["the twin"] if row.beyond_identified else []
+            cells.append(", ".join(beyond))
+        table.add_row(str(row.row), *cells)
+    return table
+
+
+def _interval_text(value: float, half: float) -> str:
+    if math.isnan(value):
+        return "-"
+    if math.isnan(half):
+        return f"{value:.2f}"
+    return f"{value:.2f} ± {'<0.01' if half < 0.005 else f'{half:.2f}'}"

@@ -1,6 +1,5 @@
 """`rig run FILE`: run a campaign or session to its end, and analyse it."""
 
-import json
 import math
 import sys
 from enum import IntEnum, IntFlag
@@ -12,16 +11,16 @@ import typer
 from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
 from rig.cli.check import examine, print_problems
-from rig.cli.errors import fail
+from rig.cli.errors import fail, input_errors
 from rig.cli.exit_codes import FAILED, FAULT, LOST, OK, STOPPED
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import RUNS, TASK_HELP, Json, Realtime, Rig, Runs, Sim
+from rig.cli.output import print_json
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
-from rig.config.shipped_files import UnknownNameError
 from rig.execution.task import RunResult, run_task
 from rig.host import disk
-from rig.kinds import RigKind
+from rig.kinds import KindError, RigKind
 from rig.kinds.interface import Checked, Display, Products, Tasks
 from rig.kinds.rig_file import kind_of_task
 from rig.processes.run_types import ExecutionMode, Outcome
@@ -85,24 +84,11 @@ def run_named(
     ``folders`` are those of the shipped files to search; ``kind``: the kind of rig that it must
     have, else that of its rig file.
     """
-    try:
+    with input_errors(command_name, as_json=as_json):
         path, rig = input_file(name, *folders), rig_file(options.rig)
-    except UnknownNameError as error:
-        return fail(command_name, error, as_json=as_json)
-    return _run(command_name, path, rig, kind or kind_of_task(path, rig), runs, options, as_json)
-
-
-def _run(
-    command_name: str,
-    path: Path,
-    rig: Path | None,
-    kind: RigKind,
-    runs: Path,
-    options: RunOptions,
-    as_json: bool,
-) -> int:
-    """Check, run and analyse a campaign or session, print the result, and return the exit code."""
-    tasks: Tasks = kind.room("tasks")
+        kind = kind or kind_of_task(path, rig)
+        tasks: Tasks = kind.room("tasks")
+        display: Display = kind.room("display")
     report = examine(tasks, path, rig)
     checked, plan = report.checked, report.plan
     if checked is None or plan is None:
@@ -112,7 +98,6 @@ def _run(
         # A full disk stops the rig.
         if shortage := disk.space_shortage(runs, plan.duration, 1.0 / plan.dt):
             print(f"warning: {shortage}", file=sys.stderr)
-    display: Display = kind.room("display")
     title = f"{checked.file.name} on {checked.rig.name}"
     try:
         mode = _execution_mode(tasks, checked, options)
@@ -122,7 +107,7 @@ def _run(
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
         return fail(command_name, error, as_json=as_json, code=FAILED)
-    products = _analyse(kind.room("products"), ended, len(plan.rows), quiet=as_json)
+    products = _analyse(kind, ended, len(plan.rows), quiet=as_json)
     trouble = "; ".join(filter(None, (ended.save_error, products.trouble)))
     outcome, lost = ended.outcome, lost_ticks(ended)
     if as_json:
@@ -136,7 +121,7 @@ def _run(
             "trouble": trouble,
             "warnings": [warning.as_dict() for warning in report.warnings],
         }
-        print(json.dumps(record))
+        print_json(record)
     else:
         print_end(ended, products.text, lost)
         _print_folder(ended, products.files, trouble)
@@ -167,8 +152,12 @@ def _execution_mode(tasks: Tasks, checked: Checked, options: RunOptions) -> Exec
     return tasks.rehearsal_mode(checked, real_clock=options.realtime)
 
 
-def _analyse(room: Products, ended: RunResult, planned_rows: int, *, quiet: bool) -> RunProducts:
+def _analyse(kind: RigKind, ended: RunResult, planned_rows: int, *, quiet: bool) -> RunProducts:
     """Write the products of a run and the number of its complete rows."""
+    try:
+        room: Products = kind.room("products")
+    except KindError as error:
+        return RunProducts((), {}, trouble=str(error))
     folder, outcome = ended.folder, ended.outcome
     if outcome.ticks == 0:
         return room.NO_PRODUCTS

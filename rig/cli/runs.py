@@ -1,13 +1,12 @@
 """`rig runs`."""
 
-import json
-
 from rich.table import Table
 from rich.text import Text
 
 from rig.cli.errors import input_errors
 from rig.cli.exit_codes import OK
 from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import print_json
 from rig.presentation.console import table_console
 from rig.recording.runs import list_runs
 
@@ -21,7 +20,7 @@ def command(runs: Runs = RUNS, as_json: Json = False) -> int:
             raise NotADirectoryError(f"{runs}: not a folder")
         runs_found = list_runs(runs)[::-1]
     if as_json:
-        print(json.dumps([run._asdict() | {"path": str(run.path)} for run in runs_found]))
+        print_json([run._asdict() | {"path": str(run.path)} for run in runs_found])
         return OK
     if not runs_found:
         print(f"no runs in {runs}/")

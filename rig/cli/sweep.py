@@ -1,23 +1,61 @@
 """`rig sweep CAMPAIGN --over KEY=V1,V2,...`."""
 
 import os
+
+# The cases use all cores; further threads of BLAS, as numpy starts them, would slow them down.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import re
+import sys
+import time
 from pathlib import Path
-from typing import Annotated
+from threading import Timer
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from rig.analysis.rows import columns_of
+from rig.cli import calibration_dates
+from rig.cli.errors import fail, input_errors
+from rig.cli.exit_codes import FAILED, OK, STOPPED
+from rig.cli.find_run import find_run
+from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import CAMPAIGN_HELP, RUNS, Json, Runs
+from rig.cli.output import print_json
+from rig.config.problems import error_text
+from rig.presentation.phrases import clock_text, format_power
+from rig.recording.runs import run_info
+from rig.recording.runs.create import BusyError
+from rig.row_contents import LAW, PANEL, X, Y
+from rig.stations import Station, find
+from rig.sweep import executors, result_cache, sweep
+from rig.sweep import result as results
+from rig.sweep.cases import LEAD_IN, Outcome
+from rig.sweep.journal import JOURNAL_FILE as CASES
+from rig.sweep.simulator import simulation_of
+
+if TYPE_CHECKING:
+    import xarray
+
+    from rig.row_contents import Column
 
 EXIT_CODES = """\
 Exit codes: 0 every case gave its rows; 1 some cases could not run, or the result could not be \
 written; 2 bad input; 3 interrupted (run the same command again to continue)."""
 _ADDRESS = r"(tcp|tls)://[^/\s]+:\d{1,5}"
+_COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
+_COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
+_MAX_REASONS = 5
+_LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 
 
 def command(
     campaign: Annotated[Path, typer.Argument(help=CAMPAIGN_HELP)],
-    over: Annotated[
+    parameters: Annotated[
         list[str] | None,
         typer.Option(
             "--over",
@@ -59,29 +97,282 @@ def command(
     Each row is a case of its own, on all cores or on a cluster. The command
     keeps finished cases and never runs them again.
     """
-    # The cases use all cores; further threads of BLAS would spin and slow them down.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from rig.cli.sweep_run import SweepOptions, main  # numpy
+    _check_options(jobs, scheduler, out)
+    with input_errors("sweep", as_json=as_json):
+        if sequential and lead_in is not None:
+            raise ValueError(
+                "--lead-in: with --sequential the campaign's start.lead_in_s counts; leave it out"
+            )
+        measured = find_run(measured, runs) if measured else None
+        if measured and "campaign" not in run_info(measured).config:
+            raise ValueError(
+                f"--measured {measured}: this run has no campaign rows; name another run"
+            )
+        opened = sweep.open_sweep(
+            input_file(campaign, CAMPAIGNS),
+            parameters or [],
+            sweeps,
+            sequential=sequential,
+            lead_in=LEAD_IN if lead_in is None else lead_in,
+        )
+    began = time.monotonic()
+    warnings = calibration_dates.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
+    executor = _executor(opened, jobs, scheduler)
+    view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
+    out, table = out or opened.folder / sweep.RESULT_FILE, None
+    try:
+        with sweep.lock_folder(opened):
+            remaining, damaged = sweep.count_remaining(opened)
+            if damaged and not as_json:
+                print(
+                    f"left out {damaged} bytes of {opened.folder}/{CASES}: not a complete case",
+                    file=sys.stderr,
+                )
+            result = result_cache.load(opened.folder, out) if not (remaining or measured) else None
+            if result is not None:
+                view.begin(len(opened.cases))
+            else:
+                if remaining and scheduler is None:  # workers compile for themselves
+                    _compile(opened)
+                with view:
+                    table = sweep.run(opened, executor, view.update, view.begin)
+                sweep.write_dataset(table, out)
+    except BusyError as error:
+        return fail("sweep", error, as_json=as_json, code=FAILED)
+    except KeyboardInterrupt:
+        return _report_interrupt(opened.folder, as_json=as_json)
+    except (OSError, ValueError, ArithmeticError) as error:
+        hint = f"{opened.folder}/ keeps {view.finished_text}, the same command continues"
+        failure = RuntimeError(f"{error_text(error)}; {hint}")
+        return fail("sweep", failure, as_json=as_json, code=FAILED)
+    if table is not None:
+        try:
+            with input_errors("sweep", as_json=as_json):
+                pictures = _draw(table, opened.folder, measured, quiet=as_json)
+                result = _result_as_dict(opened, out, pictures, table)
+                result_cache.store(opened.folder, out, measured, [out, *pictures], result)
+        except KeyboardInterrupt:
+            return _report_interrupt(opened.folder, as_json=as_json)
+    result = (result or {}) | {
+        "seconds": round(time.monotonic() - began, 3),
+        "running_s": round(view.elapsed, 3),
+        "simulated_s": view.simulated,
+        "run_now": view.done,
+        "warnings": warnings,
+    }
+    if as_json:
+        print_json(result)
+    else:
+        _print_result(result, _stations(opened.campaign))
+    return FAILED if result["failed"] else OK
 
+
+def _check_options(jobs: int | None, scheduler: str | None, out: Path | None) -> None:
+    """Check that the result can be written to ``out``, before hours of work instead of after."""
     if jobs is not None and scheduler is not None:
         raise typer.BadParameter(
             "--jobs sets the threads of this machine; leave it out with --scheduler"
         )
     if scheduler is not None and not re.fullmatch(_ADDRESS, scheduler):
         raise typer.BadParameter(f"--scheduler {scheduler}: no address; write tcp://HOST:PORT")
-    if out is not None:
-        _check_out(out)
-    options = SweepOptions(
-        over or [], sequential, lead_in, jobs, scheduler, out, measured, sweeps, runs
-    )
-    return main(campaign, options, as_json=as_json)
-
-
-def _check_out(out: Path) -> None:
-    """Check that the result can be written to ``out``, before hours of work instead of after."""
+    if out is None:
+        return
     if out.suffix != ".nc":
         raise typer.BadParameter(f"--out {out}: the result is NetCDF; give a name ending in .nc")
     if out.is_dir():
         raise typer.BadParameter(f"--out {out}: is a folder; name a file in it")
     if not out.parent.is_dir():
         raise typer.BadParameter(f"--out {out}: there is no folder {out.parent}; make it first")
+
+
+def _executor(opened: sweep.Sweep, jobs: int | None, scheduler: str | None) -> executors.Executor:
+    if scheduler is None:
+        return executors.thread_executor(jobs or executors.available_processors())
+    from rig.sweep.cluster import cluster_executor
+
+    return cluster_executor(scheduler, opened.cases.request, opened.digest)
+
+
+def _compile(opened: sweep.Sweep) -> None:
+    """Compile the loop or read it from the cache; print a notice where this takes long."""
+
+    def print_notice() -> None:
+        print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
+
+    timer = Timer(
+        _COMPILE_NOTICE_DELAY_S, print_notice
+    )  # a law of another structure is compiled even with a cache
+    timer.daemon = True
+    if simulation_of(opened.campaign).is_compiled(opened.campaign.law):
+        timer.start()
+    else:
+        print_notice()
+    try:
+        opened.cases.prepare()
+    finally:
+        timer.cancel()
+
+
+def _draw(
+    table: "xarray.Dataset", folder: Path, measured: Path | None, *, quiet: bool
+) -> list[Path]:
+    from rig.sweep.pictures import write_pictures
+
+    if not quiet:
+        print("drawing ...", file=sys.stderr, flush=True)
+    return write_pictures(table, folder, measured)
+
+
+def _report_interrupt(folder: Path, *, as_json: bool) -> int:
+    message = f"interrupted; {folder}/ keeps the finished cases, the same command continues"
+    if as_json:
+        print_json({"status": "stopped", "message": message, "folder": str(folder)})
+    else:
+        print(f"\nrig sweep: {message}", file=sys.stderr)
+    return STOPPED
+
+
+def _result_as_dict(
+    opened: sweep.Sweep, result: Path, pictures: list[Path], table: "xarray.Dataset"
+) -> dict[str, Any]:
+    state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
+    names, counts = np.unique(state.astype(str), return_counts=True)
+    reasons = sorted({str(text) for text in reasons_of_cases[state == results.FAILED]})
+    return {
+        "status": "failed cases" if reasons else "complete",
+        "folder": str(opened.folder),
+        "result": str(result),
+        "pictures": [str(picture) for picture in pictures],
+        "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
+        "failed": reasons,
+        "best": {
+            station.name: best
+            for station in _stations(opened.campaign)
+            if (best := _best_row(table, station.name))
+        },
+    }
+
+
+def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
+    """Return the row with the least power (negative is absorbed), with all its inputs."""
+    name = f"power_{station}"
+    if name not in table or not np.isfinite(table[name].values).any():
+        return {}
+    power = table[name].where(table["state"] == "complete")
+    if not np.isfinite(power.values).any():
+        return {}
+    place: Any = power.argmin(...)
+    row: Any = table.isel(place)
+    inputs = [
+        *map(str, table.sizes),
+        *(each.name for each in columns_of(table) if _is_gain(each, table, row)),
+    ]
+    values = {key: row[key].values.item() for key in inputs}
+    return {"power_w": row[name].values.item(), **values}
+
+
+def _stations(campaign: Any) -> tuple[Station, ...]:
+    """Return the power stations of a campaign's rig."""
+    return simulation_of(campaign).row_contents(campaign).stations
+
+
+def _is_gain(column: "Column", table: "xarray.Dataset", row: Any) -> bool:
+    """Return whether a column is a gain of a row: a main one, or one of the law that is in use."""
+    if column.name not in row or column.role not in (PANEL, X, Y, LAW):
+        return False
+    return column.role != LAW or bool(table[column.name].values.any())
+
+
+def _print_result(result: dict[str, Any], stations: tuple[Station, ...]) -> None:
+    rows = ", ".join(f"{count} {state}" for state, count in result["rows"].items())
+    run_text = "all cases were finished before"
+    if result["run_now"]:
+        rate = result["simulated_s"] / result["running_s"]
+        run_text = f"the cases took {result['running_s']:.1f} s of it, {rate:.0f} times real time"
+    print(f"{rows} in {result['seconds']:.1f} s; {run_text}")
+    print("Best rows (negative power is absorbed)")
+    for name, best in result["best"].items():
+        inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
+                  for key, value in best.items() if key != "power_w")  # fmt: skip
+        label, power = find(stations, name).label, format_power(best["power_w"])
+        print(f"  {label:<32} {power:>10}   {', '.join(inputs)}")
+    for reason in result["failed"][:_MAX_REASONS]:
+        print(f"failed: {reason}", file=sys.stderr)
+    if len(result["failed"]) > _MAX_REASONS:
+        print(f"and {len(result['failed']) - _MAX_REASONS} more reasons", file=sys.stderr)
+    print(f"\n{result['result']}")
+    for picture in result["pictures"]:
+        print(picture)
+
+
+class SweepProgress:
+    """Draws a bar on a terminal, prints a line every 10 s elsewhere."""
+
+    def __init__(self, name: str, total: int, *, quiet: bool) -> None:
+        self._total, self._quiet = total, quiet
+        self._already_finished = self.done = self.failed = 0
+        self.simulated = 0.0  # s
+        self.elapsed = 0.0  # s, from the first case handed out to the last outcome
+        console = Console(stderr=True, highlight=False)
+        self._live_display = console.is_terminal and not quiet
+        self._bar = Progress(
+            TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
+            console=console, transient=True, disable=not self._live_display,
+        )  # fmt: skip
+        self._task = self._bar.add_task("", total=total, rate="")
+        self._start_time = self._last_line_time = time.monotonic()
+
+    def __enter__(self) -> "SweepProgress":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def begin(self, already_finished: int) -> None:
+        """Start the clock; ``already_finished`` cases come from an earlier start of the sweep."""
+        self._already_finished = already_finished
+        self._start_time = self._last_line_time = time.monotonic()
+        self._bar.update(self._task, completed=already_finished)
+        if already_finished and not self._quiet:
+            print(
+                f"{already_finished} of {self._total} cases are already finished", file=sys.stderr
+            )
+
+    @property
+    def finished_text(self) -> str:
+        """The number of finished cases as text."""
+        return f"{self._already_finished + self.done - self.failed} of {self._total} cases"
+
+    def update(self, outcome: Outcome) -> None:
+        """Count one more case."""
+        self.done += 1
+        self.failed += bool(outcome.failed)
+        self.simulated += outcome.seconds
+        now = time.monotonic()
+        self.elapsed = max(now - self._start_time, 1e-3)
+        self._bar.update(
+            self._task, completed=self._already_finished + self.done, rate=self._rate_text()
+        )
+        if (
+            not self._live_display
+            and not self._quiet
+            and now - self._last_line_time >= _LINE_INTERVAL_S
+        ):
+            self._last_line_time = now
+            count = f"{self._already_finished + self.done} of {self._total} cases"
+            print(f"{count}, {self._rate_text()}", file=sys.stderr, flush=True)
+
+    def _rate_text(self) -> str:
+        time_left = (self._total - self._already_finished - self.done) * self.elapsed / self.done
+        failed = f", {self.failed} failed" if self.failed else ""
+        rate, speed_ratio = self.done / self.elapsed, self.simulated / self.elapsed
+        return (
+            f"{rate:.3g} a second, {speed_ratio:.0f} times real time, "
+            f"{clock_text(time_left)} left{failed}"
+        )

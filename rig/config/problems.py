@@ -108,6 +108,13 @@ def format_line_numbers(numbers: Sequence[int]) -> str:
     return f"line{'s' if len(numbers) > 1 else ''} {text}"
 
 
+def problems_text(problems: Sequence[Problem]) -> str:
+    """Return one problem a line, and their number."""
+    count = len(problems)
+    lines = [problem.text() for problem in problems]
+    return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+
+
 def error_text(error: Exception) -> str:
     """Return an error's text, without the quotes of a KeyError or the number of an OSError."""
     if isinstance(error, KeyError) and error.args:

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from rig.plug_ins import Entry, Registry, error_text
+from rig.realtime.reasons import MAX_NUMBER, PLUG_IN_NUMBER
 
 GROUP = "wec_rig.kinds"
 
@@ -79,8 +80,6 @@ def find(name: str) -> RigKind:
     Raises KindError if there is none, two distributions register the name, or its package cannot be
     imported.
     """
-    if (own := REGISTRY.own(name)) is not None:
-        return _kind(own)
     entry = REGISTRY.find(name)
     if entry is None:
         raise KindError(f"no kind of rig {name!r} is registered; allowed {', '.join(known())}")
@@ -128,6 +127,23 @@ def interface_problem(kind: RigKind) -> str:
         missing = [name for name in names if not hasattr(module, name)]
         if missing:
             return f"{kind.package}.{room} lacks {', '.join(missing)}"
+    return _reason_problem(kind)
+
+
+def _reason_problem(kind: RigKind) -> str:
+    """Return why the kind's own reasons of a stop cannot be used; empty if they can."""
+    cycle_kind = kind.room("tick").find_kind("")
+    try:
+        reasons = cycle_kind.reason_table.reasons
+    except ValueError as error:
+        return f"{kind.package}.tick: {error}"
+    own = {reason.number for reason in cycle_kind.reasons}
+    if kind.package not in OWN_PACKAGES.values() and own and min(own) < PLUG_IN_NUMBER:
+        name = next(reason.name for reason in reasons if reason.number == min(own))
+        return (
+            f"{kind.package}.tick: reason {min(own)} {name} has a number of this distribution; "
+            f"allowed {PLUG_IN_NUMBER} .. {MAX_NUMBER}"
+        )
     return ""
 
 
@@ -138,6 +154,8 @@ def import_room(package: str, name: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name in (module, package):
+            raise KindError(f"the kind of rig {package} has no module {error.name}") from error
         raise KindError(f"the kind of rig {package} is unusable: {error_text(error)}") from error
 
 

@@ -1,7 +1,8 @@
 """What a kind of rig consists of: the rooms of its package, one protocol for each.
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
-uses. `rig.kinds.ROOMS` lists the rooms that every kind has; `commands` is optional.
+uses. `rig.kinds.ROOMS` lists the rooms that every kind has; `commands` is optional, and so is
+`simulation`, for kinds whose campaigns can be swept (`rig.sweep.simulator.Simulation`).
 """
 
 from collections.abc import Sequence
@@ -14,11 +15,14 @@ from pydantic import BaseModel
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
 from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
+from rig.config.yaml_source import SourceMap
 from rig.kinds import Command
+from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode, Outcome, RecordedTask, Task
 from rig.realtime import cycle
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunInfo
+from rig.wires.job import WiredJob
 
 LogRow = dict[str, float | int]
 """A log row by dotted field names."""
@@ -168,6 +172,34 @@ class Recorded(Protocol):
         ...
 
 
+class HardwareJob(Protocol):
+    """Room `hardware.job`: the supervisor's side of a wired rig."""
+
+    def build_job(self, rig: Any) -> WiredJob:
+        """Return I/O processes and device settings of a rig file with `wiring`.
+
+        WiringError lists all reasons why these wires must not be powered.
+        """
+        ...
+
+
+class Emulation(Protocol):
+    """Room `rehearsal.emulation`: emulated devices at the far end of a rig's wires."""
+
+    def emulate_rig(
+        self, rig: Any, plant: dict[str, Any], locate_plant: SourceMap
+    ) -> tuple[IoProcess, str]:
+        """Return the emulated devices of a rig without a task, and their setting for people.
+
+        ConfigError lists all problems of the plant.
+        """
+        ...
+
+    def emulate_task(self, path: Path, rig: Path) -> tuple[BaseRigFile, IoProcess, str]:
+        """Return the rig of a campaign or session run on a rig file, its devices, their setting."""
+        ...
+
+
 class Display(Protocol):
     """Room `display`: texts for people, before and during a run.
 
@@ -226,3 +258,16 @@ class Commands(Protocol):
     """Room `commands`, optional: the kind's own commands. It must import nothing heavy."""
 
     COMMANDS: tuple[Command, ...]
+
+
+PROTOCOLS = {
+    "tick": Tick,
+    "config": Config,
+    "recorded": Recorded,
+    "hardware.job": HardwareJob,
+    "rehearsal.emulation": Emulation,
+    "tasks": Tasks,
+    "display": Display,
+    "products": Products,
+}
+"""The protocol of each room that every kind has."""

@@ -1,6 +1,5 @@
 """The kind of rig of a file: a rig file, or a campaign or session that names one."""
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,23 +36,27 @@ def kind_of(mapping: dict[str, Any], locate: SourceMap) -> RigKind:
     try:
         return find(name)
     except KindError as error:
-        raise ConfigError([locate.problem(("kind",), name, str(error))]) from None
+        raise ConfigError([locate.problem(("kind",), name, str(error))]) from error
 
 
 def kind_of_task(path: Path, rig: Path | None = None) -> RigKind:
     """Return the kind of rig of a campaign or session; ``rig`` replaces the rig that it names.
 
     A file that leads to no usable kind gets the one whose files share most keys with it: the check
-    of that kind lists what is wrong. Raises KindError if no kind can be used.
+    of that kind lists what is wrong. Raises KindError if the named kind cannot be used, or if none
+    can.
     """
     keys: set[str] = set()
-    with suppress(ConfigError):
+    try:
         source = ConfigSource(*load_mapping(path))
         keys = set(source.mapping)
         if rig is not None:
             return kind_of(*load_mapping(rig))
         if (named := load_named_source(source, ("rig",))) is not None:
             return kind_of(named.mapping, named.locate)
+    except ConfigError as error:
+        if isinstance(error.__cause__, KindError):
+            raise error.__cause__ from None
     usable = [each.kind for each in registered() if not each.problem]
     if not usable:
         raise KindError("no kind of rig can be used; `rig kinds` lists the reasons")

@@ -17,6 +17,10 @@ class InputFile(NamedTuple):
     path: Path
     sha256: str
 
+    def as_dict(self) -> dict[str, str]:
+        """Return the fields as JSON values, as reports and records have them."""
+        return {"role": self.role, "path": display_path(self.path), "sha256": self.sha256}
+
 
 class ConfigSource(NamedTuple):
     """A file as read but not validated, and the file and line of each value."""

@@ -42,6 +42,8 @@ class Reason(IntEnum):
 
 
 NO_REASON = int(Reason.NONE)
+PLUG_IN_NUMBER = 100
+"""The lowest number of a kind of another distribution."""
 MAX_NUMBER = 255
 
 

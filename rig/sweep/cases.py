@@ -41,7 +41,7 @@ class Outcome(NamedTuple):
     """The result of a case."""
 
     case: int
-    rows: tuple[dict[str, Any], ...]  # from `rig.analysis.rows.reduced`
+    rows: tuple[dict[str, Any], ...]  # from `rig.analysis.rows.reduce_window`
     seconds: float  # simulated
     failed: str  # reason of a failure; empty on success
 

@@ -32,9 +32,8 @@ def begin(opened, executor, *_):
     raise ValueError("no case is run")
 
 import rig.sweep.sweep
-import rig.cli.sweep_run
 rig.sweep.sweep.run = begin
-rig.cli.sweep_run._compile = lambda opened: None
+sweep._compile = lambda opened: None
 CliRunner().invoke(app, ["sweep", sys.argv[1], "--sweeps", sys.argv[2], "--json"])
 print(json.dumps(loaded))
 """

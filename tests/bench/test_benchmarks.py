@@ -17,10 +17,15 @@ import pytest
 from benchmarks import __main__ as runner
 from benchmarks import crash, cycle, lateness, reading, rehearsal, ring, start
 from benchmarks.support import host, kills, report
-from benchmarks.support.kills import Fate, Kill
-from benchmarks.support.live import Peek
-from benchmarks.support.recorded import Recorded, campaign_file, parts, record
-from benchmarks.support.result import Figure, Result, figure, number, quantile, text
+from benchmarks.support.kills import Kill, KillOutcome
+from benchmarks.support.live_run import TickObservation
+from benchmarks.support.recorded import (
+    RecordedTicks,
+    build_loop_parts,
+    record_ticks,
+    write_campaign_file,
+)
+from benchmarks.support.result import Figure, Result, figure, format_number, format_table, quantile
 
 HISTOGRAM = """\
 # /dev/cpu_dma_latency set to 0us
@@ -45,20 +50,20 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def campaign(scratch: Path) -> Path:
-    return campaign_file(scratch, 15.0)
+    return write_campaign_file(scratch, 15.0)
 
 
 @pytest.fixture(scope="module")
-def recorded(campaign: Path) -> Recorded:
-    return record(campaign, ticks=600, skip=50)
+def recorded(campaign: Path) -> RecordedTicks:
+    return record_ticks(campaign, ticks=600, skip=50)
 
 
 class Live(NamedTuple):
     """Results of the benchmarks that start whole runs."""
 
-    speed: rehearsal.Speed
-    stalled: ring.Stalled
-    killed: Fate
+    speed: rehearsal.RehearsalSpeed
+    stalled: ring.StalledRun
+    killed: KillOutcome
     folder: Path  # run folder of the stalled run
 
 
@@ -70,30 +75,30 @@ def live(scratch: Path, campaign: Path) -> Live:
         folder.mkdir()
 
     with ThreadPoolExecutor() as pool:
-        speed = pool.submit(rehearsal.speed, campaign, scratch / "speed", 0.001, None)
+        speed = pool.submit(rehearsal.measure_speed, campaign, scratch / "speed", 0.001, None)
         kill = Kill("loop", False, (0.2,))
-        stalled = ring.stalled_run(folders["stalled"], 0.6, 0.2)
-        killed = kills.killed(campaign, folders["killed"], kill, real_clock=True)
+        stalled = ring.run_with_stalled_logger(folders["stalled"], 0.6, 0.2)
+        killed = kills.run_and_kill(campaign, folders["killed"], kill, real_clock=True)
         results = speed.result(), stalled, killed
     return Live(*results, next((folders["stalled"] / "stalled").glob("*_benchmark")))
 
 
-def test_the_cycle_repeats_its_rows_and_takes_time(recorded: Recorded) -> None:
-    assert cycle.repeats(recorded)
-    blocks = cycle.alternate(recorded, 2)
+def test_the_cycle_repeats_its_rows_and_takes_time(recorded: RecordedTicks) -> None:
+    assert cycle.is_reproducible(recorded)
+    blocks = cycle.alternate_blocks(recorded, 2)
     assert all(len(values) == 2 and min(values) > 0.0 for values in blocks)
     assert all(a <= b <= c for a, b, c in zip(blocks.p50, blocks.p99, blocks.p999, strict=True))
 
 
-def test_the_cost_of_a_put_is_measured_without_row_loss(recorded: Recorded) -> None:
-    cost = ring.cost(recorded, 1)
+def test_the_cost_of_a_put_is_measured_without_row_loss(recorded: RecordedTicks) -> None:
+    cost = ring.measure_put_cost(recorded, 1)
     assert cost.put[0] > 0.0
     assert cost.p99[0] > 0.0
     assert len(cost.added) == len(cost.cycle) == 1
 
 
 def test_a_tick_is_split_into_its_parts(campaign: Path) -> None:
-    breakdown = rehearsal.breakdown(parts(campaign), 0.3)
+    breakdown = rehearsal.split_tick(build_loop_parts(campaign), 0.3)
     assert breakdown.plain > 0.0
     assert len(breakdown.parts) == 4
     assert all(part > 0.0 for part in breakdown.parts)
@@ -110,14 +115,14 @@ def test_a_rehearsal_is_timed_from_first_tick_to_last_row(live: Live) -> None:
 def test_a_stalled_logger_is_counted(live: Live) -> None:
     assert live.stalled.lost == 0
     assert live.stalled.dropped == 0
-    assert live.stalled.behind > 50
+    assert live.stalled.max_backlog > 50
     assert live.stalled.ticks > 100
 
 
 @pytest.mark.realtime
 def test_every_period_of_a_real_loop_is_accounted_for(live: Live) -> None:
-    timing = lateness.timing_of(live.folder, 0.4, 0.0)
-    late = timing.late
+    timing = lateness.loop_timing(live.folder, 0.4, 0.0)
+    late = timing.lateness
     assert timing.imbalance == 0
     assert (
         200 <= late.wakes + timing.skipped <= 400
@@ -128,25 +133,25 @@ def test_every_period_of_a_real_loop_is_accounted_for(live: Live) -> None:
 
 @pytest.mark.realtime
 def test_the_rows_of_a_killed_loop_are_counted(live: Live) -> None:
-    assert live.killed.wrong == ()
-    assert live.killed.put > 0
-    assert live.killed.lost == 0
-    assert 0.0 <= live.killed.seconds < 1.0
+    assert live.killed.failures == ()
+    assert live.killed.rows_put > 0
+    assert live.killed.rows_lost == 0
+    assert 0.0 <= live.killed.seconds_lost < 1.0
     figures = {one.name: one for one in crash.rehearsed_figures(crash.REAL, [live.killed])}
     assert figures[f"{crash.REAL}, loop killed: time lost"].target_met
     assert figures[f"{crash.REAL}: claims that failed"].target_met
 
 
 def test_a_histogram_gives_percentiles() -> None:
-    assert lateness.histogram(HISTOGRAM) == lateness.Block(4.0, 90.0, 12345.0, 100)
+    assert lateness.parse_histogram(HISTOGRAM) == lateness.LatenessBlock(4.0, 90.0, 12345.0, 100)
     with pytest.raises(ValueError, match="no histogram"):
-        lateness.histogram("Unable to change scheduling policy!")
+        lateness.parse_histogram("Unable to change scheduling policy!")
 
 
-@pytest.mark.skipif(shutil.which("cyclictest") is None, reason=lateness.MISSING)
+@pytest.mark.skipif(shutil.which("cyclictest") is None, reason=lateness.NO_CYCLICTEST)
 def test_the_output_of_cyclictest_is_parsed() -> None:
     try:
-        block = lateness.cyclictest(0.1)
+        block = lateness.run_cyclictest(0.1)
     except RuntimeError as error:
         pytest.skip(str(error))
     assert 95 <= block.wakes <= 100
@@ -154,23 +159,23 @@ def test_the_output_of_cyclictest_is_parsed() -> None:
 
 
 def test_late_peeks_do_not_count_as_drift() -> None:
-    even = [Peek(10.0 + 0.01 * i + (0.003 if i % 3 else 0.0), 10 * i) for i in range(40)]
-    assert abs(lateness.drift(even)) < 0.01
-    runaway = [Peek(peek.at, peek.tick + i // 4) for i, peek in enumerate(even)]
-    assert lateness.drift(runaway) > 5.0
+    even = [TickObservation(10.0 + 0.01 * i + (0.003 if i % 3 else 0.0), 10 * i) for i in range(40)]
+    assert abs(lateness.tick_drift(even)) < 0.01
+    runaway = [TickObservation(peek.time, peek.tick + i // 4) for i, peek in enumerate(even)]
+    assert lateness.tick_drift(runaway) > 5.0
 
 
-def test_reading_counts_rows_and_memory(recorded: Recorded, tmp_path: Path) -> None:
+def test_reading_counts_rows_and_memory(recorded: RecordedTicks, tmp_path: Path) -> None:
     path = tmp_path / "rows.mcap"
     reading.write_tiled(path, _packed(recorded), 2000)
-    result = reading.opened(path, reading.TEN, 2000)
-    assert 0.0 < result.call < result.whole
-    assert 10.0 < result.peak < 2000.0
-    assert reading.stock(path) > 0.0
-    assert reading.ours(path) > 0.0
+    result = reading.open_in_new_process(path, reading.TEN_FIELDS, 2000)
+    assert 0.0 < result.open_run_s < result.process_s
+    assert 10.0 < result.peak_mb < 2000.0
+    assert reading.time_stock_reader(path) > 0.0
+    assert reading.time_open_run(path) > 0.0
 
 
-def _packed(recorded: Recorded) -> Any:
+def _packed(recorded: RecordedTicks) -> Any:
     from rig.kinds.wavebot.tick import WaveBotRow
     from rig.recording.row_layout import layout, leaves, packer
     from rig.recording.runs.mcap_file import row_dtype
@@ -183,7 +188,7 @@ def _packed(recorded: Recorded) -> Any:
 
 
 def test_the_command_line_is_found() -> None:
-    assert start.seconds_of([*start.command(), "--help"]) > 0.0
+    assert start.time_command([*start.rig_command(), "--help"]) > 0.0
 
 
 # --- results and the runner
@@ -191,8 +196,8 @@ def test_the_command_line_is_found() -> None:
 
 def test_a_figure_is_compared_by_its_median_or_its_worst_value() -> None:
     assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0).target_met is True
-    assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0, judge="worst").target_met is False
-    assert figure("a", "x", [30.0, 40.0], at_least=31.0, judge="worst").target_met is False
+    assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0, criterion="worst").target_met is False
+    assert figure("a", "x", [30.0, 40.0], at_least=31.0, criterion="worst").target_met is False
     assert figure("a", "%", 95.0, at_least=90.0, at_most=98.0).target_met is True
     assert figure("a", "%", 99.0, at_least=90.0, at_most=98.0).target_met is False
     assert figure("a", "%", 89.0, at_least=90.0, at_most=98.0).limit == ">= 90, <= 98"
@@ -213,7 +218,7 @@ def test_quantiles_are_measured_values() -> None:
     [(0.0, "0"), (1234.0, "1234"), (1234.56, "1235"), (0.012345, "0.0123"), (12.345, "12.3")],
 )
 def test_numbers_are_rounded_for_people(value: float, expected: str) -> None:
-    assert number(value) == expected
+    assert format_number(value) == expected
 
 
 def fixed_result(short: bool) -> Result:
@@ -279,13 +284,13 @@ def test_every_measurement_has_the_name_of_its_file(
 
 
 def test_the_host_is_described_without_its_name() -> None:
-    facts = host.facts()
+    facts = host.describe_host()
     assert facts["cores"] >= 1
     assert "name" not in facts
-    load = host.others(host.Busy.now(), host.Busy.now())
+    load = host.other_load(host.ProcessorTime.now(), host.ProcessorTime.now())
     assert load["other_work_cores"] >= 0.0
 
 
 def test_a_result_text_ends_with_its_notes() -> None:
-    assert text(fixed_result(True)).endswith("note: by hand")
-    assert report.closing([]) == "every target was met"
+    assert format_table(fixed_result(True)).endswith("note: by hand")
+    assert report.format_missed([]) == "every target was met"

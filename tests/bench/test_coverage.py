@@ -16,7 +16,7 @@ def test_sessions_recover_the_constants_of_hidden_benches() -> None:
     """Gap, soft zone, stiffness, both constants, losses, brake; the `coverage` benchmark has 200
     benches.
     """
-    results = [coverage.blind(seed) for seed in range(SEEDS)]
+    results = [coverage.analyse_bench(seed) for seed in range(SEEDS)]
     covered = {name: sum(each[name][0] for each in results) for name in results[0]}
     assert {"half gap", "stiffness", "velocity constant"} <= covered.keys()
     assert min(covered.values()) >= MIN_COVERED, covered

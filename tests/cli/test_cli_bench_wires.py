@@ -15,7 +15,7 @@ from rich.console import Console
 from ruamel.yaml import YAML
 from wired_rig import CONFIGS, rig, running
 
-from rig.cli.devices_view import render
+from rig.cli.devices import render
 from rig.cli.exit_codes import BAD_INPUT, FAILED, OK
 from rig.config import load
 from rig.host.finding import Host, Verdict

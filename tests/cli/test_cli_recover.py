@@ -19,8 +19,8 @@ from mcap.reader import make_reader
 from rehearsing import write_yaml
 from rig_command import rig as process
 
-from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
-from benchmarks.support.recorded import campaign_file
+from benchmarks.support.live_run import LOGGER, LOOP, is_running, live_run, wait_until
+from benchmarks.support.recorded import write_campaign_file
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def killed_run(folder: Path) -> None:
     """Kill the supervisor of a run; `rig recover` refuses the run while the loop stops."""
-    rows = {"extends": str(campaign_file(folder, 2000.0)),
+    rows = {"extends": str(write_campaign_file(folder, 2000.0)),
             "timing": {"settle_s": 1, "interval_s": 4}}  # fmt: skip
     path = write_yaml(folder / "killed.yaml", rows)
     with live_run(path, folder / "runs", real_clock=False) as run:
@@ -47,7 +47,7 @@ def killed_run(folder: Path) -> None:
         assert refused.returncode == 1
         assert "still being written" in json.loads(refused.stdout)["message"]
         os.kill(logger, signal.SIGCONT)
-        wait_until(lambda: not any(map(running, processes)), "the end of loop and logger")
+        wait_until(lambda: not any(map(is_running, processes)), "the end of loop and logger")
 
 
 @pytest.fixture

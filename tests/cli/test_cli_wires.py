@@ -20,7 +20,7 @@ from command_here import rig as rig_here
 from rich.console import Console
 from wired_rig import CONFIGS, Ports, ended, free_ports, ready, rig, rig_file, running
 
-from rig.cli.devices_view import render
+from rig.cli.devices import render
 from rig.cli.exit_codes import BAD_INPUT, FAILED, OK, STOPPED
 from rig.config import load
 from rig.kinds.wavebot.config import RigFile

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.support.kills import PAIRS, SUPERVISOR, Fate, plans, soak
-from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
-from benchmarks.support.recorded import campaign_file
+from benchmarks.support.kills import PAIRS, SUPERVISOR, KillOutcome, draw_kills, run_kills
+from benchmarks.support.live_run import LOGGER, LOOP, is_running, live_run, wait_until
+from benchmarks.support.recorded import write_campaign_file
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
 
@@ -26,33 +26,33 @@ SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
 VIRTUAL, REAL = 16, 6  # kills; 300 of them: python -m benchmarks crash
 
 
-def check_outcomes(fates: list[Fate], kills: int) -> None:
+def check_outcomes(fates: list[KillOutcome], kills: int) -> None:
     report = "\n".join(map(str, fates))
     print(f"KILL_SEED={SEED}\n{report}")  # shown on failure
     assert sum(len(fate.kill.moments) for fate in fates) == kills
-    assert not [fate for fate in fates if fate.wrong]
-    assert max(fate.seconds for fate in fates) <= 1.0
+    assert not [fate for fate in fates if fate.failures]
+    assert max(fate.seconds_lost for fate in fates) <= 1.0
     for fate in fates:
-        if fate.kill.who != "all":
-            assert fate.lost == 0
+        if fate.kill.target != "all":
+            assert fate.rows_lost == 0
 
 
 def test_kills_on_the_virtual_clock(tmp_path: Path) -> None:
-    todo = plans(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR, *PAIRS), 1.5)
-    check_outcomes(soak(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
+    todo = draw_kills(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR, *PAIRS), 1.5)
+    check_outcomes(run_kills(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
 
 
 def test_kills_on_the_real_clock(tmp_path: Path) -> None:
     dice = random.Random(SEED + 1)
     whom = ["loop", "logger", SUPERVISOR, *PAIRS, "all"]
-    todo = [plans(dice, 1, (who,), 1.5)[0]._replace(starting=False) for who in whom]
+    todo = [draw_kills(dice, 1, (who,), 1.5)[0]._replace(starting=False) for who in whom]
     dice.shuffle(todo)
-    check_outcomes(soak(tmp_path, todo, real_clock=True, workers=1), REAL)
+    check_outcomes(run_kills(tmp_path, todo, real_clock=True, workers=1), REAL)
 
 
 def test_a_stopping_loop_keeps_the_real_time_lock(tmp_path: Path) -> None:
     """The next run must not start while the last loop still has the drive on."""
-    campaign = campaign_file(tmp_path, 60.0)
+    campaign = write_campaign_file(tmp_path, 60.0)
     with live_run(campaign, tmp_path / "runs", real_clock=True) as run:
         run.wait_started()
         loop, logger = run.pid(LOOP), run.pid(LOGGER)
@@ -61,7 +61,7 @@ def test_a_stopping_loop_keeps_the_real_time_lock(tmp_path: Path) -> None:
         run.process.wait()
         with pytest.raises(BusyError, match="was killed; its loop is coming to a stop"):
             acquire((REALTIME_WIRE,), "next")
-        assert running(loop)
-        wait_until(lambda: not running(loop), "the end of the loop")
+        assert is_running(loop)
+        wait_until(lambda: not is_running(loop), "the end of the loop")
         acquire((REALTIME_WIRE,), "next").close()
-        wait_until(lambda: not running(logger), "the end of the logger")
+        wait_until(lambda: not is_running(logger), "the end of the logger")

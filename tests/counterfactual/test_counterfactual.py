@@ -14,7 +14,7 @@ from rehearsing import CONFIGS, rehearse, write_campaign
 from rig_command import rig_here
 from synthetic_runs import POWERS
 
-from benchmarks.counterfactual import case
+from benchmarks.counterfactual import predict_case
 from rig.identification.incident_waves import WaveMakerLines, wave_maker_lines
 from rig.kinds.wavebot.campaign import Campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
@@ -170,10 +170,10 @@ def test_hidden_plant_is_predicted(tmp_path: Path, seed: int) -> None:
     Testing the coverage of the intervals needs more plants than a test has time for: see the
     benchmark of this name. Here no error may exceed twice the interval.
     """
-    result = case(tmp_path, seed)
-    error = np.abs(result.predicted - result.true)
+    result = predict_case(tmp_path, seed)
+    error = np.abs(result.predicted - result.truth)
     mechanical = error[:, 0]
-    assert np.all(mechanical <= np.maximum(0.05 * np.abs(result.true[:, 0]), 0.5))
+    assert np.all(mechanical <= np.maximum(0.05 * np.abs(result.truth[:, 0]), 0.5))
     assert np.all(error <= 2.0 * result.half_width)
     assert np.all(result.half_width > 0.0)
 

@@ -1,7 +1,7 @@
 """CANopen torque axis and actuator as subjects of the conformance test, cycled over a bus.
 
-Bits of a frame are the bus controller's to check, so what a device can get wrong is which frames it
-sends, how long they are, and when.
+The bus controller checks the bits of a frame, so a device can only send wrong frames, frames of a
+wrong length, or frames at a wrong time.
 """
 
 from __future__ import annotations

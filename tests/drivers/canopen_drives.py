@@ -81,7 +81,7 @@ def drive_steps(
     ]
 
 
-# Objects of a drive on a foreign stack: few, and its SYNC COB-ID is only verified.
+# Objects of a drive on a foreign stack, which has few; its SYNC COB-ID is only verified.
 FOREIGN_OBJECTS = {
     "device_type": 402,
     "sync_cob_id": 0x80,

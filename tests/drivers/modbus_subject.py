@@ -76,8 +76,8 @@ class FaultySlave:
     def _answer(self, request: bytes) -> None:
         count = int.from_bytes(request[4:6], "big")
         milliseconds = round((time.monotonic() - self.started_at) * 1000.0)
-        words = (milliseconds.to_bytes(4, "big") + bytes(2 * count))[: 2 * count]
-        reply = modbus(struct.pack(">BBB", 1, request[1], 2 * count) + words)
+        registers = (milliseconds.to_bytes(4, "big") + bytes(2 * count))[: 2 * count]
+        reply = modbus(struct.pack(">BBB", 1, request[1], 2 * count) + registers)
         fault = self.fault
         if fault == "silent":
             return
@@ -117,13 +117,13 @@ class ModbusSubject:
     def run(self, seconds: float) -> float:
         began = time.monotonic()
         while time.monotonic() < began + seconds:
-            asked = time.monotonic()
+            requested_at = time.monotonic()
             try:
                 high, low = self.line.read(BLOCK)
             except LineError as error:
                 self._problem = str(error)
             else:
-                self._requested_at, self._value = asked, (high << 16 | low) * 0.001
+                self._requested_at, self._value = requested_at, (high << 16 | low) * 0.001
                 self._problem = ""
             time.sleep(0.005)
         return time.monotonic() - began

@@ -7,9 +7,9 @@ from typing import Any
 
 
 def pieces(data: bytes, cuts: Iterable[int]) -> list[bytes]:
-    """``data`` cut at the given places (modulo its length); empty pieces may come too."""
-    places = sorted(cut % (len(data) + 1) for cut in cuts)
-    return [data[a:b] for a, b in zip([0, *places], [*places, len(data)], strict=True)]
+    """Return ``data`` cut at the given offsets (modulo its length); pieces may be empty."""
+    offsets = sorted(cut % (len(data) + 1) for cut in cuts)
+    return [data[a:b] for a, b in zip([0, *offsets], [*offsets, len(data)], strict=True)]
 
 
 def drain(feed: Callable[..., Any], state: Any, parts: Iterable[bytes]) -> tuple[Any, list[Any]]:

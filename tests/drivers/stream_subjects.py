@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, NetFtPeer, Peer
-from spoilt_port import STEP, FaultyPort
+from faulty_port import STEP, FaultyPort
 
 from drivers.compax3 import objects, servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object

@@ -77,8 +77,8 @@ def test_compax3_is_not_xmodem_and_leaves_no_zero() -> None:
 @given(st.binary(max_size=80))
 def test_modbus_is_a_reflected_division(data: bytes) -> None:
     message = int.from_bytes(bytes(mirrored(byte, 8) for byte in data), "big") << 16
-    wanted = remainder(message ^ 0xFFFF << 8 * len(data), 0x18005)
-    assert checksums.modbus_crc16(data) == mirrored(wanted, 16)
+    expected = remainder(message ^ 0xFFFF << 8 * len(data), 0x18005)
+    assert checksums.modbus_crc16(data) == mirrored(expected, 16)
 
 
 def test_modbus_of_the_catalogue_and_of_a_manufacturer() -> None:

@@ -23,9 +23,9 @@ def test_a_sample_time_is_never_after_its_arrival(
     for n, delay in enumerate(delays):
         taken = n * period
         state = clock_offset.step(state, WINDOW, taken - offset, taken + delay)
-        told = clock_offset.to_host_time(state, taken - offset)
-        assert told <= taken + delay + 1e-6
-        assert told >= taken + smallest - 1e-6
+        host_time = clock_offset.to_host_time(state, taken - offset)
+        assert host_time <= taken + delay + 1e-6
+        assert host_time >= taken + smallest - 1e-6
 
 
 def test_one_quick_message_is_enough() -> None:
@@ -45,7 +45,7 @@ def test_drift_is_followed_within_two_windows() -> None:
             state = clock_offset.step(state, WINDOW, taken * (1.0 + drift), taken)
             off = clock_offset.to_host_time(state, taken * (1.0 + drift)) - taken
             worst_young, worst_old = max(worst_young, off), min(worst_old, off)
-        assert worst_young < 1e-9  # the age is never told too small
+        assert worst_young < 1e-9  # the reported age is never too small
         assert worst_old > -2.0 * WINDOW * 100e-6 - 1e-6
 
 
@@ -54,5 +54,5 @@ def test_after_a_long_silence_the_old_windows_count_no_more() -> None:
     state = clock_offset.step(state, WINDOW, 100.0, 100.5)  # the clock lost half a second
     assert clock_offset.to_host_time(state, 100.0) == 100.5
     state = clock_offset.step(clock_offset.start(), WINDOW, 0.0, 0.0)
-    state = clock_offset.step(state, WINDOW, 2.5, 3.0)  # the window before still counts
+    state = clock_offset.step(state, WINDOW, 2.5, 3.0)  # the previous window still counts
     assert clock_offset.to_host_time(state, 2.5) == 2.5

@@ -6,9 +6,9 @@ import math
 import struct
 
 from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, ccitt, modbus
+from faulty_port import STEP, FaultyPort
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from spoilt_port import STEP, FaultyPort
 from stream_subjects import BRIDGE, DIGITAL, NET, SERVO
 
 from drivers.compax3.servo import Servo
@@ -31,12 +31,12 @@ def test_a_servo_survives_any_answers(
 ) -> None:
     class Mad(Compax3Peer):
         def receive(self, data: bytes, now: float) -> list[bytes]:
-            said = super().receive(data, now)
+            answers = super().receive(data, now)
             if now < 0.2 or not replies:
-                return said
+                return answers
             reply = replies.pop()
             if reply is None:
-                return said
+                return answers
             if isinstance(reply, bytes):
                 return [reply]
             body = bytes((reply[0], len(reply[1]) - 1)) + reply[1]
@@ -128,9 +128,9 @@ def test_a_net_reader_survives_any_datagrams(datagrams: list[tuple[bytes, float]
 def test_a_digital_reader_survives_any_answers(answers: list[bytes]) -> None:
     class Mad(DigitalFtPeer):
         def receive(self, data: bytes, now: float) -> list[bytes]:
-            said = super().receive(data, now)
+            answers = super().receive(data, now)
             if not answers:
-                return said
+                return answers
             answer = answers.pop()
             return [modbus(answer) if len(answer) % 2 else answer]
 

@@ -69,7 +69,7 @@ def port(tmp_path: Path) -> Iterator[PtyPort]:
 
 
 class PortLoop:
-    """Runs both ends in turn."""
+    """Runs both ends alternately."""
 
     def __init__(self, case: Case, port: PtyPort, echo: int = 0) -> None:
         self.case, self.port = case, port
@@ -117,12 +117,12 @@ def test_a_pulled_adapter_is_found_again(make: Callable[[], Case], port: PtyPort
     table.until(table.fresh)
     port.pull()
     table.until(lambda: not table.link.is_open)
-    gone = table.now()
-    table.until(lambda: table.now() > gone + 0.3)
+    lost_at = table.now()
+    table.until(lambda: table.now() > lost_at + 0.3)
     assert table.case.age(table.now()) > 0.3
     port.plug()
     table.case.peer.power_cycle(table.now())
-    table.until(lambda: table.fresh() and table.case.age(table.now()) < table.now() - gone)
+    table.until(lambda: table.fresh() and table.case.age(table.now()) < table.now() - lost_at)
     assert (table.link.open_count, table.link.loss_count) == (2, 1)
     table.link.close()
 

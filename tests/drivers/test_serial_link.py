@@ -149,7 +149,7 @@ def test_a_hang_up_closes_and_a_return_is_found(port: PtyPort, by: str) -> None:
 
 
 def test_bytes_before_a_hang_up_are_returned_once(port: PtyPort) -> None:
-    """Whatever the kernel still gives of it is given once, and the end is noticed."""
+    """The bytes that the kernel still has are returned once, and the end is detected."""
     link = SerialLink(settings(port))
     link.open()
     port.write(b"last words")
@@ -172,9 +172,9 @@ def test_the_pause_between_attempts_doubles() -> None:
             assert link.problem == "there is no such port"
             attempts.append(now[0])
     gaps = [b - a for a, b in itertools.pairwise(attempts)]
-    wanted = [min(MIN_PAUSE * 2**n, MAX_PAUSE) for n in range(len(gaps))]
+    expected = [min(MIN_PAUSE * 2**n, MAX_PAUSE) for n in range(len(gaps))]
     assert len(gaps) > 7
-    assert gaps == pytest.approx(wanted, abs=0.011)
+    assert gaps == pytest.approx(expected, abs=0.011)
 
 
 def test_a_missing_port_names_device_and_port(tmp_path: Path) -> None:
@@ -203,13 +203,13 @@ def test_a_full_line_is_counted_not_waited_for(port: PtyPort) -> None:
 def test_the_port_gets_the_configured_settings(
     port: PtyPort, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A pty takes any setting, so what is asked for is all that can be seen."""
+    """A pty accepts any setting, so the test can only see the requested settings."""
     seen: list[Any] = []
-    made = serial.Serial
+    open_serial = serial.Serial
 
     def remember(*args: Any, **kwargs: Any) -> serial.Serial:
         seen.append((args, kwargs))
-        return made(*args, **kwargs)
+        return open_serial(*args, **kwargs)
 
     monkeypatch.setattr(serial, "Serial", remember)
     link = SerialLink(SerialSettings("load cell", str(port.path), 1_250_000, "E", 2, rts_cts=1))
@@ -236,15 +236,15 @@ def test_low_latency_is_never_requested_of_a_pty(port: PtyPort) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fails", "said"), [(None, "set"), (ValueError("no ioctl"), "refused: no ioctl")]
+    ("fails", "answer"), [(None, "set"), (ValueError("no ioctl"), "refused: no ioctl")]
 )
 def test_low_latency_is_reported(
-    port: PtyPort, monkeypatch: pytest.MonkeyPatch, fails: Exception | None, said: str
+    port: PtyPort, monkeypatch: pytest.MonkeyPatch, fails: Exception | None, answer: str
 ) -> None:
-    asked = []
+    requested = []
 
     def low_latency(self: Any, on: bool) -> None:
-        asked.append(on)
+        requested.append(on)
         if fails is not None:
             raise fails
 
@@ -252,7 +252,7 @@ def test_low_latency_is_reported(
     monkeypatch.setattr("os.major", lambda _: 188)  # ttyUSB
     link = SerialLink(settings(port, low_latency=1))
     link.open()
-    assert (asked, link.low_latency, link.is_open) == ([True], said, True)
+    assert (requested, link.low_latency, link.is_open) == ([True], answer, True)
     link.close()
 
 
@@ -270,29 +270,31 @@ def test_an_echo_is_not_taken_for_an_answer(port: PtyPort) -> None:
 
 
 @given(st.binary(min_size=1, max_size=12), st.binary(max_size=12), st.lists(st.integers(0, 24)))
-def test_an_echo_is_removed_however_it_is_split(sent: bytes, said: bytes, cuts: list[int]) -> None:
+def test_an_echo_is_removed_however_it_is_split(
+    sent: bytes, answer: bytes, cuts: list[int]
+) -> None:
     state = rs485_echo.record_sent(rs485_echo.start(), sent)
-    data, got = sent + said, b""
+    data, got = sent + answer, b""
     places = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
     for a, b in itertools.pairwise(places):
         state, more = rs485_echo.strip_echo(state, data[a:b])
         got += more
-    assert got == said
+    assert got == answer
     assert state == rs485_echo.start()
 
 
 @given(st.binary(min_size=1, max_size=6), st.binary(min_size=1, max_size=12))
-def test_without_an_echo_no_byte_is_lost(sent: bytes, said: bytes) -> None:
+def test_without_an_echo_no_byte_is_lost(sent: bytes, answer: bytes) -> None:
     state = rs485_echo.record_sent(rs485_echo.start(), sent)
     got = b""
-    for byte in said:
+    for byte in answer:
         state, more = rs485_echo.strip_echo(state, bytes((byte,)))
         got += more
-    if said.startswith(sent):  # then it is an echo
-        assert got == said[len(sent) :]
+    if answer.startswith(sent):  # then it is an echo
+        assert got == answer[len(sent) :]
     else:
-        assert got + state.expected[: state.matched] == said
-        assert state.missed_echoes == (0 if sent.startswith(said) else 1)
+        assert got + state.expected[: state.matched] == answer
+        assert state.missed_echoes == (0 if sent.startswith(answer) else 1)
 
 
 def test_a_port_closes_with_unsent_bytes(port: PtyPort) -> None:

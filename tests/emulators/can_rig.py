@@ -109,16 +109,16 @@ class BusProbe:
     """A station on the bus that records received frames and sends test frames."""
 
     def __init__(self, rig: Rig, schedule: ManualSchedule) -> None:
-        self.heard: list[Frame] = []
+        self.received: list[Frame] = []
         self.schedule = schedule
-        self.station = rig.hub.join(self.heard.append)
+        self.station = rig.hub.join(self.received.append)
 
     def send(self, identifier: int, data: bytes | str = b"") -> None:
         octets = bytes.fromhex(data) if isinstance(data, str) else data
         self.station.send(Frame(identifier, octets))
 
     def of(self, identifier: int) -> list[bytes]:
-        return [frame.data for frame in self.heard if frame.identifier == identifier]
+        return [frame.data for frame in self.received if frame.identifier == identifier]
 
     def last(self, identifier: int) -> bytes:
         return self.of(identifier)[-1]

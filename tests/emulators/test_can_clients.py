@@ -146,6 +146,6 @@ def test_silent_client_leaves_no_current(rig: LiveRig, by: str) -> None:
                 time.sleep(0.02)
         wait_until(lambda: abs(rig.do(lambda: rig.rig.world.readings().heave_current)) < 0.1)
         elapsed = time.monotonic() - began
-        assert elapsed < silence + 0.4, "the current was there for too long"
+        assert elapsed < silence + 0.4, "the current lasted too long"
         assert elapsed > silence - 0.1
         assert node.sdo[0x6041].raw & 0x4F == 0x40

@@ -88,7 +88,7 @@ def received(bus: can.BusABC, identifier: int) -> bytes:
     while (frame := bus.recv(10.0)) is not None:
         if frame.arbitration_id == identifier:
             return bytes(frame.data)
-    raise AssertionError(f"nothing heard under {identifier:x}")
+    raise AssertionError(f"no frame received with {identifier:x}")
 
 
 def test_python_can_clients_of_several_processes_share_the_bus() -> None:

@@ -61,10 +61,10 @@ def test_actuator_defaults_match_the_manual() -> None:
 
 def test_boot_up_then_silence() -> None:
     _, tap, schedule = manual_rig()
-    assert sorted(frame.identifier for frame in tap.heard) == [0x701, 0x702, 0x703]
-    assert {frame.data for frame in tap.heard} == {b"\0"}
+    assert sorted(frame.identifier for frame in tap.received) == [0x701, 0x702, 0x703]
+    assert {frame.data for frame in tap.received} == {b"\0"}
     schedule.run(1.0)
-    assert len(tap.heard) == 3
+    assert len(tap.received) == 3
 
 
 def test_heartbeats_report_the_nmt_state() -> None:
@@ -72,14 +72,14 @@ def test_heartbeats_report_the_nmt_state() -> None:
     assert tap.write(HEAVE, 0x1017, 0, 50, 2) == 0
     for command, state in ((0, PRE_OPERATIONAL), (1, OPERATIONAL), (2, STOPPED), (128, 127)):
         tap.nmt(command, HEAVE)
-        tap.heard.clear()
+        tap.received.clear()
         schedule.run(0.501)
         assert tap.of(0x701) == [bytes([state])] * 10
         assert rig.surge.port.nmt == PRE_OPERATIONAL
     tap.write(HEAVE, 0x1017, 0, 0, 2)
-    tap.heard.clear()
+    tap.received.clear()
     schedule.run(0.5)
-    assert tap.heard == []
+    assert tap.received == []
 
 
 def test_reset_node_and_reset_communication_restore_their_objects() -> None:
@@ -88,7 +88,7 @@ def test_reset_node_and_reset_communication_restore_their_objects() -> None:
     for command, kept in ((130, 5000), (129, 10000)):
         tap.write(HEAVE, 0x1017, 0, 100, 2)
         tap.write(HEAVE, 0x6087, 0, 5000, 4)
-        tap.heard.clear()
+        tap.received.clear()
         tap.nmt(command, HEAVE)
         schedule.run(0.06)
         assert tap.of(0x701) == [b"\0"]
@@ -150,7 +150,7 @@ def test_any_frame_leaves_the_node_working(frames: list[tuple[int, bytes]]) -> N
         tap.send(identifier, data)
         tap.send(0x600 + HEAVE, data)
     schedule.run(0.01)
-    tap.heard.clear()
+    tap.received.clear()
     tap.nmt(129)
     schedule.run(0.2)
     assert tap.read(HEAVE, 0x1000) == 0x00020192
@@ -184,7 +184,7 @@ def test_event_tpdos_keep_their_inhibit_time_and_timer() -> None:
     map_tpdo(tap, HEAVE, 1, [0x60410010], type=255, inhibit=500)
     map_tpdo(tap, HEAVE, 2, [0x60FD0020], type=254, timer=100)
     tap.nmt(1)
-    tap.heard.clear()
+    tap.received.clear()
     for word in (0x06, 0x07, 0x06, 0x07):
         tap.send(0x201, rpdo(word))
         schedule.run(0.01)
@@ -247,7 +247,7 @@ def test_silent_master_is_detected_in_time(behaviour: int, state: int) -> None:
     assert tap.write(STATOR, 0x1016, 1, 0x7F << 16 | 200, 4) == 0
     assert tap.write(STATOR, 0x1029, 1, behaviour, 1) == 0
     tap.nmt(1)
-    schedule.run(1.0)  # never heard of: not watched
+    schedule.run(1.0)  # never received: not monitored
     for _ in range(10):
         tap.send(0x77F, "05")
         schedule.run(0.15)
@@ -275,7 +275,7 @@ def test_only_nmt_and_heartbeat_while_stopped() -> None:
     _, tap, _ = manual_rig()
     tap.write(HEAVE, 0x1017, 0, 100, 2)
     tap.nmt(2)
-    tap.heard.clear()
+    tap.received.clear()
     tap.send(0x601, "40 00 10 00 00 00 00 00")
     tap.cycle((0x201, rpdo(0x06)), count=150)
-    assert {frame.identifier for frame in tap.heard} == {0x701}
+    assert {frame.identifier for frame in tap.received} == {0x701}

@@ -94,8 +94,8 @@ def test_a_bench_starts_and_leaves_nothing_behind(tmp_path: Path) -> None:
     async def start_all() -> dict[str, str]:
         async with running(bench(tmp_path, outputs)) as addresses:
             await asyncio.sleep(0.1)
-            there = {path.name for path in tmp_path.iterdir()}
-            assert there == {"amplifiers", "drive", "encoders", "ft"}
+            names = {path.name for path in tmp_path.iterdir()}
+            assert names == {"amplifiers", "drive", "encoders", "ft"}
         assert asyncio.all_tasks() == {asyncio.current_task()}
         return addresses
 

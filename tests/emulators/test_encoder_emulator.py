@@ -175,7 +175,7 @@ def test_faults_of_the_bridge(fault: str, place: int, expected_byte: int) -> Non
 
 
 def test_the_stream_on_a_line(stage: Stage) -> None:
-    """At 500 Hz: whole frames, numbers and stamps that agree, and time that is the source's."""
+    """At 500 Hz: complete frames, matching numbers and time stamps, the clock of the source."""
     start = time.monotonic()
 
     def read() -> ShaftAngles:

@@ -30,7 +30,7 @@ def test_each_fault_is_seen_and_ends() -> None:
     enable(tap, HEAVE)
     follow(tap, foreign, 150)
     assert rig.heave.machine.state is State.ENABLED
-    tap.heard.clear()
+    tap.received.clear()
     follow(tap, foreign, 20)
     ours = len(tap.of(0x180 + HEAVE))
     assert rig.world.actuation.heave_current == 0.0
@@ -43,7 +43,7 @@ def test_each_fault_is_seen_and_ends() -> None:
     follow(tap, foreign, 5)
     assert rig.world.actuation.heave_current == 0.0
 
-    tap.heard.clear()
+    tap.received.clear()
     foreign.faults.switch("sync")
     follow(tap, foreign, 20)
     assert 18 <= len(tap.of(0x80)) <= 22
@@ -51,13 +51,13 @@ def test_each_fault_is_seen_and_ends() -> None:
     foreign.faults.clear()
     follow(tap, foreign, 2)
 
-    tap.heard.clear()
+    tap.received.clear()
     foreign.faults.switch("tpdo")
     follow(tap, foreign, 20)
     assert len(tap.of(0x180 + HEAVE)) >= 1.8 * ours
     foreign.faults.clear()
     follow(tap, foreign, 2)
-    tap.heard.clear()
+    tap.received.clear()
     follow(tap, foreign, 20)
     assert len(tap.of(0x180 + HEAVE)) == ours
 

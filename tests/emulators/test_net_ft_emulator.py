@@ -64,7 +64,7 @@ def receive_record(host: socket.socket) -> tuple[int, ...]:
 
 
 def wait_for_silence(host: socket.socket) -> bool:
-    """Return whether the stream has ended; packets under way are discarded."""
+    """Return True if the stream has ended; packets in transit are discarded."""
     host.settimeout(0.2)
     try:
         for _ in range(500):

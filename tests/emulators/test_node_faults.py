@@ -26,10 +26,10 @@ class Bench(NamedTuple):
 
     def listen(self, count: int = 120) -> dict[int, list[bytes]]:
         """Return the node's frames during some cycles of 1 ms, by function code."""
-        self.tap.heard.clear()
+        self.tap.received.clear()
         self.tap.cycle(count=count)
         frames_of_node = [
-            frame for frame in self.tap.heard if frame.identifier & 0x7F == self.number
+            frame for frame in self.tap.received if frame.identifier & 0x7F == self.number
         ]
         return {
             code: [f.data for f in frames_of_node if f.identifier & 0x780 == code] for code in CODES
@@ -42,7 +42,7 @@ class Bench(NamedTuple):
         self.tap.write(self.number, index, sub, value, octets)
 
     def answers(self) -> bool:
-        self.tap.heard.clear()
+        self.tap.received.clear()
         self.tap.send(0x600 + self.number, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0]))
         return bool(self.tap.of(0x580 + self.number))
 
@@ -82,18 +82,18 @@ def bench(name: str) -> Bench:
 
 
 def silent(b: Bench) -> bool:
-    heard = b.listen()
-    return not heard[0x180] and not heard[0x700] and b.answers()
+    received = b.listen()
+    return not received[0x180] and not received[0x700] and b.answers()
 
 
 def no_heartbeat(b: Bench) -> bool:
-    heard = b.listen()
-    return bool(heard[0x180]) and not heard[0x700]
+    received = b.listen()
+    return bool(received[0x180]) and not received[0x700]
 
 
 def no_pdo(b: Bench) -> bool:
-    heard = b.listen()
-    return not heard[0x180] and bool(heard[0x700])
+    received = b.listen()
+    return not received[0x180] and bool(received[0x700])
 
 
 def off(b: Bench) -> bool:
@@ -101,7 +101,7 @@ def off(b: Bench) -> bool:
 
 
 def late(b: Bench) -> bool:
-    b.tap.heard.clear()
+    b.tap.received.clear()
     b.tap.send(0x80)
     b.schedule.run(0.0015)
     early = b.tap.of(0x180 + b.number)
@@ -158,11 +158,11 @@ def count_offset(b: Bench, cycles: int = 1) -> int:
 
 
 def encoder_is_reversed(b: Bench) -> bool:
-    before, there = b.read(0x6064), b.rig.world.readings().heave_counts
+    before, start = b.read(0x6064), b.rig.world.readings().heave_counts
     b.rig.world.world.release(0.2)
     b.tap.cycle(count=50)
     shown = (b.read(0x6064) - before + (1 << 31)) % (1 << 32) - (1 << 31)
-    moved = b.rig.world.readings().heave_counts - there
+    moved = b.rig.world.readings().heave_counts - start
     return abs(moved) > 1000 and shown == -moved
 
 
@@ -170,9 +170,9 @@ def inverted_cell(b: Bench) -> bool:
     b.rig.world.world.release(0.2)  # loads the column, and pulls the string pot
     b.tap.cycle(count=20)
     now = b.rig.world.readings()
-    there = now.force_lcb
+    force = now.force_lcb
     shown = (b.read(0x201A, 1) ^ 0x8000) - 0x8000
-    return abs(there) > 1.0 and there * shown < 0.0
+    return abs(force) > 1.0 and force * shown < 0.0
 
 
 def blocked(b: Bench) -> bool:
@@ -283,7 +283,7 @@ def test_power_off_removes_the_current_and_power_on_boots() -> None:
     b.tap.cycle((0x201, rpdo(0x0F, 2000)), count=20)
     b.node.inject("powered_off")
     assert b.rig.world.actuation[:2] == (0.0, 0)
-    b.tap.heard.clear()
+    b.tap.received.clear()
     b.node.clear("powered_off")
     b.schedule.run(0.08)
     assert b.tap.of(0x701) == [b"\0"]

@@ -18,11 +18,11 @@ class Parrot:
         self.line = line
         self.link = line.link
         self.address = line.address
-        self.heard: list[bytes] = []
+        self.received: list[bytes] = []
         line.attach(self.receive)
 
     def receive(self, data: bytes, now: float) -> None:
-        self.heard.append(data)
+        self.received.append(data)
         self.line.send(b">" + data)
 
     async def start(self) -> None:
@@ -43,7 +43,7 @@ def test_bytes_in_both_directions_for_several_clients(stage: Stage) -> None:
 
 
 def test_line_timing(stage: Stage) -> None:
-    """200 bytes there and 201 back at 9600 baud, 11 bits: 459 ms; never faster."""
+    """200 bytes out and 201 back at 9600 baud, 11 bits: 459 ms; never faster."""
     parrot = stage.show(Parrot(stage.line(baud=9600, bits_per_byte=11)))
     with serial.Serial(parrot.address, timeout=3.0) as port:
         start = time.monotonic()

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.support.wavebot_fault_walk import Stage, stage
+from benchmarks.support.emulated_wavebot import EmulatedWaveBot, emulated_wavebot
 
 
 @pytest.fixture(scope="session")
-def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedWaveBot]:
     """Start emulated devices for all tests that do not kill them."""
-    with stage(tmp_path_factory.mktemp("hil")) as started_stage:
+    with emulated_wavebot(tmp_path_factory.mktemp("hil")) as started_stage:
         yield started_stage

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.support.fault_walk import Trigger, Watcher, when_free
-from benchmarks.support.process_faults import io_process_of
+from benchmarks.support.fault_runs import CallbackView, Trigger, run_when_free
+from benchmarks.support.process_faults import child_with_stderr
 from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.tasks import execution_task, wired_mode
@@ -34,7 +34,7 @@ class Kill(Trigger):
 
     def __init__(self, stderr: str) -> None:
         def kill() -> float:
-            os.kill(io_process_of(stderr), signal.SIGKILL)
+            os.kill(child_with_stderr(stderr), signal.SIGKILL)
             return time.monotonic()
 
         super().__init__(kill, 1.0)
@@ -49,9 +49,9 @@ def run_emulated(
     """Run a campaign with emulated devices of its own and return the result."""
 
     def run() -> RunResult:
-        watcher = Watcher(on_snapshot or (lambda snapshot: None))
+        view = CallbackView(on_snapshot or (lambda snapshot: None))
         return run_task(
-            execution_task(campaign, plan), runs, watcher, wired_mode(campaign, emulated=True)
+            execution_task(campaign, plan), runs, view, wired_mode(campaign, emulated=True)
         )
 
-    return when_free(run)
+    return run_when_free(run)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.support.wired_attacks import attacked, attacks
-from benchmarks.support.wired_rigs import WIRED
+from benchmarks.support.wired_attacks import draw_attacks, run_attack
+from benchmarks.support.wired_rigs import WIRED_RIGS
 
 pytestmark = pytest.mark.realtime
 
@@ -22,13 +22,13 @@ SEED = int(os.environ.get("ATTACK_SEED") or secrets.randbits(32))
 ATTACKS = 5  # on each rig; the long form is `python -m benchmarks crash`
 
 
-@pytest.mark.parametrize("name", WIRED)
+@pytest.mark.parametrize("name", WIRED_RIGS)
 def test_any_process_may_be_lost_at_any_moment(name: str, tmp_path: Path) -> None:
     print(f"ATTACK_SEED={SEED}")  # shown if it fails
-    wrong = list[str]()
-    with WIRED[name](tmp_path) as rig:
-        for number, attack in enumerate(attacks(random.Random(SEED), rig, ATTACKS, 3.0)):
-            found = attacked(rig, tmp_path / f"run{number}", attack)
-            print(f"{attack}: power off {found.powerless} s later; {found.put} rows")
-            wrong += [f"{attack}: {claim}" for claim in found.wrong]
-    assert wrong == []
+    failures = list[str]()
+    with WIRED_RIGS[name](tmp_path) as rig:
+        for number, attack in enumerate(draw_attacks(random.Random(SEED), rig, ATTACKS, 3.0)):
+            outcome = run_attack(rig, tmp_path / f"run{number}", attack)
+            print(f"{attack}: power off {outcome.power_off_after} s later; {outcome.rows_put} rows")
+            failures += [f"{attack}: {claim}" for claim in outcome.failures]
+    assert failures == []

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, write_yaml
 
-from benchmarks.support.fault_walk import Watcher, free_port, when_free
-from benchmarks.support.host import Busy, others
+from benchmarks.support.fault_runs import CallbackView, free_port, run_when_free
+from benchmarks.support.host import ProcessorTime, other_load
 from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.products.driveline import analyse_driveline
 from rig.kinds.oswec_bench.products.points import open_session
@@ -62,7 +62,7 @@ def free_datagram_port() -> int:
 
 
 def rig_file(folder: Path) -> Path:
-    """Write the wired bench with addresses of its own, so that several can be on one host."""
+    """Write the wired bench with free ports, so that several can run on one host."""
     lines = Path(tempfile.mkdtemp(prefix="wec-", dir=folder))
     wiring = {
         "encoders": {"port": str(lines / "encoders")},
@@ -85,7 +85,7 @@ def run_session(path: Path, rig: Path, folder: Path, on_wires: bool) -> RunResul
         else rehearsal_mode(session, real_clock=False)
     )
     task = execution_task(session, plan)
-    return when_free(lambda: run_task(task, folder, Watcher(lambda snapshot: None), mode))
+    return run_when_free(lambda: run_task(task, folder, CallbackView(lambda snapshot: None), mode))
 
 
 def executed_share(result: RunResult) -> float:
@@ -144,9 +144,9 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     rehearsed_delay = brake_delay(rehearsed)
     best: tuple[float, RunResult, float, float] | None = None
     for attempt in range(TRIES):
-        before = Busy.now()
+        before = ProcessorTime.now()
         result = run_session(path, rig_file(folder), folder, on_wires=True)
-        load = others(before, Busy.now())["other_work_cores"]
+        load = other_load(before, ProcessorTime.now())["other_work_cores"]
         complete, share = result.outcome.status == "complete", executed_share(result)
         late = brake_delay(result) - rehearsed_delay if complete else math.inf
         print(f"attempt {attempt}: {result.outcome.status}, {result.outcome.reason}, executed "

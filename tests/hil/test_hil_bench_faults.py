@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.support.bench_fault_walk import BenchStage, bench_stage
+from benchmarks.support.emulated_bench import EmulatedBench, emulated_bench
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_table import Row, missing_rows
-from benchmarks.support.fault_walk import there, walk_fairly, wrong
+from benchmarks.support.fault_runs import available_faults, measure_fault, mismatches
+from benchmarks.support.fault_table import FaultRow, missing_rows
 
 pytestmark = pytest.mark.realtime
 
@@ -22,21 +22,21 @@ CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE i
 
 
 @pytest.fixture(scope="module")
-def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BenchStage]:
-    with bench_stage(tmp_path_factory.mktemp("bench_faults")) as started_stage:
+def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedBench]:
+    with emulated_bench(tmp_path_factory.mktemp("bench_faults")) as started_stage:
         yield started_stage
 
 
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
-def test_the_bench_reacts_to_faults_as_in_the_table(on: BenchStage, row: Row) -> None:
-    finding = walk_fairly(on, row)
+def test_the_bench_reacts_to_faults_as_in_the_table(on: EmulatedBench, row: FaultRow) -> None:
+    finding = measure_fault(on, row)
     print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
-    if wrong(row, finding):  # a loaded host may stop a run: the second run counts
-        print(f"  at first {wrong(row, finding)}")
-        finding = walk_fairly(on, row)
+    if mismatches(row, finding):  # a loaded host may stop a run: the second run counts
+        print(f"  at first {mismatches(row, finding)}")
+        finding = measure_fault(on, row)
         print(f"  then {finding.verdict}, {finding.seconds} s")
-    assert wrong(row, finding) == []
+    assert mismatches(row, finding) == []
 
 
-def test_every_fault_of_the_bench_has_its_row(on: BenchStage) -> None:
-    assert missing_rows(TABLE, there(on)) == []
+def test_every_fault_of_the_bench_has_its_row(on: EmulatedBench) -> None:
+    assert missing_rows(TABLE, available_faults(on)) == []

@@ -12,8 +12,8 @@ import pytest
 from hil_processes import run_emulated
 from rehearsing import CONFIGS, SilentView, load_rows
 
-from benchmarks.support.host import Busy, others
-from benchmarks.support.wavebot_fault_walk import campaign_file
+from benchmarks.support.emulated_wavebot import write_campaign_file
+from benchmarks.support.host import ProcessorTime, other_load
 from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
@@ -66,7 +66,7 @@ def executed_share(result: RunResult) -> float:
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     folder = tmp_path_factory.mktemp("campaign")
-    path = campaign_file(
+    path = write_campaign_file(
         folder,
         sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
         start={"set_point_s": 0, "lead_in_s": 6},
@@ -82,13 +82,13 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None
     for attempt in range(TRIES):
-        clock, before = TickTimes(), Busy.now()
+        clock, before = TickTimes(), ProcessorTime.now()
         result = run_emulated(on_wires.campaign, on_wires.plan, folder, clock)
-        load = others(before, Busy.now())["other_work_cores"]
+        load = other_load(before, ProcessorTime.now())["other_work_cores"]
         if result.outcome.status == "complete" and executed_share(result) >= EXECUTED:
             break
         print(f"attempt {attempt}: {result.outcome.status}, {result.outcome.reason}, executed "
-              f"{executed_share(result):.4f}: the host had other work; tried again")  # fmt: skip
+              f"{executed_share(result):.4f}: the host had other work; repeated")  # fmt: skip
     return Pair(rehearsed, result, clock, load)
 
 

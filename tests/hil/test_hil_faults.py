@@ -9,10 +9,10 @@ import os
 
 import pytest
 
+from benchmarks.support.emulated_wavebot import EmulatedWaveBot
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_table import Row, missing_rows
-from benchmarks.support.fault_walk import Finding, there, walk_fairly, wrong
-from benchmarks.support.wavebot_fault_walk import Stage
+from benchmarks.support.fault_runs import Finding, available_faults, measure_fault, mismatches
+from benchmarks.support.fault_table import FaultRow, missing_rows
 from rig.emulation.control_client import ControlError
 
 pytestmark = pytest.mark.realtime
@@ -22,24 +22,24 @@ CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE i
 
 
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
-def test_the_rig_reacts_to_faults_as_in_the_table(on: Stage, row: Row) -> None:
-    finding: Finding = walk_fairly(on, row)
+def test_the_rig_reacts_to_faults_as_in_the_table(on: EmulatedWaveBot, row: FaultRow) -> None:
+    finding: Finding = measure_fault(on, row)
     print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
-    assert wrong(row, finding) == []
+    assert mismatches(row, finding) == []
 
 
-def test_every_fault_of_every_device_has_its_row(on: Stage) -> None:
-    assert missing_rows(TABLE, there(on)) == []
+def test_every_fault_of_every_device_has_its_row(on: EmulatedWaveBot) -> None:
+    assert missing_rows(TABLE, available_faults(on)) == []
 
 
-def test_the_control_port_refuses_by_name(on: Stage) -> None:
+def test_the_control_port_refuses_by_name(on: EmulatedWaveBot) -> None:
     with pytest.raises(ControlError, match="'heave' has no fault 'tired'"):
         on.control.switch("heave", "tired")
     with pytest.raises(ControlError, match="KeyError: 'dance'"):
         on.control.request("dance")
 
 
-def test_the_control_port_reports_the_world(on: Stage) -> None:
+def test_the_control_port_reports_the_world(on: EmulatedWaveBot) -> None:
     on.control.request("restart")
     world = on.control.request("world")
     assert world["currents"].keys() == {"heave", "surge"}

@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 from hil_processes import Kill, child_error_files, run_emulated
 
-from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
-from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_until
-from benchmarks.support.process_faults import io_process_of
-from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
+from benchmarks.support.campaigns import SilentView, open_checked
+from benchmarks.support.emulated_wavebot import EmulatedWaveBot, write_campaign_file
+from benchmarks.support.fault_runs import Trigger, power_off_time, restart_and_run, run_when_free
+from benchmarks.support.live_run import LiveRun, is_running, wait_realtime_free, wait_until
+from benchmarks.support.process_faults import child_with_stderr
 from drivers.canopen.heartbeat import NmtState
 from rig.execution.task import RunResult, run_task
 from rig.kinds.rig_file import load_rig
@@ -44,29 +45,29 @@ def run_until_triggered(run: Any, trigger: Any) -> tuple[RunResult, Any]:
     for _ in range(TRIES):
         armed = trigger()
         result = run(armed)
-        if armed.at is not None:
+        if armed.time is not None:
             return result, armed
-        print(f"ended before its time: {result.outcome.reason}")
-    raise AssertionError("no run got that far")
+        print(f"ended before the trigger: {result.outcome.reason}")
+    raise AssertionError("no run reached its trigger")
 
 
-def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: Stage) -> None:
+def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBot) -> None:
     measured: dict[str, Any] = {}
 
     def suspend() -> float:
-        loop = io_process_of("loop.stderr")
+        loop = child_with_stderr("loop.stderr")
         on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)
-        measured["gone"] = power_gone(on)
+        measured["power_off"] = power_off_time(on.control)
         measured["currents"] = on.control.request("world")["currents"]
         os.kill(loop, signal.SIGKILL)
         return at
 
     result, trigger = run_until_triggered(
-        lambda on_snapshot: ran(on, on_snapshot), lambda: Trigger(suspend, 1.0)
+        lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Trigger(suspend, 1.0)
     )
-    seconds = measured["gone"] - trigger.at
+    seconds = measured["power_off"] - trigger.time
     print(f"safe {seconds:.3f} s after the loop was suspended")
     assert 0.0 < seconds <= WATCHDOG + MARGIN
     assert result.outcome.status == "crashed"
@@ -84,17 +85,17 @@ DEATHS = {
 
 @pytest.mark.parametrize("process", DEATHS)
 def test_a_process_that_is_killed_is_named_and_the_loop_stops(
-    on: Stage, tmp_path: Path, process: str
+    on: EmulatedWaveBot, tmp_path: Path, process: str
 ) -> None:
     if process == "emulated devices":
-        campaign, plan = checked(campaign_file(tmp_path))
+        campaign, plan = open_checked(write_campaign_file(tmp_path))
         result, _ = run_until_triggered(
             lambda on_snapshot: run_emulated(campaign, plan, tmp_path, on_snapshot),
             lambda: Kill(f"{process}.stderr"),
         )
     else:
         result, _ = run_until_triggered(
-            lambda on_snapshot: ran(on, on_snapshot), lambda: Kill(f"{process}.stderr")
+            lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Kill(f"{process}.stderr")
         )
     outcome = result.outcome
     assert outcome.status == "fault"
@@ -106,46 +107,45 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     assert child_error_files() <= {"emulation.stderr"}  # only the shared emulated devices are left
 
 
-def test_listening_is_possible_during_a_run(on: Stage) -> None:
+def test_listening_is_possible_during_a_run(on: EmulatedWaveBot) -> None:
     """As in `rig devices --listen`: every node is received, and the run goes on."""
     activity = list[BusActivity]()
 
-    def look() -> None:
+    def listen_to_bus() -> None:
         activity.append(listen(on.campaign.rig))
 
-    looking = threading.Thread(target=look)
+    listener = threading.Thread(target=listen_to_bus)
 
     def begin() -> float:
-        looking.start()
+        listener.start()
         return time.monotonic()
 
     result, _ = run_until_triggered(
-        lambda on_snapshot: ran(on, on_snapshot), lambda: Trigger(begin, 0.0)
+        lambda on_snapshot: restart_and_run(on, on_snapshot), lambda: Trigger(begin, 0.0)
     )
-    looking.join(timeout=120)
-    (found,) = activity
-    assert (found.trouble, found.unexpected_nodes) == ((), ())
-    assert [one.name for one in found.nodes] == ["heave", "surge", "stator"]
-    assert {one.nmt for one in found.nodes} == {NmtState.OPERATIONAL}  # set up by the run
+    listener.join(timeout=120)
+    (bus_activity,) = activity
+    assert (bus_activity.trouble, bus_activity.unlisted_nodes) == ((), ())
+    assert [node.name for node in bus_activity.nodes] == ["heave", "surge", "stator"]
+    assert {node.nmt for node in bus_activity.nodes} == {NmtState.OPERATIONAL}  # set up by the run
     assert result.outcome.reason == "PLAN_END"
     assert result.outcome.dropped == result.outcome.unsaved == 0
 
 
-def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: Path) -> None:
+def test_a_second_run_is_refused_while_the_first_one_lives(
+    on: EmulatedWaveBot, tmp_path: Path
+) -> None:
     before = set(tmp_path.iterdir())
 
     def first() -> RunResult:
         refused = pytest.raises(BusyError, match="taken by campaign first")
         with acquire((REALTIME_WIRE,), "campaign first"), refused:
             run_task(
-                execution_task(on.campaign, on.plan),
-                tmp_path,
-                lambda snapshot: None,
-                emulated_mode(on),
+                execution_task(on.campaign, on.plan), tmp_path, SilentView(), emulated_mode(on)
             )
         return None  # type: ignore[return-value]
 
-    when_free(first)
+    run_when_free(first)
     assert set(tmp_path.iterdir()) == before
 
 
@@ -153,7 +153,7 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
     tmp_path: Path,
 ) -> None:
     """Its emulated devices end with it; until the loop has stopped, no other program may send."""
-    campaign = campaign_file(tmp_path)
+    campaign = write_campaign_file(tmp_path)
     rig = tmp_path / "rig.yaml"
     wires = wires_in(load_rig(rig)[0])
     module = "benchmarks.support.run_process"
@@ -174,7 +174,7 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
                 acquire((REALTIME_WIRE, *wires), "campaign next").close()
             except BusyError:
                 return False
-            assert not running(loop)
+            assert not is_running(loop)
             return True
 
         wait_until(free, "the end of all processes that send")
@@ -186,13 +186,13 @@ def mode_of(run: LiveRun) -> int:
     return int(np.frombuffer(newest, row_dtype(leaves(WaveBotRow)))["safety.mode"][0])
 
 
-def emulated_mode(on: Stage) -> Any:
+def emulated_mode(on: EmulatedWaveBot) -> Any:
     return wired_mode(on.campaign, emulated=True)
 
 
 def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
     """As with two runs on one host that share wires but not the real-time lock."""
-    campaign, plan = checked(campaign_file(tmp_path))
+    campaign, plan = open_checked(write_campaign_file(tmp_path))
     port = campaign.rig.wiring.can.options["port"]  # type: ignore[union-attr]
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", int(port)))
@@ -207,10 +207,12 @@ def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
     assert child_error_files() <= {"emulation.stderr"}
 
 
-def test_a_refused_start_leaves_a_folder_with_the_reason(on: Stage, tmp_path: Path) -> None:
+def test_a_refused_start_leaves_a_folder_with_the_reason(
+    on: EmulatedWaveBot, tmp_path: Path
+) -> None:
     on.control.request("restart")
     on.control.switch("heave", "wrong_kp")
-    result = when_free(
+    result = run_when_free(
         lambda: run_task(
             execution_task(on.campaign, on.plan),
             tmp_path,
@@ -228,12 +230,5 @@ def test_a_refused_start_leaves_a_folder_with_the_reason(on: Stage, tmp_path: Pa
     assert child_error_files() <= {"emulation.stderr"}
 
 
-class SilentView:
-    notice = ""
-
-    def __call__(self, snapshot: Any) -> None:
-        pass
-
-
-def own_io_processes(on: Stage) -> Any:
+def own_io_processes(on: EmulatedWaveBot) -> Any:
     return wired_mode(on.campaign, emulated=False).io_processes

@@ -14,7 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.support.wired_rigs import WIRED, WiredRig, started, wait_gone, wait_powered
+from benchmarks.support.wired_rigs import (
+    WIRED_RIGS,
+    WiredRig,
+    start_run,
+    wait_for_end,
+    wait_for_power,
+)
 from rig.processes.supervisor import POLL_INTERVAL_S
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0, STOP_1
@@ -27,11 +33,11 @@ REACTION = 0.1  # s until the loop has reacted and its drives are off
 MARGIN = 0.25  # s of a host with other work
 
 
-@pytest.fixture(scope="module", params=WIRED)
+@pytest.fixture(scope="module", params=WIRED_RIGS)
 def on(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[WiredRig]:
-    with WIRED[request.param](tmp_path_factory.mktemp("supervisor")) as started_rig:
+    with WIRED_RIGS[request.param](tmp_path_factory.mktemp("supervisor")) as started_rig:
         yield started_rig
 
 
@@ -41,43 +47,45 @@ def assert_stopped(
     """Assert damping for the rig file's time, then power off, and the same in the record."""
     print(f"no motor had power {seconds:.3f} s later; due {soonest:g} to {latest:g} s")
     assert soonest <= seconds <= latest + MARGIN
-    data = open_run(folder, fields=["safety.mode", "safety.reason", on.enabled, on.moves])
+    data = open_run(
+        folder, fields=["safety.mode", "safety.reason", on.enabled_field, on.moving_field]
+    )
     mode = data["safety.mode"].values
     assert data["safety.reason"].values[-1] == Reason.SUPERVISOR_LOST
     assert mode[-1] == STOP_0
     damped = data["time"].values[mode == STOP_1]
     assert on.damping - 0.01 <= damped[-1] - damped[0] <= on.damping + MARGIN
     # Power stayed on while the motion was damped, and the commands were not constant.
-    assert (data[on.enabled].values[mode == STOP_1] == 1).all()
-    assert np.ptp(data[on.moves].values[mode == STOP_1]) > 0.0
+    assert (data[on.enabled_field].values[mode == STOP_1] == 1).all()
+    assert np.ptp(data[on.moving_field].values[mode == STOP_1]) > 0.0
 
 
 def test_a_killed_supervisor_leaves_the_whole_stop_to_the_loop(
     on: WiredRig, tmp_path: Path
 ) -> None:
-    with started(on, tmp_path) as run:
-        wait_powered(on, run)
+    with start_run(on, tmp_path) as run:
+        wait_for_power(on, run)
         time.sleep(1.0)
         at = time.monotonic()
         run.process.kill()
-        power_lost_at = on.power_gone(10.0)
+        power_lost_at = on.power_off_time(10.0)
         assert power_lost_at is not None
         run.process.wait()
-        wait_gone(tmp_path)
+        wait_for_end(tmp_path)
         assert_stopped(on, run.folder, power_lost_at - at, on.damping - 0.01, on.damping + REACTION)
 
 
 def test_a_suspended_supervisor_is_a_controlled_stop(on: WiredRig, tmp_path: Path) -> None:
-    with started(on, tmp_path) as run:
-        wait_powered(on, run)
+    with start_run(on, tmp_path) as run:
+        wait_for_power(on, run)
         time.sleep(1.0)
         at = time.monotonic()
         run.process.send_signal(signal.SIGSTOP)
-        power_lost_at = on.power_gone(10.0)
+        power_lost_at = on.power_off_time(10.0)
         assert power_lost_at is not None
-        wait_gone(tmp_path, but=("supervisor",))
+        wait_for_end(tmp_path, except_for=("supervisor",))
         run.process.send_signal(signal.SIGCONT)
-        assert run.process.wait(timeout=60) == 4, run.last_words()
+        assert run.process.wait(timeout=60) == 4, run.last_output_line()
         status = json.loads((run.folder / "run.json").read_text())
         assert (status["status"], status["reason"]) == ("fault", "SUPERVISOR_LOST")
         assert status["died"] == ""

@@ -72,11 +72,11 @@ class Bus:
         return True
 
     def drain(self) -> list[Frame]:
-        found: list[Frame] = []
+        frames: list[Frame] = []
         for node in self._through(self.syncs):
-            found += self._queued[node]
+            frames += self._queued[node]
             self._queued[node] = []
-        return found
+        return frames
 
     def close(self) -> None:
         self.closed = True
@@ -140,7 +140,7 @@ def test_the_warm_up_waits_for_late_nodes(config: WaveBotDeviceSettings) -> None
 
 
 def test_the_warm_up_waits_for_a_stalled_bus(config: WaveBotDeviceSettings) -> None:
-    """All answer at first, then no frame comes for 60 SYNCs: no run begins with old values."""
+    """All nodes answer at first, then none for 60 SYNCs: no run begins with old values."""
 
     def through(syncs: int) -> set[int]:
         axes = {HEAVE, SURGE} if syncs < 8 or syncs > 68 else set[int]()

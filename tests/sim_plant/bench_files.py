@@ -80,7 +80,7 @@ def oscillate(
 ) -> Run:
     """One set point of Table 2.1: velocity command A w sin, brake T = R theta_dot.
 
-    theta_dot is the difference of the shaft encoder over 15 ticks. Gives whole periods.
+    theta_dot is the difference of the shaft encoder over 15 ticks. Returns whole periods.
     """
     omega = 2.0 * math.pi / PERIOD
     peak = math.radians(amplitude_deg) * omega / world.params.servo.gain
@@ -96,9 +96,9 @@ def oscillate(
         return Actuation(1, 0, volts, 0.0, current, 0), volts
 
     ticks = round((periods + settle) * PERIOD / DT)
-    whole = record(world, ticks, command)
+    channels = record(world, ticks, command)
     begin = round(settle * PERIOD / DT)
-    return Run(*(channel[begin:] for channel in whole))
+    return Run(*(channel[begin:] for channel in channels))
 
 
 def detrended(angle: Floats) -> Floats:

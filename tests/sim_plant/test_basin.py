@@ -43,13 +43,13 @@ def test_empty_basin_is_the_undisturbed_wave_at_each_place() -> None:
 
 def test_an_irregular_sea_arrives_component_by_component() -> None:
     sea = waves.jonswap(0.127, 2.0, 3.3, 60.0, seed=5)
-    there = waves.elevation_at(sea, -4.0, DT)[::977]
+    elevations = waves.elevation_at(sea, -4.0, DT)[::977]
     t = DT * np.arange(0, 60000, 977)
     expected = np.zeros(t.size)
     for f, a in zip(waves.frequencies(sea), sea.amplitude, strict=True):
         omega = 2 * np.pi * f
         expected += (a * np.exp(1j * (omega**2 / G * -4.0 - omega * t))).real
-    np.testing.assert_allclose(there, expected, atol=1e-12)
+    np.testing.assert_allclose(elevations, expected, atol=1e-12)
 
 
 def test_probe_at_the_device_reads_the_undisturbed_elevation() -> None:

@@ -87,7 +87,7 @@ def test_torque_lags_when_the_motor_reverses() -> None:
 
 @functools.cache
 def velocity_run(volts: float) -> Run:
-    """Ten periods after a ramp of two, brake taken off."""
+    """Ten periods after a ramp of two, with the brake removed."""
 
     def command(k: int, _: BenchWorld) -> tuple[Actuation, float]:
         ramp = min(1.0, k * DT / (2 * PERIOD))

@@ -75,10 +75,10 @@ def test_one_bad_file_per_rule(path: str, value: Any, message: str) -> None:
 
 
 def test_nothing_has_a_default() -> None:
-    whole = mapping("oswec_bench.yaml")
-    for section in (s for s in whole if isinstance(whole[s], dict)):
-        for field in whole[section]:
-            text = copy.deepcopy(whole)
+    tree = mapping("oswec_bench.yaml")
+    for section in (s for s in tree if isinstance(tree[s], dict)):
+        for field in tree[section]:
+            text = copy.deepcopy(tree)
             del text[section][field]
             with pytest.raises(ValidationError, match="Field required"):
                 BenchPlant.model_validate(text)

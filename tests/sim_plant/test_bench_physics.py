@@ -59,8 +59,8 @@ def test_deflection_and_torque_are_each_others_inverse() -> None:
 def test_backlash_is_a_play_operator() -> None:
     """Unbraked, the shaft is the play of the motor, by its definition over turning points.
 
-    Between two turning points of the motor the shaft stands until the gap and what friction winds
-    up have been crossed, and then keeps that distance.
+    Between two turning points of the motor the shaft rests until the gap and the wind-up by
+    friction have been crossed, and then keeps that distance.
     """
     world = bench("oswec_bench_unbraked", bearing__viscous=0.0)
     soft = math.radians(0.034) / 9.4
@@ -78,13 +78,17 @@ def test_backlash_is_a_play_operator() -> None:
         for k in range(1, 2999)
         if (motor[k] - motor[k - 1]) * (motor[k + 1] - motor[k]) <= 0 and motor[k] != motor[k + 1]
     ]
-    stood, expected, last = 0.0, [], 0
+    rest_angle, expected, last = 0.0, [], 0
     for turn in [*turns, 2999]:
         for k in range(last, turn + 1):
-            way = motor[turn] - motor[last]
-            kept = max(stood, motor[k] - ahead) if way > 0 else min(stood, motor[k] + behind)
-            expected.append(kept)
-        stood, last = expected[-1], turn + 1
+            direction = motor[turn] - motor[last]
+            shaft_angle = (
+                max(rest_angle, motor[k] - ahead)
+                if direction > 0
+                else min(rest_angle, motor[k] + behind)
+            )
+            expected.append(shaft_angle)
+        rest_angle, last = expected[-1], turn + 1
     assert len(turns) > 8
     assert np.ptp(motor) > 20 * ahead
     np.testing.assert_allclose(shaft, expected, rtol=0.0, atol=1e-8)

@@ -132,8 +132,8 @@ def test_dump_resistors_follow_the_mask() -> None:
         rig.advance(DT)
         before = rig.truth().bus
         rig.advance(DT)
-        spent = rig.truth().bus.dumped - before.dumped
-        assert spent == pytest.approx(resistors * before.voltage**2 / 20.0 * DT)
+        dumped = rig.truth().bus.dumped - before.dumped
+        assert dumped == pytest.approx(resistors * before.voltage**2 / 20.0 * DT)
         assert rig.readings().drive_dump == level
 
 

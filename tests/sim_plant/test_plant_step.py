@@ -1,6 +1,6 @@
 """The plant in time: closed form, energy balance, integrator error, free decay.
 
-What takes minutes of the plant's time runs compiled, which gives the same bits (tests/rehearsal/
+Tests over minutes of the plant's time run compiled, with the same bits (tests/rehearsal/
 test_compiled_plant).
 """
 
@@ -46,7 +46,7 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
     sea = waves.regular(0.127, 0.5)
     often = math.ceil(seconds / sea.repeat) + 1
     force = np.tile(waves.excitation(sea, bem(), dt), often)
-    aside = np.tile(waves.excitation(sea, surge_bem(), dt), often)
+    surge_force = np.tile(waves.excitation(sea, surge_bem(), dt), often)
     state = initial(params, 27.0, 0.0)
     states = []
     hold = round(DT / dt)
@@ -56,7 +56,7 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
             current = -2500.0 / 76.975 * state.body.velocity
             states.append(state)
         wires = Actuation(current, 1, 27.0, 0, 1, 0.0, 0, 1)
-        now, after = (Excitation(float(force[i]), float(aside[i])) for i in (k, k + 1))
+        now, after = (Excitation(float(force[i]), float(surge_force[i])) for i in (k, k + 1))
         state = step(params, state, wires, 1, now, after, dt)
     return states
 

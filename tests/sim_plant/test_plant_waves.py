@@ -37,9 +37,9 @@ def test_shape_has_the_moments_of_the_spectrum(tp: float, te: float) -> None:
     fine = np.linspace(f[0], f[-1], 200001)
     density = waves.jonswap_density(fine, 0.127, tp, 3.3)
     moments = {n: float(np.sum(energy * f**n)) for n in (-1, 0, 1)}
-    whole = {n: float(np.trapezoid(density * fine**n, fine)) for n in (-1, 0, 1)}
+    total = {n: float(np.trapezoid(density * fine**n, fine)) for n in (-1, 0, 1)}
     for n in (-1, 1):
-        assert moments[n] / moments[0] == pytest.approx(whole[n] / whole[0], rel=1e-3)
+        assert moments[n] / moments[0] == pytest.approx(total[n] / total[0], rel=1e-3)
     assert moments[-1] / moments[0] == pytest.approx(te, rel=0.007)
 
 
@@ -65,7 +65,7 @@ def test_table_is_an_independent_cosine_sum() -> None:
 
 
 def test_excitation_leads_at_a_crest() -> None:
-    """Fe has a phase of -33 degrees at 0.5 Hz in e^{-iwt}: the force comes before the crest."""
+    """Fe has a phase of -33 degrees at 0.5 Hz in e^{-iwt}: the force leads the crest."""
     table = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
     assert table.elevation[0] == pytest.approx(0.127)
     lead = (len(table.excitation) - int(np.argmax(table.excitation))) * DT

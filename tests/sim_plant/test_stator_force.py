@@ -43,9 +43,11 @@ def test_torque_and_axial_force_have_one_energy(name: str, station: float) -> No
     spring = Spring(name)
     z, half = 0.0015 * station, 1e-4
     for angle in (-0.9, -0.3, 0.0, 0.2, 0.7, 1.1):
-        along = (spring.torque(angle, z + half) - spring.torque(angle, z - half)) / (2 * half)
-        across = (spring.axial(angle + half, z) - spring.axial(angle - half, z)) / (2 * half)
-        assert along == pytest.approx(across, rel=1e-5, abs=1e-3)
+        torque_slope = (spring.torque(angle, z + half) - spring.torque(angle, z - half)) / (
+            2 * half
+        )
+        axial_slope = (spring.axial(angle + half, z) - spring.axial(angle - half, z)) / (2 * half)
+        assert torque_slope == pytest.approx(axial_slope, rel=1e-5, abs=1e-3)
 
 
 @pytest.mark.parametrize("station", [-53.0, -20.0, 7.0, 35.0])
@@ -63,9 +65,9 @@ def test_torque_and_force_are_derivatives_of_the_energy(station: float) -> None:
 
     z, half = 0.0015 * station, 2e-5
     for angle in (0.0, 0.4, 0.9):
-        along = (energy(angle, z + half) - energy(angle, z - half)) / (2 * half)
+        energy_slope = (energy(angle, z + half) - energy(angle, z - half)) / (2 * half)
         turned = (energy(angle + half, z) - energy(angle - half, z)) / (2 * half)
-        assert spring.axial(angle, z) == pytest.approx(along, rel=2e-3, abs=2.0)
+        assert spring.axial(angle, z) == pytest.approx(energy_slope, rel=2e-3, abs=2.0)
         assert spring.torque(angle, z) == pytest.approx(turned, rel=1e-3, abs=0.01)
 
 
@@ -152,9 +154,9 @@ def test_load_cells_read_torque_and_axial_force() -> None:
 
 
 def test_effect_scales_torque_and_axial_force_alike() -> None:
-    whole, part = (changed(spring__spring_effect=effect).build() for effect in (1.0, 0.65))
+    full, part = (changed(spring__spring_effect=effect).build() for effect in (1.0, 0.65))
     values = []
-    for params in (whole, part):
+    for params in (full, part):
         state = stator_at_rest(params.spring, 40.0)
         values.append(axial_force(params.stator, state.rate, state.slope, 0.5))
     assert values[1] == pytest.approx(0.65 * values[0])

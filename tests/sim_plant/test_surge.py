@@ -183,7 +183,7 @@ def test_surge_reaches_heave_by_guide_friction_alone() -> None:
 def test_surge_damping_increases_heave_power() -> None:
     """At surge resonance, damping surge reduces lateral force, thus dry friction and lost power.
 
-    What friction takes is 0.02 |F_lateral| |tanh| |v| more than without a guide, as logged.
+    The power lost to friction is 0.02 |F_lateral| |tanh| |v| more than without a guide, as logged.
     """
     taken, gained, force = {}, {}, {}
     for kp in (0.0, -2500.0):
@@ -193,8 +193,8 @@ def test_surge_damping_increases_heave_power() -> None:
         taken[kp] = -np.mean([0.02 * abs(t.surge.guide_force) * d for t, d in pairs])
         gained[kp] = np.mean([t.motor * t.velocity for t in history])
         force[kp] = max(abs(t.surge.guide_force) for t in history)
-        whole = np.mean([t.friction * t.velocity for t in history])
+        total = np.mean([t.friction * t.velocity for t in history])
         plain = -np.mean([400.0 * t.velocity**2 for t in history]) - 50.0 * np.mean(dry)
-        assert whole - plain == pytest.approx(taken[kp], rel=1e-6)
+        assert total - plain == pytest.approx(taken[kp], rel=1e-6)
     assert force[-2500.0] < 0.7 * force[0.0]
     assert gained[-2500.0] < gained[0.0] - 1.0  # W; absorbed is negative

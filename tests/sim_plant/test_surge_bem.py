@@ -41,9 +41,11 @@ def at(hull: Bem, f: np.ndarray) -> np.ndarray:
 def test_surge_is_that_of_another_code() -> None:
     """WAMIT within 2 % of each maximum; its shallower water matters at 0.3 Hz, not at 0.5."""
     omega = 2 * np.pi / WAMIT[:, 0]
-    theirs = np.array([1000.0 * WAMIT[:, 1], 1000.0 * omega * WAMIT[:, 2], 9806.65 * WAMIT[:, 3]])
-    ours = at(surge_bem(), omega / (2 * np.pi))
-    assert np.all(np.abs(ours - theirs) / theirs.max(axis=1)[:, None] <= 0.02)
+    reference = np.array(
+        [1000.0 * WAMIT[:, 1], 1000.0 * omega * WAMIT[:, 2], 9806.65 * WAMIT[:, 3]]
+    )
+    computed = at(surge_bem(), omega / (2 * np.pi))
+    assert np.all(np.abs(computed - reference) / reference.max(axis=1)[:, None] <= 0.02)
     assert surge_bem().added_mass_infinite == pytest.approx(154.93, rel=0.02)
 
 
@@ -52,10 +54,10 @@ def test_first_values_belong_to_a_hull_one_centimetre_deeper() -> None:
 
     The heave file's hull (0.16 m immersed, 0.8561 m3) is kept, so that both axes are one hull.
     """
-    ours = at(surge_bem(), FIRST[:, 0])
-    theirs = FIRST[:, 1:].T
-    assert np.all(np.abs(ours - theirs) / theirs.max(axis=1)[:, None] <= 0.07)
-    assert np.all(ours[:, :6] < theirs[:, :6])
+    computed = at(surge_bem(), FIRST[:, 0])
+    reference = FIRST[:, 1:].T
+    assert np.all(np.abs(computed - reference) / reference.max(axis=1)[:, None] <= 0.07)
+    assert np.all(computed[:, :6] < reference[:, :6])
 
 
 @pytest.mark.parametrize(("name", "share"), [("heave", 4.0), ("surge", 8.0)])

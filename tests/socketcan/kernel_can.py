@@ -1,4 +1,4 @@
-"""What the tests need of a kernel with SocketCAN: interfaces up and down, a bridge to a hub."""
+"""Kernel interfaces for the SocketCAN tests: switched up and down, slow, bridged to a hub."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ _NAME_OF, _SET_DISCIPLINE, _SLCAN = 0x8910, 0x5423, 17
 def switch(name: str, up: bool) -> None:
     """Take an interface up or down."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
-        found = fcntl.ioctl(any_socket, _FLAGS, struct.pack("=16sh14x", name.encode(), 0))
-        (flags,) = struct.unpack_from("=h", found, 16)
+        interface = fcntl.ioctl(any_socket, _FLAGS, struct.pack("=16sh14x", name.encode(), 0))
+        (flags,) = struct.unpack_from("=h", interface, 16)
         flags = flags | _UP if up else flags & ~_UP
         fcntl.ioctl(any_socket, _SET_FLAGS, struct.pack("=16sh14x", name.encode(), flags))
 
 
 class RawSocket:
-    """A station of its own, without any library."""
+    """A CAN station on a raw socket, without any library."""
 
     def __init__(self) -> None:
         self.socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
@@ -51,8 +51,8 @@ class RawSocket:
         size = len(data) if length is None else length
         self.socket.send(FRAME.pack(identifier, size, data.ljust(8, b"\0")))
 
-    def heard(self) -> Iterator[tuple[int, bytes]]:
-        """Frames that have come."""
+    def received(self) -> Iterator[tuple[int, bytes]]:
+        """Yield the frames received since the last call."""
         with contextlib.suppress(BlockingIOError):
             while True:
                 identifier, size, data = FRAME.unpack(self.socket.recv(FRAME.size))
@@ -69,7 +69,7 @@ def raw_socket() -> Iterator[RawSocket]:
 
 
 class Slow(NamedTuple):
-    """An interface over a serial line of which nobody reads the far end."""
+    """An interface over a serial line whose far end is not read."""
 
     name: str
     hang_up: Callable[[], None]
@@ -77,7 +77,7 @@ class Slow(NamedTuple):
 
 @contextmanager
 def slow_interface() -> Iterator[Slow]:
-    """A kernel's slcan interface on a pseudo-terminal; up."""
+    """Set up a slcan interface of the kernel on a pseudo-terminal."""
     far, near = pty.openpty()
     ends = {far, near}
 
@@ -87,8 +87,8 @@ def slow_interface() -> Iterator[Slow]:
 
     try:
         fcntl.ioctl(near, _SET_DISCIPLINE, struct.pack("=i", _SLCAN))
-        found = fcntl.ioctl(near, _NAME_OF, bytes(32))
-        name = found.partition(b"\0")[0].decode()
+        interface = fcntl.ioctl(near, _NAME_OF, bytes(32))
+        name = interface.partition(b"\0")[0].decode()
         switch(name, up=True)
         yield Slow(name, hang_up)
     finally:
@@ -96,7 +96,7 @@ def slow_interface() -> Iterator[Slow]:
 
 
 class HubBridge:
-    """Joins the kernel's interface and a hub of emulated nodes; lives in the hub's thread."""
+    """Bridge between the kernel's interface and a hub of emulated nodes, in the hub's thread."""
 
     def __init__(self, hub: CanHub, loop: Any) -> None:
         self._raw = RawSocket()
@@ -105,12 +105,14 @@ class HubBridge:
         loop.add_reader(self._raw.socket.fileno(), self._in)
 
     def _out(self, frame: Frame) -> None:
-        with contextlib.suppress(OSError):  # down, or full: as on a wire, it is lost
+        with contextlib.suppress(
+            OSError
+        ):  # interface down, or buffer full: the frame is lost, as on a wire
             self._raw.send(frame.identifier | (EXTENDED if frame.extended else 0), frame.data)
 
     def _in(self) -> None:
         with contextlib.suppress(OSError):
-            for identifier, data in self._raw.heard():
+            for identifier, data in self._raw.received():
                 if not identifier & (ERROR | REMOTE):
                     frame = Frame(identifier & ~EXTENDED, data, bool(identifier & EXTENDED))
                     self._station.send(frame)

@@ -1,6 +1,6 @@
-"""The whole CANopen driver on a kernel's SocketCAN, an emulated drive on the far end.
+"""The complete CANopen driver on a kernel's SocketCAN, with an emulated drive on the far end.
 
-Function only: these run on a kernel in which time says nothing.
+The tests check functions only: times on this kernel have no meaning.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from drivers.canopen.torque_axis import TorqueAxis
 
 pytestmark = needs_kernel
 PERIOD = 0.02  # s, two ticks of this kernel
-PATIENCE = 15.0  # s
+TIMEOUT_S = 15.0  # s
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +37,17 @@ def far() -> Iterator[LiveRig]:
 
 @pytest.fixture
 def service(far: LiveRig) -> Iterator[Service]:
-    one = Service(BUS, timeout_s=5.0)  # a slow kernel
-    one.watch(HEAVE)
-    yield one
-    one.close()
+    can_service = Service(BUS, timeout_s=5.0)  # a slow kernel
+    can_service.watch(HEAVE)
+    yield can_service
+    can_service.close()
 
 
 @pytest.fixture
 def cycle(far: LiveRig) -> Iterator[Cycle]:
-    one = Cycle()
-    yield one
-    one.bus.close()
+    axis_cycle = Cycle()
+    yield axis_cycle
+    axis_cycle.bus.close()
 
 
 class Cycle:
@@ -63,25 +63,27 @@ class Cycle:
         self.link = Link(BUS, self.axis.sync_dividers)
         self.bus = BusCycle(self.link, [self.axis], OWN, 0.05)
 
-    def until(self, true: Callable[[], object], current: float, enable: int) -> None:
-        """Tick until something is so."""
-        end = time.monotonic() + PATIENCE
-        while not true():
-            assert time.monotonic() < end, f"waited in vain: {self.axis.explain()}"
+    def until(self, condition: Callable[[], object], current: float, enable: int) -> None:
+        """Tick until a condition is true."""
+        end = time.monotonic() + TIMEOUT_S
+        while not condition():
+            assert time.monotonic() < end, f"timeout: {self.axis.explain()}"
             now = self.bus.receive()
             self.bus.send([self.axis.command(current, enable, now)])
             time.sleep(PERIOD)
 
     def up(self) -> None:
-        """Hear of the drive, then ask for it; again if this kernel stood still meanwhile."""
+        """Wait for the drive, then request enabling; repeat if this kernel stalled meanwhile."""
         axis, link = self.axis, self.link
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while not axis.read(link.now()).acting:
-            assert time.monotonic() < end, f"not up: {axis.explain()}"
+            assert time.monotonic() < end, f"not enabled: {axis.explain()}"
             for enable, seconds in ((0, 10 * PERIOD), (1, 2.0)):
-                over = time.monotonic() + seconds
+                deadline = time.monotonic() + seconds
                 self.until(
-                    lambda over=over: axis.read(link.now()).acting or time.monotonic() > over,
+                    lambda deadline=deadline: (
+                        axis.read(link.now()).acting or time.monotonic() > deadline
+                    ),
                     0.0,
                     enable,
                 )
@@ -127,17 +129,17 @@ def test_heartbeats_and_emergencies_are_watched(
     cycle.until(lambda: axis.read(link.now()).error == 0x3210, 1.0, 1)
     assert axis.read(link.now()).acting == 0
     far.do(far.rig.heave.clear, "bus_overvoltage")
-    looks = itertools.count()
+    polls = itertools.count()
 
-    def well() -> bool:
-        """The drive is; else ask it again now and then: its cause takes a while to go."""
-        if next(looks) % 25 == 0:
+    def recovered() -> bool:
+        """Return True without an error; reset every 25 polls, because its cause ends slowly."""
+        if next(polls) % 25 == 0:
             axis.reset()
         return service.health()[HEAVE].code == 0
 
-    cycle.until(well, 1.0, 1)
+    cycle.until(recovered, 1.0, 1)
     cycle.until(lambda: axis.read(link.now()).error == 0, 1.0, 1)
-    assert axis.explain() == "FAULT", "down until it is asked for anew"
+    assert axis.explain() == "FAULT", "disabled until a new request"
     service.stop(HEAVE)
     wait_until(lambda: service.health()[HEAVE].nmt == NmtState.PRE_OPERATIONAL)
     far.do(far.rig.heave.inject, "node_reset")
@@ -160,7 +162,7 @@ def test_a_loop_that_falls_silent_loses_its_drive(
 
 @pytest.mark.filterwarnings(
     "ignore::pytest.PytestUnhandledThreadExceptionWarning"
-)  # of the library
+)  # raised in the library
 def test_a_bus_that_goes_down_ends_the_permission_until_requested(
     service: Service, cycle: Cycle
 ) -> None:

@@ -1,6 +1,6 @@
-"""The link on a kernel's SocketCAN: what it hears, what it sends, a bus that fails and comes back.
+"""The link on a kernel's SocketCAN: received and sent frames, a bus that fails and recovers.
 
-Function only: these run on a kernel in which time says nothing.
+The tests check functions only: times on this kernel have no meaning.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ STATUS, OTHER, COMMAND = 0x185, 0x186, 0x205
 
 @pytest.fixture
 def link() -> Iterator[Link]:
-    one = Link(BUS, {STATUS, OTHER})
-    yield one
-    one.close()
+    near_link = Link(BUS, {STATUS, OTHER})
+    yield near_link
+    near_link.close()
 
 
 @pytest.fixture
 def far() -> Iterator[Link]:
-    one = Link(BUS, {COMMAND})
-    yield one
-    one.close()
+    far_link = Link(BUS, {COMMAND})
+    yield far_link
+    far_link.close()
 
 
 def test_frames_go_both_ways_and_keep_their_order(link: Link, far: Link) -> None:
@@ -66,7 +66,9 @@ def test_the_kernel_filters_other_ids(link: Link) -> None:
         far.send(STATUS | EXTENDED, b"\x02")
         far.send(STATUS | REMOTE, length=8)
         far.send(STATUS, b"\x03")
-    assert link.drain(max_frames=2) == [Frame(STATUS, b"\x03")], "nothing else took a place"
+    assert link.drain(max_frames=2) == [Frame(STATUS, b"\x03")], (
+        "other frames do not count towards the maximum"
+    )
 
 
 def test_error_frames_are_counted_and_are_no_data(link: Link) -> None:
@@ -87,7 +89,7 @@ def test_a_bus_that_goes_down_is_counted_and_serves_again_when_it_is_up(
         assert far.errors == 1
         assert [link.send(COMMAND, b"\x01") for _ in range(3)] == [False] * 3
         assert link.drain() == []
-        assert (link.unsent, link.errors) == (3, 0), "each socket is told once"
+        assert (link.unsent, link.errors) == (3, 0), "each socket gets the error once"
     finally:
         switch(NAME, up=True)
     assert link.send(COMMAND, b"\x02")
@@ -102,10 +104,10 @@ def test_a_babbling_node_takes_its_bound_and_the_newest_frames_are_lost(link: Li
             far.send(OTHER, number.to_bytes(2, "little"))
     first = link.drain()
     assert [int.from_bytes(frame.data, "little") for frame in first] == list(range(64))
-    looks = 1
+    reads = 1
     while link.drain():
-        looks += 1
-    assert looks < 3000 / 64, "the kernel's own buffer ends"
+        reads += 1
+    assert reads < 3000 / 64, "the kernel's own buffer ends"
     with raw_socket() as far:
         far.send(STATUS, b"\x01")
     assert link.drain() == [Frame(STATUS, b"\x01")]
@@ -135,13 +137,13 @@ def test_an_interface_that_is_pulled_out_is_counted() -> None:
         link.close()
 
 
-@pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")  # left by the library
+@pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")  # left open by the library
 def test_an_interface_that_is_not_there_is_named() -> None:
-    said = ""
+    message = ""
     try:
         Link(BUS._replace(channel="can99"), {STATUS})
     except LinkError as error:
-        said = str(error)
+        message = str(error)
     gc.collect()
-    assert said.startswith("CAN bus socketcan can99: ")
-    assert "No such device" in said
+    assert message.startswith("CAN bus socketcan can99: ")
+    assert "No such device" in message

@@ -1,4 +1,4 @@
-"""The launcher: what counts as run, as failed, and as not to be had."""
+"""The launcher: when a run counts as passed, as failed, and as unavailable."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import user_mode_linux
 from uml_guest import MODULES, STATUS, UP
-from user_mode_linux import NoKernelError, kernel_in, shown
+from user_mode_linux import NoKernelError, kernel_in, relay_output
 
 
 def guest(*lines: str) -> subprocess.Popen[str]:
@@ -20,27 +20,27 @@ def guest(*lines: str) -> subprocess.Popen[str]:
 def test_the_status_is_the_commands_and_what_it_printed_is_shown(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with guest("booting", f"{UP}, Linux 6", "1 failed", f"{STATUS} 1", "halted") as one:
-        assert shown(one) == 1
+    with guest("booting", f"{UP}, Linux 6", "1 failed", f"{STATUS} 1", "halted") as process:
+        assert relay_output(process) == 1
     assert capsys.readouterr().out == f"{UP}, Linux 6\n1 failed\n"
-    with guest(UP, f"{STATUS} 0") as one:
-        assert shown(one) == 0
+    with guest(UP, f"{STATUS} 0") as process:
+        assert relay_output(process) == 0
 
 
 def test_a_guest_that_dies_during_its_command_has_failed() -> None:
-    with guest(UP, "panic") as one:
-        assert shown(one) == 1
+    with guest(UP, "panic") as process:
+        assert relay_output(process) == 1
 
 
 def test_a_guest_that_fails_before_it_is_up_says_why(capsys: pytest.CaptureFixture[str]) -> None:
-    with guest("OSError: mount", f"{STATUS} 1") as one:
-        assert shown(one) == 1
+    with guest("OSError: mount", f"{STATUS} 1") as process:
+        assert relay_output(process) == 1
     assert "OSError: mount" in capsys.readouterr().out
 
 
 def test_a_kernel_that_does_not_boot_is_unavailable() -> None:
-    with guest("no memory") as one, pytest.raises(NoKernelError, match="no memory"):
-        shown(one)
+    with guest("no memory") as process, pytest.raises(NoKernelError, match="no memory"):
+        relay_output(process)
 
 
 def test_a_kernel_without_its_modules_is_unavailable(tmp_path: Path) -> None:
@@ -51,9 +51,9 @@ def test_a_kernel_without_its_modules_is_unavailable(tmp_path: Path) -> None:
         module = tmp_path / "6.1" / "kernel" / name
         module.parent.mkdir(parents=True, exist_ok=True)
         module.touch()
-    found = kernel_in(program, tmp_path)
-    assert found is not None
-    assert found.modules == tmp_path / "6.1" / "kernel"
+    kernel = kernel_in(program, tmp_path)
+    assert kernel is not None
+    assert kernel.modules == tmp_path / "6.1" / "kernel"
     assert kernel_in(tmp_path / "other", tmp_path) is None
 
 

@@ -3,11 +3,11 @@
     python tests/socketcan/user_mode_linux.py [--seconds S] [COMMAND ...]
 
 Without a command: pytest on this folder, with the Python that runs this. User-mode Linux needs no
-privileges, no virtualisation and no CAN in the host's kernel; it is taken from the PATH or else out
-of Debian's package, unpacked under .venv and not installed. One processor, 100 ticks a second: what
-a test says there of time means nothing.
+privileges, no virtualisation and no CAN in the host's kernel; it is taken from the PATH or from
+Debian's package, which is unpacked in .venv and not installed. The kernel has one processor and 100
+ticks per second, so times measured in a test have no meaning.
 
-The exit status is the command's, 77 if no such kernel could be had, with the reason.
+The exit status is that of the command, or 77 with the reason if no such kernel is available.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ PACKAGE = "user-mode-linux"
 NOT_RUN = 77
 MEMORY = "768M"
 TESTS = ("-m", "pytest", "-p", "no:cacheprovider", "--color=no", str(HERE))
-PATIENCE = 30.0  # s for each step of fetching
+TIMEOUT_S = 30.0  # of each step of the download
 
 
 class NoKernelError(Exception):
-    """User-mode Linux cannot be had here; says why."""
+    """User-mode Linux is not available here, with the reason."""
 
 
 class Kernel(NamedTuple):
@@ -50,7 +50,7 @@ class Kernel(NamedTuple):
 
 
 def kernel_in(program: Path, modules: Path) -> Kernel | None:
-    """The kernel, if both the program and the CAN modules are there."""
+    """Return the kernel if both the program and the CAN modules exist, otherwise None."""
     for folder in sorted(modules.glob("*/kernel"), reverse=True):
         if program.is_file() and all((folder / name).is_file() for name in MODULES):
             return Kernel(program, folder)
@@ -58,100 +58,108 @@ def kernel_in(program: Path, modules: Path) -> Kernel | None:
 
 
 def kernel() -> Kernel:
-    """The kernel of the PATH, of the cache, or fetched into the cache; NoKernelError."""
+    """Return the kernel of the PATH, of the cache, or downloaded into the cache.
+
+    Raises NoKernelError if none is available.
+    """
     if platform.system() != "Linux" or platform.machine() != "x86_64":
-        raise NoKernelError(f"there is none for {platform.system()} on {platform.machine()}")
+        raise NoKernelError(f"no user-mode Linux for {platform.system()} on {platform.machine()}")
     installed = shutil.which("linux.uml")
-    found = installed and kernel_in(Path(installed), Path("/usr/lib/uml/modules"))
-    return found or cached() or fetched()
+    kernel_ = installed and kernel_in(Path(installed), Path("/usr/lib/uml/modules"))
+    return kernel_ or cached_kernel() or download_kernel()
 
 
-def cached() -> Kernel | None:
+def cached_kernel() -> Kernel | None:
     return kernel_in(CACHE / "usr/bin/linux.uml", CACHE / "usr/lib/uml/modules")
 
 
-def fetched() -> Kernel:
-    """Debian's package, downloaded and unpacked beside the cache, then moved to its place."""
+def download_kernel() -> Kernel:
+    """Download and unpack Debian's package next to the cache, then move it into the cache."""
     if not (shutil.which("apt-get") and shutil.which("dpkg-deb")):
-        raise NoKernelError(f"linux.uml is not on the PATH, and no Debian to take {PACKAGE} from")
+        raise NoKernelError(
+            f"linux.uml is not on the PATH, and without Debian {PACKAGE} cannot be downloaded"
+        )
     CACHE.parent.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(dir=CACHE.parent) as folder:
         lists = Path(folder) / "lists"
         (lists / "partial").mkdir(parents=True)
-        own = ("-o", f"Dir::State::lists={lists}", "-o", "APT::Sandbox::User=root")
-        if did(folder, "apt-get", "download", PACKAGE):  # the host knows no packages yet
-            did(folder, "apt-get", *own, "update")
-            wrong = did(folder, "apt-get", *own, "download", PACKAGE)
-            if wrong:
-                raise NoKernelError(f"linux.uml is not installed, nor to be fetched: {wrong}")
+        options = ("-o", f"Dir::State::lists={lists}", "-o", "APT::Sandbox::User=root")
+        if run_step(folder, "apt-get", "download", PACKAGE):  # the host has no package lists yet
+            run_step(folder, "apt-get", *options, "update")
+            error_message = run_step(folder, "apt-get", *options, "download", PACKAGE)
+            if error_message:
+                raise NoKernelError(
+                    f"linux.uml is not installed and cannot be downloaded: {error_message}"
+                )
         for package in Path(folder).glob("*.deb"):
-            if wrong := did(folder, "dpkg-deb", "-x", str(package), f"{folder}/files"):
-                raise NoKernelError(wrong)
+            if error_message := run_step(folder, "dpkg-deb", "-x", str(package), f"{folder}/files"):
+                raise NoKernelError(error_message)
         shutil.rmtree(CACHE, ignore_errors=True)
         (Path(folder) / "files").rename(CACHE)
-    found = cached()
-    if found is None:
+    kernel_ = cached_kernel()
+    if kernel_ is None:
         raise NoKernelError(f"{PACKAGE} has not the kernel modules {', '.join(MODULES)}")
-    return found
+    return kernel_
 
 
-def did(folder: str, *command: str) -> str:
-    """What went wrong with a command, in one line; empty if nothing."""
+def run_step(folder: str, *command: str) -> str:
+    """Run a command; return its error in one line, empty without one."""
     try:
         done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE
+            command, cwd=folder, capture_output=True, text=True, check=False, timeout=TIMEOUT_S
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         return str(error)
-    said = done.stderr.strip().splitlines() or [f"{command[0]} ended with {done.returncode}"]
-    return said[-1] if done.returncode else ""
+    lines = done.stderr.strip().splitlines() or [f"{command[0]} ended with {done.returncode}"]
+    return lines[-1] if done.returncode else ""
 
 
 def run(kernel: Kernel, command: Sequence[str], limit: float) -> int:
-    """Boot, run the command there, show what it prints; its exit status, or NoKernelError."""
+    """Boot, run the command and relay its output; return its exit status, or NoKernelError."""
     with tempfile.TemporaryDirectory() as folder:
-        words = [
+        arguments = [
             str(kernel.program), f"mem={MEMORY}", "root=/dev/root", "rootfstype=hostfs", "ro",
             "con=null", "con0=null,fd:1", "con1=null", "quiet", f"uml_dir={folder}/",
             f"init={sys.executable}", "--", "-I", str(HERE / "uml_guest.py"),
-            guest_word({"modules": str(kernel.modules), "tree": str(TREE), "command": [*command]}),
+            encode_job({"modules": str(kernel.modules), "tree": str(TREE), "command": [*command]}),
         ]  # fmt: skip
         with subprocess.Popen(
-            words,
+            arguments,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
             errors="replace",
-            start_new_session=True,  # one kernel is many processes: they end together
+            start_new_session=True,  # a kernel has many processes, which must end together
         ) as guest:
 
             def end() -> None:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(guest.pid, signal.SIGKILL)
 
-            def too_late() -> None:
-                print(f"user-mode Linux is ended after {limit:g} s", flush=True)
+            def on_timeout() -> None:
+                print(f"user-mode Linux is killed after {limit:g} s", flush=True)
                 end()
 
-            timer = threading.Timer(limit, too_late)
+            timer = threading.Timer(limit, on_timeout)
             timer.start()
             try:
-                return shown(guest)
+                return relay_output(guest)
             finally:
                 timer.cancel()
                 end()
 
 
-def guest_word(told: dict[str, object]) -> str:
-    """What the guest is told, as one word of a kernel's command line."""
-    return base64.urlsafe_b64encode(json.dumps(told).encode()).decode()
+def encode_job(job: dict[str, object]) -> str:
+    """Return the guest's job as one argument of a kernel's command line."""
+    return base64.urlsafe_b64encode(json.dumps(job).encode()).decode()
 
 
-def shown(guest: subprocess.Popen[str]) -> int:
-    """Print what the guest prints, up to the status of its command; NoKernelError without one.
+def relay_output(guest: subprocess.Popen[str]) -> int:
+    """Print the guest's output; return the exit status of its command.
 
-    A guest that was up and then ended has failed: only one that never came up was not to be had.
+    A guest that ends after it was up has failed (status 1). Raises NoKernelError for a guest that
+    never was up: the kernel is not available.
     """
     assert guest.stdout is not None
     up, booting = False, list[str]()
@@ -169,21 +177,21 @@ def shown(guest: subprocess.Popen[str]) -> int:
     if up:
         print("user-mode Linux ended before the command did", flush=True)
         return 1
-    raise NoKernelError(f"it does not come up: {booting[-1] if booting else 'it says nothing'}")
+    raise NoKernelError(f"user-mode Linux does not boot: {booting[-1] if booting else 'no output'}")
 
 
 def main() -> int:
-    words = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    words.add_argument("--seconds", type=float, default=80.0, help="after which it is ended")
-    words.add_argument("command", nargs=argparse.REMAINDER)
-    given = words.parse_args()
-    command = given.command or [sys.executable, *TESTS]
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=80.0, help="time limit of the run")
+    parser.add_argument("command", nargs=argparse.REMAINDER)
+    options = parser.parse_args()
+    command = options.command or [sys.executable, *TESTS]
     try:
-        return run(kernel(), command, given.seconds)
-    except NoKernelError as why:
+        return run(kernel(), command, options.seconds)
+    except NoKernelError as reason:
         print(
             "*" * 100,
-            f"*** THE TESTS ON A KERNEL WITH SOCKETCAN DID NOT RUN: {why}",
+            f"*** THE TESTS ON A KERNEL WITH SOCKETCAN DID NOT RUN: {reason}",
             f"*** Debian: apt-get install {PACKAGE}; then make test-socketcan",
             "*" * 100,
             sep="\n",

@@ -200,7 +200,7 @@ def write_session(
     config = {
         "name": kind,
         "session": {"name": kind, "session": kind, **session_settings},
-        "rig": {"name": "oswec bench"},
+        "rig": {"name": "oswec bench", "kind": "oswec bench"},
     }
     plan = {"dt": DT, "rows": table, "scales": scales}
     logged = edit_record(data)

@@ -23,7 +23,7 @@ QUIET = Inputs(
 
 
 class Drive:
-    """Obeys a controlword in the next tick; ``stuck`` obeys nothing, ``holds`` stays in QSA."""
+    """A drive that obeys a controlword one tick later; ``stuck``: not; ``holds``: stays in QSA."""
 
     def __init__(self, state: str = "SOD", ramp: int = 3, holds: bool = False) -> None:
         self.state = state

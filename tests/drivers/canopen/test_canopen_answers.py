@@ -20,26 +20,26 @@ STATUS = layouts(NODE, 0).status
 
 
 class Wire:
-    """A node that answers every ``each``-th SYNC with its number, and a wire that may hold them."""
+    """A node that answers every ``each``-th SYNC with its number, and a wire that may delay it."""
 
     def __init__(self, each: int = 1) -> None:
         self.each, self.syncs = each, 0
-        self.held: deque[int] = deque()
+        self.queued: deque[int] = deque()
         self.state = sync_count.start()
 
     def sync(self) -> None:
         self.syncs += 1
         if self.syncs % self.each == 0:
-            self.held.append(self.syncs)
+            self.queued.append(self.syncs)
 
     def give(self, count: int | None = None) -> list[tuple[int, int]]:
-        """Let so many through (None: all); for each what it counts as, and what it is."""
-        found = []
-        for _ in range(len(self.held) if count is None else min(count, len(self.held))):
-            true = self.held.popleft()
+        """Deliver ``count`` answers (None: all); return the counted and the true SYNC of each."""
+        ages = []
+        for _ in range(len(self.queued) if count is None else min(count, len(self.queued))):
+            true = self.queued.popleft()
             self.state = sync_count.record_answer(self.state, self.each, self.syncs)
-            found.append((self.state.answered, true))
-        return found
+            ages.append((self.state.answered, true))
+        return ages
 
     def settle(self, ticks: int = 5) -> None:
         for _ in range(ticks * self.each):
@@ -55,27 +55,27 @@ def test_the_first_answer_is_one_to_the_last_sync() -> None:
 
 
 @pytest.mark.parametrize("each", [1, 2, 10, 20])
-@pytest.mark.parametrize("held", [1, 60, 200])
-def test_answers_arriving_together_have_their_true_ages(each: int, held: int) -> None:
-    """Sixty milliseconds of a host that stood still come in one look, or in pieces."""
+@pytest.mark.parametrize("stalled", [1, 60, 200])
+def test_answers_arriving_together_have_their_true_ages(each: int, stalled: int) -> None:
+    """The answers of a host stall of 60 ms arrive in one read, or in pieces."""
     wire = Wire(each)
     wire.settle()
-    for _ in range(held):
+    for _ in range(stalled):
         wire.sync()
-    assert all(counted == true for counted, true in wire.give(held // (2 * each)))
+    assert all(counted == true for counted, true in wire.give(stalled // (2 * each)))
     wire.sync()
     assert all(counted == true for counted, true in wire.give())
 
 
 @given(st.lists(st.integers(0, 9), max_size=400), st.sampled_from([1, 3, 10]))
-def test_held_answers_are_never_taken_for_others(given: list[int], each: int) -> None:
-    """However they come, as long as they catch up now and then and none is lost."""
+def test_delayed_answers_are_never_mistaken_for_others(given: list[int], each: int) -> None:
+    """With any delays, as long as the wire is empty now and then and no answer is lost."""
     wire = Wire(each)
     wire.settle()
     for k, count in enumerate(given):
         wire.sync()
-        found = wire.give(None if k % (WINDOW // 2) == 0 else count)
-        assert all(counted == true for counted, true in found)
+        ages = wire.give(None if k % (WINDOW // 2) == 0 else count)
+        assert all(counted == true for counted, true in ages)
 
 
 @pytest.mark.parametrize("each", [1, 10])
@@ -85,13 +85,13 @@ def test_a_lost_answer_makes_the_others_older_for_two_windows_at_most(lost: int,
     wire.settle(3 * WINDOW // each)
     for _ in range(lost * each):
         wire.sync()
-    wire.held.clear()
+    wire.queued.clear()
     began, older = wire.syncs, 0
     while wire.syncs < began + 2 * (WINDOW + each):
         wire.sync()
-        found = wire.give()
-        assert all(counted <= true for counted, true in found)
-        older += sum(counted < true for counted, true in found)
+        ages = wire.give()
+        assert all(counted <= true for counted, true in ages)
+        older += sum(counted < true for counted, true in ages)
     assert older > 0
     for _ in range(each):
         wire.sync()
@@ -100,7 +100,7 @@ def test_a_lost_answer_makes_the_others_older_for_two_windows_at_most(lost: int,
 
 
 def test_a_silence_longer_than_a_window_is_not_taken_for_a_loss() -> None:
-    """What was sent before it came back is still old, whenever the window before had ended."""
+    """Answers from before the reconnection stay old, whenever the previous window ended."""
     for settled in range(WINDOW, 2 * WINDOW):
         wire = Wire()
         wire.settle(settled)
@@ -125,21 +125,21 @@ class Bench:
         self.line = FakeLink()
         self.axis = TorqueAxis(axis_settings(NODE))
         self.bus = BusCycle(self.line, [self.axis], OWN, 0.05)
-        self.held: list[Frame] = []
+        self.queued: list[Frame] = []
         self.sampled: dict[int, float] = {}  # counts, and when the SYNC went out they answer
 
     def tick(self, through: int | None = None) -> float:
-        """A tick, with so many of the held answers let through; the age told, less the true one."""
-        count = len(self.held) if through is None else through
-        self.line.incoming, self.held = self.held[:count], self.held[count:]
+        """Tick and deliver ``through`` queued answers; return reported age less true age."""
+        count = len(self.queued) if through is None else through
+        self.line.incoming, self.queued = self.queued[:count], self.queued[count:]
         now = self.bus.receive()
         self.bus.send([self.axis.command(0.0, 0, now)])
         counts = len(self.sampled) + 1
         self.sampled[counts] = self.line.time
-        self.held.append(Frame(STATUS.cob_id, pdo.pack(STATUS, 0x240, 0, counts)))
+        self.queued.append(Frame(STATUS.cob_id, pdo.pack(STATUS, 0x240, 0, counts)))
         self.line.time += DT
-        told = self.axis.read(now)
-        return told.age - (now - self.sampled[told.counts]) if told.counts else 0.0
+        reading = self.axis.read(now)
+        return reading.age - (now - self.sampled[reading.counts]) if reading.counts else 0.0
 
 
 def test_ages_of_a_host_that_stands_still_for_60_ms_are_the_true_ones() -> None:
@@ -171,7 +171,7 @@ def test_a_sync_that_the_bus_did_not_take_is_not_counted() -> None:
     bench.line.refused_ids = frozenset({SYNC})
     for _ in range(30):
         bench.tick(0)
-        bench.held.pop()  # nobody was asked
+        bench.queued.pop()  # no SYNC was sent
     bench.line.refused_ids = frozenset()
     bench.tick()
     assert bench.axis.read(bench.line.time - DT).age == pytest.approx(31 * DT)

@@ -94,12 +94,12 @@ def test_a_pdo_is_remapped_in_order() -> None:
 
 def test_only_the_last_word_on_an_object_is_read_back() -> None:
     steps = all_steps()
-    wanted = {(s.object, s.sub): s.value for s in read_back(steps)}
-    assert len(wanted) == len(read_back(steps))
-    assert wanted[0x1400, 1] == 0x205
-    assert wanted[0x1600, 0] == 2
+    expected = {(s.object, s.sub): s.value for s in read_back(steps)}
+    assert len(expected) == len(read_back(steps))
+    assert expected[0x1400, 1] == 0x205
+    assert expected[0x1600, 0] == 2
     for name in VALUES:
-        assert (BY_NAME[name].object, BY_NAME[name].sub) in wanted
+        assert (BY_NAME[name].object, BY_NAME[name].sub) in expected
 
 
 @pytest.mark.parametrize("step", read_back(all_steps()), ids=lambda s: s.name)
@@ -108,11 +108,13 @@ def test_every_object_can_keep_a_drive_from_being_armed(step: SetupStep) -> None
     answers = Dictionary().follow(steps)
     bit = 31 if step.name == "TPDO2 COB-ID" else 0
     answers[step.object, step.sub] = step.value ^ 1 << bit
-    found = compare(steps, answers)
-    assert found == (Mismatch(step.object, step.sub, step.name, step.value, step.value ^ 1 << bit),)
+    mismatches = compare(steps, answers)
+    assert mismatches == (
+        Mismatch(step.object, step.sub, step.name, step.value, step.value ^ 1 << bit),
+    )
     assert (
         f"{step.object:#06x}:{step.sub:02x} {step.name}: expected {step.value}"
-        in format_mismatches(found)
+        in format_mismatches(mismatches)
     )
     answers[step.object, step.sub] = None
     assert "no answer" in format_mismatches(compare(steps, answers))
@@ -137,7 +139,7 @@ def test_bits_that_are_the_drives_do_not_count() -> None:
     answers[0x1000, 0] = 0x00060192
     answers[0x1800, 1] = 0x40000185
     assert compare(steps, answers) == ()
-    answers[0x1005, 0] = 0x40000080  # it would produce SYNC beside us
+    answers[0x1005, 0] = 0x40000080  # it would produce SYNC as well
     answers[0x1800, 1] = 0x80000185  # it does not exist
     answers[0x1400, 1] = 0x20000205  # 29-bit frames
     assert [m.name for m in compare(steps, answers)] == [

@@ -35,7 +35,7 @@ class Bench:
         self.silent = False
 
     def tick(self, current: float = 0.0, enable: int = 0, count: int = 1) -> tuple[int, int]:
-        """Ticks; what the drive was told last, controlword and raw torque."""
+        """Tick; return the last controlword and raw torque that the drive received."""
         line, drive = self.line, self.drive
         for _ in range(count):
             now = self.bus.receive()
@@ -120,7 +120,7 @@ def test_each_rise_of_enable_is_one_request(bench: Bench) -> None:
     bench.up()
     bench.drive.state = "SOD"
     bench.tick(5.0, 1, count=50)
-    assert bench.drive.state == "SOD", "it dropped by itself and is not brought up again"
+    assert bench.drive.state == "SOD", "it was disabled by itself and is not enabled again"
     assert bench.axis.explain() == "DROPPED"
     bench.tick(5.0, 0, count=3)
     assert bench.drive.state == "SOD"
@@ -178,20 +178,20 @@ def test_a_drive_that_answers_two_ticks_late_is_still_steered(bench: Bench) -> N
     late: list[list[Frame]] = [[], []]
 
     def tick(current: float, enable: int) -> tuple[int, int]:
-        told = bench.tick(current, enable)
+        command = bench.tick(current, enable)
         late.append(bench.line.incoming)
         bench.line.incoming = late.pop(0)
-        return told
+        return command
 
     for _ in range(5):
         tick(0.0, 0)
     for _ in range(20):
-        told = tick(7.0, 1)
-    assert told == (0x0F, 700)
+        command = tick(7.0, 1)
+    assert command == (0x0F, 700)
     assert bench.reading.acting == 1
     assert bench.reading.current == pytest.approx(7.0)
     for _ in range(5):
-        told = tick(7.0, 0)
+        command = tick(7.0, 0)
     assert bench.drive.state == "SOD"
 
 

@@ -97,11 +97,11 @@ def test_a_refusal_lists_what_each_frame_takes() -> None:
 
 def test_dividers_thin_out_but_may_all_fall_into_one_cycle() -> None:
     slow = tuple(bus_load.synchronous(f"slow {n}", 8, 1e3, 20) for n in range(6))
-    found = load((bus_load.sync(1e3), *slow), 1e6, 1e3)
-    assert found.total == pytest.approx(0.055 + 6 * 0.135 / 20)
-    assert found.busiest_cycle == pytest.approx(0.055 + 6 * 0.135)
+    slow_load = load((bus_load.sync(1e3), *slow), 1e6, 1e3)
+    assert slow_load.total == pytest.approx(0.055 + 6 * 0.135 / 20)
+    assert slow_load.busiest_cycle == pytest.approx(0.055 + 6 * 0.135)
     crowded = check_load((bus_load.sync(1e3), *slow, *slow), 1e6, 1e3)
-    assert crowded.busiest_cycle > 1.0  # what has a high identifier comes one cycle later
+    assert crowded.busiest_cycle > 1.0  # frames with high identifiers come one cycle later
     twice = load((Frame("fast", 0, 2e3),), 1e6, 1e3)
     assert twice.busiest_cycle == pytest.approx(0.110)
 

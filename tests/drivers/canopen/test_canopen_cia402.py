@@ -18,11 +18,11 @@ from drivers.canopen.statusword import DriveState, decode
 UP = {0x06, 0x07, 0x0F}  # words that lead up from somewhere
 
 
-def one(state: State, params: Params = PARAMS, **what: Any) -> tuple[State, cia402.Output]:
-    return cia402.step(params, state, QUIET._replace(**what))
+def one(state: State, params: Params = PARAMS, **inputs: Any) -> tuple[State, cia402.Output]:
+    return cia402.step(params, state, QUIET._replace(**inputs))
 
 
-# What every cell of the tables means, in other words than theirs.
+# The meaning of every cell of the tables, in another form.
 PATHS = {
     "UNKNOWN": "0 0 0 2", "NOT_READY_TO_SWITCH_ON": "0 0 0 0", "SWITCH_ON_DISABLED": "0 6 6 0",
     "READY_TO_SWITCH_ON": "0 6 7 2", "SWITCHED_ON": "0 6 F 2", "OPERATION_ENABLED": "0 6 F 2",
@@ -37,7 +37,7 @@ def test_the_table_reaches_its_goals() -> None:
 
 
 def test_every_awaited_transition_matches_its_controlword() -> None:
-    """An obedient drive, told the table's words, ends where the goal says."""
+    """A drive that obeys the table's controlwords ends in the goal state."""
     ends = {Goal.SAFE: "SOD", Goal.READY: "RTSO", Goal.ENABLED: "OE", Goal.QUICK_STOP: "SOD"}
     for begin, goal in itertools.product(("NR", "SOD", "RTSO", "SO", "OE", "QSA"), Goal):
         drive = Drive(begin)
@@ -81,10 +81,10 @@ def contexts() -> list[tuple[str, State, Params]]:
     armed = State(1, 0, 0, 0, 0, 0, -1, 0, 0)
     late = armed._replace(awaited=int(Awaited.MODE), ticks=99)
     return [
-        ("not asked", cia402.start(0, 0), PARAMS),
+        ("not requested", cia402.start(0, 0), PARAMS),
         ("armed", armed, PARAMS),
         ("armed, all options", late, PARAMS._replace(resume=1, follows=1, mode_first=0)),
-        ("asks now", cia402.start(-1, -1), PARAMS),
+        ("requested now", cia402.start(-1, -1), PARAMS),
     ]
 
 
@@ -146,14 +146,14 @@ def test_enable_and_disable_sequence() -> None:
 def test_a_request_that_cannot_be_granted_is_discarded() -> None:
     """Neither a stale word, a fault, a quick stop nor a drive with power on lets it through."""
     start = cia402.start(0, 0)
-    for what in (
+    for inputs in (
         {"age": 0.0051}, {"age": -1e-9}, {"age": math.nan}, {"age": math.inf},
         {"statusword": STATUSWORD["F"]}, {"statusword": STATUSWORD["FR"]},
         {"statusword": STATUSWORD["NR"]}, {"statusword": STATUSWORD["OE"]},
         {"statusword": STATUSWORD["SO"]}, {"statusword": STATUSWORD["RTSO"]},
         {"statusword": STATUSWORD["QSA"]}, {"statusword": 0xFFFF}, {"goal": Goal.QUICK_STOP},
     ):  # fmt: skip
-        state, out = one(start, arm=1, **what)
+        state, out = one(start, arm=1, **inputs)
         assert (state.armed, out.controlword in (0, 2)) == (0, True)
         state, out = one(state, arm=1)
         assert (state.armed, out.controlword) == (0, 0)
@@ -162,7 +162,7 @@ def test_a_request_that_cannot_be_granted_is_discarded() -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "why"),
+    ("inputs", "reason"),
     [
         ({"age": 0.0051}, DisarmReason.STALE),
         ({"age": -0.001}, DisarmReason.STALE),
@@ -170,9 +170,9 @@ def test_a_request_that_cannot_be_granted_is_discarded() -> None:
         ({"goal": Goal.QUICK_STOP}, DisarmReason.QUICK_STOP),
     ],
 )
-def test_a_lost_permission_does_not_return(what: dict[str, Any], why: DisarmReason) -> None:
-    rig = DriveLoop(Drive()).up().run(1, **what)
-    assert (rig.output.setpoint, rig.output.acting, rig.state.reason) == (0, 0, why)
+def test_a_lost_permission_does_not_return(inputs: dict[str, Any], reason: DisarmReason) -> None:
+    rig = DriveLoop(Drive()).up().run(1, **inputs)
+    assert (rig.output.setpoint, rig.output.acting, rig.state.reason) == (0, 0, reason)
     rig.controlwords.clear()
     rig.run(50, age=0.001, goal=Goal.ENABLED)
     assert set(rig.controlwords) == {0}
@@ -181,22 +181,22 @@ def test_a_lost_permission_does_not_return(what: dict[str, Any], why: DisarmReas
 
 
 @pytest.mark.parametrize(
-    ("state", "why"),
+    ("state", "reason"),
     [
         ("F", DisarmReason.FAULT), ("FR", DisarmReason.FAULT),
         ("QSA", DisarmReason.DROPPED), ("SOD", DisarmReason.DROPPED),
         ("RTSO", DisarmReason.DROPPED), ("SO", DisarmReason.DROPPED), ("NR", DisarmReason.DROPPED),
     ],
 )  # fmt: skip
-def test_a_drive_that_leaves_by_itself_stays_down(state: str, why: DisarmReason) -> None:
+def test_a_drive_that_leaves_by_itself_stays_down(state: str, reason: DisarmReason) -> None:
     rig = DriveLoop(Drive()).up()
     rig.drive.state = state
     rig.run(1)
-    assert (rig.state.reason, rig.output.controlword, rig.output.setpoint) == (why, 0, 0)
+    assert (rig.state.reason, rig.output.controlword, rig.output.setpoint) == (reason, 0, 0)
     rig.controlwords.clear()
     rig.run(40)
     assert set(rig.controlwords) == {0}
-    assert rig.drive.state == ("F" if why == DisarmReason.FAULT else "SOD")
+    assert rig.drive.state == ("F" if reason == DisarmReason.FAULT else "SOD")
 
 
 def test_an_unknown_statusword_ends_the_permission() -> None:

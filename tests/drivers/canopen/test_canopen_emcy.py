@@ -18,13 +18,13 @@ from drivers.canopen.heartbeat import Heartbeat, NmtState
 
 
 def test_a_golden_emergency() -> None:
-    found = emcy.decode(0x085, bytes.fromhex("20 32 05 01 02 03 04 05"))
-    assert found == (5, 0x3220, 0x05, bytes((1, 2, 3, 4, 5)))
-    assert emcy.describe(found) == (
+    message = emcy.decode(0x085, bytes.fromhex("20 32 05 01 02 03 04 05"))
+    assert message == (5, 0x3220, 0x05, bytes((1, 2, 3, 4, 5)))
+    assert emcy.describe(message) == (
         "node 5: 0x3220 DC link under-voltage (register 0x05 generic+voltage, maker 0102030405)"
     )
-    gone = emcy.decode(0x0FF, bytes(8))
-    assert emcy.describe(gone) == (
+    unknown = emcy.decode(0x0FF, bytes(8))
+    assert emcy.describe(unknown) == (
         "node 127: 0x0000 error reset (register 0x00 clear, maker 0000000000)"
     )
 
@@ -66,10 +66,10 @@ def test_every_code_has_a_text_that_an_independent_table_does_not_contradict() -
 )
 def test_decoding_raises_only_its_own_error(cob_id: int, data: bytes) -> None:
     if 0x81 <= cob_id <= 0xFF and len(data) == 8:
-        found = emcy.decode(cob_id, data)
-        assert struct.pack("<HB", found.code, found.register) + found.vendor == data
-        assert found.node == cob_id - 0x80
-        assert emcy.describe(found)
+        message = emcy.decode(cob_id, data)
+        assert struct.pack("<HB", message.code, message.register) + message.vendor == data
+        assert message.node == cob_id - 0x80
+        assert emcy.describe(message)
     else:
         with pytest.raises(CodecError, match=f"frame {cob_id:#05x}"):
             emcy.decode(cob_id, data)

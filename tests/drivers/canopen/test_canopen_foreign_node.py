@@ -1,7 +1,7 @@
-"""The drive driver against a node with another stack than canopen's: durand, by its own hand.
+"""The drive driver against a node with an independent CANopen stack: durand.
 
-Its transmission types above 1 do not count SYNCs (the counter is never set back), so every TPDO
-here has type 1. What is a drive in it (words and states) is ours, the CANopen of it is not.
+Its transmission types above 1 do not count SYNCs (the counter is never reset), so every TPDO here
+has type 1. The drive profile in the node (statuswords and states) is our own, its CANopen is not.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BUS = BusSettings("virtual", "foreign", 1_000_000, ())
 
 
 class ForeignDrive:
-    """A torque drive on durand: its torque is the one asked for, its position counts SYNCs."""
+    """A torque drive on durand: its torque is the demanded one, its position counts SYNCs."""
 
     def __init__(self) -> None:
         kinds, variable = durand.DatatypeEnum, durand.Variable
@@ -105,10 +105,10 @@ def test_it_is_set_up_over_sdo_and_read_back(service: Service, foreign: ForeignD
 
 
 def test_refused_and_missing_objects_are_named(service: Service, foreign: ForeignDrive) -> None:
-    found = service.set_up(
+    mismatches = service.set_up(
         NODE, foreign_steps(NODE, rated_current=20_000, encoder_motor_revolutions=1)
     )
-    assert arming.format_mismatches(found) == (
+    assert arming.format_mismatches(mismatches) == (
         "0x608f:02 encoder_motor_revolutions: expected 1, no answer\n"
         "0x6075:00 rated_current: expected 20000 (0x4e20), got 10000 (0x2710)"
     )
@@ -120,26 +120,26 @@ def test_torque_goes_out_and_status_comes_back(service: Service, foreign: Foreig
     axis = TorqueAxis(axis_settings(NODE))
     link = Link(BUS, axis.sync_dividers)
     bus = BusCycle(link, [axis], OWN, 0.05)
-    asked: list[float] = [0.0, 0]
+    demand: list[float] = [0.0, 0]
 
     def tick() -> None:
-        bus.send([axis.command(asked[0], int(asked[1]), bus.receive())])
+        bus.send([axis.command(demand[0], int(demand[1]), bus.receive())])
 
     try:
         until(lambda: axis.read(link.now()).age < 0.1, tick)
         assert foreign.drive.state == "SOD"
-        asked[:] = [-12.34, 1]
+        demand[:] = [-12.34, 1]
         until(lambda: axis.read(link.now()).acting, tick)
         until(lambda: axis.read(link.now()).current == pytest.approx(-12.34), tick)
         assert foreign.od.read(0x6071, 0) == -1234
         before = axis.read(link.now()).counts
         until(lambda: axis.read(link.now()).counts > before, tick)
         assert axis.read(link.now()).counts < 0
-        asked[:] = [float("nan"), 1]
+        demand[:] = [float("nan"), 1]
         until(lambda: axis.read(link.now()).current == 0.0, tick)
         foreign.drive.fault()
         until(lambda: axis.read(link.now()).error == 0xFFFF, tick)
-        asked[1] = 0
+        demand[1] = 0
         until(lambda: not axis.read(link.now()).acting, tick)
         assert axis.refused == 0
     finally:
@@ -152,8 +152,8 @@ def test_its_heartbeats_and_emergencies_are_understood(
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
     service.start(NODE)
 
-    def health(**wanted: Any) -> Callable[[], bool]:
-        return lambda: wanted.items() <= service.health()[NODE]._asdict().items()
+    def health(**expected: Any) -> Callable[[], bool]:
+        return lambda: expected.items() <= service.health()[NODE]._asdict().items()
 
     until(health(nmt=NmtState.OPERATIONAL), lambda: None)
     assert service.health()[NODE].boots == 0

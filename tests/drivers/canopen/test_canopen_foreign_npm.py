@@ -37,18 +37,18 @@ def modules() -> Path:
     if not (shutil.which("node") and shutil.which("npm")):
         pytest.skip("node and npm are not installed: no CANopen node in another language")
     if not kept.exists():
-        with tempfile.TemporaryDirectory() as made:
-            asked = ["npm", "install", "--ignore-scripts", "--no-audit", "--no-fund"]
+        with tempfile.TemporaryDirectory() as folder:
+            demand = ["npm", "install", "--ignore-scripts", "--no-audit", "--no-fund"]
             try:
                 done = subprocess.run(
-                    [*asked, "--prefix", made, PACKAGE],
+                    [*demand, "--prefix", folder, PACKAGE],
                     capture_output=True, text=True, check=False, timeout=PATIENCE,
                 )  # fmt: skip
             except subprocess.TimeoutExpired:
                 pytest.skip(f"npm did not give {PACKAGE} in {PATIENCE:g} s")
             if done.returncode:
                 pytest.skip(f"npm does not give {PACKAGE}: {done.stderr.strip()[-200:]}")
-            shutil.copytree(made, f"{kept}.part", dirs_exist_ok=True)
+            shutil.copytree(folder, f"{kept}.part", dirs_exist_ok=True)
             Path(f"{kept}.part").rename(kept)
     return kept / "node_modules"
 
@@ -80,10 +80,10 @@ def service(bus: BusSettings) -> Iterator[Service]:
 
 def test_it_is_set_up_over_sdo_and_what_it_refuses_is_named(service: Service) -> None:
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
-    found = service.set_up(
+    mismatches = service.set_up(
         NODE, foreign_steps(NODE, rated_current=20_000, encoder_motor_revolutions=1)
     )
-    assert arming.format_mismatches(found) == (
+    assert arming.format_mismatches(mismatches) == (
         "0x608f:02 encoder_motor_revolutions: expected 1, no answer\n"
         "0x6075:00 rated_current: expected 20000 (0x4e20), got 10000 (0x2710)"
     )
@@ -98,22 +98,22 @@ def test_torque_goes_out_and_status_comes_back(bus: BusSettings, service: Servic
     axis = TorqueAxis(axis_settings(NODE))
     link = Link(bus, axis.sync_dividers)
     cycle = BusCycle(link, [axis], OWN, 0.05)
-    asked: list[float] = [0.0, 0]
+    demand: list[float] = [0.0, 0]
 
     def tick() -> None:
-        cycle.send([axis.command(asked[0], int(asked[1]), cycle.receive())])
+        cycle.send([axis.command(demand[0], int(demand[1]), cycle.receive())])
 
     try:
         until(lambda: axis.read(link.now()).age < 0.1, tick)
-        asked[:] = [-12.34, 1]
+        demand[:] = [-12.34, 1]
         until(lambda: axis.read(link.now()).acting, tick)
         until(lambda: axis.read(link.now()).current == pytest.approx(-12.34), tick)
         before = axis.read(link.now()).counts
         assert before < 0
         until(lambda: axis.read(link.now()).counts > before, tick)
-        asked[:] = [float("nan"), 1]
+        demand[:] = [float("nan"), 1]
         until(lambda: axis.read(link.now()).current == 0.0, tick)
-        asked[:] = [1.0, 0]
+        demand[:] = [1.0, 0]
         until(lambda: not axis.read(link.now()).acting, tick)
         assert (axis.refused, link.errors, link.unsent) == (0, 0, 0)
     finally:

@@ -1,4 +1,4 @@
-"""Homing: outcomes, the edge, an old outcome that is not believed, and what may fail."""
+"""Homing: outcomes, the edge, an old outcome that is ignored, and failures."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ NOT_STARTED, MOVING, ATTAINED, HOMED = 0x0637, 0x0237, 0x1237, 0x1637
 QUIET = Inputs(NOT_STARTED, acting=1, request=0, halt=0)
 
 
-def walk(words: list[int], state: State | None = None, **what: Any) -> tuple[State, list[int]]:
+def run(words: list[int], state: State | None = None, **inputs: Any) -> tuple[State, list[int]]:
     state = state or homing.start(0)
     bits = []
     for word in words:
-        state, sent = homing.step(PARAMS, state, QUIET._replace(statusword=word, **what))
+        state, sent = homing.step(PARAMS, state, QUIET._replace(statusword=word, **inputs))
         bits.append(sent)
     return state, bits
 
@@ -40,31 +40,31 @@ def test_every_statusword_has_one_outcome_as_an_independent_table_says() -> None
 
 
 def test_no_motion_before_a_request() -> None:
-    state, bits = walk([NOT_STARTED, MOVING, HOMED, 0xFFFF] * 5)
+    state, bits = run([NOT_STARTED, MOVING, HOMED, 0xFFFF] * 5)
     assert set(bits) == {0}
     assert state.phase == Phase.IDLE
 
 
 def test_a_homing_from_edge_to_end() -> None:
     words = [NOT_STARTED] * 4 + [MOVING] * 3 + [ATTAINED] * 2 + [HOMED] * 3
-    state, bits = walk(words, request=1)
+    state, bits = run(words, request=1)
     assert bits == [0x00] + [0x10] * 8 + [0x00] * 3
     assert (state.phase, state.failure) == (Phase.HOMED, Failure.NONE)
 
 
 @pytest.mark.parametrize("between", [MOVING, ATTAINED, NOT_STARTED])
 def test_an_old_outcome_is_ignored(between: int) -> None:
-    state, bits = walk([HOMED] * 4, request=1)
+    state, bits = run([HOMED] * 4, request=1)
     assert (state.phase, bits) == (Phase.RAISED, [0, 0x10, 0x10, 0x10])
-    done, _ = walk([between, HOMED], state, request=1)
+    done, _ = run([between, HOMED], state, request=1)
     assert done.phase == Phase.HOMED
-    failed, _ = walk([HOMED] * 3, state, request=1)
+    failed, _ = run([HOMED] * 3, state, request=1)
     assert (failed.phase, failed.failure) == (Phase.FAILED, Failure.LATE_START)
-    assert walk([0x2637] * 8, request=1)[0].failure == Failure.LATE_START
+    assert run([0x2637] * 8, request=1)[0].failure == Failure.LATE_START
 
 
 @pytest.mark.parametrize(
-    ("words", "what", "failure"),
+    ("words", "inputs", "failure"),
     [
         ([NOT_STARTED] * 8, {}, Failure.LATE_START),
         ([NOT_STARTED] * 2 + [MOVING] * 12, {}, Failure.LATE_END),
@@ -76,30 +76,30 @@ def test_an_old_outcome_is_ignored(between: int) -> None:
         ([NOT_STARTED], {"halt": 1}, Failure.HALTED),
     ],
 )
-def test_failures_are_named_and_halt(words: list[int], what: Any, failure: Failure) -> None:
-    state, bits = walk(words, request=1, **what)
+def test_failures_are_named_and_halt(words: list[int], inputs: Any, failure: Failure) -> None:
+    state, bits = run(words, request=1, **inputs)
     assert (state.phase, state.failure, bits[-1]) == (Phase.FAILED, failure, HALT)
-    state, bits = walk([HOMED] * 9, state, request=1)
-    assert set(bits) == {HALT}  # until it is asked for anew
-    state, bits = walk([HOMED] + [NOT_STARTED] * 2 + [HOMED], state, request=2)
+    state, bits = run([HOMED] * 9, state, request=1)
+    assert set(bits) == {HALT}  # until a new request
+    state, bits = run([HOMED] + [NOT_STARTED] * 2 + [HOMED], state, request=2)
     assert state.phase == Phase.HOMED
 
 
 def test_losing_the_drive_on_the_way_fails() -> None:
-    state, _ = walk([NOT_STARTED] * 2 + [MOVING] * 2, request=1)
-    assert walk([MOVING], state, request=1, acting=0)[0].failure == Failure.NOT_ACTING
-    assert walk([MOVING], state, request=1, halt=1)[0].failure == Failure.HALTED
+    state, _ = run([NOT_STARTED] * 2 + [MOVING] * 2, request=1)
+    assert run([MOVING], state, request=1, acting=0)[0].failure == Failure.NOT_ACTING
+    assert run([MOVING], state, request=1, halt=1)[0].failure == Failure.HALTED
     # Once homed, a disabled drive has still been homed.
-    state, _ = walk([HOMED], state, request=1)
-    assert walk([MOVING], state, request=1, acting=0)[0].phase == Phase.HOMED
+    state, _ = run([HOMED], state, request=1)
+    assert run([MOVING], state, request=1, acting=0)[0].phase == Phase.HOMED
 
 
 def test_the_motion_may_last_to_its_last_tick_and_a_halt_shows_in_idle() -> None:
     state = State(Phase.MOVING, 0, 1, Outcome.INTERRUPTED, 1)
     for tick in range(2, PARAMS.end_ticks + 2):
-        (state, _) = walk([MOVING], state, request=1)
+        (state, _) = run([MOVING], state, request=1)
         assert (state.phase == Phase.FAILED) == (tick > PARAMS.end_ticks)
-    assert walk([NOT_STARTED], halt=1)[1] == [HALT]
+    assert run([NOT_STARTED], halt=1)[1] == [HALT]
 
 
 words = st.integers(0, 0xFFFF)

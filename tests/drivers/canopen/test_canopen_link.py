@@ -40,19 +40,19 @@ def frame(identifier: int, data: bytes = b"", **flags: Any) -> can.Message:
 
 def drained(link: Link, count: int, timeout_s: float = 5.0) -> list[Frame]:
     """Return the frames received until there are ``count``."""
-    found: list[Frame] = []
+    frames: list[Frame] = []
     end = time.monotonic() + timeout_s
-    while len(found) < count and time.monotonic() < end:
-        found += link.drain()
-    return found
+    while len(frames) < count and time.monotonic() < end:
+        frames += link.drain()
+    return frames
 
 
 def test_frames_go_both_ways(link: Link, far: can.BusABC) -> None:
     assert link.send(COMMAND, b"\x01\x02")
-    heard = far.recv(1.0)
-    assert heard is not None
-    assert (heard.arbitration_id, heard.is_extended_id) == (COMMAND, False)
-    assert bytes(heard.data) == b"\x01\x02"
+    received = far.recv(1.0)
+    assert received is not None
+    assert (received.arbitration_id, received.is_extended_id) == (COMMAND, False)
+    assert bytes(received.data) == b"\x01\x02"
     far.send(frame(STATUS, b"\x03"))
     far.send(frame(OTHER))
     assert link.drain() == [Frame(STATUS, b"\x03"), Frame(OTHER, b"")]
@@ -181,10 +181,10 @@ class Adapter:
 
     def received_text(self, enough: Callable[[str], object]) -> str:
         """Return the text received until ``enough`` holds."""
-        heard = ""
-        while not enough(heard) and select.select([self.far], [], [], 5.0)[0]:
-            heard += os.read(self.far, 1000).decode()
-        return heard
+        received = ""
+        while not enough(received) and select.select([self.far], [], [], 5.0)[0]:
+            received += os.read(self.far, 1000).decode()
+        return received
 
     def close(self) -> None:
         os.close(self._near)

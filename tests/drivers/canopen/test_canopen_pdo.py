@@ -1,4 +1,4 @@
-"""Process data: golden bytes, what is refused, and a peer that maps the same objects."""
+"""Process data: golden bytes, refused mappings, and a peer that maps the same objects."""
 
 from __future__ import annotations
 
@@ -92,21 +92,21 @@ def test_other_cob_ids_are_refused(cob_id: int) -> None:
 @pytest.mark.parametrize("name", MAPS)
 @given(data=st.data())
 def test_a_round_trip_keeps_values_and_bytes(name: str, data: st.DataObject) -> None:
-    made = layout(0x205, MAPS[name])
-    values = tuple(data.draw(st.integers(*RANGE[entry.type])) for entry in made.entries)
-    frame = pack(made, *values)
-    assert unpack(made, frame) == values
-    raw = data.draw(st.binary(min_size=made.packing.size, max_size=made.packing.size))
-    assert pack(made, *unpack(made, raw)) == raw
+    pdo = layout(0x205, MAPS[name])
+    values = tuple(data.draw(st.integers(*RANGE[entry.type])) for entry in pdo.entries)
+    frame = pack(pdo, *values)
+    assert unpack(pdo, frame) == values
+    raw = data.draw(st.binary(min_size=pdo.packing.size, max_size=pdo.packing.size))
+    assert pack(pdo, *unpack(pdo, raw)) == raw
 
 
 @given(st.sampled_from(sorted(MAPS)), st.binary(max_size=64))
 def test_no_bytes_raise_anything_but_the_codecs_error(name: str, data: bytes) -> None:
-    made = layout(0x185, MAPS[name])
+    pdo = layout(0x185, MAPS[name])
     try:
-        unpack(made, data)
+        unpack(pdo, data)
     except CodecError:
-        assert len(data) != made.packing.size
+        assert len(data) != pdo.packing.size
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -121,12 +121,12 @@ def test_an_independent_map_packs_the_same_bytes(name: str) -> None:
         variable.data_type, variable.pdo_mappable = types[entry.type], True
         dictionary.add_object(variable)
     node = canopen.RemoteNode(5, dictionary)
-    made = layout(0x205, MAPS[name])
+    pdo = layout(0x205, MAPS[name])
     peer = canopen.pdo.PdoMap(node.rpdo, None, None)
-    for entry in made.entries:
+    for entry in pdo.entries:
         peer.add_variable(entry.object, entry.sub)
-    edges = itertools.product(*((*RANGE[e.type], 0, 1) for e in made.entries))
+    edges = itertools.product(*((*RANGE[e.type], 0, 1) for e in pdo.entries))
     for values in edges:
         for variable, value in zip(peer.map, values, strict=True):
             variable.raw = value
-        assert bytes(peer.data) == pack(made, *values)
+        assert bytes(peer.data) == pack(pdo, *values)

@@ -26,7 +26,7 @@ STEP = 300  # counts a tick
 
 
 class Positioner(Drive):
-    """A drive that takes set-points by the handshake of bits 4 and 12, and goes there."""
+    """A drive that accepts set-points by the handshake of bits 4 and 12, and moves to them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -49,10 +49,10 @@ class Positioner(Drive):
         if not word & move.NEW_SET_POINT:
             self.bits &= ~MODE_BIT_12
         if not (word & HALT or self.blocked):
-            left = self.goal - self.counts
-            self.counts += max(-STEP, min(STEP, left))
-        there = self.counts == self.goal
-        self.bits = self.bits | TARGET_REACHED if there else self.bits & ~TARGET_REACHED
+            distance = self.goal - self.counts
+            self.counts += max(-STEP, min(STEP, distance))
+        arrived = self.counts == self.goal
+        self.bits = self.bits | TARGET_REACHED if arrived else self.bits & ~TARGET_REACHED
 
 
 class Bench:
@@ -100,7 +100,7 @@ class Bench:
 def bench() -> Bench:
     one = Bench()
     one.tick(0.0, 0, count=3)
-    assert one.drive.state == "SOD", "not asked yet"
+    assert one.drive.state == "SOD", "not requested yet"
     return one
 
 
@@ -141,13 +141,13 @@ def test_a_new_target_during_a_move_is_accepted_at_once(bench: Bench) -> None:
 def test_halt_stops_it_and_the_same_target_goes_on(bench: Bench) -> None:
     bench.until(lambda reading: reading.position > 10.0, 60.0)
     bench.tick(60.0, 0, count=20)
-    stood = bench.reading.position
-    assert 10.0 < stood < 40.0
+    halted_at = bench.reading.position
+    assert 10.0 < halted_at < 40.0
     assert bench.word & HALT
     assert bench.drive.state == "OE", "it holds its place under power"
     assert bench.reading.failed == move.Failure.HALTED
     bench.tick(60.0, 0, count=20)
-    assert bench.reading.position == stood
+    assert bench.reading.position == halted_at
     bench.until(arrived, 60.0)
     assert bench.drive.taken == [7000, 7000]
     assert bench.reading.position == pytest.approx(60.0)

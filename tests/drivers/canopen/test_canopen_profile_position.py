@@ -1,4 +1,4 @@
-"""Moves: the handshake with a drive, halts that stay, and what may fail."""
+"""Moves: the handshake with a drive, persistent halts, and failures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PARAMS = Params(window=10, settle_ticks=3, immediate=1, handshake_ticks=5, move_
 
 
 class Actuator:
-    """Takes a target on the edge of bit 4, goes there at 100 counts a tick, answers a tick late."""
+    """Accepts a target on the edge of bit 4, moves 100 counts per tick, answers a tick late."""
 
     def __init__(self, position: int = 0) -> None:
         self.position = self.goal = position
@@ -47,8 +47,8 @@ class Bench:
         self.inputs = Inputs(0, 0, acting=1, request=0, target=0, halt=0)
         self.bits: list[int] = []
 
-    def run(self, ticks: int, **what: Any) -> Bench:
-        self.inputs = self.inputs._replace(**what)
+    def run(self, ticks: int, **inputs: Any) -> Bench:
+        self.inputs = self.inputs._replace(**inputs)
         for _ in range(ticks):
             now = self.inputs._replace(statusword=self.drive.word, position=self.drive.position)
             self.drive.tick(*self.out)
@@ -87,7 +87,7 @@ def test_target_reached_counts_only_at_the_target() -> None:
     bench = Bench()
     bench.drive.blocked = True
     bench.run(8, request=1, target=1500)
-    bench.drive.goal = 0  # says that it is there, and is not
+    bench.drive.goal = 0  # reports the target as reached, which is wrong
     bench.run(30)
     assert bench.phase == Phase.MOVING
     assert bench.run(40).state.failure == Failure.LATE_ARRIVAL
@@ -213,9 +213,9 @@ ticks = st.tuples(
 
 
 @given(st.lists(ticks))
-def test_the_new_set_point_bit_stands_only_while_the_drive_acts(walked: list[Any]) -> None:
+def test_the_new_set_point_bit_is_set_only_while_the_drive_acts(ticks: list[Any]) -> None:
     state, last = pp.start(0), pp.Output(0, 0)
-    for inputs in (Inputs(*tick) for tick in walked):
+    for inputs in (Inputs(*tick) for tick in ticks):
         state, out = pp.step(PARAMS, state, inputs)
         assert out.mode_bits in (0, HALT, 0x30)
         if out.mode_bits == 0x30:

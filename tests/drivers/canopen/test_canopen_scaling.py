@@ -94,15 +94,15 @@ def test_a_command_stays_within_its_limit_and_its_sign(
     kp: int, limit: float, current: float
 ) -> None:
     scale = amc_current(kp, limit)
-    value, held = current_command(scale, current)
+    value, flag = current_command(scale, current)
     assert -scale.raw_limit <= value <= scale.raw_limit <= 0x7FFF
     assert abs(value) / scale.raw_per_ampere <= limit * (1 + 1e-12)
     if not math.isfinite(current):
-        assert (value, held) == (0, LimitFlag.NOT_FINITE)
-    elif held == 0:
+        assert (value, flag) == (0, LimitFlag.NOT_FINITE)
+    elif flag == 0:
         assert abs(value - current * scale.raw_per_ampere) <= 0.5
     else:
-        assert held == LimitFlag.SATURATED
+        assert flag == LimitFlag.SATURATED
         assert value == math.copysign(scale.raw_limit, current)
 
 

@@ -50,10 +50,10 @@ class Answers:
                 self.commands.append(message.data[0])
             elif message.arbitration_id == 0x600 + NODE and message.data[0] != 0x80:
                 time.sleep(self.late)
-                self.says(0x580 + NODE, self.change(self._answer(bytes(message.data))))
+                self.transmit(0x580 + NODE, self.change(self._answer(bytes(message.data))))
 
-    def _answer(self, asked: bytes) -> bytes:
-        word, index, sub, value = struct.unpack("<BHBI", asked)
+    def _answer(self, request: bytes) -> bytes:
+        word, index, sub, value = struct.unpack("<BHBI", request)
         key = index, sub
         if key in self.refused or (word == 0x40 and key not in self.objects):
             return struct.pack("<BHBI", 0x80, index, sub, 0x0602_0000)
@@ -64,7 +64,7 @@ class Answers:
         self.objects.setdefault(key, value)
         return struct.pack("<BHBI", 0x60, index, sub, 0)
 
-    def says(self, identifier: int, data: bytes) -> None:
+    def transmit(self, identifier: int, data: bytes) -> None:
         self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
 
     def close(self) -> None:
@@ -99,14 +99,14 @@ def test_writing_is_read_back_and_a_write_that_did_nothing_is_named(
     assert arming.format_mismatches(service.set_up(NODE, steps)) == (
         "0x608f:01 object 0x608f: expected 4096 (0x1000), got 20000 (0x4e20)"
     )
-    assert node.written == [(0x6085, 0, 7), (0x608F, 1, 4096)], "what is verified is not written"
+    assert node.written == [(0x6085, 0, 7), (0x608F, 1, 4096)], "verified objects are not written"
     assert node.commands == [128]
 
 
 def test_an_abort_is_no_answer_and_the_rest_is_still_done(service: Service, node: Answers) -> None:
     node.refused.add((0x6085, 0))
-    found = service.set_up(NODE, (step((0x6085, 0), 7), step((0x6007, 0), 2)))
-    assert [(one.object, one.actual) for one in found] == [(0x6085, None)]
+    mismatches = service.set_up(NODE, (step((0x6085, 0), 7), step((0x6007, 0), 2)))
+    assert [(one.object, one.actual) for one in mismatches] == [(0x6085, None)]
     assert node.written == [(0x6007, 0, 2)]
 
 
@@ -162,7 +162,7 @@ def test_a_silent_node_keeps_its_age_and_a_restart_is_counted(
     time.sleep(0.05)
     assert service.health()[NODE].last_heartbeat == before.last_heartbeat
     for state in (NmtState.BOOT, NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL, NmtState.BOOT):
-        node.says(0x700 + NODE, bytes((state,)))
+        node.transmit(0x700 + NODE, bytes((state,)))
     until(lambda: service.health()[NODE].boots == 2, lambda: None)
     assert service.health()[NODE].last_heartbeat > before.last_heartbeat
 
@@ -172,10 +172,10 @@ def test_frames_that_are_no_heartbeat_or_emergency_change_nothing(
 ) -> None:
     before = service.health()
     for data in (b"", b"\x05\x05", b"\x33"):
-        node.says(0x700 + NODE, data)
-    node.says(0x80 + NODE, b"\x10\x32")
-    node.says(0x700 + OWN, b"\x05")
-    node.says(0x80 + NODE, bytes.fromhex("103205 0000000000"))
+        node.transmit(0x700 + NODE, data)
+    node.transmit(0x80 + NODE, b"\x10\x32")
+    node.transmit(0x700 + OWN, b"\x05")
+    node.transmit(0x80 + NODE, bytes.fromhex("103205 0000000000"))
     until(lambda: service.health()[NODE].code == 0x3210, lambda: None)
     after = service.health()[NODE]
     assert (after.emergencies, after.register) == (1, 5)
@@ -204,11 +204,11 @@ def test_a_bus_that_accepts_no_frames_is_reported(
 def test_requests_wait_for_space_in_the_queue(
     service: Service, node: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    send, room = service._can.send, [0]
+    send, counter = service._can.send, [0]
 
     def small(message: can.Message, timeout: float | None = None) -> None:
-        room[0] = (room[0] + 1) % 11
-        if room[0] == 0:
+        counter[0] = (counter[0] + 1) % 11
+        if counter[0] == 0:
             raise can.CanOperationError("Transmit buffer full")
         send(message, timeout)
 
@@ -224,7 +224,7 @@ def test_a_dead_reader_is_reported_and_closing_raises_nothing(
         raise struct.error("garbage")
 
     monkeypatch.setattr(service._can, "recv", dies)
-    node.says(0x700 + NODE, b"\x05")
+    node.transmit(0x700 + NODE, b"\x05")
 
     def deaf() -> bool:
         try:
@@ -242,26 +242,26 @@ def test_bus_off_is_reported_and_persists(service: Service, node: Answers) -> No
     def error(kind: int) -> None:
         node.bus.send(can.Message(arbitration_id=kind, data=bytes(8), is_error_frame=True))
 
-    def heard() -> int:
+    def frame_count() -> int:
         return service.health()[NODE].boots
 
     for kind in (0x004, 0x100, 0x008, 0x020):  # passive, restarted, protocol, no acknowledge
         error(kind)
-    node.says(0x040, b"")  # a frame of that number, and no error frame
-    node.says(0x700 + NODE, b"\x00")
-    until(lambda: heard() == 1, lambda: None)
+    node.transmit(0x040, b"")  # a data frame with that identifier, not an error frame
+    node.transmit(0x700 + NODE, b"\x00")
+    until(lambda: frame_count() == 1, lambda: None)
     error(0x040)
 
     def off() -> bool:
         try:
             service.health()
-        except LinkError as told:
-            return "bus-off" in str(told)
+        except LinkError as error:
+            return "bus-off" in str(error)
         return False
 
     until(off, lambda: None)
     error(0x100)
-    node.says(0x700 + NODE, b"\x05")
+    node.transmit(0x700 + NODE, b"\x05")
     until(lambda: service._health[NODE].nmt == NmtState.OPERATIONAL, lambda: None)
     assert off()
 
@@ -277,7 +277,7 @@ def test_a_drive_silent_during_homing_is_reported_and_disabled(
 
 
 def test_a_homed_drive_is_left_unchanged(service: Service, node: Answers) -> None:
-    """A second run must not want to see an outcome change that stands since the first."""
+    """A second run must not wait for a change of an outcome that is left from the first."""
     node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
     node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
     service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)

@@ -36,7 +36,7 @@ class Server:
 
     def _greet(self) -> None:
         self._peer, _ = self._door.accept()
-        with suppress(OSError):  # whoever has been refused is gone
+        with suppress(OSError):  # a refused client has closed its socket
             for number, pieces in enumerate(self._answers):
                 if number and not self._peer.recv(64):
                     return
@@ -71,19 +71,19 @@ def bus(server: Server) -> Iterator[can.BusABC]:
     one.shutdown()
 
 
-def heard(bus: can.BusABC, count: int) -> list[tuple[int, bytes]]:
-    found = [bus.recv(2.0) for _ in range(count)]
-    return [(one.arbitration_id, bytes(one.data)) for one in found if one is not None]
+def received(bus: can.BusABC, count: int) -> list[tuple[int, bytes]]:
+    messages = [bus.recv(2.0) for _ in range(count)]
+    return [(one.arbitration_id, bytes(one.data)) for one in messages if one is not None]
 
 
 def test_all_frames_arrive_until_filtered(server: Server, bus: can.BusABC) -> None:
     server.send(b"".join(FRAMES))
-    assert heard(bus, 3) == [
+    assert received(bus, 3) == [
         (0x705, b"\x05"), (0x185, b"\xaa\xbb"), (0x585, bytes.fromhex("4300100092010200")),
     ]  # fmt: skip
     set_receive_filter(bus, (0x705, 0x585))
     server.send(b"".join(FRAMES) * 2)
-    assert [one for one, _ in heard(bus, 4)] == [0x705, 0x585] * 2
+    assert [one for one, _ in received(bus, 4)] == [0x705, 0x585] * 2
     assert bus.recv(0.0) is None
 
 
@@ -92,9 +92,11 @@ def test_a_frame_may_come_in_two_pieces(server: Server, bus: can.BusABC, cut: in
     set_receive_filter(bus, (0x705, 0x585))
     data = b"".join(FRAMES)
     server.send(data[:cut])
-    first = heard(bus, 1) if cut >= len(FRAMES[0]) else [] if bus.recv(0.01) is None else [(0, b"")]
+    first = (
+        received(bus, 1) if cut >= len(FRAMES[0]) else [] if bus.recv(0.01) is None else [(0, b"")]
+    )
     server.send(data[cut:])
-    assert [one for one, _ in first + heard(bus, 2 - len(first))] == [0x705, 0x585]
+    assert [one for one, _ in first + received(bus, 2 - len(first))] == [0x705, 0x585]
 
 
 def test_error_frames_pass_the_filter(server: Server, bus: can.BusABC) -> None:
@@ -104,7 +106,7 @@ def test_error_frames_pass_the_filter(server: Server, bus: can.BusABC) -> None:
     assert message is not None
     assert message.is_error_frame
     assert message.arbitration_id == 0x40
-    assert heard(bus, 1) == [(0x705, b"\x05")]
+    assert received(bus, 1) == [(0x705, b"\x05")]
 
 
 def test_a_server_that_ends_is_an_error(server: Server, bus: can.BusABC) -> None:
@@ -118,7 +120,7 @@ def test_text_without_end_is_not_kept(server: Server, bus: can.BusABC) -> None:
     for _ in range(400):
         assert bus.recv(0.001) is None
     server.send(b">" + FRAMES[0])
-    assert heard(bus, 1) == [(0x705, b"\x05")]
+    assert received(bus, 1) == [(0x705, b"\x05")]
     assert len(bus._buffer) <= 256  # type: ignore[attr-defined]
 
 
@@ -129,13 +131,18 @@ PIECES = st.sampled_from(
 
 @given(st.lists(PIECES, max_size=9), st.sampled_from((None, frozenset((b"705",)))))
 def test_no_text_raises_anything_but_what_the_link_counts(
-    pieces: list[bytes], wanted: frozenset[bytes] | None
+    pieces: list[bytes], ids: frozenset[bytes] | None
 ) -> None:
     bus = object.__new__(SocketcandBus)
-    bus._ids = wanted
+    bus._ids = ids
     with suppress(*_BUS_ERRORS):
-        made = bus._decode_message(b"".join(pieces))
-        assert made is None or made.is_error_frame or wanted is None or made.arbitration_id == 0x705
+        message = bus._decode_message(b"".join(pieces))
+        assert (
+            message is None
+            or message.is_error_frame
+            or ids is None
+            or message.arbitration_id == 0x705
+        )
 
 
 HI, OK = (b"< hi >",), (b"< ok >",)
@@ -166,7 +173,7 @@ def test_frames_before_an_answer_are_not_taken_for_it(
     bus = opened(server)
     try:
         server.send(b"< frame 185 1.6 AABB >")
-        assert heard(bus, kept + 1) == [(0x705, b"\x05")] * kept + [(0x185, b"\xaa\xbb")]
+        assert received(bus, kept + 1) == [(0x705, b"\x05")] * kept + [(0x185, b"\xaa\xbb")]
         assert bus.recv(0.0) is None
     finally:
         bus.shutdown()
@@ -174,7 +181,7 @@ def test_frames_before_an_answer_are_not_taken_for_it(
 
 
 @pytest.mark.parametrize(
-    ("answers", "said"),
+    ("answers", "error"),
     [
         ((HI, (b"< error could not open bus >",)), "refuses < open can0 >: could not open bus"),
         ((HI, OK, (EARLY, b"< error unknown command >")), "refuses < rawmode >: unknown command"),
@@ -183,10 +190,10 @@ def test_frames_before_an_answer_are_not_taken_for_it(
     ],
 )
 def test_an_answer_that_is_an_error_is_named(
-    answers: tuple[tuple[bytes, ...], ...], said: str
+    answers: tuple[tuple[bytes, ...], ...], error: str
 ) -> None:
     server = Server(*answers)
-    with pytest.raises(LinkError, match=re.escape(said)):
+    with pytest.raises(LinkError, match=re.escape(error)):
         opened(server)
     server.close()
 

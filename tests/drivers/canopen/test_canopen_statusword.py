@@ -8,7 +8,7 @@ from canopen.profiles import p402
 from drivers.canopen import statusword
 from drivers.canopen.statusword import DriveState, decode, describe
 
-# Words as drives send them: voltage, remote, target and maker's bits set beside the state.
+# Statuswords as drives send them: voltage, remote, target and manufacturer bits set, too.
 GOLDEN = {
     0x0000: "NOT_READY_TO_SWITCH_ON",
     0x0250: "SWITCH_ON_DISABLED",
@@ -47,9 +47,9 @@ def test_golden_words(word: int, name: str) -> None:
 
 def test_every_word_is_in_one_state_at_most() -> None:
     for word in range(0x10000):
-        found = [state for mask, value, state in statusword.CODING if word & mask == value]
-        assert len(found) <= 1
-        assert decode(word) == (found[0] if found else DriveState.UNKNOWN)
+        states = [state for mask, value, state in statusword.CODING if word & mask == value]
+        assert len(states) <= 1
+        assert decode(word) == (states[0] if states else DriveState.UNKNOWN)
 
 
 def test_an_independent_decoder_reads_every_word_alike() -> None:

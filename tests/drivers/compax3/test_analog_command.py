@@ -17,9 +17,9 @@ SPEED = make_params(0.013, 10.0 / (math.tau * 37.5), -9.5, 9.5)
 
 def test_closed_form() -> None:
     assert to_volts(SPEED, 0.0) == (0.013, 0)
-    volts, held = to_volts(SPEED, math.tau * 3.75)
+    volts, flag = to_volts(SPEED, math.tau * 3.75)
     assert volts == pytest.approx(1.013)
-    assert held == 0
+    assert flag == 0
 
 
 def test_the_clamp_is_flagged_on_its_side() -> None:
@@ -75,10 +75,10 @@ gains = st.floats(1e-3, 1e3).flatmap(lambda g: st.sampled_from([g, -g]))
 @given(st.floats(-1.0, 1.0), gains, st.floats(allow_nan=False, allow_infinity=False))
 def test_every_command_ends_in_the_clamp(offset: float, gain: float, command: float) -> None:
     params = make_params(offset, gain, -10.0, 10.0)
-    volts, held = to_volts(params, command)
+    volts, flag = to_volts(params, command)
     assert -10.0 <= volts <= 10.0
-    if held:
-        assert volts == 10.0 * held
+    if flag:
+        assert volts == 10.0 * flag
     else:
         assert to_command(params, volts) == pytest.approx(command, rel=1e-9, abs=1e-12 / abs(gain))
 

@@ -86,8 +86,8 @@ def test_the_plc_bit_is_bit_three() -> None:
 
 
 def test_one_request_reads_several_objects() -> None:
-    asked = read_request((Object(680, 5), Object(681, 5), Object(1000, 3)))
-    assert asked[:11] == bytes.fromhex("A4 08 02A805 02A905 03E803")
+    request = read_request((Object(680, 5), Object(681, 5), Object(1000, 3)))
+    assert request[:11] == bytes.fromhex("A4 08 02A805 02A905 03E803")
     data = bytes.fromhex("000001800000 FFFFFF 000064")
     forms = (NumberFormat.REAL48, NumberFormat.INT24, NumberFormat.INT24)
     assert decode_values(forms, data) == (1.5, -1.0, 100.0)

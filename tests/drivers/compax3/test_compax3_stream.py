@@ -1,4 +1,4 @@
-"""The Compax3 byte stream: ASCII and binary told apart, noise counted, splits without effect."""
+"""The Compax3 byte stream: ASCII and binary distinguished, noise counted, splits without effect."""
 
 from __future__ import annotations
 
@@ -119,9 +119,9 @@ def test_clean_messages_come_out_however_they_are_split(
 @given(st.data(), st.lists(st.integers(0, 2000), max_size=10))
 def test_splits_have_no_effect_on_any_bytes(drawn: st.DataObject, cuts: list[int]) -> None:
     data = drawn.draw(mixed)
-    whole = drain(stream.feed, stream.start(), [data])
-    assert drain(stream.feed, stream.start(), pieces(data, cuts)) == whole
-    paused, _ = stream.flush_stalled(whole[0])
+    expected = drain(stream.feed, stream.start(), [data])
+    assert drain(stream.feed, stream.start(), pieces(data, cuts)) == expected
+    paused, _ = stream.flush_stalled(expected[0])
     assert paused.pending == b""
 
 
@@ -134,11 +134,11 @@ noise = st.lists(
 def test_records_come_through_noise_that_holds_no_start_code(
     sent: list[tuple[bytes, Record]],
 ) -> None:
-    """Text in the noise may look like a line, which no parser could tell; records are whole."""
+    """Text in the noise may look like a line, which no parser can detect; records are complete."""
     data = b"".join(before + encode_record(record) for before, record in sent)
     _, messages = drain(stream.feed, stream.start(), [data])
-    found = [message for message in messages if isinstance(message, Record)]
-    assert found == [record for _, record in sent]
+    records = [message for message in messages if isinstance(message, Record)]
+    assert records == [record for _, record in sent]
 
 
 @given(st.binary(max_size=300), reply_records)
@@ -157,12 +157,12 @@ def test_every_byte_is_accounted_for(data: bytes) -> None:
     in_lines = sum(len(m.text) + m.starred for m in messages if isinstance(m, Reply))
     ends = data.count(b"\r") + data.count(b"\n")
     blanks = data.count(b" ")
-    left = len(data) - in_records - in_lines - state.dropped - len(state.pending)
-    assert 0 <= left <= ends + blanks
+    unaccounted = len(data) - in_records - in_lines - state.dropped - len(state.pending)
+    assert 0 <= unaccounted <= ends + blanks
 
 
-def test_only_replies_are_looked_for() -> None:
-    """A request that comes back (echo of a two-wire adapter) is the link's to take off."""
+def test_only_replies_are_parsed() -> None:
+    """The link removes an echoed request (two-wire adapter), not the parser."""
     state, messages = run(bytes.fromhex("A5 03 02 02 A8 05 E1 46") + ACK)
     state, more = stream.flush_stalled(state)
     assert [m for m in messages + more if isinstance(m, Record)] == [

@@ -101,8 +101,8 @@ def test_any_line_decodes_or_is_refused(line: bytes) -> None:
     with contextlib.suppress(CodecError):
         reply = decode_line(line)
         assert math.isfinite(reply.value)
-        again = decode_line(b"*" * reply.starred + reply.text.encode())
-        assert again == reply
+        decoded = decode_line(b"*" * reply.starred + reply.text.encode())
+        assert decoded == reply
 
 
 @given(st.floats(-(2.0**40), 2.0**40))

@@ -16,7 +16,7 @@ def asked_for(seconds: float, late: float, lost: frozenset[int] = frozenset()) -
     line = Requests("servo", NO_ADDRESS, "C3", Timing(ANSWER, 0.02))
     line.on_open(0.0)
     due: list[float] = []
-    said = 0
+    answered = 0
     for tick in range(round(seconds / STEP)):
         now = tick * STEP
         come = NAME if due and due[0] <= now else b""
@@ -25,9 +25,9 @@ def asked_for(seconds: float, late: float, lost: frozenset[int] = frozenset()) -
         if line.is_identified:
             break
         if line.recovery_message(now, b""):
-            if said not in lost:
+            if answered not in lost:
                 due.append(now + late)
-            said += 1
+            answered += 1
     return line
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from device_peers import Compax3Peer
-from spoilt_port import STEP, FaultyPort
+from faulty_port import STEP, FaultyPort
 from stream_subjects import SERVO, SET_POINT
 
 from drivers.compax3 import objects
@@ -118,7 +118,7 @@ def test_a_set_point_that_is_not_renewed_stops_the_drive() -> None:
     bench.run(0.03)
     assert not bench.drive.powered
     assert bench.explanation == "servo: set-point not renewed in 0.1 s"
-    bench.want = 1.0  # renewed again, with the request of before: it stays down
+    bench.want = 1.0  # renewed with the previous request: the drive stays disabled
     bench.run(0.5)
     assert not bench.drive.powered
     bench.up()
@@ -138,11 +138,11 @@ def test_a_nan_set_point_disables_with_a_reason(bad: float) -> None:
     assert all(math.isfinite(value) for _, _, value in bench.drive.writes)
 
 
-@pytest.mark.parametrize(("asked", "sent"), [(1e9, 10.0), (-11.0, -10.0)])
-def test_a_set_point_beyond_the_limit_is_clamped_and_flagged(asked: float, sent: float) -> None:
+@pytest.mark.parametrize(("requested", "sent"), [(1e9, 10.0), (-11.0, -10.0)])
+def test_a_set_point_beyond_the_limit_is_clamped_and_flagged(requested: float, sent: float) -> None:
     bench = Bench().up()
     assert bench.reading.limited == 0
-    bench.want = asked
+    bench.want = requested
     bench.run(0.02)
     assert (bench.drive.set_point, bench.reading.limited) == (sent, 1)
 
@@ -155,7 +155,7 @@ def test_an_error_disables_the_drive_and_is_reported() -> None:
     assert (reading.phase, reading.acting, reading.error) == (Phase.OFF, 0, 29472)
     assert bench.explanation == "servo: following error; disabled by the drive's error"
     words = len(bench.control_words())
-    bench.drive.error = 1  # gone by itself: still no reason to go up
+    bench.drive.error = 1  # cleared by itself, which is no reason to enable
     bench.run(0.5)
     assert not bench.drive.powered
     assert bench.reading.error == 0
@@ -223,24 +223,24 @@ def test_a_drive_that_takes_its_power_off_is_not_followed_up() -> None:
     bench.drive.powered = False
     bench.run(0.05)
     assert bench.explanation == "servo: the drive removed its power"
-    bench.drive.powered = True  # and on again by itself: told to be off
+    bench.drive.powered = True  # on again by itself: the driver must switch it off
     bench.drive.control = 0
     bench.run(0.05)
     assert not bench.drive.powered
 
 
 @pytest.mark.parametrize(
-    ("number", "said"),
+    ("number", "messages"),
     [((1901, 1), "set-point refused"), (CONTROL, "control word refused")],
 )
-def test_a_refusal_disables_the_drive(number: tuple[int, int], said: str) -> None:
+def test_a_refusal_disables_the_drive(number: tuple[int, int], messages: str) -> None:
     bench = Bench().up()
     bench.drive.refuse[number] = 0x0609
     if number == CONTROL:
         bench.enable = 0
     bench.run(0.05)
     assert bench.reading.phase is Phase.OFF
-    assert f"{said}: error 1545" in bench.explanation
+    assert f"{messages}: error 1545" in bench.explanation
 
 
 def test_refused_values_age_and_disable_the_drive() -> None:
@@ -259,12 +259,12 @@ def test_an_error_whose_number_is_refused_is_still_one() -> None:
     bench.run(0.1)
     assert bench.reading.error == NOT_READ
     assert "in error" in bench.explanation
-    assert bench.reading.age < 0.02  # its values still come
+    assert bench.reading.age < 0.02  # its values still arrive
 
 
 def test_a_silent_drive_still_gets_a_stop() -> None:
     bench = Bench().up()
-    bench.port.fault = "cut"  # it hears us, we do not hear it
+    bench.port.fault = "cut"  # it receives, but its answers are lost
     bench.run(0.6)
     assert not bench.drive.powered
     assert bench.servo.requests.timeouts >= 1
@@ -330,13 +330,13 @@ def test_after_a_timeout_the_line_is_quiet_first() -> None:
 def test_a_line_that_is_never_quiet_is_used_after_a_wait() -> None:
     requests = Requests("servo", -1, "Compax3", Timing(0.03, 0.05))
     requests.on_open(0.0)
-    said = []
+    messages = []
     for n in range(1000):
         now = n * 0.001
         requests.receive(b"\xff", now)
-        said.append(requests.recovery_message(now, b"stop"))
-    assert said.count(b"stop") >= 3
-    assert said.count(b"_?\r") >= 3
+        messages.append(requests.recovery_message(now, b"stop"))
+    assert messages.count(b"stop") >= 3
+    assert messages.count(b"_?\r") >= 3
 
 
 def test_a_partial_record_is_dropped_after_the_gap() -> None:
@@ -348,7 +348,7 @@ def test_a_partial_record_is_dropped_after_the_gap() -> None:
     assert not requests.is_identified
     requests.receive(b"", 0.02)
     assert requests.dropped >= 2
-    requests.recovery_message(0.031, b"")  # the name was swallowed with it: asked again
+    requests.recovery_message(0.031, b"")  # the name was lost, too: requested again
     assert requests.recovery_message(0.09, b"") == b"_?\r"
     requests.receive(b"Compax3\r", 0.095)
     assert not requests.is_identified  # it might be the first one's, late

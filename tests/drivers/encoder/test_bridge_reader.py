@@ -1,4 +1,4 @@
-"""The bridge's reader: turns, ages on the host's clock, and what is wrong with a word."""
+"""The bridge's reader: turns, ages on the host's clock, and errors of a word."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from device_peers import BridgePeer
-from spoilt_port import STEP, FaultyPort
+from faulty_port import STEP, FaultyPort
 from stream_subjects import BRIDGE
 
 from drivers.conversation import Exchange
@@ -160,7 +160,7 @@ def test_a_short_silence_loses_nothing() -> None:
 @pytest.mark.parametrize("first_comes", [True, False])
 @pytest.mark.parametrize("base", [0, 60_000_000])
 def test_a_bridge_restart_keeps_the_turns(first_comes: bool, base: int) -> None:
-    """Its clock begins anywhere; with or without its first frame, which says so."""
+    """Its clock starts at any value; with or without its first frame, which announces that."""
     bench = Bench().run(5.0)
     bench.peer.power_cycle(bench.now)
     bench.peer.base = base

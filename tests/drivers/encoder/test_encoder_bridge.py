@@ -1,4 +1,4 @@
-"""The project's own bridge frame: as its page says, through noise, and in any pieces."""
+"""The project's own bridge frame: as documented, through noise, and in any pieces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unwrapping against the motion it was made from, and against what no machine can do."""
+"""Unwrapping compared with the original motion, and motions that no machine can do."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def test_the_gate_is_speed_times_time_plus_slack() -> None:
 
 def test_the_ends_of_the_gate_belong_to_it_and_half_a_turn_does_not() -> None:
     still = Params(16, 1.0, 4.0)  # no time passes, so the slack is the gate
-    for position, wanted in ((12, Outcome.ACCEPTED), (4, Outcome.ACCEPTED), (3, Outcome.JUMPED)):
-        assert run(still, [(8, 0), (position, 0)])[1][1] is wanted
+    for position, expected in ((12, Outcome.ACCEPTED), (4, Outcome.ACCEPTED), (3, Outcome.JUMPED)):
+        assert run(still, [(8, 0), (position, 0)])[1][1] is expected
     half = Params(16, 1.0, 8.0)
     assert run(half, [(8, 0), (8, 0)])[1][1] is Outcome.LOST
 

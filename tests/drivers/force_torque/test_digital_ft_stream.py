@@ -106,7 +106,7 @@ def test_any_bytes_decode_or_are_refused(data: bytes) -> None:
 
 @given(samples, st.integers(0, 12 * 8 - 1))
 def test_one_flipped_bit_is_seen_unless_it_is_a_bytes_highest(sample: Sample, bit: int) -> None:
-    """128 is nothing to a 7-bit sum: the top bit of each byte is not protected."""
+    """A 7-bit sum ignores 128: the top bit of each byte is not protected."""
     data = bytearray(encode_sample(sample))
     data[bit // 8] ^= 1 << bit % 8
     assert is_checksum_valid(bytes(data)) == (bit % 8 == 7)
@@ -157,7 +157,7 @@ def test_a_corrupt_byte_costs_one_sample(seed: int, at: int, bit: int) -> None:
 @settings(derandomize=True)  # two windows in a row hold by chance once in 16384 streams
 @given(st.integers(0, 2**32), st.integers(0, 20 * 13 - 1), st.integers(1, 30))
 def test_lost_bytes_cost_a_few_samples_and_give_no_wrong_one(seed: int, at: int, lost: int) -> None:
-    """Wrong only by chance: one window in 128 holds its sum, so at most that last one is let by."""
+    """One window in 128 has the right sum by chance, so at most one wrong sample is accepted."""
     sent = noisy(80, seed)
     data = wire(sent)
     state, got = feed(start_at_sample(), data[:at] + data[at + lost :])
@@ -168,7 +168,7 @@ def test_lost_bytes_cost_a_few_samples_and_give_no_wrong_one(seed: int, at: int,
 
 
 def test_a_constant_force_is_found_at_its_old_boundary() -> None:
-    """Its bytes repeat exactly, so other places may hold the sum for ever."""
+    """Its bytes repeat exactly, so other offsets may have the right sum for ever."""
     still = Sample((10, 20, 30, 40, 50, 60), 0)
     data = bytearray(wire([still] * 40))
     data[13 * 5] ^= 1
@@ -201,7 +201,7 @@ streams = st.lists(
 @given(streams, st.booleans(), st.lists(st.integers(0, 900), max_size=10))
 def test_splits_have_no_effect_on_any_bytes(data: bytes, known: bool, cuts: list[int]) -> None:
     begin = start_at_sample() if known else start()
-    whole = drain(feed, begin, [data])
-    assert drain(feed, begin, pieces(data, cuts)) == whole
-    state, got = whole
+    expected = drain(feed, begin, [data])
+    assert drain(feed, begin, pieces(data, cuts)) == expected
+    state, got = expected
     assert len(got) * SAMPLE_SIZE + state.dropped + len(state.pending) == len(data)

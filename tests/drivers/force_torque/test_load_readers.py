@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from device_peers import DigitalFtPeer, NetFtPeer
-from spoilt_port import STEP, FaultyPort
+from faulty_port import STEP, FaultyPort
 from stream_subjects import DIGITAL, NET
 
 from drivers.conversation import Exchange

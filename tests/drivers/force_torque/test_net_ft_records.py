@@ -129,9 +129,9 @@ def test_returned_and_missing_records_add_up(numbers: set[int]) -> None:
 @given(st.lists(st.binary(max_size=80) | records.map(encode_record), max_size=10))
 def test_any_datagrams_are_records_or_counted(datagrams: list[bytes]) -> None:
     state, got = drain(feed, start(), datagrams)
-    whole = [data for data in datagrams if data and len(data) % 36 == 0]
-    assert state.bad_datagrams == len(datagrams) - len(whole)
-    assert len(got) + state.repeated == sum(len(data) // 36 for data in whole)
+    complete = [data for data in datagrams if data and len(data) % 36 == 0]
+    assert state.bad_datagrams == len(datagrams) - len(complete)
+    assert len(got) + state.repeated == sum(len(data) // 36 for data in complete)
     assert all(a.rdt_sequence != b.rdt_sequence for a, b in pairwise(got))
 
 

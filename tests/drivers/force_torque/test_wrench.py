@@ -40,8 +40,8 @@ ZERO: Vector6 = (0.0,) * 6
 
 @given(matrices, sixes, sixes)
 def test_a_full_matrix_is_a_product(matrix: Matrix, gauges: Vector6, bias: Vector6) -> None:
-    wanted = np.array(matrix) @ (np.array(gauges) - np.array(bias))
-    assert np.allclose(apply_calibration(matrix, gauges, bias), wanted, rtol=1e-9, atol=1e-3)
+    expected = np.array(matrix) @ (np.array(gauges) - np.array(bias))
+    assert np.allclose(apply_calibration(matrix, gauges, bias), expected, rtol=1e-9, atol=1e-3)
 
 
 @given(sixes)

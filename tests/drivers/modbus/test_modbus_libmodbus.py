@@ -62,19 +62,19 @@ pytestmark = pytest.mark.skipif(
 
 
 class Server:
-    """One unit of libmodbus; what it holds can be looked at and set."""
+    """One unit of libmodbus, whose registers the test can read and set."""
 
     def __init__(self, context: int | None) -> None:
         assert context
         self._context = c_void_p(context)
         LIB.modbus_set_slave(self._context, UNIT)
-        self.held: Any = LIB.modbus_mapping_new(SIZE, SIZE, SIZE, SIZE)
+        self.mapping: Any = LIB.modbus_mapping_new(SIZE, SIZE, SIZE, SIZE)
 
     def serve(self) -> None:
         request = (c_uint8 * 260)()
         while (size := LIB.modbus_receive(self._context, request)) >= 0:
             if size > 0:
-                LIB.modbus_reply(self._context, request, size, self.held)
+                LIB.modbus_reply(self._context, request, size, self.mapping)
 
     def floats(self, table: str, high_first: bool) -> None:
         """Its own low word and high word of each value, in this order or the other.
@@ -82,7 +82,7 @@ class Server:
         The functions that name an order differ between versions (3.1.6 swaps bytes too); this one
         is the same in all.
         """
-        into, words = getattr(self.held.contents, table), (c_uint16 * 2)()
+        into, words = getattr(self.mapping.contents, table), (c_uint16 * 2)()
         for i, value in enumerate(VALUES):
             LIB.modbus_set_float(c_float(value), words)
             into[2 * i], into[2 * i + 1] = reversed(words) if high_first else words
@@ -103,14 +103,14 @@ class TcpServer(Server):
 
     def close(self) -> None:
         with suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)  # if nobody has come
+            self._socket.shutdown(socket.SHUT_RDWR)  # if no client has connected
         self._thread.join(5.0)
         self._socket.close()
         LIB.modbus_close(self._context)
 
 
 class Cable:
-    """Two ptys whose far ends are joined: what goes into one comes out of the other."""
+    """Two ptys whose far ends are joined: bytes written to one arrive at the other."""
 
     def __init__(self) -> None:
         pairs = [pty.openpty() for _ in range(2)]
@@ -168,59 +168,61 @@ def test_floats_of_either_word_order(
     server: TcpServer, line: Line, table: str, high_first: bool
 ) -> None:
     server.floats("tab_input_registers" if table == "input" else "tab_registers", high_first)
-    asked = block(table, 0, 6)
-    found = registers.decode(asked, line.read(asked), high_first)
-    assert found == pytest.approx(VALUES, rel=1e-7)
-    swapped = registers.decode(asked, line.read(asked), not high_first)
+    map_block = block(table, 0, 6)
+    values = registers.decode(map_block, line.read(map_block), high_first)
+    assert values == pytest.approx(VALUES, rel=1e-7)
+    swapped = registers.decode(map_block, line.read(map_block), not high_first)
     assert swapped != pytest.approx(VALUES, rel=0.1)
 
 
 def test_bits(server: TcpServer, line: Line) -> None:
     pattern = [1, 0, 0, 1, 1, 0, 1, 0, 1, 1]
     for i, bit in enumerate(pattern):
-        server.held.contents.tab_input_bits[i] = bit
+        server.mapping.contents.tab_input_bits[i] = bit
     assert line.read(block("discrete", 0, 10, "bit")) == pattern
     line.write(WRITABLE[0], [1, 0, 1])
-    assert [server.held.contents.tab_bits[i] for i in range(4)] == [1, 0, 1, 0]
+    assert [server.mapping.contents.tab_bits[i] for i in range(4)] == [1, 0, 1, 0]
     assert line.read(block("coil", 0, 3, "bit")) == [1, 0, 1]
 
 
 def test_written_values_arrive(server: TcpServer, line: Line) -> None:
     line.write(WRITABLE[1], registers.encode(WRITABLE[1], (-12.5, 0.1), True))
-    held = server.held.contents.tab_registers
+    stored = server.mapping.contents.tab_registers
     for i, value in ((8, -12.5), (10, 0.1)):
-        words = (c_uint16 * 2)(held[i + 1], held[i])
+        words = (c_uint16 * 2)(stored[i + 1], stored[i])
         assert LIB.modbus_get_float(words) == pytest.approx(value, rel=1e-7)
 
 
 def test_missing_registers_are_refused(line: Line) -> None:
-    for ask in (
+    for request in (
         lambda: line.read(block("holding", SIZE - 1, 2)),
         lambda: line.write(WRITABLE[2], [1, 2]),
     ):
-        with pytest.raises(ExceptionResponseError) as told:
-            ask()
-        assert told.value.code == 2  # illegal data address
+        with pytest.raises(ExceptionResponseError) as error:
+            request()
+        assert error.value.code == 2  # illegal data address
     assert line.read(block("holding", 0, 2)) == [0, 0]
 
 
 def test_rtu_and_a_unit_that_is_not_there() -> None:
     cable = Cable()
-    theirs, ours = cable.ends
-    server = Server(LIB.modbus_new_rtu(theirs.encode(), 115_200, c_char(b"N"), 8, 1))
-    line = Line(RtuSettings(ours, 115_200, "N", 1, 1.0, 0.2))
+    server_port, client_port = cable.ends
+    server = Server(LIB.modbus_new_rtu(server_port.encode(), 115_200, c_char(b"N"), 8, 1))
+    line = Line(RtuSettings(client_port, 115_200, "N", 1, 1.0, 0.2))
     try:
         assert LIB.modbus_connect(server._context) == 0
         serving = threading.Thread(target=server.serve, daemon=True)
         serving.start()
         server.floats("tab_registers", True)
-        asked = block("holding", 0, 6)
+        map_block = block("holding", 0, 6)
         for _ in range(3):
-            found = registers.decode(asked, line.read(asked), True)
-            assert found == pytest.approx(VALUES, rel=1e-7)
+            values = registers.decode(map_block, line.read(map_block), True)
+            assert values == pytest.approx(VALUES, rel=1e-7)
         with pytest.raises(NoAnswerError):
             line.read(block("holding", 0, 6, unit=9))
-        assert registers.decode(asked, line.read(asked), True) == pytest.approx(VALUES, rel=1e-7)
+        assert registers.decode(map_block, line.read(map_block), True) == pytest.approx(
+            VALUES, rel=1e-7
+        )
     finally:
         line.close()
         cable.close()

@@ -1,4 +1,4 @@
-"""A Modbus line against a slave written here, byte by byte: late answers, refusals, a line gone."""
+"""A Modbus line and a slave of the test, byte by byte: late answers, refusals, a lost line."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def crc(data: bytes) -> bytes:
 
 
 def answer(request: bytes) -> bytes:
-    """What a slave says to unit and PDU: each register holds its own address."""
+    """Return a slave's answer to unit and PDU: each register contains its own address."""
     unit, function, first, count = struct.unpack(">BBHH", request[:6])
     if first >= 1000:
         return bytes((unit, function | 0x80, 2))
@@ -75,8 +75,8 @@ class Slave:
                     continue
                 self.requests.append(data)
                 time.sleep(self.delays.pop(0) if self.delays else 0.0)
-                said = answer(data[:-2])
-                os.write(self._master, said + crc(said))
+                reply = answer(data[:-2])
+                os.write(self._master, reply + crc(reply))
             except OSError:
                 return
 
@@ -114,9 +114,9 @@ def test_an_exception_response_carries_its_code_and_the_line_continues() -> None
 
 @pytest.mark.parametrize("late", [0.3, 0.5, 0.9])
 def test_a_late_answer_is_never_taken_for_a_new_one(late: float) -> None:
-    """0.3 s: within what the slowest unit may take; later: after the line was thought quiet.
+    """0.3 s: within the time of the slowest unit; later: after the line was considered quiet.
 
-    Blocks of one length are asked in turn, so nothing but their content would show a mix-up.
+    Blocks of one length are read in turn, so only their content would show a mix-up.
     """
     with rtu() as (slave, line):
         assert line.read(block(0, 4)) == [0, 1, 2, 3]
@@ -188,8 +188,8 @@ def test_a_tcp_line_recovers_when_its_server_returns() -> None:
         with peer:
             for _ in range(2):
                 data = peer.recv(260)
-                said = answer(data[6:])
-                peer.sendall(data[:4] + struct.pack(">H", len(said)) + said)
+                reply = answer(data[6:])
+                peer.sendall(data[:4] + struct.pack(">H", len(reply)) + reply)
 
     with socket.create_server(("127.0.0.1", 0)) as server:
         line = Line(TcpSettings("127.0.0.1", server.getsockname()[1], 0.3))
@@ -202,13 +202,13 @@ def test_a_tcp_line_recovers_when_its_server_returns() -> None:
             line.read(block(5, 2))
         thread = threading.Thread(target=serve, args=(server,))
         thread.start()
-        until, found = time.monotonic() + 5.0, []
-        while not found and time.monotonic() < until:
+        until, values = time.monotonic() + 5.0, []
+        while not values and time.monotonic() < until:
             try:
-                found = line.read(block(7, 1))
+                values = line.read(block(7, 1))
             except (NoAnswerError, ClosedLineError):
                 time.sleep(0.05)
-        assert found == [7]
+        assert values == [7]
         assert line.read(block(7, 1)) == [7]
         thread.join()
         assert line.open_count >= 2

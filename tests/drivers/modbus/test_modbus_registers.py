@@ -47,9 +47,9 @@ def test_every_kind_is_read_as_pymodbus_reads_it(
 ) -> None:
     words = words[: REGISTER_COUNT[kind]]
     order: Any = "big" if high_first else "little"
-    theirs = ModbusTcpClient.convert_from_registers(words, PEER[kind], word_order=order)
-    (ours,) = decode(one(kind), words, high_first)
-    assert ours == theirs or (math.isnan(ours) and math.isnan(float(theirs)))  # type: ignore[arg-type]
+    expected = ModbusTcpClient.convert_from_registers(words, PEER[kind], word_order=order)
+    (decoded,) = decode(one(kind), words, high_first)
+    assert decoded == expected or (math.isnan(decoded) and math.isnan(float(expected)))  # type: ignore[arg-type]
 
 
 @given(st.sampled_from(sorted(PEER)), WORDS, st.booleans())
@@ -58,10 +58,10 @@ def test_what_was_read_is_written_back(kind: str, words: list[int], high_first: 
     block = one(kind)
     (value,) = decode(block, words, high_first)
     if math.isfinite(value):
-        again = encode(block, [value], high_first)
-        assert decode(block, again, high_first) == (value,)
+        encoded = encode(block, [value], high_first)
+        assert decode(block, encoded, high_first) == (value,)
         if kind != "f32":
-            assert again == words
+            assert encoded == words
 
 
 def test_the_strain_amplifiers_example() -> None:
@@ -115,7 +115,7 @@ def test_a_partial_answer_is_rejected() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"table": "analog"}, "no table 'analog'"),
         ({"unit": 248}, "unit numbers are 0 to 247"),
@@ -127,6 +127,6 @@ def test_a_partial_answer_is_rejected() -> None:
         ({"values": (RegisterValue("x", 0, "u16", 1.0, 2.0, 1.0),)}, "2.0..1.0"),
     ],
 )
-def test_invalid_register_maps_are_refused(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(RegisterMapError, match=said):
+def test_invalid_register_maps_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(RegisterMapError, match=message):
         validated(one("f32")._replace(**change))

@@ -4,13 +4,14 @@ from collections.abc import Iterator
 
 from pydantic import Field
 
-from rig.config.model import FileModel, RuleViolation
-from rig.config.problems import format_number
-from rig.kinds.wavebot.config.limits_file import (
+from rig.config.limits_file import (
+    NO_MOTOR_POWER_CHECK,
     LoopLimits,
     MotorPowerLimits,
     check_difference_time,
 )
+from rig.config.model import FileModel, RuleViolation
+from rig.config.problems import format_number
 
 
 class MotorLimits(FileModel):
@@ -107,3 +108,15 @@ class BenchLimitsFile(FileModel):
     authority: FeedbackAuthority
     tare: BenchTareLimits
     loop: LoopLimits
+
+
+LATER_LIMITS: dict[str, dict[str, float]] = {
+    "motor": {
+        "current_difference_stop_a": 100.0,
+        "current_difference_time_s": 60.0,
+        "velocity_difference_stop_rad_per_s": 50.0,
+        "velocity_difference_time_s": 60.0,
+    },
+    "power": NO_MOTOR_POWER_CHECK,
+}
+"""Limits of checks that runs recorded earlier did not have; they never trip."""

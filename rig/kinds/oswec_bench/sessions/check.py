@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.problems import ConfigError, Problem, display_path
+from rig.config.problems import ConfigError, Problem, display_path, problems_text
 from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import (
@@ -72,9 +72,7 @@ class SessionReport(NamedTuple):
     def text(self) -> str:
         """Return the report for people: one problem a line, or the summary."""
         if self.problems:
-            count = len(self.problems)
-            lines = [problem.text() for problem in self.problems]
-            return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+            return problems_text(self.problems)
         sources = (
             [(f.role, display_path(f.path)) for f in self.session.files] if self.session else []
         )
@@ -102,10 +100,7 @@ class SessionReport(NamedTuple):
                 "duration_s": plan.duration,
                 "phases_s": plan.phases._asdict(),
                 "constants": self.session.constants.origin,
-                "files": [
-                    {"role": f.role, "path": display_path(f.path), "sha256": f.sha256}
-                    for f in self.session.files
-                ],
+                "files": [file.as_dict() for file in self.session.files],
             }
         return json.dumps(document, ensure_ascii=False, allow_nan=False)
 

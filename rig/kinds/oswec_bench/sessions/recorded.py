@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from rig.config.recorded_limits import complete_bench_limits
+from rig.config.limits_file import complete_limits
 from rig.config.yaml_source import SourceMap
-from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
+from rig.kinds.oswec_bench.config.limits_file import LATER_LIMITS, BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.session_file import SessionFile
 from rig.kinds.oswec_bench.sessions.constants import Constants
@@ -26,7 +26,7 @@ def session_as_logged(config: dict[str, Any]) -> Session:
         file,
         no_location,
         BenchRigFile.model_validate(config["rig"]),
-        BenchLimitsFile.model_validate(complete_bench_limits(config["limits"])),
+        BenchLimitsFile.model_validate(complete_limits(config["limits"], LATER_LIMITS)),
         config["plant"],
         no_location,
         session_points(file, no_location),

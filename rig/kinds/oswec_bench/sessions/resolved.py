@@ -3,7 +3,6 @@
 import json
 from typing import Any
 
-from rig.config.problems import display_path
 from rig.kinds.oswec_bench.sessions.assemble import analysis_scales
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.flume import sea_as_dict, session_seas
@@ -24,10 +23,7 @@ def resolved_session(session: Session) -> str:
         "constants": session.constants._asdict(),
         "correction": session.correction._asdict(),
         "calibration_runs": session.correction.runs,
-        "files": [
-            {"role": file.role, "path": display_path(file.path), "sha256": file.sha256}
-            for file in session.files
-        ],
+        "files": [file.as_dict() for file in session.files],
     }
     return json.dumps(document, ensure_ascii=False, indent=2)
 

@@ -290,7 +290,7 @@ def _velocity_mismatch_ticks(
 ) -> int:
     """Return the number of ticks in which the motor did not turn at its last commanded velocity.
 
-    Ticks are counted as `rig.realtime.limits.counted` counts those of a current mismatch.
+    Ticks are counted as `rig.realtime.limits.count_mismatch` counts those of a current mismatch.
     """
     if enabled == 0 or not RUN <= mode <= STOP_1:
         return 0

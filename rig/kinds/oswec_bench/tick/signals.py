@@ -131,7 +131,7 @@ class Command(NamedTuple):
     torque: NewtonMetre
     current: Ampere  # motor current, torque loop
     enable: Flag  # request to keep the drive's power stage on
-    limited: Flag  # set of `rig.realtime.limits.Limited`: reasons why the demand was reduced
+    limited: Flag  # set of `rig.realtime.limits.LimitFlag`: why the demand was reduced
     brake_torque: NewtonMetre  # demand on the brake, >= 0 in both directions of rotation
     brake_current: Ampere  # setpoint of the brake's amplifier
     locked: Flag  # 1: the shaft is clamped for this session, or a person holds the flap

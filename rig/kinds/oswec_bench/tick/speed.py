@@ -29,7 +29,7 @@ class VelocityCommand(NamedTuple):
     velocity: float  # rad/s
     volts: float  # V
     enable: int
-    limited: int  # set of `rig.realtime.limits.Limited`
+    limited: int  # set of `rig.realtime.limits.LimitFlag`
 
 
 def start() -> State:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.config.law_settings import DEFAULT_LAW
-from rig.config.problems import ConfigError, Problem, display_path
+from rig.config.problems import ConfigError, Problem, display_path, problems_text
 from rig.kinds.wavebot.campaign.files import (
     Campaign,
     ExtraCheck,
@@ -115,18 +115,13 @@ class CheckReport(NamedTuple):
             "measured_per_row_s": measured,
             "phases_s": planned.phases._asdict(),
             "rate_hz": campaign.rig.rate_hz,
-            "files": [
-                {"role": f.role, "path": display_path(f.path), "sha256": f.sha256}
-                for f in campaign.files
-            ],
+            "files": [file.as_dict() for file in campaign.files],
         }
 
     def text(self) -> str:
         """Return text for people: one problem per line, or the summary."""
         if self.problems:
-            count = len(self.problems)
-            lines = [problem.text() for problem in self.problems]
-            return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+            return problems_text(self.problems)
         entries = self.summary_lines() + self.input_files()
         if self.not_predicted:
             entries.append(("predicted", f"nothing: {self.not_predicted}"))

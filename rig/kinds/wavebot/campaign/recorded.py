@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
-from rig.config.recorded_limits import complete_wavebot_limits
+from rig.config.limits_file import complete_limits
 from rig.config.reference import RecordedReference
 from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
 from rig.kinds.wavebot.config.columns import COLUMNS
-from rig.kinds.wavebot.config.limits_file import LimitsFile
+from rig.kinds.wavebot.config.limits_file import LATER_LIMITS, LimitsFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.laws import Law, LawError, find, load_source
 from rig.planning.input_files import hash_input_file
@@ -41,7 +41,7 @@ def campaign_from_record(config: dict[str, Any], law_source: bytes = b"") -> Rec
     return RecordedCampaign(
         file,
         RigFile.model_validate(config["rig"]),
-        LimitsFile.model_validate(complete_wavebot_limits(config["limits"])),
+        LimitsFile.model_validate(complete_limits(config["limits"], LATER_LIMITS)),
         tuple(
             Point({c.name: float(values[c.key]) for c in columns if c.key in values}, {})
             for values in config["points"]

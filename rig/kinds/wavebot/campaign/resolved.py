@@ -25,9 +25,6 @@ def resolved_config(campaign: Campaign) -> str:
         "limits": campaign.limits.model_dump(mode="json", by_alias=True),
         "plant": campaign.plant,
         "law": campaign.law.record() | {"path": display_path(Path(campaign.law.path))},
-        "files": [
-            {"role": file.role, "path": display_path(file.path), "sha256": file.sha256}
-            for file in campaign.files
-        ],
+        "files": [file.as_dict() for file in campaign.files],
     }
     return json.dumps(config, ensure_ascii=False, indent=2)

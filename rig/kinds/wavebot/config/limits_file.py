@@ -4,7 +4,13 @@ from collections.abc import Iterator
 
 from pydantic import Field
 
-from rig.config.model import FileModel, RuleViolation, WholeNumber
+from rig.config.limits_file import (
+    NO_MOTOR_POWER_CHECK,
+    LoopLimits,
+    MotorPowerLimits,
+    check_difference_time,
+)
+from rig.config.model import FileModel, RuleViolation
 from rig.config.problems import format_number
 
 
@@ -43,21 +49,6 @@ class AxisLimits(FileModel):
         yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
 
 
-def check_difference_time(limits: FileModel, difference: str, age: str) -> Iterator[RuleViolation]:
-    """Yield a violation unless the key ``difference`` (time) exceeds the key ``age`` (maximum age).
-
-    Otherwise a value that is merely stale would stop the rig as a wrong one.
-    """
-    difference_time, max_age = getattr(limits, difference), getattr(limits, age)
-    if difference_time <= max_age:
-        yield RuleViolation(
-            (difference,),
-            f"{format_number(difference_time)} would stop for a value that is merely old; "
-            f"allowed above {age} = {format_number(max_age)} s",
-            difference_time,
-        )
-
-
 class HeaveLimits(AxisLimits):
     """Limits of the heave axis, which has a second position sensor."""
 
@@ -68,16 +59,6 @@ class BusLimits(FileModel):
     """Limits of the heave drive's DC bus."""
 
     voltage_stop_v: float = Field(gt=0, le=1000)
-
-
-class MotorPowerLimits(FileModel):
-    """Limits of a motor's power, averaged over a time."""
-
-    time_s: float = Field(ge=0.1, le=600)
-    fed_stop_w: float = Field(gt=0, le=1e6)  # into the body, by a law that can only absorb
-    # between the power from the motor's current and the power from a force sensor
-    motor_difference_stop_w: float = Field(gt=0, le=1e6)
-    motor_difference_ratio: float = Field(ge=0, le=10)  # added share of the force sensor's power
 
 
 class PowerLimits(MotorPowerLimits):
@@ -102,14 +83,6 @@ class TareLimits(FileModel):
     position_span_stop_m: float = Field(gt=0, le=0.5)
 
 
-class LoopLimits(FileModel):
-    """Limits of the loop and of the instruments that every rig has in addition to its drives."""
-
-    lost_ticks_stop: WholeNumber = Field(ge=1, le=100_000)  # in one gap
-    load_cell_age_stop_s: float = Field(gt=0, le=60)
-    panel_age_stop_s: float = Field(gt=0, le=60)
-
-
 class WaveBotLoopLimits(LoopLimits):
     """Limits of the loop and the instruments of a WaveBot, with its power analyser."""
 
@@ -126,3 +99,18 @@ class LimitsFile(FileModel):
     spring: SpringLimits
     tare: TareLimits
     loop: WaveBotLoopLimits
+
+
+_NO_CURRENT_CHECK = {"current_difference_stop_a": 500.0, "current_difference_time_s": 60.0}
+LATER_LIMITS: dict[str, dict[str, float]] = {
+    "heave": _NO_CURRENT_CHECK,
+    "surge": _NO_CURRENT_CHECK,
+    "power": {
+        **NO_MOTOR_POWER_CHECK,
+        "balance_time_s": 600.0,
+        "balance_stop_w": 1e6,
+        "friction_n_s_per_m": 1e6,
+        "loss_w_per_a2": 1e3,
+    },
+}
+"""Limits of checks that runs recorded earlier did not have; they never trip."""

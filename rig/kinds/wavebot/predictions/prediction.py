@@ -65,7 +65,7 @@ class RowPrediction(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Prediction of a campaign; a `rig.kinds.wavebot.campaign.check.Forecast`."""
+    """Prediction of a campaign; a `rig.kinds.wavebot.campaign.check.CampaignPrediction`."""
 
     campaign: Campaign
     plan: Plan

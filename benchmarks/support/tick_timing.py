@@ -1,8 +1,7 @@
-"""A stopwatch at the loop's own seams: devices, ring, and what lies between them.
+"""Time stamps at the loop's calls of devices and ring, which split a tick into parts.
 
-Stamps are taken where the loop hands over to devices and ring, so the parts of a tick add up to
-the whole and the loop itself is not touched. The stamps' own cost is in the parts; how much it is
-shows in a loop timed beside one that is not.
+The parts add up to the whole tick, and the loop itself is not changed. They include the cost of the
+stamps, which is the difference between a loop with stamps and one without.
 """
 
 from array import array
@@ -21,23 +20,23 @@ PARTS = ("plant", "cycle", "ring", "rest")
 
 
 class Stamps:
-    """Six moments of every tick, in nanoseconds."""
+    """Six times of every tick, in nanoseconds."""
 
     def __init__(self) -> None:
-        self.taken = array("q")
+        self.times = array("q")
 
-    def parts(self) -> "Parts":
-        """Microseconds of each part, tick by tick."""
-        whole = len(self.taken) // 6
-        at = np.frombuffer(self.taken, dtype=np.int64)[: 6 * whole].reshape(-1, 6) / 1e3
+    def tick_times(self) -> "TickTimes":
+        """Return the microseconds of each part by tick."""
+        ticks = len(self.times) // 6
+        at = np.frombuffer(self.times, dtype=np.int64)[: 6 * ticks].reshape(-1, 6) / 1e3
         reading, stepping, writing = at[:, 1] - at[:, 0], at[:, 2] - at[:, 1], at[:, 3] - at[:, 2]
         putting = at[:, 5] - at[:, 4]
         rest = (at[1:, 0] - at[:-1, 5]) + (at[1:, 4] - at[1:, 3])
-        # Nothing comes before the first tick, and it pays for what is done once: it is left out.
-        return Parts((reading + writing)[1:], stepping[1:], putting[1:], rest)
+        # The first tick is left out: it includes the cost of one-time work.
+        return TickTimes((reading + writing)[1:], stepping[1:], putting[1:], rest)
 
 
-class Parts(NamedTuple):
+class TickTimes(NamedTuple):
     """Microseconds of each part of a tick, one entry a tick."""
 
     plant: npt.NDArray[np.float64]
@@ -47,7 +46,7 @@ class Parts(NamedTuple):
 
 
 class TimedDevices:
-    """Devices with a stamp before and after reading and writing."""
+    """Devices with a time stamp before and after `read` and `write`."""
 
     def __init__(self, devices: Devices, stamps: Stamps) -> None:
         self.stop, self.close = devices.stop, devices.close
@@ -56,7 +55,7 @@ class TimedDevices:
 
 
 class TimedWriter(RingWriter):
-    """A ring's end with a stamp before and after a row is put."""
+    """Ring writer with a time stamp before and after `put`."""
 
     def __init__(self, fd: int, row_type: type, stamps: Stamps) -> None:
         super().__init__(fd, row_type, wait=False)
@@ -67,7 +66,7 @@ class TimedWriter(RingWriter):
 
 
 def _timed(call: Callable[[Any], Any], stamps: Stamps) -> Callable[[Any], Any]:
-    stamp = stamps.taken.append
+    stamp = stamps.times.append
 
     def timed(argument: Any) -> Any:
         began = perf_counter_ns()

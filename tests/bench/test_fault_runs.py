@@ -10,21 +10,21 @@ from typing import Any
 import pytest
 
 from benchmarks import faults
-from benchmarks.support.fault_page import page
+from benchmarks.support.fault_page import format_page
 from benchmarks.support.fault_rigs import RIGS, FaultRig
+from benchmarks.support.fault_runs import NO_RUN, Finding, mismatches
 from benchmarks.support.fault_table import (
     GOES_ON,
     LOOP_LOST,
     REFUSED,
     UNDETECTED,
-    Row,
+    FaultRow,
     missing_rows,
-    rows,
+    read_rows,
     table_errors,
 )
-from benchmarks.support.fault_walk import NO_RUN, Finding, wrong
 
-Measurement = Callable[[Row], Finding]
+Measurement = Callable[[FaultRow], Finding]
 SIX_ROWS = RIGS["wavebot"].rows()[:6]
 NAMES = [row.name for row in SIX_ROWS]
 
@@ -32,7 +32,7 @@ NAMES = [row.name for row in SIX_ROWS]
 class SixRowRig(FaultRig):
     """A rig whose table has six rows."""
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[FaultRow]:
         return SIX_ROWS
 
 
@@ -43,16 +43,18 @@ def make_finding(
     return Finding(verdict, "", category, seconds, 0, ended)
 
 
-def expected_finding(row: Row) -> Finding:
-    return make_finding(row.verdicts[0], row.within or None, row.category)
+def expected_finding(row: FaultRow) -> Finding:
+    return make_finding(row.verdicts[0], row.max_seconds or None, row.category)
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> FaultRig:
     """A rig with findings and page of its own; no emulated devices."""
     no_devices: Any = nullcontext
-    paths = {"measured": tmp_path / "measured.json", "page": tmp_path / "page.md"}
-    return SixRowRig(**{**RIGS["wavebot"]._asdict(), **paths, "stage": lambda folder: no_devices()})
+    paths = {"results": tmp_path / "measured.json", "page": tmp_path / "page.md"}
+    return SixRowRig(
+        **{**RIGS["wavebot"]._asdict(), **paths, "emulate": lambda folder: no_devices()}
+    )
 
 
 @pytest.fixture
@@ -62,16 +64,18 @@ def measure_rows(
     """Measure six rows, two of which have findings, with synthetic findings; return the names
     measured.
     """
-    faults.keep(rig, {row.name: faults.as_json(row, expected_finding(row)) for row in SIX_ROWS[:2]})
+    faults.store_results(
+        rig, {row.name: faults.finding_as_json(row, expected_finding(row)) for row in SIX_ROWS[:2]}
+    )
 
     def run(measurement: Measurement) -> list[str]:
         measured: list[str] = []
 
-        def measure_row(on: Any, row: Row) -> Finding:
+        def measure_row(on: Any, row: FaultRow) -> Finding:
             measured.append(row.name)
             return measurement(row)
 
-        monkeypatch.setattr(faults, "walk_fairly", measure_row)
+        monkeypatch.setattr(faults, "measure_fault", measure_row)
         faults.measure_some(rig, "", missing=True)
         return measured
 
@@ -80,21 +84,21 @@ def measure_rows(
 
 def test_only_missing_rows_are_measured(measure_rows: Any, rig: FaultRig) -> None:
     assert measure_rows(expected_finding) == NAMES[2:]
-    assert faults.measured(rig).keys() == set(NAMES)
-    assert all(one["as_due"] for one in faults.measured(rig).values())
+    assert faults.read_results(rig).keys() == set(NAMES)
+    assert all(one["as_expected"] for one in faults.read_results(rig).values())
     assert measure_rows(expected_finding) == []
 
 
 def test_an_interrupted_measurement_resumes_at_its_row(measure_rows: Any, rig: FaultRig) -> None:
 
-    def killed(row: Row) -> Finding:
+    def killed(row: FaultRow) -> Finding:
         if row.name == NAMES[4]:
             raise KeyboardInterrupt
         return expected_finding(row)
 
     with pytest.raises(KeyboardInterrupt):
         measure_rows(killed)
-    assert faults.measured(rig).keys() == set(NAMES[:4])
+    assert faults.read_results(rig).keys() == set(NAMES[:4])
     page = rig.page.read_text()
     assert NAMES[3].partition(": ")[2] in page
     assert measure_rows(expected_finding) == NAMES[4:]
@@ -106,19 +110,19 @@ def test_an_unexpected_finding_is_measured_again_and_the_second_one_counts(
     third = SIX_ROWS[2]
     times: list[str] = []
 
-    def once_wrong(row: Row) -> Finding:
+    def once_wrong(row: FaultRow) -> Finding:
         times.append(row.name)
         if row == third and times.count(row.name) == 1:
             return make_finding(UNDETECTED)
         return expected_finding(row)
 
     assert measure_rows(once_wrong).count(third.name) == 2
-    assert faults.measured(rig)[third.name]["as_due"]
+    assert faults.read_results(rig)[third.name]["as_expected"]
 
 
 def test_a_run_that_never_reached_its_fault_is_no_finding(measure_rows: Any, rig: FaultRig) -> None:
     measure_rows(lambda row: make_finding(NO_RUN))
-    assert faults.measured(rig).keys() == set(NAMES[:2])
+    assert faults.read_results(rig).keys() == set(NAMES[:2])
 
 
 def test_a_row_can_be_measured_again_by_its_name(
@@ -127,11 +131,11 @@ def test_a_row_can_be_measured_again_by_its_name(
     measure_rows(expected_finding)
     measured: list[str] = []
 
-    def measure_row(on: Any, row: Row) -> Finding:
+    def measure_row(on: Any, row: FaultRow) -> Finding:
         measured.append(row.name)
         return expected_finding(row)
 
-    monkeypatch.setattr(faults, "walk_fairly", measure_row)
+    monkeypatch.setattr(faults, "measure_fault", measure_row)
     faults.measure_some(rig, NAMES[3], missing=False)
     faults.measure_some(rig, NAMES[3], missing=True)
     assert measured == [NAMES[3]]
@@ -142,15 +146,15 @@ def test_a_row_can_be_measured_again_by_its_name(
 def test_the_page_lists_unmeasured_rows_and_the_hosts_of_the_others(
     measure_rows: Any, rig: FaultRig
 ) -> None:
-    findings = faults.measured(rig)
-    text = page(rig, SIX_ROWS, findings)
+    findings = faults.read_results(rig)
+    text = format_page(rig, SIX_ROWS, findings)
     sentences = " ".join(text.split())
     assert "2 of 6 rows are measured" in text
     assert f"2 on {findings[NAMES[0]]['date']}: {findings[NAMES[0]]['host']}." in sentences
     assert [line.count("| - |") for line in text.splitlines()].count(1) == 4
     assert "Not as the table" not in text
-    wrong_one = {**findings[NAMES[1]], "as_due": False}
-    unexpected = " ".join(page(rig, SIX_ROWS, {NAMES[1]: wrong_one}).split())
+    wrong_one = {**findings[NAMES[1]], "as_expected": False}
+    unexpected = " ".join(format_page(rig, SIX_ROWS, {NAMES[1]: wrong_one}).split())
     assert f"Result differs from the table: {NAMES[1]}." in unexpected
 
 
@@ -158,10 +162,10 @@ def test_the_page_lists_unmeasured_rows_and_the_hosts_of_the_others(
 def test_a_table_is_sound_and_generates_its_page(name: str) -> None:
     """There are no findings for absent rows, and the page equals the generator's output."""
     fault_rig = RIGS[name]
-    table, findings = fault_rig.rows(), faults.measured(fault_rig)
+    table, findings = fault_rig.rows(), faults.read_results(fault_rig)
     assert table_errors(table) == []
     assert findings.keys() <= {row.name for row in table}
-    assert fault_rig.page.read_text() == page(fault_rig, table, findings)
+    assert fault_rig.page.read_text() == format_page(fault_rig, table, findings)
 
 
 def test_gaps_between_table_and_faults_are_reported_both_ways() -> None:
@@ -170,10 +174,10 @@ def test_gaps_between_table_and_faults_are_reported_both_ways() -> None:
     assert missing_rows(SIX_ROWS, {"heave": []})[0].endswith("there is no such fault")
 
 
-def read_table(tmp_path: Path, line: str) -> list[Row]:
+def read_table(tmp_path: Path, line: str) -> list[FaultRow]:
     path = tmp_path / "table.yaml"
     path.write_text(f"one:\n  - {{fault: bad, {line}}}\n")
-    return rows(path)
+    return read_rows(path)
 
 
 @pytest.mark.parametrize(
@@ -195,17 +199,19 @@ def test_a_row_that_contradicts_itself_is_refused(tmp_path: Path, line: str) -> 
 
 def test_a_finding_is_compared_with_its_row(tmp_path: Path) -> None:
     (goes,) = read_table(tmp_path, "must: goes on, and: [STALE_PANEL], why: so")
-    assert wrong(goes, make_finding(GOES_ON)) == []
-    assert wrong(goes, make_finding("STALE_PANEL", 9.0, 1)) == []
-    assert wrong(goes, make_finding(GOES_ON)._replace(struck=3)) == []
-    assert wrong(goes, make_finding(GOES_ON)._replace(struck=0)) == ["the fault struck nothing"]
-    assert wrong(goes, make_finding(LOOP_LOST, 0.1)) != []
+    assert mismatches(goes, make_finding(GOES_ON)) == []
+    assert mismatches(goes, make_finding("STALE_PANEL", 9.0, 1)) == []
+    assert mismatches(goes, make_finding(GOES_ON)._replace(affected=3)) == []
+    assert mismatches(goes, make_finding(GOES_ON)._replace(affected=0)) == [
+        "the fault affected no message"
+    ]
+    assert mismatches(goes, make_finding(LOOP_LOST, 0.1)) != []
     (unseen,) = read_table(tmp_path, f"must: {UNDETECTED}, why: so")
-    assert wrong(unseen, make_finding(GOES_ON)) == []
+    assert mismatches(unseen, make_finding(GOES_ON)) == []
     (lost,) = read_table(tmp_path, "must: loop lost, within_s: 0.5")
-    assert wrong(lost, make_finding(LOOP_LOST, 0.4)) == []
-    assert wrong(lost, make_finding(LOOP_LOST, 0.6)) == ["safe after 0.6 s, not 0.5 s"]
-    assert wrong(lost, make_finding(LOOP_LOST, None)) != []
+    assert mismatches(lost, make_finding(LOOP_LOST, 0.4)) == []
+    assert mismatches(lost, make_finding(LOOP_LOST, 0.6)) == ["safe after 0.6 s, not 0.5 s"]
+    assert mismatches(lost, make_finding(LOOP_LOST, None)) != []
     (refused,) = read_table(tmp_path, f"must: {REFUSED}, from: start")
-    assert wrong(refused, make_finding(REFUSED)) == []
-    assert wrong(refused, make_finding(GOES_ON)) != []
+    assert mismatches(refused, make_finding(REFUSED)) == []
+    assert mismatches(refused, make_finding(GOES_ON)) != []

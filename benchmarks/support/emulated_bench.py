@@ -1,4 +1,4 @@
-"""The bench's emulated devices and a short session on their wires, to be given faults."""
+"""The bench's emulated devices, and a short session on their wires for injected faults."""
 
 import socket
 import tempfile
@@ -8,7 +8,8 @@ from math import pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.fault_walk import free_port, played, write_yaml
+from benchmarks.support.campaigns import write_yaml
+from benchmarks.support.fault_runs import emulated_devices, free_port
 from benchmarks.support.recorded import ROOT
 from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task
@@ -20,11 +21,13 @@ from rig.processes.child import Child
 from rig.realtime.sequence import MEASURE
 
 AMPLITUDE_DEG, PERIOD_S = 10.0, 1.5
-FAST = 0.5 * radians(AMPLITUDE_DEG) * 2.0 * pi / PERIOD_S  # rad/s: half of the highest speed
+MOVING_SPEED = (
+    0.5 * radians(AMPLITUDE_DEG) * 2.0 * pi / PERIOD_S
+)  # rad/s: half of the highest speed
 
 
-class BenchStage(NamedTuple):
-    """Emulated devices that are there, and a session on their wires."""
+class EmulatedBench(NamedTuple):
+    """Running emulated devices, and a session on their wires."""
 
     session: Session
     plan: SessionPlan
@@ -37,22 +40,25 @@ class BenchStage(NamedTuple):
         """Names of the I/O processes."""
         return tuple(one.name for one in wired_mode(self.session, emulated=False).io_processes)
 
-    def moves(self, row: Mapping[str, float]) -> bool:
-        """Whether the shaft turns at more than half of its highest speed."""
-        return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > FAST
+    def is_moving(self, row: Mapping[str, float]) -> bool:
+        """Return True if the shaft turns at more than half of its highest speed."""
+        return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > MOVING_SPEED
 
-    def go(self, view: View, long: bool = False) -> RunResult:
-        """One run on them, as they are: no fault of the bench takes a long one to be seen."""
+    def run(self, view: View, long: bool = False) -> RunResult:
+        """Run the session on the devices in their present state.
+
+        ``long`` has no effect: every fault of the bench is detected in the short session.
+        """
         mode = wired_mode(self.session, emulated=False)._replace(name="hil")
         return run_task(execution_task(self.session, self.plan), self.folder, view, mode)
 
 
-def bench_rig_file(folder: Path) -> Path:
-    """The wired bench with addresses of its own, so that several can be on one host."""
+def write_rig_file(folder: Path) -> Path:
+    """Write the wired bench with free ports, so that several can run on one host."""
     lines = Path(tempfile.mkdtemp(prefix="wec-", dir=folder))
-    with socket.socket(type=socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        cell = one.getsockname()[1]
+    with socket.socket(type=socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        cell = receiver.getsockname()[1]
     wiring = {
         "encoders": {"port": str(lines / "encoders")},
         "servo": {"port": str(lines / "servo")},
@@ -64,20 +70,20 @@ def bench_rig_file(folder: Path) -> Path:
 
 
 @contextmanager
-def bench_stage(folder: Path) -> Iterator[BenchStage]:
-    """Emulated devices for as long as the context lasts, and a driveline of some seconds."""
-    tree = {
+def emulated_bench(folder: Path) -> Iterator[EmulatedBench]:
+    """Run emulated devices while the context is open, with a driveline session of some seconds."""
+    session = {
         "name": "fault",
         "session": "driveline",
-        "rig": str(bench_rig_file(folder)),
+        "rig": str(write_rig_file(folder)),
         "rows": [
             {"amplitude_deg": AMPLITUDE_DEG, "damping_n_m_s_per_rad": 62.5, "period_s": PERIOD_S}
         ],
         "tare": {"duration_s": 0.5},
         "timing": {"rise_s": 1.5, "settle_periods": 0, "periods": 4},
     }
-    report = check_session(write_yaml(folder / "session.yaml", tree), problems)
+    report = check_session(write_yaml(folder / "session.yaml", session), problems)
     if report.session is None or report.plan is None:
         raise ValueError(report.text())
-    with played(emulator_process(report.session), folder) as (control, devices):
-        yield BenchStage(report.session, report.plan, control, devices, folder)
+    with emulated_devices(emulator_process(report.session), folder) as (control, devices):
+        yield EmulatedBench(report.session, report.plan, control, devices, folder)

@@ -1,0 +1,1 @@
+"""A winch has no wired devices."""

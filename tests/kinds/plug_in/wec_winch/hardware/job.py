@@ -1,0 +1,10 @@
+"""The job of a wired winch: there is none."""
+
+from typing import Any
+
+from rig.config.rig_file import BaseRigFile
+from rig.wires.job import WiringError
+
+
+def build_job(rig: BaseRigFile, *options: Any) -> Any:
+    raise WiringError(f"{rig.name} has no wiring: a winch can only be rehearsed")

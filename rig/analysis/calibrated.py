@@ -34,7 +34,7 @@ TableRow = dict[str, Any]
 class RowCorrections(NamedTuple):
     """Corrections that calibrations apply to the rows of one run."""
 
-    spring_rate: CalibrationVersion | None
+    rate: CalibrationVersion | None  # of the panel column
     force_factor: float
     position: ScaleCorrection | OffsetCorrection | None
     at: RecordingTime
@@ -42,7 +42,7 @@ class RowCorrections(NamedTuple):
     descriptions: tuple[str, ...]  # effect and file of each calibration
     position_field: str = ""  # log field of the position
     scaled_fields: tuple[str, ...] = ()  # log fields of position, velocity and powers from it
-    panel: Column | None = None  # column that a calibration of the spring rate corrects
+    panel: Column | None = None  # column that `rate` corrects
     gains: tuple[str, ...] = ()  # columns with a force per motion
 
     @property
@@ -110,7 +110,7 @@ def _add_correction(
 ) -> RowCorrections:
     correction = calibration.file.correction
     if calibration.file.quantity in ("spring_rate", "spring_map"):
-        return corrections._replace(spring_rate=calibration)
+        return corrections._replace(rate=calibration)
     if calibration.file.quantity == "torque_constant":
         value = run_facts.config_number(*TORQUE_CONSTANT_KEY)
         if not value:
@@ -151,12 +151,12 @@ def correct_row(corrections: RowCorrections, recorded: TableRow) -> TableRow:
         entry[name] = value
 
     panel = corrections.panel
-    if corrections.spring_rate is not None and panel is not None:
+    if corrections.rate is not None and panel is not None:
         rate = recorded[panel.name]
-        if corrections.spring_rate.file.quantity == "spring_map" and panel.actuator is not None:
+        if corrections.rate.file.quantity == "spring_map" and panel.actuator is not None:
             rate = recorded[panel.actuator.name]
         if not math.isnan(rate):  # NaN for a run without a plan that did not log it
-            rate = apply_calibration(corrections.spring_rate.file, rate, corrections.at).value
+            rate = apply_calibration(corrections.rate.file, rate, corrections.at).value
         set_value(panel.name, rate)
     scale = (
         corrections.position.factor if isinstance(corrections.position, ScaleCorrection) else 1.0

@@ -37,7 +37,7 @@ class Difference(NamedTuple):
 def differences(a: RunInfo, b: RunInfo) -> list[Difference]:
     """Return every difference between the resolved configurations, the code and the host.
 
-    The gain matrix is excluded; `rig.analysis.matching` matches its points one by one.
+    The gain matrix is excluded; `rig.analysis.comparison` matches its points one by one.
     """
     settings_a, settings_b = dict(_flat_settings(a)), dict(_flat_settings(b))
     found = [

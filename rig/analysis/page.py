@@ -35,27 +35,12 @@ _LINE = 0.0135  # height of a text line, share of the page
 
 def _header(figure: Figure, summary: Summary) -> None:
     figure.add_artist(Rectangle((0.0, 0.937), 1.0, 0.063, color=_DARK, lw=0))
-    figure.text(
-        _LEFT,
-        0.975,
-        f"Campaign {summary.campaign}",
-        color="white",
-        fontsize=17,
-        fontweight="bold",
-        va="center",
-    )
-    figure.text(_LEFT, 0.950, f"run {summary.run}", color="#c9d3db", fontsize=8.5, va="center")
-    figure.text(
-        _RIGHT,
-        0.968,
-        summary.stamp,
-        color=_DARK,
-        fontsize=9,
-        fontweight="bold",
-        ha="right",
-        va="center",
-        bbox={"boxstyle": "round,pad=0.45", "fc": picture.HIGHLIGHT, "ec": "none"},
-    )
+    title: dict[str, Any] = {"fontsize": 17, "fontweight": "bold"}
+    stamp: dict[str, Any] = {"fontsize": 9, "fontweight": "bold", "ha": "right"}
+    stamp["bbox"] = {"boxstyle": "round,pad=0.45", "fc": picture.HIGHLIGHT, "ec": "none"}
+    _text(figure, _LEFT, 0.975, f"Campaign {summary.campaign}", color="white", va="center", **title)
+    _text(figure, _LEFT, 0.950, f"run {summary.run}", color="#c9d3db", va="center")
+    _text(figure, _RIGHT, 0.968, summary.stamp, va="center", **stamp)
 
 
 def _heading(figure: Figure, x: float, y: float, text: str) -> None:

@@ -88,23 +88,20 @@ def motion_fields(axis: str) -> dict[str, str]:
     return {name: f"{axis}.{field}" for name, (field, _) in _MOTION.items()}
 
 
-def _required_fields(contents: RowContents) -> list[str]:
-    """Return the log fields that a table must have, besides ``time`` and those of the windows."""
+def table_fields(contents: RowContents, available: Iterable[str]) -> list[str]:
+    """Return the log fields that a table needs; those of settings and checks if ``available``."""
+    optional = {column.field for column in contents.settings}
+    optional.update(name for check in contents.checks for name in _check_fields(check))
     return [
+        "time",
         *(f"power.{station.name}" for station in contents.stations),
         *motion_fields(contents.axis).values(),
         *(station.force for station in contents.stations if station.force),
         f"{contents.axis}.command.limited",
         f"{contents.axis}.warned",
         "tare.samples",
+        *sorted(optional & set(available)),
     ]
-
-
-def table_fields(contents: RowContents, available: Iterable[str]) -> list[str]:
-    """Return the log fields that a table needs; those of settings and checks if ``available``."""
-    optional = {column.field for column in contents.settings}
-    optional.update(name for check in contents.checks for name in _check_fields(check))
-    return ["time", *_required_fields(contents), *sorted(optional & set(available))]
 
 
 def _check_fields(check: Check) -> list[str]:

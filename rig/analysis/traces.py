@@ -16,15 +16,16 @@ from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.stations import shown
 
-_WIDTH, _PAGE_HEIGHT = (
-    11.0,
-    8.0,
-)  # in: width of the picture, and preferred height of all panels together
+_WIDTH = 11.0  # in
+_PAGE_HEIGHT = 8.0  # in, preferred height of all panels together
 _MAX_PANEL_HEIGHT, _MIN_PANEL_HEIGHT = 2.2, 1.1  # in
 _LINE_LETTERS = 160  # of a line below the title
+_LEGEND: dict[str, Any] = {  # above a panel
+    "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "fontsize": 7, "ncols": 5,
+    "frameon": False, "borderpad": 0.2,
+}  # fmt: skip
 _UNITLESS = ("flag", "index", "1")
 TIME_BINS = 2000  # time bins of a picture; each keeps its minimum and maximum
-_DARK = "#22303c"
 _LINE_COLOURS = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
 _PHASE_COLOURS = {  # pale enough for the lines, different enough to be distinguished
     Phase.TARE: "#ddd2f2",
@@ -148,12 +149,8 @@ def write_traces(
     if constant_lines:
         axes_of[0].set_axis_off()
         axes_of[0].margins(x=0.0)  # it shares the time axis of the panels
-        text_style: dict[str, Any] = {
-            "transform": axes_of[0].transAxes,
-            "va": "top",
-            "color": _DARK,
-        }
-        text_style["in_layout"] = False
+        text_style: dict[str, Any] = {"va": "top", "color": picture.DARK, "in_layout": False}
+        text_style["transform"] = axes_of[0].transAxes
         axes_of[0].text(0.0, 1.0, "\n".join(constant_lines), fontsize=7, **text_style)
         axes_of = axes_of[1:]
     step = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else np.inf
@@ -169,26 +166,14 @@ def write_traces(
         axes.set_ylabel(unit)
         axes.grid(alpha=0.25)
         axes.margins(x=0.0)
-        axes.legend(
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            fontsize=7,
-            ncols=5,
-            frameon=False,
-            borderpad=0.2,
-        )
+        axes.legend(**_LEGEND)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
     axes_of[-1].set_xlabel("time from run start, s")
     figure.align_ylabels(list(axes_of))
     stamp = phrases.mode_stamp(run_facts.mode)
-    figure.suptitle(
-        f"{run_facts.campaign or 'campaign unknown'}, run {run_facts.run}   [{stamp}]",
-        fontsize=10,
-        color=_DARK,
-        x=0.01,
-        ha="left",
-    )
+    title = f"{run_facts.campaign or 'campaign unknown'}, run {run_facts.run}   [{stamp}]"
+    figure.suptitle(title, fontsize=10, color=picture.DARK, x=0.01, ha="left")
     if phases:
         patches = [
             Patch(color=_PHASE_COLOURS[phase], label=phase.name.lower().replace("_", "-"))

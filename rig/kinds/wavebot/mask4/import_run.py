@@ -202,7 +202,7 @@ def _plan_rows(
         point = points.setdefault(tuple(setting.values()), len(points))
         repetitions[point] = repetitions.get(point, -1) + 1
         entry = {"row": row, "point": point, "repetition": repetitions[point]}
-        entry |= setting | {"measure_s": timing.measure} if timing else {}
+        entry |= setting | ({"measure_s": timing.measure} if timing else {})
         stator = float(window["spring_sense.position"].mean())
         rows.append(entry | ({"stator": stator} if np.isfinite(stator) else {}))
     return rows

@@ -51,7 +51,7 @@ class Record(NamedTuple):
     """One measured row over its whole repeat periods."""
 
     row_label: str  # run and row
-    setting: dict[str, float]  # of the row, by the names of `rig.config.columns`
+    setting: dict[str, float]  # of the row, by the names of its columns
     sea: dict[str, Any] | None  # commanded wave lines; None in calm water
     has_excitation: bool  # an open-loop reference was on
     period: float  # s

@@ -15,14 +15,17 @@ from typing import Any
 def columns_type(set_point: Any) -> Any:
     """Return the NamedTuple type with a tuple of floats for each field of a law's SetPoint.
 
-    The law's module gets it as `LawColumns`: compiled code on disk refers to a type by its name. If
-    the name led nowhere, no later process would find that code again.
+    A module that can be imported gets it as `LawColumns`: compiled code on disk refers to a type by
+    its name. If the name led nowhere, no later process would find that code again. The module of a
+    law's file cannot be imported, so its type is stored by value and each process compiles.
     """
     names: list[str] = list(set_point._fields)
     columns: Any = namedtuple("LawColumns", names)  # type: ignore[misc]
     columns.__annotations__ = dict.fromkeys(set_point._fields, tuple[float, ...])
     columns.__module__ = set_point.__module__
-    sys.modules[set_point.__module__].LawColumns = columns  # type: ignore[attr-defined]
+    module = sys.modules[set_point.__module__]
+    if module.__spec__ is not None:
+        module.LawColumns = columns  # type: ignore[attr-defined]
     return columns
 
 

@@ -27,6 +27,17 @@ class LoopLimits(FileModel):
     panel_age_stop_s: float = Field(gt=0, le=60)
 
 
+def check_rms_below_peak(limits: Any) -> Iterator[RuleViolation]:
+    """Yield a violation if ``current_rms_a`` exceeds ``current_peak_a``."""
+    if limits.current_rms_a > limits.current_peak_a:
+        yield RuleViolation(
+            ("current_rms_a",),
+            f"{format_number(limits.current_rms_a)} is more than the peak; "
+            f"allowed up to current_peak_a = {format_number(limits.current_peak_a)} A",
+            limits.current_rms_a,
+        )
+
+
 def check_difference_time(limits: FileModel, difference: str, age: str) -> Iterator[RuleViolation]:
     """Yield a violation unless the key ``difference`` (time) exceeds the key ``age`` (maximum age).
 

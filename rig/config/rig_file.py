@@ -17,15 +17,15 @@ The heartbeat has a period of 0.1 s; the minimum tolerates a lost heartbeat on a
 SUPERVISOR_TIMEOUT: SupervisorTimeout = 1.0
 
 _SECOND = 10**9  # ns
-_MAX_RATE = 2000  # Hz
+MAX_RATE = 2000  # Hz
 
 
-def _whole_nanoseconds(min_rate: int) -> AfterValidator:
+def whole_nanoseconds(min_rate: int) -> AfterValidator:
     """Return a validator for rates whose tick is a whole number of ns."""
 
     def check_rate(rate: int) -> int:
         if _SECOND % rate:
-            allowed = (str(r) for r in range(min_rate, _MAX_RATE + 1) if _SECOND % r == 0)
+            allowed = (str(r) for r in range(min_rate, MAX_RATE + 1) if _SECOND % r == 0)
             raise rule_error(
                 f"{rate} gives a tick that is not a whole number of ns; "
                 f"allowed {', '.join(allowed)} Hz"
@@ -37,18 +37,11 @@ def _whole_nanoseconds(min_rate: int) -> AfterValidator:
 
 Rate = Annotated[
     WholeNumber,
-    Field(ge=200, le=_MAX_RATE),
+    Field(ge=200, le=MAX_RATE),
     Reason("a tick is at most 5 ms and a whole number of ns"),
-    _whole_nanoseconds(200),
+    whole_nanoseconds(200),
 ]
 """Rate of the loop, Hz."""
-BenchRate = Annotated[
-    WholeNumber,
-    Field(ge=500, le=_MAX_RATE),
-    Reason("a bench's tick is at most 2 ms and a whole number of ns"),
-    _whole_nanoseconds(500),
-]
-"""Rate of a bench's loop, Hz; its driveline is stiffer than a body in water."""
 
 
 class StopTiming(FileModel):

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from rig.plug_ins import Entry, Registry, error_text
+from rig.realtime import cycle
 from rig.realtime.reasons import MAX_NUMBER, PLUG_IN_NUMBER
 
 GROUP = "wec_rig.kinds"
@@ -132,7 +133,10 @@ def interface_problem(kind: RigKind) -> str:
 
 def _reason_problem(kind: RigKind) -> str:
     """Return why the kind's own reasons of a stop cannot be used; empty if they can."""
-    cycle_kind = kind.room("tick").find_kind("")
+    try:
+        cycle_kind = _cycle_kind(kind)
+    except KindError as error:
+        return str(error)
     try:
         reasons = cycle_kind.reason_table.reasons
     except ValueError as error:
@@ -159,7 +163,24 @@ def import_room(package: str, name: str) -> ModuleType:
         raise KindError(f"the kind of rig {package} is unusable: {error_text(error)}") from error
 
 
+def _cycle_kind(kind: RigKind) -> cycle.Kind:
+    """Return the functions of a kind with its own law; KindError if they cannot be composed."""
+    try:
+        found: cycle.Kind = kind.room("tick").find_kind("")
+    except KindError:
+        raise
+    except Exception as error:
+        raise KindError(f"{kind.package}.tick: {error_text(error)}") from error
+    return found
+
+
 def row_types() -> list[type]:
-    """Return the type of a log row of every usable kind."""
-    usable = (each.kind for each in registered() if not each.problem)
-    return [kind.room("tick").find_kind("").row_type for kind in usable]
+    """Return the type of a log row of every kind whose room `tick` can be used.
+
+    Every run asks for it, so no other room is imported.
+    """
+    types = []
+    for entry in REGISTRY.entries():
+        with suppress(KindError):
+            types.append(_cycle_kind(_kind(entry)).row_type)
+    return types

@@ -1,5 +1,6 @@
 """The kind of rig of a file: a rig file, or a campaign or session that names one."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,7 +37,7 @@ def kind_of(mapping: dict[str, Any], locate: SourceMap) -> RigKind:
     try:
         return find(name)
     except KindError as error:
-        raise ConfigError([locate.problem(("kind",), name, str(error))]) from error
+        raise ConfigError([locate.problem(("kind",), name, str(error))]) from None
 
 
 def kind_of_task(path: Path, rig: Path | None = None) -> RigKind:
@@ -47,16 +48,13 @@ def kind_of_task(path: Path, rig: Path | None = None) -> RigKind:
     can.
     """
     keys: set[str] = set()
-    try:
+    with suppress(ConfigError):
         source = ConfigSource(*load_mapping(path))
         keys = set(source.mapping)
-        if rig is not None:
-            return kind_of(*load_mapping(rig))
-        if (named := load_named_source(source, ("rig",))) is not None:
-            return kind_of(named.mapping, named.locate)
-    except ConfigError as error:
-        if isinstance(error.__cause__, KindError):
-            raise error.__cause__ from None
+        named = ConfigSource(*load_mapping(rig)) if rig else load_named_source(source, ("rig",))
+        name = named and named.mapping.get("kind")
+        if name in known():
+            return find(str(name))
     usable = [each.kind for each in registered() if not each.problem]
     if not usable:
         raise KindError("no kind of rig can be used; `rig kinds` lists the reasons")

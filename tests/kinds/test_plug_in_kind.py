@@ -172,3 +172,22 @@ def test_number_of_a_reason_below_100_is_refused(lab: Path) -> None:
     assert listed_problems(lab)["wec_winch"] == (
         "wec_winch.tick: reason 60 LINE_SLACK has a number of this distribution; allowed 100 .. 255"
     )
+
+
+def test_kind_that_raises_while_it_is_composed_breaks_no_other(lab: Path) -> None:
+    for file in (PACKAGE / "wec_winch").rglob("*.py"):
+        target = lab / "site" / file.relative_to(PACKAGE)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(file.read_text().replace("    return KIND\n", "    return 1 / 0\n"))
+    problem = listed_problems(lab)["wec_winch"]
+    assert problem.startswith("wec_winch.tick: ")
+    assert problem.endswith("ZeroDivisionError: division by zero")
+
+
+def test_size_of_log_rows_needs_no_room_but_the_tick() -> None:
+    """Every run asks for it before it starts."""
+    program = (
+        "import sys; from rig.kinds import row_types; assert len(row_types()) >= 2; "
+        "print([name for name in ('numpy', 'pydantic', 'matplotlib') if name in sys.modules])"
+    )
+    assert subprocess.check_output([sys.executable, "-c", program], text=True) == "[]\n"

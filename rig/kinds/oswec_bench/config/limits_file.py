@@ -9,6 +9,7 @@ from rig.config.limits_file import (
     LoopLimits,
     MotorPowerLimits,
     check_difference_time,
+    check_rms_below_peak,
 )
 from rig.config.model import FileModel, RuleViolation
 from rig.config.problems import format_number
@@ -48,13 +49,7 @@ class MotorLimits(FileModel):
                     f"allowed below {upper} = {format_number(high)} {unit}",
                     low,
                 )
-        if self.current_rms_a > self.current_peak_a:
-            yield RuleViolation(
-                ("current_rms_a",),
-                f"{format_number(self.current_rms_a)} is more than the peak; "
-                f"allowed up to current_peak_a = {format_number(self.current_peak_a)} A",
-                self.current_rms_a,
-            )
+        yield from check_rms_below_peak(self)
         yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
         yield from check_difference_time(self, "velocity_difference_time_s", "encoder_age_stop_s")
 

@@ -4,14 +4,22 @@ Velocities, torques and constants refer to the gearbox output.
 """
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
+from rig.config.model import FileModel, Reason, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
-from rig.config.rig_file import BaseRigFile, BenchRate, StopTiming
+from rig.config.rig_file import MAX_RATE, BaseRigFile, StopTiming, whole_nanoseconds
 from rig.kinds.oswec_bench.config.wiring import BenchWiring, max_counts
+
+BenchRate = Annotated[
+    WholeNumber,
+    Field(ge=500, le=MAX_RATE),
+    Reason("a bench's tick is at most 2 ms and a whole number of ns"),
+    whole_nanoseconds(500),
+]
+"""Rate of a bench's loop, Hz; its driveline is stiffer than a body in water."""
 
 
 class Encoder(FileModel):

@@ -9,6 +9,7 @@ from rig.config.limits_file import (
     LoopLimits,
     MotorPowerLimits,
     check_difference_time,
+    check_rms_below_peak,
 )
 from rig.config.model import FileModel, RuleViolation
 from rig.config.problems import format_number
@@ -39,13 +40,7 @@ class AxisLimits(FileModel):
                 f"allowed below position_stop_m = {format_number(self.position_stop_m)} m",
                 self.position_warn_m,
             )
-        if self.current_rms_a > self.current_peak_a:
-            yield RuleViolation(
-                ("current_rms_a",),
-                f"{format_number(self.current_rms_a)} is more than the peak; "
-                f"allowed up to current_peak_a = {format_number(self.current_peak_a)} A",
-                self.current_rms_a,
-            )
+        yield from check_rms_below_peak(self)
         yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
 
 

@@ -167,7 +167,7 @@ matrix:
     campaign = open_campaign(write(body))
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     s, p = planned.segments, planned.setpoints
-    gains = [(p.law.kp[i], p.law.ki[i], p.spring_rate[i]) for i in s.setpoint]
+    gains = [(p.law[0][i], p.law[1][i], p.spring_rate[i]) for i in s.setpoint]
     table = list(zip(s.row, s.phase, s.ticks, s.wait, s.timeout, s.restart, s.drive, s.waves,
                      gains, strict=True))  # fmt: skip
     set_point, first, second = (-2500, 100, -5715), (-1000, 2000, -5715), (-1000, 2000, 490.9)
@@ -192,7 +192,7 @@ def test_the_default_set_point_is_the_first_rows_damping_alone(write: Any) -> No
     body = "matrix: {list: [{spring_n_per_m: 0, kp_n_s_per_m: -1500, ki_n_per_m: 3000}]}\n"
     campaign = open_campaign(write("tare: none\nstart: {set_point_s: 0, lead_in_s: 0}\n" + body))
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
-    assert (planned.setpoints.law.kp[0], planned.setpoints.law.ki[0]) == (-1500.0, 0.0)
+    assert (planned.setpoints.law[0][0], planned.setpoints.law[1][0]) == (-1500.0, 0.0)
     phases = [Phase(p) for p in planned.segments.phase]
     assert phases[:2] == [
         Phase.MOVING,
@@ -214,11 +214,11 @@ matrix:
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     s = planned.segments
     moving = [i for i, phase in enumerate(s.phase) if phase == Phase.MOVING]
-    first, second, third = (planned.setpoints.law.ki[s.setpoint[i]] for i in moving)
+    first, second, third = (planned.setpoints.law[1][s.setpoint[i]] for i in moving)
     assert first == 9191.0
     assert second == pytest.approx(24337 - 1.213 * 10013 - 3000)
     assert third == 11_000.0
-    assert planned.setpoints.law.ki[s.setpoint[moving[1] + 1]] == 20_000.0
+    assert planned.setpoints.law[1][s.setpoint[moving[1] + 1]] == 20_000.0
 
 
 POINTS = st.lists(
@@ -324,8 +324,8 @@ def test_any_plan_is_consistent(
             given = planned.rows[s.row[i]].setting
             j = s.setpoint[i]
             p = planned.setpoints
-            assert (p.law.kp[j], p.spring_rate[j]) == (given.kp, given.spring_rate)
-            ki = p.law.ki[j]
+            assert (p.law[0][j], p.spring_rate[j]) == (given.kp, given.spring_rate)
+            ki = p.law[1][j]
             assert ki == given.ki or (s.phase[i] == Phase.MOVING and ki < given.ki)
             assert (s.drive[i], s.waves[i]) == (1, 1)
         assert (s.wait[i] != 0) == (s.phase[i] == Phase.MOVING)

@@ -9,7 +9,6 @@ from typing import Any
 
 from core_runs import plan
 
-from controllers import impedance
 from controllers.signals import (
     AxisCommand,
     AxisSense,
@@ -24,7 +23,6 @@ from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
-from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.realtime import cycle, sequence
 from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE, Phase
 
@@ -51,7 +49,7 @@ def table(
     """Set points of heave gains (N*s/m, N/m) and spring rates (N/m); surge is damped."""
     count = len(kp)
     columns: dict[str, Any] = dict.fromkeys(Setpoints._fields, (0.0,) * count)
-    gains = columns_type(impedance.SetPoint)(kp, ki, (0.0,) * count)
+    gains = (kp, ki, (0.0,) * count)
     columns |= {"law": gains, "spring_rate": spring_rate}
     columns |= {"stroke": (0.35,) * count, "surge_kp": (-2500.0,) * count}
     return Setpoints(**columns | {"discharge_level": (0,) * count, "realisation": (1,) * count})

@@ -307,7 +307,7 @@ def test_each_set_point_applies_its_gains_and_spring_rate() -> None:
         )
         heave, surge, *_ = outputs
         kp, ki, _, _ = heave.demand
-        assert (kp, ki) == pytest.approx((table.law.kp[setpoint], table.law.ki[setpoint]))
+        assert (kp, ki) == pytest.approx(tuple(column[setpoint] for column in table.law[:2]))
         kp, ki, _, _ = surge.demand
         assert (kp, ki) == pytest.approx((table.surge_kp[setpoint], table.surge_ki[setpoint]))
         assert command.spring.rate == table.spring_rate[setpoint]

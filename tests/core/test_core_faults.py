@@ -226,7 +226,8 @@ def test_the_tare_removes_a_bias_of_the_load_cell(bias: float) -> None:
 
 def test_an_untared_encoder_gives_no_force() -> None:
     """Before the waves start, 4.6 m of encoder offset cause no force, whatever Ki is."""
-    stiff = SETPOINTS._replace(law=SETPOINTS.law._replace(ki=(5000.0, 5000.0)))
+    law_columns = (SETPOINTS.law[0], (5000.0, 5000.0), *SETPOINTS.law[2:])
+    stiff = SETPOINTS._replace(law=law_columns)
     result, _ = rehearse(params=params(setpoints=stiff), sea=CALM)
     assert max(abs(row.heave.sense.counts) for row in result.rows) > 100_000
     assert reason(result) == Reason.PLAN_END

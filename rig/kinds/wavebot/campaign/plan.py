@@ -26,7 +26,6 @@ from rig.kinds.wavebot.campaign.stator import order_rows, stator_positions
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import Setpoints
-from rig.kinds.wavebot.tick.law_columns import columns_type
 from rig.laws import Law
 from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
@@ -244,8 +243,8 @@ def _setpoints(settings: tuple[RowSetting, ...], campaign: CampaignFile, rig: Ri
         name: tuple(getattr(setting, name) for setting in settings)
         for name in setting_type(campaign.heave_law)._fields
     }
-    law_type = columns_type(campaign.heave_law.module.SetPoint)
-    law = law_type(*(columns.pop(name) for name in law_type._fields))
+    law_fields = campaign.heave_law.module.SetPoint._fields
+    law = tuple(columns.pop(name) for name in law_fields)
     integer_columns = {
         "discharge_level": tuple(int(setting.discharge_level) for setting in settings),
         "realisation": tuple(int(setting.realisation) for setting in settings),

@@ -84,7 +84,8 @@ def _lead_in(planned: Plan) -> list[CampaignRow]:
     segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
     for phase, index in zip(segments.phase, segments.setpoint, strict=True):
         if phase == Phase.LEAD_IN:
-            columns = table._asdict() | table.law._asdict()
+            law = zip(planned.law.module.SetPoint._fields, table.law, strict=True)
+            columns = table._asdict() | dict(law)
             setting = type(first.setting)(
                 *(float(columns[name][index]) for name in first.setting._fields)
             )

@@ -137,7 +137,6 @@ def _load(fields: tuple[str, ...], law: Law) -> Any:
 
 def lifted_modules(law: Law) -> tuple[ModuleType, ...]:
     """Return all lifted modules of the loop with a heave law, and the plant."""
-    kind_with_law(law.module)  # completes the law's module, of whose content the cache is named
     from_law = (module for module in helper_modules(law) if module not in TYPE_MODULES)
     return tuple(dict.fromkeys((*LIFTED, *from_law)))
 

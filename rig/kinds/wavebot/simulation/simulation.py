@@ -128,7 +128,7 @@ class CampaignSimulator:
     def column_params(self, plan: Plan) -> cycle.Params:
         """Return the loop's parameters for a plan, with its tables as `Column`."""
         rig, placed = self.params.rig, index_realisations(plan.setpoints, self._realisations)
-        law = _as_columns(placed.law)
+        law = tuple(map(Column, placed.law))
         return self.params._replace(
             segments=_as_columns(plan.segments),
             rig=rig._replace(

@@ -16,7 +16,7 @@ from controllers import (
 from controllers.signals import Demand, DriveCommand, Reference
 from rig.kinds.wavebot.tick import power_checks, stations, tare
 from rig.kinds.wavebot.tick.check import check
-from rig.kinds.wavebot.tick.law_columns import columns_type, setpoint_reader
+from rig.kinds.wavebot.tick.law_columns import setpoint_reader
 from rig.kinds.wavebot.tick.reasons import REASONS, WaveBotReason
 from rig.kinds.wavebot.tick.signals import Command, Motion, Sense, TickSignals, WaveBotRow
 from rig.kinds.wavebot.tick.state import (
@@ -290,7 +290,6 @@ def kind_with_law(module: Any) -> cycle.Kind:
             (record, surge_record, reference, station_power, zero),
         )
 
-    any_types = {"heave_law": module.Params, "law": columns_type(module.SetPoint)}
     return cycle.Kind(
         WaveBotRow,
         Params,
@@ -300,7 +299,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
         check,
         control,
         row,
-        tuple(any_types.items()),
+        (("heave_law", module.Params),),
         REASONS,
         WaveBotReason.STATOR_LATE.value,
     )

@@ -1,6 +1,6 @@
 """The signals of a WaveBot: senses and commands of a tick, its log row, its set points."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from controllers.signals import (
     AxisCommand,
@@ -118,7 +118,7 @@ class WaveBotRow(NamedTuple):
 class Setpoints(NamedTuple):
     """Table of set points by columns, all of one length; a plan segment holds its row's index."""
 
-    law: Any  # of the heave law: NamedTuple of its columns (`rig.kinds.wavebot.tick.law_columns`)
+    law: tuple[tuple[float, ...], ...]  # of the heave law: a column per field of its SetPoint
     reference_scale: tuple[float, ...]
     realisation: tuple[int, ...]  # index of the reference in its table
     spring_rate: tuple[float, ...]  # N/m

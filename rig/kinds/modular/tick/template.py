@@ -36,6 +36,11 @@ class Sense(NamedTuple):
     panel: PanelSense
 
 
+READINGS = (  # the type of each sensor's value in `Sense`
+    SENSOR_TYPE,
+)
+
+
 class Command(NamedTuple):
     AXIS: AxisCommand
     waves: Flag

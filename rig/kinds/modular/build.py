@@ -47,8 +47,11 @@ def modular_params(
     parts: dict[str, Any] = {}
     for name, motor in rig.axes.items():
         limits, (law, settings) = bounds.axes[name], axis_laws[name]
-        rotates = isinstance(motor, Rotation)
-        damping = motor.stop_damping_n_m_s_per_rad if rotates else motor.stop_damping_n_s_per_m
+        damping = (
+            motor.stop_damping_n_m_s_per_rad
+            if isinstance(motor, Rotation)
+            else motor.stop_damping_n_s_per_m
+        )
         span = (
             limits.tare_span_stop_rad
             if isinstance(limits, RotationLimits)
@@ -60,7 +63,8 @@ def modular_params(
             f"{name}_span_stop": span,
         }
     for name, sensor in rig.sensors.items():
-        parts[name] = SensorLimits(*sensor.range, sensor.age_limit_s)
+        low, high = sensor.range
+        parts[name] = SensorLimits(low, high, sensor.age_limit_s)
     return cycle.Params(
         segments,
         safety.Params(

@@ -20,11 +20,7 @@ from rig.analysis.rows import reduce_window
 from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.row_contents import row_contents
-from rig.kinds.wavebot.simulation.simulation import (
-    KEPT_FIELDS,
-    CampaignSimulator,
-    WindowColumns,
-)
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
@@ -118,7 +114,7 @@ def simulate_rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]
             means = reduce_window(window, period / planned.dt if period else None, contents)
             settings = {**row.setting._asdict(), "stator": row.stator_position}
             # A copy, because the simulator overwrites the columns in its next row.
-            data: Any = WindowColumns(np.array([window.data[name] for name in KEPT_FIELDS]))
+            data: Any = window.data.copy()
             yield (
                 {**means, **settings, "row": number, "point": number},
                 window._replace(row=number, data=data),

@@ -7,11 +7,7 @@ a time. A page of a few ticks stays in the first-level cache.
 
 from typing import Any
 
-from rig.compilation.column import prefetch
-from rig.kinds.wavebot.simulation.noise import CHANNELS_PER_TICK
-
 PAGE_TICKS = 64  # ticks on a page; with fifty fields a page has 26 kB
-_PREFETCH_TICKS = 32  # ticks: some microseconds; memory responds in a tenth of one
 
 
 def flush_page(page: Any, columns: Any, fields: int, first: int, end: int) -> None:
@@ -24,14 +20,3 @@ def flush_page(page: Any, columns: Any, fields: int, first: int, end: int) -> No
     for field in range(fields):
         for tick in range(first, end):
             columns[field * capacity + tick] = page[field * PAGE_TICKS + tick - first]
-
-
-def prefetch_ahead(tables: Any, normals: Any, place: int, tick: int) -> None:
-    """Prefetch sea and noise of later ticks into the cache; the hardware does not predict them."""
-    index = place + _PREFETCH_TICKS
-    prefetch(tables.elevation, index)
-    prefetch(tables.heave, index)
-    prefetch(tables.surge, index)
-    noise = ((tick + _PREFETCH_TICKS) * CHANNELS_PER_TICK) & (len(normals) - 1)
-    prefetch(normals, noise)
-    prefetch(normals, noise + CHANNELS_PER_TICK // 2)

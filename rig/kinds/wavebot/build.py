@@ -24,7 +24,7 @@ from rig.kinds.wavebot.config.rig_file import Axis, RigFile, Stop
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
 from rig.planning.reference import ReferenceRecord, force_table
-from rig.realtime import average, axis, cycle, limits, safety
+from rig.realtime import average, axis, cycle, limits, motor_power, safety
 from rig.realtime.sequence import Segments
 
 MODULATIONS = {
@@ -192,10 +192,12 @@ def _power_checks(
 ) -> power_checks.Params:
     return power_checks.Params(
         absorbs=1 if campaign.uses_gains_only else 0,
-        fast_weight=average.weight_of_tick(bounds.time_s, dt),
-        fed_stop=bounds.fed_stop_w,
-        motor_stop=bounds.motor_difference_stop_w,
-        motor_ratio=bounds.motor_difference_ratio,
+        motor=motor_power.Params(
+            average.weight_of_tick(bounds.time_s, dt),
+            bounds.fed_stop_w,
+            bounds.motor_difference_stop_w,
+            bounds.motor_difference_ratio,
+        ),
         slow_weight=average.weight_of_tick(bounds.balance_time_s, dt),
         balance_stop=bounds.balance_stop_w,
         friction=bounds.friction_n_s_per_m,

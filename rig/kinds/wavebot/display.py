@@ -3,7 +3,7 @@
 from rig.kinds.wavebot.campaign import CheckReport, Plan
 from rig.kinds.wavebot.check_view import CheckView
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.presentation.phrases import clock_text, plan_end_text
+from rig.presentation.phrases import clock_text, mean_power_text, plan_end_text
 from rig.realtime.sequence import NO_ROW, Phase
 
 LogRow = dict[str, float | int]
@@ -32,12 +32,12 @@ def detail_lines(plan: Plan, row: LogRow, measured: LogRow) -> list[tuple[str, s
         f"F {row['heave.command.force']:+8.1f} N   "
         f"i {row['heave.command.current']:+6.2f} A"
     )
-    return [("motion", motion), ("power", _power_text(row, measured))]
+    return [("motion", motion), ("power", mean_power_text(STATIONS, row, measured))]
 
 
 def short_text(plan: Plan, row: LogRow, measured: LogRow) -> str:
     """Return the power, or the probe levels of a run without the device."""
-    return _power_text(row, measured) if plan.rows else f"probes {_probe_text(row)}"
+    return mean_power_text(STATIONS, row, measured) if plan.rows else f"probes {_probe_text(row)}"
 
 
 def total_duration(plan: Plan, row: LogRow) -> float:
@@ -77,23 +77,6 @@ def _waves_text(plan: Plan, row: LogRow) -> str:
     else:
         elapsed, total, label = waves - phases.lead_in, phases.measure, "measuring the probes"
     return f"without the device   {label}, {clock_text(elapsed)} of {clock_text(total)}"
-
-
-def _power_text(row: LogRow, measured: LogRow) -> str:
-    if row["power.samples"] > 0:
-        return f"so far {_mean_power_text(row)}"
-    if not measured:
-        return "not measuring"
-    return f"row {int(measured['plan.row'])} when last seen {_mean_power_text(measured)}"
-
-
-def _mean_power_text(row: LogRow) -> str:
-    means = (
-        f"{row[f'power.mean_{station.name}']:+8.2f} W {station.name_in_text}"
-        for station in STATIONS
-        if station.running_mean
-    )
-    return "   ".join(means)
 
 
 def _probe_text(row: LogRow) -> str:

@@ -12,10 +12,10 @@ from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile, Encoder
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
-from rig.kinds.oswec_bench.tick import speed, stations
+from rig.kinds.oswec_bench.tick import speed
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
 from rig.kinds.oswec_bench.tick.state import Homing, ShaftParams
-from rig.realtime import average, axis, cycle, limits, safety
+from rig.realtime import average, axis, cycle, limits, motor_power, safety
 
 
 def motor_radians_per_count(rig: BenchRigFile) -> float:
@@ -80,12 +80,11 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             ),
             locked=1 if session_file.shaft == "clamped" else 0,
             limits=_limits(limits_file, in_torque_loop, dt),
-            stations=stations.Params(
-                average_weight=average.weight_of_tick(limits_file.power.time_s, dt),
-                fed_power_stop=limits_file.power.fed_stop_w,
-                difference_stop=limits_file.power.motor_difference_stop_w,
-                difference_ratio=limits_file.power.motor_difference_ratio,
-                torque_constant=rig.servo.torque_constant_n_m_per_a,
+            motor_power=motor_power.Params(
+                average.weight_of_tick(limits_file.power.time_s, dt),
+                limits_file.power.fed_stop_w,
+                limits_file.power.motor_difference_stop_w,
+                limits_file.power.motor_difference_ratio,
             ),
             setpoints=plan.setpoints,
         ),

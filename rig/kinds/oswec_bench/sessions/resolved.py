@@ -3,10 +3,12 @@
 import json
 from typing import Any
 
+from rig import stations
 from rig.kinds.oswec_bench.sessions.assemble import analysis_scales
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.flume import sea_as_dict, session_seas
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
+from rig.kinds.oswec_bench.tick.stations import STATIONS
 
 
 def resolved_session(session: Session) -> str:
@@ -49,5 +51,6 @@ def plan_as_dict(session: Session, plan: SessionPlan) -> dict[str, Any]:
             for row in plan.rows
         ],
         "scales": analysis_scales(session),
+        "stations": stations.as_records(STATIONS),
         "duration_s": plan.duration,
     }

@@ -236,6 +236,4 @@ def test_a_run_of_another_law_is_refused(tmp_path: Path) -> None:
     )
     code, _, error = rig_here("twoport", run)
     assert code == 2
-    assert (
-        "its law is velocity_table; the two-port theory needs a run of the law impedance" in error
-    )
+    assert "its law is velocity_table; the two-port theory needs a run of the law imp" in error

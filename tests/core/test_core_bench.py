@@ -18,7 +18,8 @@ from core_bench import (
 from core_runs import RunResult, run
 from core_wavebot import ModifiedDevices
 
-from rig.kinds.oswec_bench.tick import KIND, Sense
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.realtime import cycle

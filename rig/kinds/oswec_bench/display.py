@@ -2,7 +2,8 @@
 
 from math import pi
 
-from rig.kinds.oswec_bench.sessions import SessionPlan, SessionReport
+from rig.kinds.oswec_bench.sessions.check import SessionReport
+from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tick.stations import STATIONS
 from rig.presentation.phrases import mean_power_text, plan_end_text
 from rig.realtime.sequence import NO_ROW, Phase

@@ -4,11 +4,11 @@ from typing import Any
 
 from controllers.signals import PanelSense
 from rig.emulation.in_process import PlantDevices
-from rig.kinds.oswec_bench.tick import (
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.signals import (
     BrakeSense,
     Command,
     EncoderSense,
-    Sense,
     ServoSense,
     WrenchSense,
 )

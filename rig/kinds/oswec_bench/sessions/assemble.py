@@ -7,14 +7,13 @@ from typing import Any
 
 from controllers import brake_damping, oswec_position, torque_tracking
 from rig.design.estimator import design
-from rig.kinds.oswec_bench import tick as oswec_bench
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile, Encoder
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tick import speed
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
-from rig.kinds.oswec_bench.tick.state import Homing, ShaftParams
+from rig.kinds.oswec_bench.tick.state import Homing, Limits, LoadLimits, Params, ShaftParams
 from rig.realtime import average, axis, cycle, limits, motor_power, safety
 
 
@@ -55,7 +54,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             stop_ticks=round(rig.stop.duration_s / dt),
         ),
         lost_ticks_stop=limits_file.loop.lost_ticks_stop,
-        rig=oswec_bench.Params(
+        rig=Params(
             mode=TORQUE if in_torque_loop else VELOCITY,
             motor=_motor(rig, limits_file, in_torque_loop, dt),
             shaft=ShaftParams(
@@ -151,13 +150,13 @@ def _torque(session: Session) -> torque_tracking.Params:
     )
 
 
-def _limits(limits_file: BenchLimitsFile, in_torque_loop: bool, dt: float) -> oswec_bench.Limits:
+def _limits(limits_file: BenchLimitsFile, in_torque_loop: bool, dt: float) -> Limits:
     load_cell, brake, motor = limits_file.load_cell, limits_file.brake, limits_file.motor
     max_velocity_difference = motor.velocity_difference_stop_rad_per_s
-    return oswec_bench.Limits(
+    return Limits(
         slip_stop=math.radians(limits_file.shaft.slip_stop_deg),
         shaft_jump_stop=math.radians(limits_file.shaft.encoder_jump_stop_deg),
-        load_stop=oswec_bench.LoadLimits(
+        load_stop=LoadLimits(
             load_cell.across_stop_n,
             load_cell.along_stop_n,
             load_cell.bending_stop_n_m,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rig.config.problems import Problem, format_number
 from rig.kinds.oswec_bench.config.session_file import IrregularReference, SessionFile
@@ -95,8 +95,3 @@ def check_wave_periods(
             message = f"{format_number(point.values['period'])} s is no whole number of ticks"
             message += f"; allowed multiples of {format_number(1.0 / rate_hz)} s"
             yield point.locations["period"].problem(point.values["period"], message)
-
-
-def sea_as_dict(sea: Sea) -> dict[str, Any]:
-    """Return a sea in the form that plan and devices use."""
-    return sea._asdict()

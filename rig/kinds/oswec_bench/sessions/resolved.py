@@ -6,7 +6,7 @@ from typing import Any
 from rig import stations
 from rig.kinds.oswec_bench.sessions.assemble import analysis_scales
 from rig.kinds.oswec_bench.sessions.files import Session
-from rig.kinds.oswec_bench.sessions.flume import sea_as_dict, session_seas
+from rig.kinds.oswec_bench.sessions.flume import session_seas
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tick.stations import STATIONS
 
@@ -42,7 +42,7 @@ def plan_as_dict(session: Session, plan: SessionPlan) -> dict[str, Any]:
                 "point": row.point,
                 "repetition": row.repetition,
                 **row.values,
-                **({"sea": sea_as_dict(seas[row.point])} if seas else {}),
+                **({"sea": seas[row.point]._asdict()} if seas else {}),
                 "correction": session.file.correction.kind,
                 "control": session.file.control,
                 "periods": row.periods,

@@ -325,18 +325,13 @@ def row(
 ) -> BenchRow:
     """Return the log row of the tick."""
     (motor, shaft), zeros, reference, correction, demand, power = signals
-    encoders, servo, load, brake, panel = sense
     return BenchRow(
         tick,
         time,
         timing,
         plan,
         guard,
-        encoders,
-        servo,
-        load,
-        brake,
-        panel,
+        *sense,
         Rotation(*motor),
         Rotation(*shaft),
         zeros,

@@ -1,12 +1,11 @@
 """Names and phrases shared by pictures and reports."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
 
 from rig.realtime.reasons import Reason
 from rig.recording.runs.folder import earlier_reasons
-from rig.stations import Station
 
 _MODE_STAMPS = {
     "batch": "BATCH: simulated plant, no clock",
@@ -65,26 +64,6 @@ def plan_end_text(row: Mapping[str, float], rows: int) -> str:
     """Return how a plan of ``rows`` rows ended, by the last log row."""
     completed = int(row["safety.reason"]) in (Reason.NONE, Reason.PLAN_END)
     return f"all {rows} done" if completed else f"stopped before all {rows} were done"
-
-
-def mean_power_text(
-    stations: Iterable[Station], row: Mapping[str, float], measured: Mapping[str, float]
-) -> str:
-    """Return the mean power at the stations of the row that is measured now, or was last.
-
-    ``row`` is the newest log row, ``measured`` the newest one in a measured window, or empty.
-    """
-    text = "so far"
-    if not row["power.samples"] > 0:
-        if not measured:
-            return "not measuring"
-        row, text = measured, f"row {int(measured['plan.row'])} when last seen"
-    means = (
-        f"{row[f'power.mean_{station.name}']:+8.2f} W {station.name_in_text}"
-        for station in stations
-        if station.running_mean
-    )
-    return f"{text} {'   '.join(means)}"
 
 
 def format_duration(seconds: float) -> str:

@@ -5,7 +5,8 @@ from math import pi
 from rig.kinds.oswec_bench.sessions.check import SessionReport
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tick.stations import STATIONS
-from rig.presentation.phrases import mean_power_text, plan_end_text
+from rig.presentation.campaign_text import power_text
+from rig.presentation.phrases import plan_end_text
 from rig.realtime.sequence import NO_ROW, Phase
 
 LogRow = dict[str, float | int]
@@ -54,7 +55,7 @@ def detail_lines(plan: SessionPlan, row: LogRow, measured: LogRow) -> list[tuple
         f"brake {row['command.brake_current']:5.3f} A, "
         f"{row['command.brake_torque']:5.1f} N m"
     )
-    power = mean_power_text(STATIONS, row, measured)
+    power = power_text(row, measured, STATIONS)
     return [("motion", motion), ("drive", drive), ("power", power)]
 
 

@@ -27,7 +27,7 @@ def examine(
 
     ``predict`` adds the check of the simulated bench; nothing depends on the ``day``.
     """
-    return check_session(path, problems, rig) if predict else check_session(path, rig=rig)
+    return check_session(path, problems if predict else None, rig)
 
 
 def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:

@@ -79,17 +79,15 @@ class IrregularReference(FileModel):
         first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
         count = int(last + 1e-9) - int(first - 1e-9)
         if self.high_hz <= self.low_hz or count < 1:
-            yield RuleViolation(
-                ("high_hz",),
+            yield self.violation(
+                "high_hz",
                 f"{format_number(self.high_hz)} leaves no multiple of 1/repeat_s above low_hz = "
                 f"{format_number(self.low_hz)} Hz",
-                self.high_hz,
             )
         elif count > MAX_LINES:
-            yield RuleViolation(
-                ("repeat_s",),
+            yield self.violation(
+                "repeat_s",
                 f"{format_number(self.repeat_s)} gives {count} lines; allowed at most {MAX_LINES}",
-                self.repeat_s,
             )
 
 
@@ -211,20 +209,18 @@ class SessionFile(FileModel):
             yield RuleViolation(("correction",), message, self.correction.kind)
         if self.control == "closed loop" and not requirements.allows_feedback:
             message = f"a session {self.session} has no torque to follow; allowed open loop"
-            yield RuleViolation(("control",), message, self.control)
+            yield self.violation("control", message)
         if self.shaft == "clamped" and requirements.loop == "velocity":
-            message = "the velocity loop turns the shaft; allowed free"
-            yield RuleViolation(("shaft",), message, self.shaft)
+            yield self.violation("shaft", "the velocity loop turns the shaft; allowed free")
         if self.shaft == "clamped" and requirements.flap_coupling:
-            message = f"a session {self.session} moves the shaft; allowed free"
-            yield RuleViolation(("shaft",), message, self.shaft)
+            yield self.violation("shaft", f"a session {self.session} moves the shaft; allowed free")
         highest = self.irregular.high_hz if self.irregular is not None else 0.0
         if requirements.needs_waves and highest > MAX_WAVE_HZ:
             message = f"{format_number(highest)} is too high for waves; allowed up to 2 Hz"
             yield RuleViolation(("irregular", "high_hz"), message, highest)
         if self.position_feedback_per_s > 0.0 and requirements.loop == "torque":
             message = "the torque loop has no position; leave the key out"
-            yield RuleViolation(("position_feedback_per_s",), message, self.position_feedback_per_s)
+            yield self.violation("position_feedback_per_s", message)
 
     def _check_row(
         self, requirements: SessionRequirements, at: tuple[str, int], given: set[str]

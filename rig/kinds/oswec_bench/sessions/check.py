@@ -10,7 +10,6 @@ from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import (
     FurtherCheck,
     Session,
-    no_further_check,
     open_session,
 )
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan, plan_session
@@ -106,7 +105,7 @@ class SessionReport(NamedTuple):
 
 
 def check_session(
-    path: Path, further_check: FurtherCheck = no_further_check, rig: Path | None = None
+    path: Path, further_check: FurtherCheck | None = None, rig: Path | None = None
 ) -> SessionReport:
     """Check a session file and all files that it refers to.
 

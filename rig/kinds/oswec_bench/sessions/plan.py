@@ -121,10 +121,11 @@ def row_components(
     if "wave_amplitude" in values or "release" in values:
         return ()  # waves or a person move the flap, not the drive
     if file.irregular is not None:
-        signal, peak = irregular_signal(file.irregular), math.radians(values["amplitude"])
+        repeat, *lines = irregular_signal(file.irregular)
+        peak = math.radians(values["amplitude"])
         cosines = [
-            (peak * share, 2.0 * PI * float(k) / signal.repeat, phase)
-            for share, k, phase in zip(signal.amplitudes, signal.cycles, signal.phases, strict=True)
+            (peak * share, 2.0 * PI * float(k) / repeat, phase)
+            for k, share, phase in zip(*(each.tolist() for each in lines), strict=True)
         ]
     elif file.loop == "torque":
         constant = session.rig.servo.torque_constant_n_m_per_a

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from controllers import brake_damping, oswec_position, torque_tracking
+from rig.design.axis_params import axis_limits, motor_power_params
 from rig.design.estimator import design
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile, Encoder
@@ -14,7 +15,7 @@ from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tick import speed
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
 from rig.kinds.oswec_bench.tick.state import Homing, Limits, LoadLimits, Params, ShaftParams
-from rig.realtime import average, axis, cycle, limits, motor_power, safety
+from rig.realtime import axis, cycle, safety
 
 
 def motor_radians_per_count(rig: BenchRigFile) -> float:
@@ -79,12 +80,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             ),
             locked=1 if session_file.shaft == "clamped" else 0,
             limits=_limits(limits_file, in_torque_loop, dt),
-            motor_power=motor_power.Params(
-                average.weight_of_tick(limits_file.power.time_s, dt),
-                limits_file.power.fed_stop_w,
-                limits_file.power.motor_difference_stop_w,
-                limits_file.power.motor_difference_ratio,
-            ),
+            motor_power=motor_power_params(limits_file.power, dt),
             setpoints=plan.setpoints,
         ),
     )
@@ -104,24 +100,20 @@ def _motor(
     """
     motor, scale = limits_file.motor, motor_radians_per_count(rig)
     constant = rig.servo.torque_constant_n_m_per_a
+    limits = axis_limits(
+        motor,
+        constant,
+        dt,
+        position_warn=math.radians(motor.angle_warn_deg),
+        position_stop=math.radians(motor.angle_stop_deg),
+        velocity_stop=motor.velocity_stop_rad_per_s,
+        force_slew=motor.current_slew_a_per_s * constant,
+        encoder_jump_stop=math.radians(motor.encoder_jump_stop_deg),
+    )
     return axis.Params(
         metres_per_count=scale,
         estimator=_estimator(rig.servo.encoder, scale, dt),
-        limits=limits.AxisLimits(
-            position_warn=math.radians(motor.angle_warn_deg),
-            position_stop=math.radians(motor.angle_stop_deg),
-            velocity_stop=motor.velocity_stop_rad_per_s,
-            current_peak=motor.current_peak_a,
-            current_rms=motor.current_rms_a,
-            current_rms_time=motor.current_rms_time_s,
-            force_slew=motor.current_slew_a_per_s * constant,
-            encoder_age_stop=motor.encoder_age_stop_s,
-            encoder_jump_stop=math.radians(motor.encoder_jump_stop_deg),
-            drive_age_stop=motor.drive_age_stop_s,
-            current_difference_stop=motor.current_difference_stop_a if in_torque_loop else math.inf,
-            current_ticks_stop=max(1, round(motor.current_difference_time_s / dt)),
-            newtons_per_ampere=constant,
-        ),
+        limits=limits if in_torque_loop else limits._replace(current_difference_stop=math.inf),
         stop_damping=rig.stop.damping_n_m_s_per_rad,
         stop_ramp=rig.stop.ramp_s,
     )

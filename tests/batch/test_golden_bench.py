@@ -25,8 +25,7 @@ from rig.kinds.oswec_bench import recorded
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.check import check_session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
-from rig.kinds.oswec_bench.sessions.recorded import session_as_logged
-from rig.kinds.oswec_bench.sessions.resolved import resolved_session
+from rig.kinds.oswec_bench.sessions.recorded import resolved_session, session_as_logged
 from rig.kinds.oswec_bench.tick import stations
 from rig.recording.runs import RunError, open_run, run_info
 

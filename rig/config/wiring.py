@@ -4,6 +4,7 @@ A rehearsal needs no wiring. The wiring of each kind of rig is a subclass of `Wi
 parts as fields, so its wires, drives and register blocks are found by the types of its fields.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -57,7 +58,7 @@ class Deadlines(FileModel):
     stale_s: float = Field(gt=0, le=5)  # age at which a statusword becomes invalid
 
 
-class Drive(FileModel):
+class Drive(FileModel, ABC):
     """Settings that drives and actuators of CiA 402 have in common."""
 
     node: Node
@@ -71,9 +72,9 @@ class Drive(FileModel):
     read_only: tuple[str, ...] = Field(default=(), strict=False)  # objects that cannot be written
 
     @property
+    @abstractmethod
     def description(self) -> str:
         """What the device is, for people."""
-        raise NotImplementedError
 
 
 class TorqueDrive(Drive):

@@ -16,7 +16,8 @@ from rig_command import rig_here
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
-from rig.config import ConfigError, load
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.products.report import summarise_run, write_products

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rig.config import ConfigError
+from rig.config.problems import ConfigError
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
 from rig.kinds.wavebot.campaign import WindowError, build_plan, check_campaign, open_campaign

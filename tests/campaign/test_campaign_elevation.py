@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from measured_data import reference
 
-from rig.config import ConfigError
+from rig.config.problems import ConfigError
 from rig.config.sea import RecordedSea
 from rig.kinds.wavebot.campaign import build_plan, open_campaign, read_elevation
 

@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import impedance
-from rig.config import SourceLocation, load
+from rig.config.pydantic_errors import load
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
+from rig.config.yaml_source import SourceLocation
 from rig.kinds.wavebot.campaign import (
     Plan,
     Point,

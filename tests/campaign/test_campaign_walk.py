@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import impedance
-from rig.config import SourceLocation, load
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import SourceLocation
 from rig.kinds.wavebot.campaign import Plan, build_plan, check_campaign
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile

@@ -10,12 +10,12 @@ import pytest
 from rehearsing import CONFIGS, write_yaml
 
 from drivers.errors import CodecError
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware import devices as bench_devices
 from rig.kinds.oswec_bench.hardware.devices import BenchDevices
 from rig.kinds.oswec_bench.hardware.job import Loop, build_job
-from rig.kinds.oswec_bench.tick import Command
+from rig.kinds.oswec_bench.tick.signals import Command
 from rig.processes import mailbox
 from rig.wires import streams
 from rig.wires.job import WiredJob, WiringError

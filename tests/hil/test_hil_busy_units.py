@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.processes import handover, mailbox
 from rig.processes.child import Child

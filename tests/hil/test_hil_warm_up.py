@@ -14,7 +14,7 @@ import pytest
 from drivers.canopen.bus_cycle import SYNC
 from drivers.canopen.link import Frame
 from drivers.canopen.scaling import CurrentScale
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware import devices as hardware
 from rig.kinds.wavebot.hardware.devices import WaveBotDevices, WaveBotDeviceSettings

@@ -64,15 +64,12 @@ class AnalogCommand(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the output can command zero velocity and a velocity other than zero."""
         if abs(self.gain) < 0.1:
-            yield RuleViolation(
-                ("gain",), f"{format_number(self.gain)} commands nothing", self.gain
-            )
+            yield self.violation("gain", f"{format_number(self.gain)} commands nothing")
         if not self.low_v < self.offset_v < self.high_v:
-            yield RuleViolation(
-                ("offset_v",),
+            yield self.violation(
+                "offset_v",
                 f"{format_number(self.offset_v)} is not between "
                 f"low_v = {format_number(self.low_v)} and high_v = {format_number(self.high_v)} V",
-                self.offset_v,
             )
 
 

@@ -12,11 +12,11 @@ from controllers.blocks import clamp
 from controllers.signals import PanelSense
 from drivers.compax3 import analog_command
 from drivers.conversation import Exchange
-from rig.kinds.oswec_bench.tick import (
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.signals import (
     BrakeSense,
     Command,
     EncoderSense,
-    Sense,
     ServoSense,
     WrenchSense,
 )

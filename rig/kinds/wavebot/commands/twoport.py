@@ -10,8 +10,6 @@ from rig.cli.exit_codes import OK
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import print_json
-from rig.identification.identify import identify
-from rig.kinds.wavebot.twin.records import read_records
 from rig.kinds.wavebot.twin.two_port import VariationOptions, device_from_run, write_pictures
 
 _RUN = "A run in calm water with an open-loop reference: folder, MCAP file, id, campaign, 'last'."
@@ -33,8 +31,7 @@ def command(
     """Draw how gains, spring and gear change the impedance match and the transmitted power."""
     with input_errors("twoport", as_json=as_json):
         path = find_run(run, runs)
-        record = read_records(path)
-        device = device_from_run(identify([path]), record.facts, record.records)
+        device = device_from_run(path)
         written = write_pictures(
             device, VariationOptions(kp, ki, spring), output or run_folder(path)
         )

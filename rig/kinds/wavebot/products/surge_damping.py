@@ -10,7 +10,7 @@ import csv
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +23,7 @@ from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
+from rig.row_contents import Column
 
 KEPT_POWER_SHARE = 0.98
 """Share of the best row's heave power that must be kept."""
@@ -81,7 +82,7 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     """Return the rows of a run in order of increasing damping.
 
     ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError unless the
-    sea is regular, the heave set point is constant and at least 3 surge dampings were measured.
+    sea is regular, the surge damping alone varies, and at least 3 dampings were measured.
     """
     source = reader.open_files(run)
     run_facts = run_info(run, source.contents)
@@ -91,7 +92,9 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     if not frequency:
         raise RunError(f"{run}: no surge damping campaign (its sea is not regular)")
     planned = {row["row"]: row for row in run_facts.plan["rows"]}
-    _check_heave_settings(planned, run)
+    if not all("surge_kp" in row for row in planned.values()):
+        raise RunError(f"{run}: no surge damping campaign (its rows have no surge_kp)")
+    _check_other_columns(planned, run_facts.row_contents.columns, run)
     ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
     rows: dict[float, DampingRow] = {}
     reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
@@ -108,10 +111,11 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     return DampingRows(tuple(rows[damping] for damping in sorted(rows)), messages)
 
 
-def _check_heave_settings(planned: dict[int, dict[str, Any]], run: object) -> None:
-    for name in ("spring_rate", "kp", "ki", "surge_ki"):
-        values = {row[name] for row in planned.values()}
-        if len(values) > 1:
+def _check_other_columns(
+    planned: dict[int, dict[str, Any]], columns: Iterable[Column], run: object
+) -> None:
+    for name in (column.name for column in columns if column.name != "surge_kp"):
+        if len({row.get(name) for row in planned.values()}) > 1:
             raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
 
 

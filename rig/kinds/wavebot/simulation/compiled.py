@@ -31,7 +31,7 @@ from rig.kinds.wavebot.tick import kind_with_law, tare
 from rig.kinds.wavebot.tick import reasons as wavebot_reasons
 from rig.kinds.wavebot.tick import signals as wavebot_signals
 from rig.laws import Law, helper_modules
-from rig.realtime import average, axis, cycle, limits, power, reasons, safety, sequence
+from rig.realtime import average, axis, cycle, limits, motor_power, power, reasons, safety, sequence
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE
 from sim_plant import signals as plant_signals
@@ -40,7 +40,7 @@ from sim_plant import wave_maker
 _WAVEBOT = ("check", "cycle", "law_columns", "power_checks", "state", "stations")
 _CONTROL: tuple[ModuleType, ...] = (
     biquads, blocks, drive_gating, estimator, magnetic_spring, open_loop, position_hold,
-    station_keeping, average, axis, limits, safety, sequence, tare,
+    station_keeping, average, axis, limits, motor_power, safety, sequence, tare,
     *(sys.modules[f"rig.kinds.wavebot.tick.{name}"] for name in _WAVEBOT),
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, noise, cycle)

@@ -6,10 +6,10 @@ from functools import partial
 
 from rig.analysis import campaign_products
 from rig.analysis.campaign_products import NO_PRODUCTS, PROGRESS
-from rig.kinds.wavebot.products.report import summarise_run, write_products
+from rig.kinds.wavebot.products.report import analyse
 
 __all__ = ["NO_PRODUCTS", "PROGRESS", "after_run", "draw", "summarise"]
 
-after_run = partial(campaign_products.after_run, write=write_products)
-draw = partial(campaign_products.draw, write=write_products)
-summarise = partial(campaign_products.summarise, summarise_run=summarise_run)
+after_run = partial(campaign_products.after_run, analyse=analyse)
+draw = partial(campaign_products.draw, analyse=analyse)
+summarise = partial(campaign_products.summarise, analyse=analyse)

@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray
 from scipy import stats
 
@@ -34,9 +33,8 @@ from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.row_contents import CATEGORICAL, Column, main_columns
+from rig.spectra.periods import Floats
 from rig.stations import Station, find, shown
-
-Floats = npt.NDArray[np.float64]
 
 CONFIDENCE = 0.95
 _MIN_REPETITION_DOF = 3  # with fewer degrees of freedom, periods are the better source

@@ -11,10 +11,8 @@ negative, and so is power into a load.
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Complexes = npt.NDArray[np.complex128]
+from rig.spectra.periods import Complexes, Floats
 
 
 class Motor(NamedTuple):

@@ -14,6 +14,7 @@ from rig.cli.output import print_json
 from rig.kinds.wavebot.spring_map.files import safe_strokes, write_calibration, write_map
 from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.kinds.wavebot.spring_map.result import findings, spring_map
+from rig.presentation.json_values import json_value
 from rig.recording.calibration import open_history
 
 _TABLE_HEADER = "stator %   rate N/m     ±95 %   column    small  Tp N·m   f Hz  reverses at m"
@@ -84,14 +85,11 @@ def _table_text(table: xarray.Dataset) -> str:
 
 
 def _as_dict(table: xarray.Dataset, calibration: str, written: list[Path]) -> dict[str, Any]:
-    def numbers(name: str) -> list[float | None]:
-        values = table[name].values.tolist()
-        return [value if abs(value) < float("inf") else None for value in values]
-
     names = ("station", "rate", "rate_interval", "rate_column", "rate_small", "peak",
              "natural_frequency", "reversal_stroke")  # fmt: skip
+    stations = {name: json_value(table[name].values.tolist()) for name in names}
     return {
-        "stations": {name: numbers(name) for name in names} | {"stroke_m": safe_strokes(table)},
+        "stations": stations | {"stroke_m": safe_strokes(table)},
         "findings": findings(table),
         "calibration": calibration,
         "written": [str(path) for path in written],

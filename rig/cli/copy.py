@@ -38,13 +38,9 @@ def command(
         shipped = find_shipped(name, CAMPAIGNS, SESSIONS, RIGS)
         copied = copy_files(shipped.path, folder, keep_existing=keep_existing)
     if as_json:
-        report = {
-            "file": str(copied.main),
-            "written": [str(path) for path in copied.written],
-            "kept": [str(path) for path in copied.kept],
-        }
-        print_json(report)
-        return OK
+        files = {"written": copied.written, "kept": copied.kept}
+        names = {key: [str(path) for path in paths] for key, paths in files.items()}
+        return print_json({"file": str(copied.main), **names})
     for path in copied.written:
         print(f"written  {path}")
     for path in copied.kept:

@@ -7,7 +7,7 @@ import typer
 
 from rig.cli.errors import input_errors
 from rig.cli.find_run import find_run, run_folder
-from rig.cli.options import RUNS, IncompleteRows, Json, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, OutputFolder, Runs
 from rig.cli.output import print_result
 from rig.identification import comparison, report
 from rig.identification.bem import read_bem
@@ -34,9 +34,7 @@ def command(
     bem: Annotated[
         Path | None, typer.Option(help="BEM file to compare with (.npz, or .nc of capytaine).")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
-    ] = None,
+    output: OutputFolder = None,
     pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,

@@ -20,8 +20,7 @@ def print_result(
     """Print a result and its files; JSON has them as ``written``. Return the code of success."""
     names = [str(path) for path in written]
     if as_json:
-        print(json.dumps({**values, "written": names}))
-    else:
-        print(text)
-        print("\n" + "\n".join(names))
+        return print_json({**values, "written": names})
+    print(text)
+    print("\n" + "\n".join(names))
     return OK

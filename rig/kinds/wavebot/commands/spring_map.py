@@ -9,7 +9,16 @@ import xarray
 from rig.cli.errors import INPUT_ERRORS, fail, input_errors
 from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run, run_folder
-from rig.cli.options import CALIBRATIONS, RUNS, Calibrations, IncompleteRows, Json, Run, Runs
+from rig.cli.options import (
+    CALIBRATIONS,
+    RUNS,
+    Calibrations,
+    IncompleteRows,
+    Json,
+    OutputFolder,
+    Run,
+    Runs,
+)  # fmt: skip
 from rig.cli.output import print_json
 from rig.kinds.wavebot.spring_map.files import safe_strokes, write_calibration, write_map
 from rig.kinds.wavebot.spring_map.pictures import write_pictures
@@ -27,9 +36,7 @@ def command(
         typer.Option(help="Name of the calibration; an existing one gets its next version."),
     ] = "spring_map",
     calibrations: Calibrations = CALIBRATIONS,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
-    ] = None,
+    output: OutputFolder = None,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     as_json: Json = False,

@@ -18,8 +18,7 @@ from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.recording.calibration import CalibrationVersion
-from rig.recording.runs import RunError, mcap_file, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, mcap_file, reader, run_info
 from rig.recording.runs.state import RecordState
 from rig.row_contents import LAW, X, Y
 from rig.spectra import wave_calibration

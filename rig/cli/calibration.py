@@ -8,10 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import CALIBRATIONS, Calibrations, Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.problems import format_number
 from rig.interop.legacy.testlog import read_log, values_in_log
 from rig.recording.calibration import (

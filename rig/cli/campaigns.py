@@ -6,9 +6,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.exit_codes import OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, print_json
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,

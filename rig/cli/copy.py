@@ -5,10 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.shipped_copy import copy_files
 from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_shipped
 

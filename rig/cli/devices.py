@@ -11,11 +11,9 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import NmtState
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, fail, input_errors, print_json
 from rig.kinds.rig_file import load_rig
 from rig.presentation.console import plain_table, table_console
 from rig.presentation.json_values import json_value

@@ -7,11 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import FAILED
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
-from rig.cli.output import print_result
+from rig.cli.output import FAILED, input_errors, print_result
 from rig.interop.basin.align import format_alignment
 from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json
 from rig.interop.basin.products import write_products

@@ -2,10 +2,8 @@
 
 from rich.text import Text
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.presentation.console import plain_table, table_console
 from rig.recording.runs import list_runs
 

@@ -12,10 +12,8 @@ from rich.text import Text
 
 from drivers.canopen.bus_settings import BusSettings
 from drivers.modbus.line import RtuSettings, TcpSettings
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, OK, STOPPED
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.presentation.console import plain_table, table_console
 from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire, serial_wire
 from rig.recording.runs.create import BusyError

@@ -6,10 +6,8 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import CALIBRATIONS, Calibrations, Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.problems import format_number
 from rig.interop.legacy.testlog import Entry, RunLog, find_links, read_log, recording_time
 from rig.presentation.console import plain_table, table_console

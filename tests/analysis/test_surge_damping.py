@@ -23,8 +23,7 @@ from rig.kinds.wavebot.products.surge_damping import (
     measure_rows,
 )
 from rig.realtime.sequence import Phase
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, run_info
 
 OMEGA = math.pi  # 0.5 Hz
 DAMPINGS = (250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)

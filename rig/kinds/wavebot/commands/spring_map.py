@@ -6,8 +6,6 @@ from typing import Annotated, Any
 import typer
 import xarray
 
-from rig.cli.errors import INPUT_ERRORS, fail, input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import (
     CALIBRATIONS,
@@ -19,7 +17,7 @@ from rig.cli.options import (
     Run,
     Runs,
 )  # fmt: skip
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, INPUT_ERRORS, OK, fail, input_errors, print_json
 from rig.kinds.wavebot.spring_map.files import safe_strokes, write_calibration, write_map
 from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.kinds.wavebot.spring_map.result import findings, spring_map

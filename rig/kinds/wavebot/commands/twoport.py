@@ -5,10 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, Json, OutputFolder, Runs
-from rig.cli.output import print_result
+from rig.cli.output import input_errors, print_result
 from rig.identification.identify import identify
 from rig.kinds.wavebot.twin.records import read_records
 from rig.kinds.wavebot.twin.two_port import VariationOptions, device_from_run, write_pictures

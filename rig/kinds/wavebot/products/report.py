@@ -13,8 +13,7 @@ from rig.kinds.wavebot.spring_map import result
 from rig.kinds.wavebot.spring_map.files import write_map
 from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.recording.calibration import CalibrationVersion
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, run_info
 
 SPRING_MAP = "Magnetic spring, moved by a hoist"
 

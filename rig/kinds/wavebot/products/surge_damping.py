@@ -19,8 +19,7 @@ from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
 from rig.presentation.json_values import json_value
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
 from rig.spectra.periods import Floats

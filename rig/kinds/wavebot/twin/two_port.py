@@ -8,8 +8,7 @@ from rig.design.twoport.pictures import Case, TakeOff, vary, write_effects, writ
 from rig.identification.identify import Identification
 from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
 from rig.kinds.wavebot.twin.records import Record
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import RunInfo
+from rig.recording.runs import RunError, RunInfo
 
 MOTOR = Motor(6.1745, 12.4666, 0.5)
 """The heave motor (public fbWecCntrl repository, demo_waveBot.m)."""

@@ -20,8 +20,13 @@ from rig.recording.calibration import (
     open_calibration,
     open_history,
 )
-from rig.recording.calibration.diff import CalibrationDifference, ChangedValue, compare_calibrations
-from rig.recording.calibration.sources import RecordedValue, values_in_runs
+from rig.recording.calibration_changes import (
+    CalibrationDifference,
+    ChangedValue,
+    RecordedValue,
+    compare_calibrations,
+    values_in_runs,
+)
 
 command = typer.Typer(
     name="calibration",

@@ -29,7 +29,7 @@ from rig.presentation.phrases import (
 from rig.realtime.limits import LimitFlag
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
-from rig.recording.calibration.sources import PRODUCTS
+from rig.recording.calibration_changes import PRODUCTS
 from rig.recording.runs import RunError
 
 SHAPE = synthetic.Shape(noise=10.0, wander=1.0)

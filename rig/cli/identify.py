@@ -54,8 +54,7 @@ def command(
         folder.mkdir(parents=True, exist_ok=True)
         written = report.write(result, folder)
         if pictures:
-            from rig.identification.page import write_page  # matplotlib
-            from rig.identification.pictures import write_pictures
+            from rig.identification.pictures import write_page, write_pictures  # matplotlib
 
             written += [*write_pictures(result, folder), *write_page(result, folder)]
     return print_result(report.as_dict(result), report.as_text(result), written, as_json=as_json)

@@ -20,7 +20,7 @@ from rig.analysis.rows import row_table
 from rig.config import ConfigError, load
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.config import RigFile
-from rig.kinds.wavebot.products.report import analyse
+from rig.kinds.wavebot.products import analyse
 from rig.kinds.wavebot.spring_map import passes
 from rig.kinds.wavebot.spring_map.files import write_calibration
 from rig.kinds.wavebot.spring_map.passes import FIT_HALF_ANGLE, Samples

@@ -1,5 +1,5 @@
-"""Figures of an identification, after Figs. 4-5 to 4-9 of the MASK4 report (Sandia), and the A4 page
-with runs, models, amplitudes, pictures and notes.
+"""Figures of an identification, after Figs. 4-5 to 4-9 of the MASK4 report (Sandia), and its page
+of runs, models, amplitudes, pictures and notes.
 """
 
 import textwrap

@@ -258,7 +258,7 @@ FILES_WITH_KIND_NAMES = {
     "cli/replay.py", "cli/testlog.py", "config/calibration_file.py", "config/reference.py",
     "identification/drag.py", "identification/excitation.py", "identification/experiments.py",
     "identification/identify.py", "identification/impedances.py", "identification/pictures.py",
-    "interop/tables.py", "recording/calibration/sources.py", "recording/runs/mcap_file.py",
+    "interop/tables.py", "recording/calibration_changes.py", "recording/runs/mcap_file.py",
     "sweep/cases.py", "sweep/counterfactual.py", "sweep/parameters.py", "sweep/result.py",
     "sweep/simulator.py", "sweep/sweep.py", "wires/messages.py",
 }  # fmt: skip

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rig import kinds
-from rig.cli.exit_codes import STOPPED
+from rig.cli.output import STOPPED
 from rig.kinds import Command
 
 COMMANDS = tuple(

@@ -10,12 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from rig.analysis.rows import COMPLETE
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.execution.replay import ReplayReport, replay
 from rig.kinds.wavebot.campaign import open_campaign
 from rig.presentation.console import table_console

@@ -26,8 +26,7 @@ from rig.identification.incident_waves import (
 from rig.kinds.wavebot.campaign import Campaign, Plan, build_plan
 from rig.kinds.wavebot.campaign.recorded import logged_campaign
 from rig.planning.windows import repeat_period
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
 from rig.stations import station_names

@@ -23,8 +23,7 @@ from rig.kinds.wavebot.products.surge_damping import (
     measure_rows,
 )
 from rig.realtime.sequence import Phase
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, run_info
 from rig.row_contents import LAW, Column, column_records
 
 OMEGA = math.pi  # 0.5 Hz

@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from rig.cli import run as run_command
 from rig.cli.app import app
-from rig.cli.exit_codes import BAD_INPUT, FAILED, FAULT, OK, STOPPED
 from rig.cli.find_run import find_run
+from rig.cli.output import BAD_INPUT, FAILED, FAULT, OK, STOPPED
 from rig.cli.run_panel import RunPanel
 from rig.cli.runs import command as list_command
 from rig.config.law_settings import IMPEDANCE

@@ -24,7 +24,7 @@ from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.mask4.signals import read_signals
 from rig.planning import matrix_csv
-from rig.recording.calibration.history import open_calibration
+from rig.recording.calibration import open_calibration
 from rig.recording.channel_file import read_recording
 from rig.recording.runs import RunError, mcap_file, open_run
 from rig.regular_file import (

@@ -13,8 +13,7 @@ from rig.kinds.oswec_bench.products import periods
 from rig.kinds.oswec_bench.products.deflection import Motion, trim_motion
 from rig.kinds.oswec_bench.products.estimate import Floats
 from rig.kinds.oswec_bench.products.periods import PeriodCut
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck, RecordState
 from rig.recording.runs.windows import Window, missing_rows, read_windows
 

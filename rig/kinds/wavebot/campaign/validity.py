@@ -4,8 +4,7 @@ from datetime import date
 
 from rig.config.problems import Problem
 from rig.kinds.wavebot.campaign.files import Campaign
-from rig.recording.calibration import RecordingTime, ValidityError
-from rig.recording.calibration.correction import is_valid
+from rig.recording.calibration import RecordingTime, ValidityError, is_valid
 
 
 def validity_warnings(campaign: Campaign, day: date) -> tuple[Problem, ...]:

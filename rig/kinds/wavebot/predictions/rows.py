@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.design.axis import Law
 from rig.design.grid import Floats
 from rig.design.linear_form import NotLinearError
-from rig.design.loop import Law
 from rig.design.margin import Margin
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan

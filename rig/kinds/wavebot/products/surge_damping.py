@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.presentation.json_values import json_value
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
 from rig.row_contents import Column
+from rig.spectra.periods import Floats
 
 KEPT_POWER_SHARE = 0.98
 """Share of the best row's heave power that must be kept."""
@@ -37,7 +37,6 @@ _MAX_DRIFT = 0.02  # of the amplitude; halves of a steady window differ by less
 _FIELDS = (
     "surge.estimate.position", "surge.command.force", "power.mechanical_1", "power.mechanical_2",
 )  # fmt: skip
-Floats = npt.NDArray[np.float64]
 
 
 class DampingRow(NamedTuple):
@@ -245,25 +244,16 @@ def recommendation(choice: DampingChoice) -> str:
 def as_dict(choice: DampingChoice) -> dict[str, Any]:
     """Return the choice as JSON data; NaN becomes null."""
     stroke, force, power = choice.predicted
-
-    def plain(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
-    return {
-        "surge_kp_n_s_per_m": plain(choice.kp),
+    values = {
+        "surge_kp_n_s_per_m": choice.kp,
         "bound_by": choice.bound,
         "allowed_stroke_m": choice.stroke,
         "kept_share": choice.kept_share,
-        "predicted": {
-            "stroke_m": plain(stroke), "force_n": plain(force), "heave_power_w": plain(power),
-        },
-        "rows": [
-            {name: plain(value) if isinstance(value, float) else value
-             for name, value in row._asdict().items()}
-            for row in choice.rows
-        ],
-        "notes": list(choice.notes),
-    }  # fmt: skip
+        "predicted": {"stroke_m": stroke, "force_n": force, "heave_power_w": power},
+        "rows": choice.rows,
+        "notes": choice.notes,
+    }
+    return {name: json_value(value) for name, value in values.items()}
 
 
 def write_results(choice: DampingChoice, folder: Path) -> list[Path]:

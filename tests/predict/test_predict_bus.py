@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
+from rig.campaign.set_points import zero_setting
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.design.grid import build_grid
-from rig.kinds.wavebot.campaign.set_points import zero_setting
 from rig.kinds.wavebot.predictions import drive
 from rig.kinds.wavebot.predictions.bus import (
     SUPPLY_RISE_TIME,

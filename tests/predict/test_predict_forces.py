@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
+from rig.campaign.set_points import zero_setting
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.design.axis import drag_force
-from rig.kinds.wavebot.campaign.set_points import zero_setting
 from rig.kinds.wavebot.predictions import drive as drives
 from rig.kinds.wavebot.predictions import passive
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge

@@ -1,6 +1,7 @@
 """Texts of a WaveBot's campaign for people: the report of `rig check`, and a run in progress."""
 
-from rig.kinds.wavebot.campaign import CheckReport, Plan
+from rig.campaign import CheckReport
+from rig.kinds.wavebot.campaign import Plan
 from rig.kinds.wavebot.check_view import CheckView
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.presentation.phrases import clock_text, plan_end_text
@@ -60,7 +61,7 @@ def _row_text(plan: Plan, log_row: LogRow) -> str:
     setting = plan.rows[row].setting
     gains = "   ".join(
         f"{each.label} {getattr(setting, each.name):g} {each.unit.replace('*', ' ')}"
-        for each in plan.law.columns
+        for each in plan.axis_laws["heave"].columns
         if each.default is None
     )
     return f"{row} ({row + 1} of {count})   {phase}   {gains}   spring {setting.spring_rate:g} N/m"

@@ -201,7 +201,7 @@ def _compile(opened: sweep.Sweep) -> None:
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if simulation_of(opened.campaign).is_compiled(opened.campaign.law):
+    if simulation_of(opened.campaign).is_compiled(opened.campaign):
         timer.start()
     else:
         print_notice()

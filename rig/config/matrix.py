@@ -120,8 +120,8 @@ def _fields(
     field: Callable[[Any, bool], Any],
 ) -> dict[str, Any]:
     """Return the fields of a model by key; in a grid the last given column changes fastest."""
-    types, first = kind_columns.types, kind_columns.first.key
-    fields = {first: field(types[first], True)}
+    types, first = kind_columns.types, kind_columns.first
+    fields = {} if first is None else {first.key: field(types[first.key], True)}
     for column in law_columns:
         fields[column.key] = field(law_column_type(column), column.default is None)
     return fields | {c.key: field(types[c.key], False) for c in kind_columns.others}

@@ -105,7 +105,7 @@ def test_the_positioner_uses_the_map(
     # 2 % of the largest of the two rates, by the slope of the map between the two stations
     tolerance = 0.02 * max(abs(hidden.rate(-33.0)), abs(hidden.rate(7.0)))
     slope = (hidden.rate(-33.0) - hidden.rate(7.0)) / 40.0
-    assert report.plan.rows[0].stator_position == pytest.approx(-13.0, abs=tolerance / slope)
+    assert report.plan.rows[0].place == pytest.approx(-13.0, abs=tolerance / slope)
     assert "spring map" in {file.role for file in report.campaign.files}
     at = RecordingTime.from_utc("2100-01-01T00:00:00Z")
     assert (

@@ -215,4 +215,4 @@ def test_a_run_without_surge_dampings_is_refused(tmp_path: Path) -> None:
 def test_the_shipped_campaign_can_be_run() -> None:
     report = check_campaign(CONFIGS / "campaigns" / "surge_damping.yaml")
     assert report.plan is not None, report.text()
-    assert {row.spring_rate for row in report.plan.rows} == {7690.0}
+    assert {row.setting.spring_rate for row in report.plan.rows} == {7690.0}

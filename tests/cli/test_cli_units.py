@@ -127,7 +127,7 @@ def test_lines_show_time_left_losses_and_each_notice_once(
 ) -> None:
     now = [1000.0]
     monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
-    plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4, law=IMPEDANCE)
+    plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4, axis_laws={"heave": IMPEDANCE})
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     now[0] += 15.0

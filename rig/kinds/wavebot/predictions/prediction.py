@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, format_key
 from rig.design.margin import Margin
-from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan
+from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.presentation.json_values import json_value
@@ -101,7 +100,7 @@ def _row_as_dict(prediction: RowPrediction) -> dict[str, Any]:
         "row": row.row,
         "point": row.point,
         "repetition": row.repetition,
-        "stator_percent": row.stator_position,
+        "stator_percent": row.place,
         **row.setting._asdict(),
         **json_value(prediction.predicted),
         "margins": [

@@ -41,7 +41,7 @@ from sim_plant.signals import Readings
 from sim_plant.world import World
 
 if TYPE_CHECKING:
-    from rig.kinds.wavebot.campaign.files import Campaign
+    from rig.kinds.wavebot.campaign import Campaign
 
 EDS_FOLDER = shipped_folder() / "devices"
 AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
@@ -84,7 +84,7 @@ def emulate_rig(
 
 def emulate_task(path: Path, rig: Path) -> tuple[RigFile, IoProcess, str]:
     """Return the rig of a campaign run on a rig file, its emulated devices and their setting."""
-    from rig.kinds.wavebot.campaign.files import open_campaign  # noqa: PLC0415
+    from rig.kinds.wavebot.campaign import open_campaign  # noqa: PLC0415
     from rig.kinds.wavebot.rehearsal import job  # noqa: PLC0415  (scipy: seconds)
 
     campaign = open_campaign(path, job.problems, rig)

@@ -73,22 +73,22 @@ class CampaignSimulator:
         self.tables = wave_maker.WaveMakerTables(waves[0], waves[1], waves[2], onset, onset_ticks)
         self._sensors, self.normals = interleaved(begin.params.sensors, begin.normals)
         self.constants = begin.params._replace(sensors=self._sensors)  # of the plant
-        self.kind = kind_with_law(campaign.law.module)
-        self.advance = compiled.load(KEPT_FIELDS, campaign.law)
+        self.kind = kind_with_law(campaign.file.heave_law.module)
+        self.advance = compiled.load(KEPT_FIELDS, campaign.file.heave_law)
 
     def simulate(
         self,
         plan: Plan,
         check: Callable[[], None] = lambda: None,
-        stator: float | None = None,
+        place: float | None = None,
     ) -> "RowSimulation":
         """Return the simulation of a plan from power-on to its end or a trip.
 
-        ``stator`` is the stator's position at power-on (%); default is the plant's own start. The
+        ``place`` is the stator's position at power-on (%); default is the plant's own start. The
         simulation calls ``check`` about ten times per second; an exception of it ends the
         simulation.
         """
-        ticks = _Ticks(self, plan, stator)
+        ticks = _Ticks(self, plan, place)
         return RowSimulation(ticks, _STORED, plan.segments, self.dt, _REASONS, check)
 
     def prepare(self, plan: Plan) -> None:
@@ -107,11 +107,11 @@ class CampaignSimulator:
             ),
         )
 
-    def start(self, stator: float | None = None) -> CoupledState:
+    def start(self, place: float | None = None) -> CoupledState:
         """Return the state of loop and plant before the first tick."""
         begin, state, line = self.begin, self.begin.state, self.begin.delay_line
-        if stator is not None:
-            initial = wavebot.initial(begin.params, float(stator), 0.0)
+        if place is not None:
+            initial = wavebot.initial(begin.params, float(place), 0.0)
             state = initial._replace(probes=state.probes)
             reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
             line = (reading,) * len(line)
@@ -131,8 +131,8 @@ class CampaignSimulator:
 class _Ticks:
     """The compiled loop in the course of one simulation."""
 
-    def __init__(self, simulator: CampaignSimulator, plan: Plan, stator: float | None) -> None:
-        self._simulator, self._coupled = simulator, simulator.start(stator)
+    def __init__(self, simulator: CampaignSimulator, plan: Plan, place: float | None) -> None:
+        self._simulator, self._coupled = simulator, simulator.start(place)
         self._params, self._plant = simulator.column_params(plan), simulator.constants
 
     def __call__(self, until: int, page: Column, columns: Column, filled: int) -> Progress:

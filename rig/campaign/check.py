@@ -6,21 +6,15 @@ from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rig.campaign.files import AnyCampaign, ExtraCheck, no_extra_check, open_campaign
+from rig.campaign.kind import CampaignKind
+from rig.campaign.law_checks import trial_problems
+from rig.campaign.plan import AnyPlan, build_plan
+from rig.campaign.record import moves_entry
+from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
-from rig.kinds.wavebot.campaign.files import (
-    Campaign,
-    ExtraCheck,
-    no_extra_check,
-    open_campaign,
-)
-from rig.kinds.wavebot.campaign.law_trial import trial_problems
-from rig.kinds.wavebot.campaign.plan import Plan, build_plan
-from rig.kinds.wavebot.campaign.validity import validity_warnings
-from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.points import unused_row_warnings
-from rig.planning.windows import calibration_window, row_windows
 from rig.presentation.phrases import format_duration
 
 
@@ -28,12 +22,12 @@ class CampaignPrediction(Protocol):
     """The prediction of a checked campaign."""
 
     @property
-    def campaign(self) -> Campaign:
+    def campaign(self) -> AnyCampaign:
         """The predicted campaign, so that the report can also show a refused campaign."""
         ...
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> AnyPlan:
         """The plan of the campaign."""
         ...
 
@@ -52,11 +46,11 @@ class CampaignPrediction(Protocol):
         ...
 
 
-Predictor = Callable[[Campaign, Plan], CampaignPrediction | None]
+Predictor = Callable[[AnyCampaign, AnyPlan], CampaignPrediction | None]
 """Predicts a checked campaign; returns None if there is nothing to predict."""
 
 
-def no_prediction(campaign: Campaign, planned: Plan) -> None:
+def no_prediction(campaign: AnyCampaign, planned: AnyPlan) -> None:
     """Return None: there is no prediction."""
 
 
@@ -65,16 +59,16 @@ class CheckReport(NamedTuple):
 
     path: Path
     problems: tuple[Problem, ...]
-    campaign: Campaign | None
-    plan: Plan | None
+    campaign: AnyCampaign | None
+    plan: AnyPlan | None
     prediction: CampaignPrediction | None = None
     validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
-    law_warnings: tuple[Problem, ...] = ()  # about the heave law
+    law_warnings: tuple[Problem, ...] = ()  # about laws
     not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
-    def checked(self) -> Campaign | None:
+    def checked(self) -> AnyCampaign | None:
         """The campaign; None with problems."""
         return self.campaign
 
@@ -96,11 +90,11 @@ class CheckReport(NamedTuple):
             return {}
         campaign, planned = checked
         file = campaign.file
-        periods, measured = _window(file)
+        windows = campaign.kind.windows(file)
         return {
             "name": file.name,
             "rig": campaign.rig.name,
-            "device": file.device,
+            "device": "present" if planned.rows else "absent",
             "sea": file.sea.description(),
             "sea_keys": file.sea.model_dump(mode="json") | _phases_seed(file),
             "order": file.order,
@@ -110,9 +104,9 @@ class CheckReport(NamedTuple):
             "duration_s": planned.duration,
             "wave_clock_s": planned.wave_seconds,
             "measured_s": planned.phases.measure,
-            "spring_moves": planned.spring_moves,
-            "periods_per_row": periods,
-            "measured_per_row_s": measured,
+            **moves_entry(campaign, planned),
+            "periods_per_row": windows.periods,
+            "measured_per_row_s": windows.measure,
             "phases_s": planned.phases._asdict(),
             "rate_hz": campaign.rig.rate_hz,
             "files": [file.as_dict() for file in campaign.files],
@@ -135,27 +129,26 @@ class CheckReport(NamedTuple):
             return []
         campaign, planned = checked
         file = campaign.file
-        periods, seconds = _window(file)
-        measured = f"{seconds:.6g} s"
-        if periods:
-            measured += f" = {_count_text(periods, 'period')}"
-        rows = (
-            f"{len(planned.rows)} ({_count_text(len(campaign.points), 'point')} x "
-            f"{file.repeat}), {file.order}, {_count_text(planned.spring_moves, 'spring move')}"
-        )
-        if file.device == "absent":
-            rows, waits = "none: wave calibration, device absent, drive off", ""
-        else:
+        windows, first = campaign.kind.windows(file), file.kind_columns.first
+        measured = f"{windows.measure:.6g} s"
+        if windows.periods:
+            measured += f" = {_count_text(windows.periods, 'period')}"
+        rows, waits = "none: wave calibration, device absent, drive off", ""
+        if planned.rows:
             measured += " per row"
-            waits = ", plus waiting for stator and drive"
+            points = _count_text(len(campaign.points), "point")
+            rows = f"{len(planned.rows)} ({points} x {file.repeat}), {file.order}"
+            waits = ", plus waiting for the drive"
+            if first is not None and first.actuator is not None:
+                rows += f", {_count_text(planned.moves, f'{first.heading} move')}"
+                waits = f", plus waiting for {first.actuator.label} and drive"
         seed = "".join(f", phases of seed {value}" for value in _phases_seed(file).values())
         phases = (f"{_phase_label(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
         return [
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
             ("sea", f"{file.sea.description()}{seed}"),
             *([] if file.reference is None else [("reference", file.reference.description())]),
-            *([] if file.hoist is None else [("hoist", file.hoist.description())]),
-            *_law_line(campaign),
+            *_law_lines(campaign),
             ("rows", rows),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in total"),
             (
@@ -164,7 +157,7 @@ class CheckReport(NamedTuple):
                 f"wave clock {planned.wave_seconds:.6g} s",
             ),
             ("phases", ", ".join(phases)),
-            *([] if file.device == "absent" else [("power sign", _power_sign_text(campaign))]),
+            *campaign.kind.report_lines(campaign, planned),
         ]
 
     def input_files(self) -> list[tuple[str, str]]:
@@ -172,7 +165,7 @@ class CheckReport(NamedTuple):
         checked = self._campaign_and_plan()
         return [(f.role, display_path(f.path)) for f in checked[0].files] if checked else []
 
-    def _campaign_and_plan(self) -> tuple[Campaign, Plan] | None:
+    def _campaign_and_plan(self) -> tuple[AnyCampaign, AnyPlan] | None:
         """Return campaign and plan, also of a campaign refused because of its prediction."""
         if self.campaign is not None and self.plan is not None:
             return self.campaign, self.plan
@@ -195,6 +188,7 @@ class CheckReport(NamedTuple):
 
 
 def check_campaign(
+    kind: CampaignKind,
     path: Path,
     extra_check: ExtraCheck = no_extra_check,
     predictor: Predictor = no_prediction,
@@ -210,12 +204,14 @@ def check_campaign(
     """
     path = Path(path)
     try:
-        campaign = open_campaign(path, extra_check, rig)
+        campaign = open_campaign(kind, path, extra_check, rig)
     except ConfigError as error:
         return CheckReport(path, error.problems, None, None)
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
-    out_of_date = validity_warnings(campaign, day) if day is not None else ()
-    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, COLUMNS, campaign.law)
+    planned, file = build_plan(campaign), campaign.file
+    out_of_date = kind.validity_warnings(campaign, day) if day is not None else ()
+    unused_rows = unused_row_warnings(
+        file.matrix, campaign.locate, file.kind_columns, file.law_columns()
+    )
     failed_trials = tuple(trial_problems(campaign, planned))
     if failed_trials:
         return CheckReport(path, failed_trials, None, None)
@@ -227,25 +223,18 @@ def check_campaign(
     return CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
 
 
-def _law_line(campaign: Campaign) -> list[tuple[str, str]]:
-    """Return the line about the law; none for the default, which most campaigns have."""
-    law = campaign.law
-    if law.name == DEFAULT_LAW and not law.is_file:
-        return []
-    origin = display_path(Path(law.path)) if law.is_file else law.origin
-    return [("law", f"{law.name} ({origin}, sha256 {law.sha256[:12]})")]
+def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
+    """Return a line about each law but the default, which most campaigns have."""
+    lines = []
+    for axis, (law, _) in campaign.axis_laws.items():
+        if law.name != DEFAULT_LAW or law.is_file:
+            origin = display_path(Path(law.path)) if law.is_file else law.origin
+            name = law.name if len(campaign.axis_laws) == 1 else f"{axis}: {law.name}"
+            lines.append(("law", f"{name} ({origin}, sha256 {law.sha256[:12]})"))
+    return lines
 
 
-def _window(file: CampaignFile) -> tuple[int, float]:
-    """Return number of periods (0: not a whole number) and duration (s) of each measurement."""
-    if file.device == "absent":
-        windows = calibration_window(file.sea, file.timing)
-    else:
-        windows = row_windows(file.sea, file.timing, file.reference, file.hoist)
-    return windows.periods, windows.measure
-
-
-def _phases_seed(file: CampaignFile) -> dict[str, int]:
+def _phases_seed(file: BaseCampaignFile) -> dict[str, int]:
     """Return the seed of a sea's phases; empty for a sea without random phases."""
     return {"seed": file.sea_seed} if hasattr(file.sea, "seed") else {}
 
@@ -256,17 +245,3 @@ def _count_text(count: int, thing: str) -> str:
 
 def _phase_label(phase: str) -> str:
     return phase.replace("_", "-")
-
-
-def _power_sign_text(campaign: Campaign) -> str:
-    """Return in how many points energy fed into the body stops the rig (`POWER_SIGN`)."""
-    if campaign.file.zc_law is None:
-        return f"not monitored: the sign of the power is known of the law {DEFAULT_LAW} only"
-    if not campaign.file.uses_gains_only:
-        return "not monitored: Z_c or the reference may feed energy into the body"
-    points = campaign.points
-    absorbing = sum(
-        point.values.get("kp", 0.0) < 0.0 and point.values.get("km", 0.0) == 0.0 for point in points
-    )
-    count = _count_text(len(points), "point")
-    return f"monitored in {absorbing} of {count}: those with Kp < 0 and Km = 0"

@@ -260,7 +260,7 @@ FILES_WITH_KIND_NAMES = {
     "identification/identify.py", "identification/impedances.py", "identification/pictures.py",
     "interop/tables.py", "recording/calibration/sources.py", "recording/runs/mcap_file.py",
     "sweep/cases.py", "sweep/counterfactual.py", "sweep/parameters.py", "sweep/result.py",
-    "sweep/simulator.py", "sweep/sweep.py", "wires/messages.py",
+    "sweep/simulator.py", "sweep/sweep.py",
 }  # fmt: skip
 
 

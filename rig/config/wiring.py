@@ -4,7 +4,7 @@ A rehearsal needs no wiring. The wiring of each kind of rig is a subclass of `Wi
 parts as fields, so its wires, drives and register blocks are found by the types of its fields.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
@@ -223,9 +223,14 @@ class BlockContent(NamedTuple):
     """Annotation of a field that is a register block: its device and the values expected in it."""
 
     device: str  # for people
-    signals: tuple[str, ...]  # names of the values, in this order
+    signals: Mapping[str, str]  # units of the values by name, in this order
     written: bool = False  # True: a run writes the block; False: it is polled
 
+
+PANEL_INPUTS = BlockContent(
+    "I/O coupler: digital inputs", {"e_stop": "flag", "limit_switch": "flag"}
+)
+"""The digital inputs of a rig; they are for monitoring only: the stop chain is hard-wired."""
 
 WirePart = CanBus | TcpLine | RtuLine | SerialPort | UdpDevice
 
@@ -256,7 +261,7 @@ class Wiring(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that every register block has the expected values, and a line of the rig."""
         for name, block in self.blocks().items():
-            expected = self.block_content(name).signals
+            expected = tuple(self.block_content(name).signals)
             names = tuple(value.name for value in block.values)
             if names != expected:
                 message = f"must be {', '.join(expected)} in this order"

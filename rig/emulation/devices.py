@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from rig.config.wiring import AnyLine, CanBus, Registers, RtuLine, SerialPort, TcpLine
+from rig.config.shipped_files import shipped_folder
+from rig.config.wiring import AnyLine, CanBus, Registers, RtuLine, SerialPort, TcpLine, TorqueDrive
 from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import CanopenNode
+from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
@@ -15,6 +16,13 @@ from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.torque_drive import AnalogInput, Motor, Scaling, TorqueDriveParams
+from sim_plant.emulators.torque_drive import TorqueDrive as EmulatedDrive
+
+AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
+    shipped_folder() / "devices" / f"{name}.eds"
+    for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
+)
 
 
 class HasFaults(Protocol):
@@ -63,6 +71,19 @@ class EmulatedBus:
         for node in self._nodes:
             node.power_off()
         await self._hub.close()
+
+
+def torque_drive(
+    wiring: TorqueDrive,
+    motor: Motor,
+    analog: tuple[AnalogInput, ...],
+    hub: CanHub,
+    world: SharedSimulation[Any, Any],
+) -> EmulatedDrive:
+    """Return the emulated drive of a motor; ``analog``: the sensors on its analog inputs."""
+    eds, scaling = (AMC_EDS, Scaling.AMC) if wiring.scaling == "amc" else (RATED_EDS, Scaling.RATED)
+    params = TorqueDriveParams(scaling, analog=analog)
+    return EmulatedDrive(NodeParams(wiring.node, eds), params, hub, hub.schedule, world, motor)
 
 
 def modbus_lines(

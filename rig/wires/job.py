@@ -7,12 +7,17 @@ from drivers.canopen.bus_load import BusLoad
 from drivers.errors import CodecError
 from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import Registers, Wiring
+from rig.config.wiring import BlockContent, Registers, Wiring
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in
 from rig.wires import streams
-from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
+from rig.wires.messages import (
+    ACKNOWLEDGEMENT_SUFFIX,
+    WriteAcknowledgement,
+    block_message,
+    message_fields,
+)
 from rig.wires.modbus_poller import PolledBlock, RegisterPreset
 
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
@@ -79,7 +84,10 @@ def stream_problems(settings: Mapping[str, dict[str, Any]]) -> list[str]:
 def stream_poller(kind: str, settings: dict[str, Any]) -> IoProcess:
     """Return the I/O process that converses with a device of its own wire."""
     config = {"kind": kind, "settings": settings}
-    mailboxes = streams.STREAM_TYPES[kind].mailboxes
+    mailboxes = {
+        name: message_fields(message)
+        for name, message in streams.STREAM_TYPES[kind].mailboxes.items()
+    }
     return IoProcess(kind.replace("_", " "), f"{__package__}.stream_poller", config, mailboxes)
 
 
@@ -87,8 +95,8 @@ def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
     """Return a poller for each Modbus line with register blocks."""
     by_line: dict[str, list[PolledBlock]] = {}
     for name, registers in wiring.blocks().items():
-        written = wiring.block_content(name).written
-        by_line.setdefault(registers.line, []).append(_polled_block(name, registers, written))
+        content = wiring.block_content(name)
+        by_line.setdefault(registers.line, []).append(_polled_block(name, registers, content))
     processes = []
     for line, blocks in by_line.items():
         settings = wiring.lines[line].model_dump()
@@ -98,16 +106,19 @@ def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
             "blocks": blocks,
             "expiry": wiring.output_expiry_s,
         }
-        names = [block.name for block in blocks]
-        acknowledgements = (f"{name}{ACKNOWLEDGEMENT_SUFFIX}" for name in names)
-        mailboxes = (*names, *(name for name in acknowledgements if name in MESSAGE_TYPES))
+        mailboxes = {block.name: block_message(block.signals) for block in blocks}
+        mailboxes |= {
+            f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}": message_fields(WriteAcknowledgement)
+            for block in blocks
+            if block.written
+        }
         processes.append(
             IoProcess(f"line {line}", f"{__package__}.modbus_poller", config, mailboxes)
         )
     return processes
 
 
-def _polled_block(name: str, registers: Registers, written: bool) -> PolledBlock:
+def _polled_block(name: str, registers: Registers, content: BlockContent) -> PolledBlock:
     values = tuple(RegisterValue(*value.model_dump().values()) for value in registers.values)
     setup = tuple(RegisterPreset(**each.model_dump()) for each in registers.prepare)
     unit, table, first, size = registers.unit, registers.table, registers.first, registers.size
@@ -117,6 +128,7 @@ def _polled_block(name: str, registers: Registers, written: bool) -> PolledBlock
         registers.word_order == "high first",
         registers.period_s,
         setup,
-        written,
+        content.written,
         registers.counter,
+        tuple(content.signals.items()),
     )

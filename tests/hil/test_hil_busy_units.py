@@ -18,7 +18,7 @@ from rig.config import load
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.processes import handover, mailbox
 from rig.processes.child import Child
-from rig.processes.messages import IoJob, Notice, Ready, Refused, Report
+from rig.processes.messages import IoJob, Notice, Ready, Refused, Report, Slot
 from rig.wires.job import modbus_pollers
 from rig.wires.messages import open_mailboxes
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
@@ -113,19 +113,20 @@ def poll_units(
         }
         pollers = modbus_pollers(wiring.model_copy(update=changes))
         (poller,) = (each for each in pollers if each.name == "line io")
-        fds = {name: mailbox.create() for name in poller.mailboxes}
+        shared = {n: Slot(mailbox.create(), fields) for n, fields in poller.mailboxes.items()}
+        fds = [slot.fd for slot in shared.values()]
         lifeline, loop_end = os.pipe()  # as the loop holds it
-        job = handover.dumps(IoJob(poller.config, fds, lifeline))
-        inherited = (lifeline, *fds.values())
+        job = handover.dumps(IoJob(poller.config, shared, lifeline))
+        inherited = (lifeline, *fds)
         child = Child(poller.module, job, inherited, folder / "stderr")
         try:
-            slots = open_mailboxes(fds)
+            slots = open_mailboxes(shared)
             oldest, values, reports = observe(child, slots, timeout_s)
             return Observation(oldest, values, reports, units.refused)
         finally:
             child.process.terminate()
             child.end(5.0)
-            for fd in (lifeline, loop_end, *fds.values()):
+            for fd in (lifeline, loop_end, *fds):
                 os.close(fd)
 
 

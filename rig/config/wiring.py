@@ -255,8 +255,8 @@ class Wire(NamedTuple):
 class Wiring(FileModel):
     """The wiring of a rig: Modbus lines, and the parts that its kind has as further fields."""
 
-    lines: dict[str, AnyLine]
-    output_expiry_s: float = Field(ge=0.05, le=10)  # age at which an output command expires
+    lines: dict[str, AnyLine] = Field(default_factory=dict)
+    output_expiry_s: float = Field(default=0.25, ge=0.05, le=10)  # age of an output's command
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that every register block has the expected values, and a line of the rig."""
@@ -284,6 +284,10 @@ class Wiring(FileModel):
             kind: Literal["tcp", "serial"] = "tcp" if isinstance(line, TcpLine) else "serial"
             found.append(Wire(f"line {name}", kind, line))
         return tuple(found)
+
+    def can_bus(self) -> CanBus | None:
+        """Return the CAN bus; None without one."""
+        return next((part for _, part in self._parts() if isinstance(part, CanBus)), None)
 
     def drives(self) -> dict[str, Drive]:
         """Return the drives and actuators on the CAN bus by name."""

@@ -21,7 +21,6 @@ from rig.config.wiring import Actuator, CanBus, Drive, TorqueDrive
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess
 from rig.wires.can_axes import CanAxesSettings
-from rig.wires.job import WiringError
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, message_fields
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the scale has been read from the drive
@@ -40,7 +39,7 @@ _SCALE_OBJECTS = {
 def can_service(can: CanBus, drives: Mapping[str, Drive], rate: float) -> tuple[IoProcess, BusLoad]:
     """Return the service process of a CAN bus and the bus's load at a rate of the loop (Hz).
 
-    WiringError lists all reasons why the nodes must not be powered.
+    SetupError lists all reasons why the nodes must not be powered.
     """
     bus = can.settings()
     problems = [text for text in (unsupported_rate(bus, rate),) if text]
@@ -56,7 +55,7 @@ def can_service(can: CanBus, drives: Mapping[str, Drive], rate: float) -> tuple[
         except (SetupError, pdo.PdoError) as error:
             problems.append(f"{name}: {error}")
     if problems:
-        raise WiringError("\n".join(problems))
+        raise SetupError("\n".join(problems))
     actuators = [drive for drive in drives.values() if isinstance(drive, Actuator)]
     service = {"bus": list(bus), "nodes": nodes}
     process = IoProcess(
@@ -166,7 +165,7 @@ def can_axes(
 ) -> dict[str, Any]:
     """Return the configuration of `rig.wires.can_axes.connect`, as JSON values.
 
-    ``torque_constants``: N m/A of the motor of each torque drive, by the drive's name.
+    ``torque_constants``: N m/A of the motors by drive, for those scaled by the rated torque.
     """
     dt = 1.0 / rate
     axes = {name: one for name, one in drives.items() if isinstance(one, TorqueDrive)}
@@ -184,7 +183,7 @@ def can_axes(
     scales = {
         name: {
             "kind": drive.scaling,
-            "kt": torque_constants[name],
+            "kt": torque_constants.get(name, 0.0),
             "limit": drive.current_limit_a,
         }
         for name, drive in axes.items()

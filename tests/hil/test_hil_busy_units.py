@@ -19,7 +19,7 @@ from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.processes import handover, mailbox
 from rig.processes.child import Child
 from rig.processes.messages import IoJob, Notice, Ready, Refused, Report, Slot
-from rig.wires.job import modbus_pollers
+from rig.wires.job import wired_job
 from rig.wires.messages import open_mailboxes
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_tcp import TcpUnits
@@ -111,7 +111,7 @@ def poll_units(
             "inputs": wiring.inputs.model_copy(update={"unit": 2}),
             "outputs": wiring.outputs.model_copy(update={"unit": 2}),
         }
-        pollers = modbus_pollers(wiring.model_copy(update=changes))
+        pollers = wired_job(wiring.model_copy(update=changes), 1000, {}).io_processes
         (poller,) = (each for each in pollers if each.name == "line io")
         shared = {n: Slot(mailbox.create(), fields) for n, fields in poller.mailboxes.items()}
         fds = [slot.fd for slot in shared.values()]

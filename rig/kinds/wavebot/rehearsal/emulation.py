@@ -14,7 +14,6 @@ from rig.emulation.devices import (
     EmulatedBus,
     EmulatedDevices,
     modbus_lines,
-    torque_drive,
 )
 from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.wavebot.config import RigFile
@@ -23,8 +22,7 @@ from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from rig.wires.job import wiring_of
 from sim_plant.emulators.actuator_units import ActuatorParams
-from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.canopen_node import NodeParams
 from sim_plant.emulators.foreign_node import ForeignNode
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
@@ -47,7 +45,6 @@ from sim_plant.world import World
 if TYPE_CHECKING:
     from rig.kinds.wavebot.campaign.files import Campaign
 
-AXES = ("heave", "surge")
 _TICKS_PER_STEP = 5  # the drives advance the world themselves when they need its present state
 _CELL_RATING, _PROBE_RATING = 20_000.0, 5.0  # N and m, of the amplifiers
 _ANALYSER_ITEMS: tuple[tuple[Block, Quantity], ...] = (
@@ -103,21 +100,18 @@ def _build_devices(
     def create_world() -> World:
         return build_world(plant, dt)
 
-    world, hub = SharedWorld(create_world(), dt, loop.time), CanHub(loop)
-    heave, surge = (
-        torque_drive(
-            drive, MOTORS[name](world), analog_inputs(world, name, drive.analog_per_v), hub, world
+    world = SharedWorld(create_world(), dt, loop.time)
+    bus = EmulatedBus(wiring.can, world, loop)
+    heave, _ = (
+        bus.add_torque_drive(
+            name, drive, MOTORS[name](world), analog_inputs(world, name, drive.analog_per_v)
         )
         for name, drive in (("heave", wiring.heave), ("surge", wiring.surge))
     )
-    foreign = ForeignNode(heave, hub, loop)
-    nodes: dict[str, CanopenNode] = {
-        "heave": heave,
-        "surge": surge,
-        "stator": StatorActuator(
-            NodeParams(wiring.stator.node, ACTUATOR_EDS), ActuatorParams(), hub, loop, world
-        ),
-    }
+    bus.nodes["stator"] = StatorActuator(
+        NodeParams(wiring.stator.node, ACTUATOR_EDS), ActuatorParams(), bus.hub, loop, world
+    )
+    foreign = ForeignNode(heave, bus.hub, loop)
     units: dict[str, tuple[Registers, ModbusUnit]] = {
         "analyser": (wiring.analyser, _analyser(world)),
         "cells": (wiring.cells, _amplifier(world, _cell_forces, _CELL_RATING)),
@@ -126,8 +120,7 @@ def _build_devices(
     }
 
     def step() -> None:
-        world.catch_up()
-        hub.poll()
+        bus.step()
         foreign.poll()
 
     def powered(axis: str) -> bool:
@@ -135,21 +128,18 @@ def _build_devices(
 
     def report() -> dict[str, Any]:
         now = world.readings()
-        currents = {axis: getattr(now, f"{axis}_current") for axis in AXES}
-        return {"frames": hub.frame_count, "currents": currents}
+        currents = {axis: getattr(now, f"{axis}_current") for axis in MOTORS}
+        return {"frames": bus.hub.frame_count, "currents": currents}
 
     return EmulatedDevices(
         world,
-        {
-            "can": EmulatedBus(wiring.can, hub, nodes.values()),
-            **modbus_lines(wiring.lines, units.values()),
-        },
-        {**{name: unit for name, (_, unit) in units.items()}, "foreign node": foreign},
+        {"can": bus, **modbus_lines(wiring.lines, units.values())},
         step,
         lambda: world.replace_world(create_world()),
-        {axis: partial(powered, axis) for axis in AXES},
+        bus.nodes,
+        {**{name: unit for name, (_, unit) in units.items()}, "foreign node": foreign},
+        {axis: partial(powered, axis) for axis in MOTORS},
         report,
-        nodes,
         _TICKS_PER_STEP,
     )
 

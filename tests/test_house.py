@@ -30,7 +30,6 @@ CLOCK_USERS = {
     "rig/processes/io_processes.py": "timeout for an I/O process to become ready",
     "rig/sweep/cluster.py": "duration of a chunk of cases, which sets the size of the next",
     "rig/wires/": "time of a request; I/O processes, first SYNCs",
-    "rig/kinds/wavebot/hardware/": "ages of received values",
     "rig/kinds/oswec_bench/hardware/": "ages of received values",
     "rig/cli/": "progress for people",
     "rig/host/": "measures clocks and disk; no loop runs there",
@@ -260,7 +259,7 @@ FILES_WITH_KIND_NAMES = {
     "identification/identify.py", "identification/impedances.py", "identification/pictures.py",
     "interop/tables.py", "recording/calibration_changes.py", "recording/runs/mcap_file.py",
     "sweep/cases.py", "sweep/counterfactual.py", "sweep/parameters.py", "sweep/result.py",
-    "sweep/simulator.py", "sweep/sweep.py", "wires/messages.py",
+    "sweep/simulator.py", "sweep/sweep.py",
 }  # fmt: skip
 
 

@@ -29,9 +29,9 @@ class Stored(NamedTuple):
     dtype: np.dtype[Any]
 
     @classmethod
-    def of_row(cls, row_type: type, wanted: Sequence[str]) -> "Stored":
-        """Return the fields ``wanted`` of a log row, without repetitions."""
-        fields = tuple(dict.fromkeys(wanted))
+    def of_row(cls, row_type: type, names: Sequence[str]) -> "Stored":
+        """Return the fields ``names`` of a log row, without repetitions."""
+        fields = tuple(dict.fromkeys(names))
         types = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in leaves(row_type)}
         return cls(fields, np.dtype([(n, kind) for n, kind in types.items() if n in fields]))
 

@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+from benchmarks.support.fault_runs import free_port
+
 PACKAGE = Path(__file__).parent / "plug_in"
 ROOT = Path(__file__).parents[2]
 HOLD, PLANT = 4000.0, 1500.0  # N/m
@@ -38,9 +40,38 @@ position_stop_m: 0.2
 slack_stop_m: 0.1
 velocity_stop_m_per_s: 1
 current_peak_a: 20
-lost_ticks_stop: 20
+lost_ticks_stop: 200
 """
 FLOAT = f"{{mass_kg: 80, stiffness_n_per_m: {PLANT:g}, damping_n_s_per_m: 200}}\n"
+WIRING = """\
+extends: rig.yaml
+wiring:
+  can:
+    interface: socketcand
+    channel: can0
+    bit_rate: 1000000
+    options: {{host: 127.0.0.1, port: {port}, tcp_tune: true}}
+    own_node: 127
+    heartbeat_s: 0.05
+    slow_divider: 20
+    actuator_divider: 10
+  motor:
+    node: 6
+    scaling: rated_current
+    current_limit_a: 20
+    command_deadline_ms: 250
+    heartbeat_lost_ms: 300
+    heartbeat_ms: 100
+    follows: true
+    mode_first: true
+    deadlines: {{transition_s: 1.0, boot_s: 5.0, ramp_s: 2.0, stale_s: 0.2}}
+    objects:
+      {{abort_connection: 2, communication_error: 0, quick_stop_option: 2, fault_reaction_option: 0,
+       encoder_increments: 20000, encoder_motor_revolutions: 1, gear_motor_revolutions: 1,
+       gear_shaft_revolutions: 1, feed: 20000, feed_shaft_revolutions: 1, max_torque: 2000,
+       max_current: 2000, position_low: null, position_high: null, rated_torque: 123490,
+       interpolation_time: 2, interpolation_exponent: -3}}
+"""
 TASK = "name: holds\nrig: rig.yaml\nholds_m: [0.02, -0.03]\nhold_s: 8\n"
 
 
@@ -191,3 +222,19 @@ def test_size_of_log_rows_needs_no_room_but_the_tick() -> None:
         "print([name for name in ('numpy', 'pydantic', 'matplotlib') if name in sys.modules])"
     )
     assert subprocess.check_output([sys.executable, "-c", program], text=True) == "[]\n"
+
+
+@pytest.mark.realtime
+def test_it_runs_on_its_wires_with_emulated_devices(lab: Path) -> None:
+    """One drive on an emulated CAN bus; the float rests where it rests in the rehearsal."""
+    (lab / "wired.yaml").write_text(WIRING.format(port=free_port()))
+    (lab / "task.yaml").write_text("name: hold\nrig: rig.yaml\nholds_m: [0.02]\nhold_s: 3\n")
+    code, out, err = rig(lab, "run", "task.yaml", "--rig", "wired.yaml", "--sim", "--json")
+    assert code == 0, err
+    report = json.loads(out)
+    assert (report["status"], report["reason"]) == ("complete", "PLAN_END")
+    assert json.loads((lab / report["folder"] / "run.json").read_text())["mode"] == "hil"
+    (hold,) = report["holds"]
+    assert hold["position_m"] == pytest.approx(0.02 * HOLD / (HOLD + PLANT), rel=0.02)
+    code, out, err = rig(lab, "replay", report["folder"], "--json")
+    assert json.loads(out)["same"] is True, err

@@ -6,10 +6,16 @@ from pydantic import Field
 
 from rig.config.model import FileModel, WholeNumber
 from rig.config.rig_file import BaseRigFile, Rate, StopTiming
+from rig.config.wiring import CanBus, TorqueDrive, Wiring
 
 
 class Stop(StopTiming):
     damping_n_s_per_m: float = Field(gt=0, le=1e5)
+
+
+class WinchWiring(Wiring):
+    can: CanBus
+    motor: TorqueDrive
 
 
 class RigFile(BaseRigFile):
@@ -22,6 +28,7 @@ class RigFile(BaseRigFile):
     stiffness_n_per_m: float = Field(gt=0, le=1e6)
     damping_n_s_per_m: float = Field(gt=0, le=1e6)
     stop: Stop
+    wiring: WinchWiring | None = None
 
 
 class LimitsFile(FileModel):

@@ -19,8 +19,10 @@ from rig.planning.segments import PlanSegment, cut_into_ticks
 from rig.processes.run_types import ExecutionMode, Task
 from rig.realtime import axis, cycle, limits, safety
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
-from rig.wires.job import WiringError
+from rig.wires import job
 from wec_winch.config import LimitsFile, PlantFile, RigFile
+from wec_winch.hardware.job import build_job
+from wec_winch.rehearsal.emulation import emulator_process
 from wec_winch.tick import KIND, Params, Setpoints
 
 
@@ -130,9 +132,9 @@ def build_params(rig: RigFile, bounds: LimitsFile, plan: Plan) -> cycle.Params:
             current_rms=bounds.current_peak_a,
             current_rms_time=10.0,
             force_slew=1e6,
-            encoder_age_stop=0.02,
+            encoder_age_stop=0.2,
             encoder_jump_stop=0.05,
-            drive_age_stop=0.1,
+            drive_age_stop=0.2,
             current_difference_stop=1.0,
             current_ticks_stop=200,
             newtons_per_ampere=rig.newtons_per_ampere,
@@ -167,4 +169,5 @@ def rehearsal_mode(checked: HoldTest, *, real_clock: bool) -> ExecutionMode:
 
 
 def wired_mode(checked: HoldTest, *, emulated: bool) -> ExecutionMode:
-    raise WiringError(f"{checked.rig.name} has no wiring: a winch can only be rehearsed")
+    devices = emulator_process(checked.rig, checked.plant) if emulated else None
+    return job.wired_mode(build_job(checked.rig), checked.rig, "wec_winch.hardware.wired", devices)

@@ -1,1 +1,1 @@
-"""A winch has no wired devices."""
+"""The drive of a winch on its CAN bus."""

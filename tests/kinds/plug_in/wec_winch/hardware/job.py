@@ -1,10 +1,8 @@
-"""The job of a wired winch: there is none."""
+"""The job of a wired winch: one drive on a CAN bus."""
 
-from typing import Any
-
-from rig.config.rig_file import BaseRigFile
-from rig.wires.job import WiringError
+from rig.wires.job import WiredJob, wired_job, wiring_of
+from wec_winch.config import RigFile
 
 
-def build_job(rig: BaseRigFile, *options: Any) -> Any:
-    raise WiringError(f"{rig.name} has no wiring: a winch can only be rehearsed")
+def build_job(rig: RigFile) -> WiredJob:
+    return wired_job(wiring_of(rig), rig.rate_hz, {})

@@ -1,39 +1,52 @@
-"""The float on its winch, in the loop's own process: m a = F - K x - D v."""
+"""The float on its winch: m a = F - K x - D v, in the loop's own process or behind a drive."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from controllers.signals import AxisSense
+from rig.emulation.in_process import PlantDevices
 from wec_winch.tick import Command, Sense
 
 
-class SimulatedWinch:
-    def __init__(self, plant: dict[str, float], rig: dict[str, Any], dt: float) -> None:
-        self._plant, self._dt = plant, dt
+class Actuation(NamedTuple):
+    current: float  # A
+    enable: int
+
+
+REST = Actuation(0.0, 0)
+
+
+class Float:
+    delay = 0.0
+
+    def __init__(self, config: dict[str, Any]) -> None:
+        self._plant, rig = config["plant"], config["rig"]
         self._per_count, self._per_ampere = rig["metres_per_count"], rig["newtons_per_ampere"]
-        self._x = self._v = self._current = 0.0
-        self._on = 0
+        self._x = self._v = 0.0
+        self.actuation = REST
 
-    def warm_up(self, dt: float) -> None:
-        pass
+    def actuate(self, actuation: Actuation) -> None:
+        self.actuation = actuation if actuation.enable else REST
 
-    def read(self, now: float) -> Sense:
-        plant, dt = self._plant, self._dt
-        force = self._per_ampere * self._current - plant["stiffness_n_per_m"] * self._x
+    def advance(self, dt: float) -> None:
+        plant = self._plant
+        force = self._per_ampere * self.actuation.current - plant["stiffness_n_per_m"] * self._x
         self._v += dt * (force - plant["damping_n_s_per_m"] * self._v) / plant["mass_kg"]
         self._x += dt * self._v
-        counts = round(self._x / self._per_count)
-        return Sense(AxisSense(counts, 0.0, self._current, self._on, 0, 0.0))
+
+    @property
+    def counts(self) -> int:
+        return round(self._x / self._per_count)
+
+
+class SimulatedWinch(PlantDevices):
+    def read(self, now: float) -> Sense:
+        self._advance_to(now)
+        current, on = self._plant.actuation
+        return Sense(AxisSense(self._plant.counts, 0.0, current, on, 0, 0.0))
 
     def write(self, command: Command) -> None:
-        self._on = command.axis.enable
-        self._current = command.axis.current if self._on else 0.0
-
-    def stop(self, reason: int) -> None:
-        self._on, self._current = 0, 0.0
-
-    def close(self) -> None:
-        pass
+        self._plant.actuate(Actuation(command.axis.current, command.axis.enable))
 
 
 def connect(config: dict[str, Any], dt: float) -> SimulatedWinch:
-    return SimulatedWinch(config["plant"], config["rig"], dt)
+    return SimulatedWinch(Float(config), REST, dt)

@@ -3,21 +3,22 @@
 from enum import IntEnum
 from typing import NamedTuple
 
-from controllers import position_hold
 from controllers.signals import AxisCommand, AxisSense, Estimate, Metre, Second, Tick
 from rig.realtime import axis, cycle, safety
 from rig.realtime.reasons import NO_REASON, trip_reason
 from rig.realtime.safety import RUN
 from rig.realtime.sequence import TARE, WAIT_DRIVE
 
+from wec_winch import law
 
-class WinchReason(IntEnum):
+
+class OwnReason(IntEnum):
     """Numbers of the kind's own reasons."""
 
     LINE_SLACK = 100
 
 
-REASONS = (trip_reason(WinchReason.LINE_SLACK, 1, "the line of the winch was slack"),)
+REASONS = (trip_reason(OwnReason.LINE_SLACK, 1, "the line was slack"),)
 
 
 class Setpoints(NamedTuple):
@@ -26,14 +27,14 @@ class Setpoints(NamedTuple):
 
 class Params(NamedTuple):
     axis: axis.Params
-    hold: position_hold.Params
+    law: law.Params
     slack_stop: float  # m above the zero
     setpoints: Setpoints
 
 
 class State(NamedTuple):
     axis: axis.State
-    hold: position_hold.State
+    law: law.State
     zero: float  # m
     seeded: int  # 1 once there is a zero
 
@@ -53,7 +54,7 @@ class Goal(NamedTuple):
     position: Metre
 
 
-class WinchRow(NamedTuple):
+class Row(NamedTuple):
     tick: Tick
     time: Second
     timing: cycle.Timing
@@ -65,7 +66,7 @@ class WinchRow(NamedTuple):
 
 
 def start(params: Params) -> State:
-    return State(axis.start(), position_hold.start(), 0.0, 0)
+    return State(axis.start(), law.start(params.law), 0.0, 0)
 
 
 def _zero(params: Params, state: State, sense: Sense) -> float:
@@ -85,27 +86,30 @@ def check(params: Params, state: State, sense: Sense, motion: Estimate, mode: in
     zero = _zero(params, state, sense)
     reason = axis.check(params.axis, state.axis, sense.axis, motion, zero, mode)
     if reason == NO_REASON and motion.position > params.slack_stop:
-        return WinchReason.LINE_SLACK.value
+        return OwnReason.LINE_SLACK.value
     return reason
 
 
 def control(params, state, sense, motion, plan, guard, setpoint, dt):  # type: ignore[no-untyped-def]
-    goal, hold, demand = params.setpoints.goal[setpoint], position_hold.start(), axis.NO_DEMAND
+    goal, memory, demand = params.setpoints.goal[setpoint], law.start(params.law), axis.NO_DEMAND
     if guard.mode == RUN:
-        hold, demand = position_hold.step(params.hold, state.hold, goal, motion, dt)
+        deficit = state.axis.saturation_deficit
+        at = law.SetPoint(goal)
+        memory, demand = law.step(params.law, state.law, at, motion, 0.0, deficit, dt)
     after, record = axis.control(
         params.axis, state.axis, sense.axis, motion, demand, 1, 0, guard.mode, dt
     )
     seeded = 1 if plan.phase == TARE or state.seeded else 0
-    new = State(after, hold, _zero(params, state, sense), seeded)
+    new = State(after, memory, _zero(params, state, sense), seeded)
     return new, Command(record.command), (record, Goal(goal))
 
 
 def row(tick, time, timing, plan, guard, sense, command, signals):  # type: ignore[no-untyped-def]
-    return WinchRow(tick, time, timing, plan, guard, *signals, tick)
+    record, goal = signals
+    return Row(tick, time, timing, plan, guard, record, goal, tick)
 
 
-KIND = cycle.Kind(WinchRow, Params, start, observe, ready, check, control, row, reasons=REASONS)
+KIND = cycle.Kind(Row, Params, start, observe, ready, check, control, row, reasons=REASONS)
 
 
 def find_kind(law: str) -> cycle.Kind:

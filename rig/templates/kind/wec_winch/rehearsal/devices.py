@@ -1,12 +1,13 @@
-"""The float on its winch, in the loop's own process: m a = F - K x - D v."""
+"""The simulated float, in the loop's own process: m a = F - K x - D v."""
 
 from typing import Any
 
 from controllers.signals import AxisSense
+
 from wec_winch.tick import Command, Sense
 
 
-class SimulatedWinch:
+class SimulatedFloat:
     def __init__(self, plant: dict[str, float], rig: dict[str, Any], dt: float) -> None:
         self._plant, self._dt = plant, dt
         self._per_count, self._per_ampere = rig["metres_per_count"], rig["newtons_per_ampere"]
@@ -35,5 +36,5 @@ class SimulatedWinch:
         pass
 
 
-def connect(config: dict[str, Any], dt: float) -> SimulatedWinch:
-    return SimulatedWinch(config["plant"], config["rig"], dt)
+def connect(config: dict[str, Any], dt: float) -> SimulatedFloat:
+    return SimulatedFloat(config["plant"], config["rig"], dt)

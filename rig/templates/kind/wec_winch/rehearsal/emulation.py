@@ -1,4 +1,4 @@
-"""Emulated devices of a winch: there are none."""
+"""Emulated devices on the rig's wires: there are none yet."""
 
 from typing import Any
 

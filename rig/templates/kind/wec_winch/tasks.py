@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import Field
-
-from controllers import position_hold
 from rig.config.model import FileModel, TupleOf
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import validate
@@ -20,8 +18,12 @@ from rig.processes.run_types import ExecutionMode, Task
 from rig.realtime import axis, cycle, limits, safety
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 from rig.wires.job import WiringError
+
+from wec_winch import law
 from wec_winch.config import LimitsFile, PlantFile, RigFile
 from wec_winch.tick import KIND, Params, Setpoints
+
+GOAL_RAMP = 1.0  # s, duration of a change of the goal
 
 
 class TaskFile(FileModel):
@@ -140,7 +142,7 @@ def build_params(rig: RigFile, bounds: LimitsFile, plan: Plan) -> cycle.Params:
         stop_damping=rig.stop.damping_n_s_per_m,
         stop_ramp=rig.stop.ramp_s,
     )
-    hold = position_hold.Params(0.1, rig.stiffness_n_per_m, rig.damping_n_s_per_m, 0.05, 0.5)
+    hold = law.Params(GOAL_RAMP, rig.stiffness_n_per_m, rig.damping_n_s_per_m)
     enable = round(rig.drive_enable_timeout_s / plan.dt)
     return cycle.Params(
         plan.segments,
@@ -155,7 +157,7 @@ def execution_task(checked: HoldTest, plan: Plan) -> Task:
     config = {name: part.model_dump(mode="json") for name, part in checked._asdict().items()}
     rows = [{"row": number, "goal_m": goal} for number, goal in enumerate(plan.rows)]
     return Task(
-        file.name, rig.kind, "wec_winch.tick", KIND, build_params(rig, bounds, plan), plan.dt,
+        file.name, rig.kind, f"{__package__}.tick", KIND, build_params(rig, bounds, plan), plan.dt,
         len(plan.rows), rig.realtime == "required", rig.supervisor_timeout_s, json.dumps(config),
         {"dt": plan.dt, "rows": rows, "duration_s": plan.duration},
     )  # fmt: skip
@@ -163,8 +165,8 @@ def execution_task(checked: HoldTest, plan: Plan) -> Task:
 
 def rehearsal_mode(checked: HoldTest, *, real_clock: bool) -> ExecutionMode:
     devices = {"plant": checked.plant.model_dump(), "rig": checked.rig.model_dump(mode="json")}
-    return ExecutionMode("rehearsal", real_clock, "wec_winch.rehearsal.devices", devices)
+    return ExecutionMode("rehearsal", real_clock, f"{__package__}.rehearsal.devices", devices)
 
 
 def wired_mode(checked: HoldTest, *, emulated: bool) -> ExecutionMode:
-    raise WiringError(f"{checked.rig.name} has no wiring: a winch can only be rehearsed")
+    raise WiringError(f"{checked.rig.name} has no wiring: this rig can only be rehearsed")

@@ -1,4 +1,4 @@
-"""The job of a wired winch: there is none."""
+"""The job of a wired rig: there is none yet."""
 
 from typing import Any
 
@@ -7,4 +7,4 @@ from rig.wires.job import WiringError
 
 
 def build_job(rig: BaseRigFile, *options: Any) -> Any:
-    raise WiringError(f"{rig.name} has no wiring: a winch can only be rehearsed")
+    raise WiringError(f"{rig.name} has no wiring: this rig can only be rehearsed")

@@ -2,6 +2,7 @@
 
 from rig.processes.run_types import RecordedTask
 from rig.recording.runs import RunInfo
+
 from wec_winch.config import LimitsFile, RigFile
 from wec_winch.tasks import TaskFile, build_params, build_plan
 from wec_winch.tick import KIND

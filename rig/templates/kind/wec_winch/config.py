@@ -3,7 +3,6 @@
 from typing import Literal
 
 from pydantic import Field
-
 from rig.config.model import FileModel, WholeNumber
 from rig.config.rig_file import BaseRigFile, Rate, StopTiming
 
@@ -25,7 +24,7 @@ class RigFile(BaseRigFile):
 
 
 class LimitsFile(FileModel):
-    """Limits of a winch."""
+    """Limits of the rig."""
 
     position_stop_m: float = Field(gt=0, le=2)
     slack_stop_m: float = Field(gt=0, le=2)

@@ -1,0 +1,1 @@
+"""The real devices: there are none yet."""

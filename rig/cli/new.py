@@ -23,11 +23,6 @@ command = typer.Typer(
 )
 
 
-@command.callback()
-def new() -> None:
-    """Write a new kind of rig as a package, or the files of a new rig."""
-
-
 @command.command(epilog=_EXIT_CODES)
 def kind(
     name: Annotated[str, typer.Argument(help="Name of the kind: [a-z][a-z0-9_]*.")],
@@ -49,6 +44,79 @@ def kind(
         f"rig run {package / 'configs' / 'holds.yaml'}",
     )
     return _report(written, commands, f"{package / 'README.md'} explains the files", as_json)
+
+
+@command.command(epilog=_EXIT_CODES)
+def rig(
+    name: Annotated[str, typer.Argument(help="Name of the rig and of the folder of its files.")],
+    bem: Annotated[
+        Path,
+        typer.Option(
+            help="Coefficients of the body: capytaine .nc, WAMIT .out or .1 (with .3 and .hst), "
+            "WEC-Sim BEMIO .h5."
+        ),
+    ],
+    dof: Annotated[
+        str | None, typer.Option(help="Mode of the file; needed if it has several.")
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Name of the axis in files and log; default: of the mode.")
+    ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(help="kg or kg*m2; default: inertia or displaced mass of the file."),
+    ] = None,
+    stiffness: Annotated[
+        float | None, typer.Option(help="N/m or N*m/rad; default: the file's hydrostatic one.")
+    ] = None,
+    frequency: Annotated[
+        float | None, typer.Option(help="Of the waves, Hz; default: below the body's resonance.")
+    ] = None,
+    amplitude: Annotated[
+        float | None, typer.Option(help="Of the waves, m; default: a tenth of 1 / wave number.")
+    ] = None,
+    torque_constant: Annotated[
+        float | None, typer.Option(help="Of the motor, N*m/A; default 1.")
+    ] = None,
+    gear_ratio: Annotated[
+        float | None,
+        typer.Option(help="Motor per axis, rad/m or rad/rad; default: 20 A for the peak force."),
+    ] = None,
+    direction: Annotated[
+        float | None, typer.Option(help="Of the waves, degrees; needed if the file has several.")
+    ] = None,
+    density: Annotated[
+        float | None, typer.Option(help="Of the water, kg/m3, if the file does not state it.")
+    ] = None,
+    gravity: Annotated[
+        float | None, typer.Option(help="m/s2, if the file does not state it.")
+    ] = None,
+    depth: Annotated[
+        float | None, typer.Option(help="Of the water, m, if the file does not state it.")
+    ] = None,
+    length_scale: Annotated[
+        float | None, typer.Option(help="ULEN of WAMIT's numeric files, m.")
+    ] = None,
+    folder: Folder = Path(),
+    as_json: Json = False,
+) -> int:
+    """Write rig, limits, plant and campaign file of a body with one axis, from its BEM file.
+
+    The campaign is a gain matrix around the impedance match. Motor, gear and limits are derived
+    from its motion and forces; comments mark the numbers to choose. No Python is needed. The
+    command never overwrites a file.
+    """
+    from rig.kinds.modular.new_rig import Options, Water, write_rig
+
+    options = Options(
+        bem, dof, axis, mass, stiffness, frequency, amplitude, torque_constant, gear_ratio,
+        direction, Water(density, gravity, depth, length_scale),
+    )  # fmt: skip
+    with input_errors("new rig", as_json=as_json):
+        written = write_rig(name, folder, options)
+    campaign = folder / name / "campaign.yaml"
+    commands = (f"rig check {campaign}", f"rig run {campaign}", f"rig sweep {campaign}")
+    return _report(written, commands, "edit the lines marked `choose`", as_json)
 
 
 def _report(written: Iterable[Path], commands: Iterable[str], text: str, as_json: bool) -> int:

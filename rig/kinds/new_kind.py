@@ -7,7 +7,7 @@ and tested as it is.
 
 import keyword
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from importlib import metadata, resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +15,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from rig import kinds, laws
+from rig.kinds.new_files import write_new
 from rig.plug_ins import DISTRIBUTION
 
 EXAMPLE = "winch"
@@ -66,22 +67,6 @@ def name_problems(name: str, folder: Path) -> Iterator[str]:
     spec = None if (folder / package).exists() else find_spec(package)
     if spec is not None and spec.origin:
         yield f"a package {package} exists ({spec.origin}); allowed any other name"
-
-
-def write_new(files: Mapping[Path, str], problems: Iterable[str] = ()) -> list[Path]:
-    """Write new files and return their paths; never overwrite one.
-
-    Raises ValueError with ``problems`` and the names of the files that exist; then it writes none.
-    """
-    found = list(problems)
-    found += [f"{path}: exists; nothing is overwritten" for path in files if path.exists()]
-    if found:
-        raise ValueError("\n".join(found))
-    for path, text in files.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    return list(files)
 
 
 def _renamed(text: str, name: str) -> str:

@@ -6,7 +6,8 @@ from typing import Any
 
 from rig import laws
 from rig.config.problems import Problem
-from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
+from rig.design.axis_params import newtons_per_ampere
+from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, CheckReport, Plan, check_campaign, resolved_config
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware

@@ -8,9 +8,9 @@ from typing import NamedTuple, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from rig.config.axis import Axis
 from rig.config.rig_file import Rate
 from rig.config.sea import AnySea, Sea
-from rig.kinds.wavebot.config.rig_file import Axis
 from rig.planning.elevation import Elevation
 from rig.planning.input_files import ConfigSource
 

@@ -19,8 +19,8 @@ from rig.config.pydantic_errors import problems_from
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
+from rig.design.axis_params import estimator_params
 from rig.design.law_params import law_params
-from rig.kinds.wavebot.build import estimator_params
 from rig.kinds.wavebot.campaign.files import Campaign
 from rig.kinds.wavebot.campaign.pieces import CampaignParts
 from rig.kinds.wavebot.config.campaign_file import CampaignFile

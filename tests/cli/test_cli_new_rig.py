@@ -13,6 +13,7 @@ from command_here import CompletedCommand, rig
 from ruamel.yaml import YAML
 
 from rig import kinds
+from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.modular.new_rig import Options, first_grid, read_body
 from sim_plant.modes.bem import read_modes
@@ -110,6 +111,8 @@ def test_files_fit_each_other(tmp_path: Path) -> None:
     rig_file, limits = files["rig"], files["limits"]["axes"]["heave"]
     assert (tmp_path / "buoy" / plant.bem).resolve() == WAVEBOT
     axis = rig_file["axes"]["heave"]
+    RigFile.model_validate(rig_file)
+    LimitsFile.model_validate(files["limits"])
     pto = plant.axes["heave"]
     assert axis["torque_constant_n_m_per_a"] == pto.torque_constant_n_m_per_a
     assert axis["gear_ratio_rad_per_m"] == pto.gear_ratio
@@ -143,7 +146,10 @@ def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
     assert set(grid) == {"kp_n_m_s_per_rad", "ki_n_m_per_rad"}
     assert "formula: arm_force * arm_velocity" in texts["rig"]
     assert "# kg*m2; inertia_matrix of the BEM file" in texts["plant"]
-    assert not any(each in text for text in texts.values() for each in ("_per_m:", "N/m", "_m: "))
+    all_texts = "".join(texts.values()).replace("amplitude_m: ", "")
+    assert [each for each in ("_per_m:", "N/m", "N*s/m", "_m: ") if each in all_texts] == []
+    assert RigFile.model_validate(rig_file).axes["arm"].motion == "rotation"
+    LimitsFile.model_validate(limits)
 
 
 @pytest.mark.parametrize(

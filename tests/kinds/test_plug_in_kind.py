@@ -6,27 +6,12 @@ Its own tests, which a laboratory gets with it, check, rehearse, show and replay
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-from rig.kinds.new_kind import write_kind as write_new_kind
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def write_project(folder: Path) -> None:
-    """Write the package, and its distribution as an installer leaves it."""
-    write_new_kind("lift", folder)
-    info = folder / "site" / "wec_lift-1.2.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Name: wec-lift\nVersion: 1.2\n")
-    (info / "entry_points.txt").write_text(
-        "[wec_rig.kinds]\nlift = wec_lift\n[wec_rig.laws]\nlift = wec_lift.law\n"
-    )
+from lab_package import in_lab, rig, write_project
 
 
 @pytest.fixture(name="lab")
@@ -34,22 +19,6 @@ def of_lab(tmp_path: Path) -> Path:
     """Return a folder with the package of a new kind, and its distribution."""
     write_project(tmp_path)
     return tmp_path
-
-
-def in_lab(lab: Path, *command: object) -> subprocess.CompletedProcess[str]:
-    """Run a Python program that finds the distribution."""
-    paths = os.pathsep.join(map(str, (ROOT, lab / "site", lab / "wec_lift")))
-    return subprocess.run(
-        [sys.executable, "-P", "-m", *map(str, command)],
-        capture_output=True, text=True, check=False, cwd=lab, timeout=600,
-        env={**os.environ, "PYTHONPATH": paths},
-    )  # fmt: skip
-
-
-def rig(lab: Path, *arguments: object) -> tuple[int, str, str]:
-    """Run the command line in a process that finds the distribution."""
-    done = in_lab(lab, "rig", *arguments)
-    return done.returncode, done.stdout, done.stderr
 
 
 def test_a_kind_is_one_package_outside_the_tree(lab: Path) -> None:

@@ -1,4 +1,4 @@
-"""Reader of the HDF5 files of WEC-Sim's BEMIO: groups `simulation_parameters`, `body1`, `body2`, ...
+"""Reader of the HDF5 files of WEC-Sim's BEMIO: `simulation_parameters`, `body1`, `body2`, ...
 
 Unless `simulation_parameters/scaled` is 1, values are normalised as WAMIT's: added mass by rho,
 damping by rho omega, forces and stiffness by rho g. Phases are those of e^{+i omega t}. Arrays are
@@ -30,17 +30,13 @@ def _read(path: Path, file: Any, water: Water) -> BemContent:
         raise ValueError(f"{path}: has no group 'body1'; it has {', '.join(sorted(file))}")
     omega = _values(path, file, "simulation_parameters/w").ravel()
     directions = _values(path, file, "simulation_parameters/wave_dir").ravel()
-    density = stated(
-        path, "density_kg_per_m3", _scalar(file, "rho"), water.density, "kg/m3"
-    )
+    density = stated(path, "density_kg_per_m3", _scalar(file, "rho"), water.density, "kg/m3")
     gravity = stated(path, "gravity_m_per_s2", _scalar(file, "g"), water.gravity, "m/s2")
     depth = stated(path, "depth_m", _scalar(file, "water_depth"), water.depth, "m")
     scaled = _scalar(file, "scaled") == 1.0
     mass = 1.0 if scaled else density
     force = 1.0 if scaled else density * gravity
-    sizes = [
-        _values(path, file, f"{body}/hydro_coeffs/excitation/re").shape[0] for body in bodies
-    ]
+    sizes = [_values(path, file, f"{body}/hydro_coeffs/excitation/re").shape[0] for body in bodies]
     total, waves = sum(sizes), directions.size
     rows: dict[str, list[Any]] = {name: [] for name in ("A", "B", "inf", "re", "im")}
     stiffness = np.zeros((total, total))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,8 +41,8 @@ def read_bem(plant: Plant, path: Path) -> BemModes:
         for name, mode in plant.modes.items():
             if mode.stiffness is None:
                 raise ValueError(
-                    f"{path}: has no hydrostatic stiffness; set modes.{name}.stiffness in the plant "
-                    "file"
+                    f"{path}: has no hydrostatic stiffness; set modes.{name}.stiffness in the "
+                    "plant file"
                 )
     return found
 
@@ -175,6 +175,6 @@ def _axis_params(axis: Axis) -> list[float]:
     ]
 
 
-def _flat(values: Floats) -> list[float]:
+def _flat(values: Any) -> list[float]:
     numbers: list[float] = np.asarray(values, np.float64).ravel().tolist()
     return numbers

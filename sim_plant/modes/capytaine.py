@@ -57,9 +57,7 @@ def _read(path: Path, fields: Any, water: Water) -> BemContent:
         infinite,
         stiffness,
         stated(path, "depth_m", _scalar(path, fields, "water_depth"), water.depth, "m"),
-        stated(
-            path, "density_kg_per_m3", _scalar(path, fields, "rho"), water.density, "kg/m3"
-        ),
+        stated(path, "density_kg_per_m3", _scalar(path, fields, "rho"), water.density, "kg/m3"),
         stated(path, "gravity_m_per_s2", _scalar(path, fields, "g"), water.gravity, "m/s2"),
     )
 

@@ -53,9 +53,7 @@ QuadraticDamping = Annotated[
 StopPosition = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "rad")]
 Force = Annotated[float, Field(ge=0.0, le=1.0e9), _plain("N", "N*m", "N m")]
 Speed = Annotated[float, Field(gt=0.0, le=10.0), _plain("m/s", "rad/s")]
-TorqueConstant = Annotated[
-    float, Field(gt=0.0, le=1.0e6), _plain("N*m/A", "N m/A", "N/A")
-]
+TorqueConstant = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("N*m/A", "N m/A", "N/A")]
 GearRatio = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("rad/m", "rad/rad", "1")]
 Counts = Annotated[int, Field(gt=0, le=2**40), _plain("count", "1")]
 CountOffset = Annotated[int, Field(ge=-(10**9), le=10**9), _plain("count", "1")]
@@ -67,7 +65,9 @@ Power = Annotated[float, Field(ge=0.0, le=1.0e6), _plain("W")]
 Share = Annotated[float, Field(ge=0.0, le=1.0), _ONE]
 Time = Annotated[float, Field(gt=0.0, le=100.0), _SECOND]
 Delay = Annotated[float, Field(ge=0.0, le=1.0), _SECOND]
-Factor = Annotated[float, Field(ge=-1.0e6, le=1.0e6), _plain("1", "m/m", "rad/m", "m/rad", "rad/rad")]
+Factor = Annotated[
+    float, Field(ge=-1.0e6, le=1.0e6), _plain("1", "m/m", "rad/m", "m/rad", "rad/rad")
+]
 Number = Annotated[float, Field(ge=-1.0e12, le=1.0e12)]
 Density = Annotated[float, Field(gt=0.0, le=2.0e3), _plain("kg/m3", "kg/m^3")]
 Gravity = Annotated[float, Field(gt=0.0, le=30.0), _plain("m/s2", "m/s^2")]
@@ -155,7 +155,7 @@ class Plant(StrictModel):
     length_scale_m: Length | None = None  # ULEN of WAMIT's numeric files; 1 without
     modes: Annotated[dict[Name, Mode], Field(min_length=1, max_length=24)]
     axes: Annotated[dict[Name, Axis], Field(min_length=1, max_length=24)]
-    sensors: dict[Name, Sensor] = {}
+    sensors: dict[Name, Sensor] = Field(default={})
     delay_s: Delay = 0.001  # age of a reading
     wave_onset_s: Annotated[float, Field(ge=0.0, le=100.0), _SECOND] = 5.0  # cosine
 
@@ -175,12 +175,12 @@ class Plant(StrictModel):
                     f"{', '.join(allowed)}"
                 )
         by_dof: dict[str, str] = {}
-        for name, mode in self.modes.items():
-            if mode.dof in by_dof:
+        for name, each in self.modes.items():
+            if each.dof in by_dof:
                 raise ValueError(
-                    f"modes.{name}.dof: {mode.dof!r} is already that of {by_dof[mode.dof]}"
+                    f"modes.{name}.dof: {each.dof!r} is already that of {by_dof[each.dof]}"
                 )
-            by_dof[mode.dof] = name
+            by_dof[each.dof] = name
         return self
 
     def signals(self) -> dict[str, tuple[int, int]]:

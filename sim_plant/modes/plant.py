@@ -12,7 +12,7 @@ and loop, so that the same code runs on lists and, compiled, on arrays, with the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableSequence, Sequence
 from typing import NamedTuple
 
 from sim_plant import drive, sensors
@@ -37,6 +37,10 @@ AXIS_SIGNALS = (
     "position", "velocity", "force", "motor_force", "current", "mechanical_power", "electric_power"
 )  # fmt: skip
 MODE_POSITION, MODE_VELOCITY, ELEVATION = 7, 8, 9
+
+
+Numbers = Sequence[float]
+State = MutableSequence[float]
 
 
 class ModesParams(NamedTuple):
@@ -74,8 +78,8 @@ def reading_size(axes: int, sensor_count: int) -> int:
     return axes * READINGS_PER_AXIS + sensor_count + 1
 
 
-def axis_position(params: ModesParams, state: Sequence[float], axis: int, start: int) -> float:
-    """Return the weighted sum of the modes' positions (start 0) or velocities (start n), m or rad."""
+def axis_position(params: ModesParams, state: Numbers, axis: int, start: int) -> float:
+    """Return the weighted sum of the modes' positions (start 0) or velocities (start n)."""
     value = 0.0
     for i in range(params.modes):
         value += params.factors[axis * params.modes + i] * state[start + i]
@@ -101,7 +105,16 @@ def end_stop(params: ModesParams, mode: int, position: float, velocity: float) -
     return 0.0
 
 
-def _slopes(params, state, at, first_axis, force, excitation, following, share):  # type: ignore[no-untyped-def]
+def _slopes(
+    params: ModesParams,
+    state: State,
+    at: int,
+    first_axis: int,
+    force: int,
+    excitation: Numbers,
+    following: Numbers,
+    share: float,
+) -> None:
     """Write the accelerations under the forces at a motion.
 
     `at`: where the motion starts in the state, `force`: where the forces are to be written, the
@@ -130,7 +143,15 @@ def _slopes(params, state, at, first_axis, force, excitation, following, share):
         state[force + n + i] = value
 
 
-def step(params, state, actuation, fresh, excitation, following, dt):  # type: ignore[no-untyped-def]
+def step(
+    params: ModesParams,
+    state: State,
+    actuation: Numbers,
+    fresh: int,
+    excitation: Numbers,
+    following: Numbers,
+    dt: float,
+) -> None:
     """Advance the state in place by dt (s).
 
     `actuation`: current (A) and enable (0 or 1) of each axis; `fresh` is 1 if it arrived since the
@@ -163,7 +184,7 @@ def step(params, state, actuation, fresh, excitation, following, dt):  # type: i
         state[2 * n + k] += dt * _memory_slope(params, state, middle, k)
 
 
-def _memory_slope(params, state, at, k):  # type: ignore[no-untyped-def]
+def _memory_slope(params: ModesParams, state: State, at: int, k: int) -> float:
     """Return the slope of a radiation state at the motion that starts at `at`."""
     memory = at + 2 * params.modes
     slope = params.diagonal[k] * state[memory + k]
@@ -171,7 +192,15 @@ def _memory_slope(params, state, at, k):  # type: ignore[no-untyped-def]
     return slope + params.input[k] * state[at + params.modes + params.source[k]]
 
 
-def _step_drive(params, state, at, axis, actuation, fresh, dt):  # type: ignore[no-untyped-def]
+def _step_drive(
+    params: ModesParams,
+    state: State,
+    at: int,
+    axis: int,
+    actuation: Numbers,
+    fresh: int,
+    dt: float,
+) -> None:
     """Advance enable logic, watchdog and current loop of an axis, whose numbers start at `at`."""
     p = axis * AXIS_PARAM_COUNT
     after = drive.drive_step(
@@ -202,7 +231,7 @@ def _step_drive(params, state, at, axis, actuation, fresh, dt):  # type: ignore[
     state[at + 6] = float(after.saturated)
 
 
-def _power(params, state, at, axis, middle, force):  # type: ignore[no-untyped-def]
+def _power(params: ModesParams, state: State, at: int, axis: int, middle: int, force: int) -> None:
     """Write the shaft force and the electric power of an axis over this step.
 
     Electric power is motor force times velocity plus copper loss; of what is negative (absorbed)
@@ -222,7 +251,7 @@ def _power(params, state, at, axis, middle, force):  # type: ignore[no-untyped-d
     state[at + ELECTRIC_POWER] = power + params.axis[p + 6]
 
 
-def signal(params, state, kind, index, elevation):  # type: ignore[no-untyped-def]
+def signal(params: ModesParams, state: Numbers, kind: int, index: int, elevation: float) -> float:
     """Return the true value of a signal of a sensor."""
     n = params.modes
     if kind == ELEVATION:
@@ -247,7 +276,14 @@ def signal(params, state, kind, index, elevation):  # type: ignore[no-untyped-de
     return state[at + ELECTRIC_POWER]
 
 
-def sample(params, state, tick, elevation, normals, readings):  # type: ignore[no-untyped-def]
+def sample(
+    params: ModesParams,
+    state: Numbers,
+    tick: int,
+    elevation: float,
+    normals: Numbers,
+    readings: State,
+) -> None:
     """Write the readings at a state; `normals` is the noise table, `tick` its index."""
     at = 2 * params.modes + params.states
     for a in range(params.axes):

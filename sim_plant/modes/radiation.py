@@ -14,13 +14,15 @@ C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, chapter 23 (inequ
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from sim_plant.modes.bem import BemModes, Complexes, Floats, impedance
+from sim_plant.modes.bem import BemModes, Floats, impedance
+
+Complexes = NDArray[Any]  # complex128
 
 TOLERANCE = 0.01  # of the peak, in the wave band: the smallest order below it is chosen
 WAVE_BAND = 0.05  # of the largest damping: the frequencies between the first and last above it
@@ -78,8 +80,8 @@ def fit(bem: BemModes, tolerance: float = TOLERANCE) -> Radiation:
     columns: list[Floats] = []
     numbers: list[tuple[float, float, float]] = []
     for modes in coupled_blocks(np.abs(normalised).max(axis=0)):
-        place = np.ix_(kept, modes, modes)
-        block, error = _fit_block(omega[kept], normalised[place], tolerance)
+        own = normalised[kept][:, modes][:, :, modes]
+        block, error = _fit_block(omega[kept], own, tolerance)
         if error > MAX_ERROR:
             names = ", ".join(bem.modes[m] for m in modes)
             raise ValueError(
@@ -307,9 +309,11 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
             limits.append(MARGIN * scale)
         # An off-diagonal curve counts twice in the norm of the matrix.
         stretch = np.repeat(np.sqrt(weights), width)
-        solution = best + _least_distance(
-            np.array(cuts) / stretch, np.array(limits) - np.array(cuts) @ best
-        ) / stretch
+        solution = (
+            best
+            + _least_distance(np.array(cuts) / stretch, np.array(limits) - np.array(cuts) @ best)
+            / stretch
+        )
     coefficients = solution.reshape(len(upper), width) @ np.linalg.inv(r).T @ free.T
     residues = np.zeros((order, modes, modes))
     residues[:, upper[:, 0], upper[:, 1]] = coefficients.T
@@ -318,7 +322,7 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
 
 
 def _evaluate(block: Block, omega: Floats) -> Complexes:
-    values: Complexes = np.einsum("wk,kij->wij", _basis(1j * omega, block.poles), block.residues)
+    values: Complexes = np.tensordot(_basis(1j * omega, block.poles), block.residues, 1)
     return values
 
 
@@ -326,9 +330,7 @@ def _passivity_grid(omega: Floats, poles: Complexes) -> Floats:
     """Return frequencies from far below to far above poles and data, dense around each pole."""
     size = np.abs(poles)
     wide = np.geomspace(1.0e-3 * min(omega[0], size.min()), 1.0e3 * max(omega[-1], size.max()), 500)
-    near = [
-        p.imag + np.linspace(-4.0, 4.0, 33) * abs(p.real) for p in poles if p.imag > 0.0
-    ]
+    near = [p.imag + np.linspace(-4.0, 4.0, 33) * abs(p.real) for p in poles if p.imag > 0.0]
     grid = np.concatenate([wide, omega, *near])
     return np.unique(grid[grid > 0.0])
 
@@ -361,7 +363,8 @@ def _least_distance(matrix: Floats, bound: Floats) -> Floats:
     residual = system @ multipliers - right
     if abs(residual[-1]) < 1.0e-14:
         return np.zeros(matrix.shape[1])  # no solution; the caller measures the passivity
-    return -residual[:-1] / residual[-1]
+    shortest: Floats = -residual[:-1] / residual[-1]
+    return shortest
 
 
 def smallest_damping(radiation: Radiation, omega: Floats) -> float:

@@ -1,7 +1,7 @@
 """Readers of WAMIT's output: the formatted `.out`, or the numeric `.1`, `.3` and `.hst`.
 
-WAMIT writes e^{+i omega t} and dimensionless values with the length scale L (ULEN): A = A'/(rho L^k)
-and B = B'/(rho omega L^k) with k = 3, 4 or 5 for none, one or two rotations among (i, j);
+WAMIT writes e^{+i omega t} and values without dimension, by the length scale L (ULEN):
+A = A'/(rho L^k) and B = B'/(rho omega L^k), k = 3, 4 or 5 for 0, 1 or 2 rotations in (i, j);
 X = X'/(rho g L^m) per metre of wave amplitude with m = 2 or 3; C = C'/(rho g L^k) with k = 2, 3, 4.
 In the numeric files a period of 0 is an infinite frequency, one of -1 the frequency zero.
 Source: WAMIT user manual 7.4, sections 3.1 to 3.3 and 5.2.
@@ -111,8 +111,8 @@ def read_out(path: Path, water: Water) -> BemContent:
             wave = numbers[1] * np.exp(1j * np.radians(numbers[2]))
             target = found.force if section == "force" else haskind
             _store(place, target, (omega, heading, _index(place, abs(numbers[0]))), complex(wave))
-    for name, value in (("Gravity", gravity), ("Water depth", depth)):
-        if value is None:
+    for name, missing in (("Gravity", gravity is None), ("Water depth", depth is None)):
+        if missing:
             raise ValueError(f"{path}: has no line '{name}:'; is it the output file of WAMIT?")
     if not found.force:
         found = found._replace(force=haskind)
@@ -156,7 +156,7 @@ def _omega(period: float) -> float:
 
 
 def _period(place: str, line: str) -> float:
-    value = line.split("=")[1].split()[0]
+    value = line.split("=")[1].split(maxsplit=1)[0]
     if value in ("infinite", "zero"):
         return 0.0 if value == "infinite" else math.inf
     try:
@@ -181,8 +181,8 @@ def _content(
     path: Path,
     found: Entries,
     water: Water,
-    gravity: float | None,
-    depth: float | None,
+    stated_gravity: float | None,
+    stated_depth: float | None,
     length: float | None,
 ) -> BemContent:
     """Return the entries as dimensional arrays on the ascending frequencies of the forces."""
@@ -191,8 +191,8 @@ def _content(
     if not found.force:
         raise ValueError(f"{path}: has no exciting forces")
     density = stated(path, "density_kg_per_m3", None, water.density, "kg/m3")
-    gravity = stated(path, "gravity_m_per_s2", gravity, water.gravity, "m/s2")
-    depth = stated(path, "depth_m", depth, water.depth, "m")
+    gravity = stated(path, "gravity_m_per_s2", stated_gravity, water.gravity, "m/s2")
+    depth = stated(path, "depth_m", stated_depth, water.depth, "m")
     if length is None and water.length_scale is None:
         length = 1.0
     length = stated(path, "length_scale_m", length, water.length_scale, "m")

@@ -1,4 +1,4 @@
-"""The World of coupled modes: one rig in one sea, advanced only by advance(dt). No clock, seeded."""
+"""The World of coupled modes: one rig in one sea, advanced only by advance(dt)."""
 
 from __future__ import annotations
 
@@ -65,9 +65,7 @@ class Stepper:
         elevation: float,
     ) -> tuple[float, ...]:
         """Step to `tick` with the excitation there; return the readings."""
-        modes.step(
-            self._params, self.state, drives, fresh, self._excitation, excitation, self._dt
-        )
+        modes.step(self._params, self.state, drives, fresh, self._excitation, excitation, self._dt)
         self._excitation = excitation
         return self.readings(tick, elevation)
 

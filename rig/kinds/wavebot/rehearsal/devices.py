@@ -3,45 +3,16 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from controllers.signals import DriveSettings as Settings
 from rig.emulation.in_process import PlantDevices
+from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
-from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
 from sim_plant.prescribed import MotionProfile, hoist_cycle_profile
-from sim_plant.waves import Sea
 from sim_plant.world import OFF, Actuation, Stepper, World
-
-
-def build_sea(description: dict[str, Any]) -> Sea:
-    """Return the sea of a campaign's description; ValueError if it has no repeat period."""
-    kind = description["kind"]
-    if kind == "calm":
-        return waves.calm()
-    if kind == "regular":
-        return waves.regular(description["amplitude_m"], description["frequency_hz"])
-    if kind == "jonswap":
-        return waves.jonswap(
-            description["hs_m"],
-            description["tp_s"],
-            description["gamma"],
-            description["repeat_s"],
-            description["seed"],
-        )
-    if kind == "components":
-        return waves.components(
-            description["repeat_s"],
-            description["cycles"],
-            description["amplitude_m"],
-            description["phase_rad"],
-        )
-    return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
-
 
 # The core of a NamedTuple's constructor: nine full constructors a tick take 10 % of a rehearsal.
 _tuple = tuple.__new__

@@ -21,12 +21,12 @@ from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
 from rig.design.axis_params import estimator_params
 from rig.design.law_params import law_params
+from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.campaign.files import Campaign
 from rig.kinds.wavebot.campaign.pieces import CampaignParts
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.config.hoist import TURNAROUND_S
-from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.laws import LawError
 from rig.planning.designed_sea import DesignedSea, design_sea
 from rig.planning.elevation import Elevation

@@ -17,7 +17,10 @@ from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.modular.new_rig import Options, first_grid, read_body
 from sim_plant.modes.bem import read_modes
+from sim_plant.modes.building import build
 from sim_plant.modes.parameters import Plant
+from sim_plant.modes.world import Actuation, World
+from sim_plant.waves import regular
 
 WAVEBOT = Path(__file__).resolve().parents[2] / "configs" / "plants" / "wavebot_bem.nc"
 STIFFNESS = 24_337.0  # N/m
@@ -130,6 +133,33 @@ def test_files_fit_each_other(tmp_path: Path) -> None:
     timing = files["campaign"]["timing"]
     periods = (timing["interval_s"] - timing["settle_s"]) * body.frequency
     assert 10.0 <= periods < 10.5
+
+
+@pytest.mark.slow
+def test_simulated_plant_moves_as_the_limits_expect(tmp_path: Path) -> None:
+    """The law's force by itself, on the plant file, in the row that moves most."""
+    files = wavebot(tmp_path)
+    plant = Plant.model_validate(files["plant"])
+    sea = files["campaign"]["sea"]
+    grid = first_grid(read_body(Options(WAVEBOT, stiffness=STIFFNESS)), sea["amplitude_m"])
+    dt = 1e-3
+    model = build(plant, WAVEBOT)
+    world = World(model, regular(sea["amplitude_m"], sea["frequency_hz"]), dt=dt, seed=1)
+    per_ampere = plant.axes["heave"].torque_constant_n_m_per_a * plant.axes["heave"].gear_ratio
+    current, positions, currents = 0.0, [], []
+    for _ in range(round(40.0 / dt)):
+        world.actuate(Actuation((current, 1), 1))
+        world.advance(dt)
+        truth = world.truth()
+        (x,), (v,) = truth.position, truth.velocity
+        current = (max(grid.kp) * v + max(grid.ki) * x) / per_ampere
+        positions.append(x)
+        currents.append(current)
+    last = slice(-round(10.0 / dt), None)
+    assert max(positions[last]) == pytest.approx(grid.position, rel=0.03)  # fit, delay, drive
+    limits = files["limits"]["axes"]["heave"]
+    assert max(map(abs, positions)) < 0.75 * limits["position_stop_m"]
+    assert max(map(abs, currents)) < 0.75 * limits["current_peak_a"]
 
 
 def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:

@@ -216,7 +216,10 @@ def _wave_frequency(options: Options, band: tuple[float, float], resonance: floa
     frequency = options.frequency
     if frequency is None:
         centre = math.sqrt(low * high) if resonance is None else _BELOW_RESONANCE * resonance
-        return _rounded(min(max(centre, low * 1.01), high * 0.99))
+        rounded = _rounded(centre, 2)  # few digits, so that the sea repeats soon
+        if rounded < low:
+            return math.ceil(1e3 * low) / 1e3
+        return min(rounded, math.floor(1e3 * high) / 1e3)
     if not low <= frequency <= high:
         raise ValueError(
             f"--frequency {frequency:g} Hz is outside the BEM file and the band of the seas; "

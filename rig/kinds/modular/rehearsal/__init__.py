@@ -1,0 +1,1 @@
+"""The simulated plant of a modular rig and its settings."""

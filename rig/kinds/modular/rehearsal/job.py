@@ -1,0 +1,113 @@
+"""The supervisor's side of a modular rig's rehearsal: settings and checks of its plant."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from rig.config.matching import SharedValue, mismatches
+from rig.config.problems import Problem
+from rig.config.pydantic_errors import problems_from
+from rig.config.yaml_source import SourceMap
+from rig.kinds.modular.config import RigFile
+from rig.kinds.modular.tick import Composition
+from rig.planning.input_files import ConfigSource
+from sim_plant import waves
+from sim_plant.bem import Bem
+from sim_plant.modes import building
+from sim_plant.modes.bem import mode_bem
+from sim_plant.modes.building import PlantModel
+from sim_plant.modes.parameters import Plant
+from sim_plant.modes.world import World
+
+_DEFAULT_SEED = 0  # no check depends on the noise
+
+
+def plant_settings(
+    plant: ConfigSource, rig: RigFile, composition: Composition, sea: dict[str, Any], seed: int
+) -> dict[str, Any]:
+    """Return the configuration of `devices.connect`, as JSON values; ``sea``: of `build_sea`."""
+    return {
+        "plant": plant.mapping,
+        "bem": str(bem_path(plant)),
+        "sea": sea,
+        "seed": seed,
+        "composition": composition.to_text(),
+        "sensors": [[name, each.scale, each.offset] for name, each in rig.sensors.items()],
+    }
+
+
+def bem_path(plant: ConfigSource) -> Path:
+    """Return the path of the plant's BEM file, which is relative to the plant file."""
+    return plant.locate.resolve_path(("bem",), plant.mapping["bem"])
+
+
+def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, ...]]:
+    """Return the plant with its fitted radiation, or None and its problems."""
+    try:
+        file = Plant.model_validate(plant.mapping)
+    except ValidationError as error:
+        return None, problems_from(error, plant.locate, Plant)
+    try:
+        return building.build(file, bem_path(plant)), ()
+    except (OSError, ValueError, ArithmeticError) as error:
+        return None, (plant.locate.problem(("bem",), file.bem, f"cannot be used: {error}"),)
+
+
+def plant_problems(
+    plant: ConfigSource, rig: RigFile | None, rig_locate: SourceMap | None, rate_hz: int
+) -> tuple[PlantModel | None, tuple[Problem, ...]]:
+    """Return the model and all problems of a plant with a rig; the model is None with problems.
+
+    ``rig`` is None if the rig file has problems of its own.
+    """
+    model, found = load_model(plant)
+    if model is None:
+        return None, found
+    if rig is not None and rig_locate is not None:
+        found += (*_missing_parts(model.plant, rig, rig_locate),)
+        found += (*mismatches(rig_locate, plant.locate, _shared(model.plant, rig), "plant"),)
+    try:
+        World(model, waves.calm(), dt=1.0 / rate_hz, seed=_DEFAULT_SEED)
+    except (ValueError, ArithmeticError) as error:
+        found += (plant.locate.problem((), None, f"cannot be simulated: {error}"),)
+    return (None if found else model), found
+
+
+def first_bem(model: PlantModel) -> Bem:
+    """Return the coefficients of one mode, with which a sea is checked."""
+    return mode_bem(model.bem, 0)
+
+
+def _missing_parts(plant: Plant, rig: RigFile, locate: SourceMap) -> Iterator[Problem]:
+    """Yield the axes and sensors of the rig that the plant does not simulate."""
+    for section, own, of_plant in (
+        ("axes", rig.axes, plant.axes),
+        ("sensors", rig.sensors, plant.sensors),
+    ):
+        listed = ", ".join(of_plant) or "none"
+        for name in own:
+            if name not in of_plant:
+                message = f"is not in the simulated plant's {section}; it has {listed}"
+                yield locate.problem((section, name), None, message)
+
+
+def _shared(plant: Plant, rig: RigFile) -> Iterator[SharedValue]:
+    """Yield the scales that rig and plant must have in common: commands would mean other things."""
+    for name, axis in rig.axes.items():
+        if name not in plant.axes:
+            continue
+        other = plant.axes[name]
+        gear = "gear_ratio_rad_per_m" if axis.motion == "translation" else "gear_ratio"
+        for own, key in (
+            ("torque_constant_n_m_per_a", "torque_constant_n_m_per_a"),
+            (gear, "gear_ratio"),
+            ("counts_per_revolution", "counts_per_revolution"),
+        ):
+            yield SharedValue(
+                ("axes", name, own),
+                float(getattr(axis, own)),
+                ("axes", name, key),
+                float(getattr(other, key)),
+            )

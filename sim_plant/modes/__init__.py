@@ -1,0 +1,1 @@
+"""A rig of several coupled modes of motion, described by a BEM file and a plant file."""

@@ -1,0 +1,283 @@
+"""Hydrodynamic coefficients of coupled modes, from the files of boundary-element (BEM) programs.
+
+`read_modes` reads Capytaine NetCDF (`.nc`), WAMIT (`.out`, or `.1` with `.3` and `.hst` of the same
+name) and WEC-Sim BEMIO (`.h5`). All results are dimensional, with capytaine's phases: a quantity is
+Re(X e^{-i omega t}). WAMIT and BEMIO write e^{+i omega t}; their readers take the conjugate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_plant.bem import Bem, _open_regular_file
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+RIGID_MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+MAX_ASYMMETRY = 0.15  # of the diagonal's geometric mean: more is no radiation problem at rest
+SUFFIXES = (".nc", ".h5", ".out", ".1", ".3", ".hst")
+
+
+class BemModes(NamedTuple):
+    """Coefficients of n modes over frequency; matrices are symmetric, [influenced, radiating]."""
+
+    modes: tuple[str, ...]
+    frequency: Floats  # Hz, ascending, finite, positive
+    added_mass: Floats  # (frequencies, n, n), kg, kg m or kg m2
+    damping: Floats  # (frequencies, n, n), N s/m, N s or N m s
+    excitation: Complexes  # (frequencies, n), N or N m per metre of wave amplitude, e^{-i omega t}
+    added_mass_infinite: Floats  # (n, n), at infinite frequency
+    infinite_method: str  # where `added_mass_infinite` comes from
+    stiffness: Floats | None  # (n, n), hydrostatic; None: not in the file
+    depth: float  # m, inf for deep water
+    density: float  # kg/m3
+    gravity: float  # m/s2
+    direction: float  # degrees, 0: waves travel to +x
+
+
+class Water(NamedTuple):
+    """What a plant file states of the water; None where the BEM file is to state it."""
+
+    density: float | None = None  # kg/m3
+    gravity: float | None = None  # m/s2
+    depth: float | None = None  # m
+    length_scale: float | None = None  # m, ULEN of WAMIT's numeric files
+
+
+class BemContent(NamedTuple):
+    """All modes and directions of a file, before the choice of some; frequencies may descend."""
+
+    modes: tuple[str, ...]
+    omega: Floats  # rad/s; may contain 0 and inf
+    added_mass: Floats  # (omega, n, n)
+    damping: Floats
+    excitation: Complexes  # (omega, directions, n)
+    directions: Floats  # degrees
+    infinite: Floats | None  # (n, n), where the file has it apart from `omega`
+    stiffness: Floats | None
+    depth: float
+    density: float
+    gravity: float
+
+
+def read_modes(
+    path: Path,
+    modes: Sequence[str] | None = None,
+    *,
+    direction: float | None = None,
+    water: Water | None = None,
+) -> BemModes:
+    """Return the coefficients of some modes (all without `modes`), in the order requested for.
+
+    `direction` (degrees) chooses one of several wave directions. `water` completes what the file
+    does not state. Raises ValueError that names file, field, value and the allowed ones, OSError
+    for a file that cannot be read.
+    """
+    from sim_plant.modes import bemio, capytaine, wamit  # noqa: PLC0415  (they import this module)
+
+    readers = {".nc": capytaine.read, ".h5": bemio.read, ".out": wamit.read_out}
+    reader = readers.get(path.suffix.lower(), wamit.read_numeric)
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(
+            f"{path}: unknown type of BEM file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"
+        )
+    content = reader(path, water or Water())
+    return _choose(path, content, modes, direction)
+
+
+def mode_bem(bem: BemModes, mode: int) -> Bem:
+    """Return the diagonal coefficients of one mode, for the sea's excitation table."""
+    stiffness = 0.0 if bem.stiffness is None else float(bem.stiffness[mode, mode])
+    return Bem(
+        bem.frequency,
+        bem.added_mass[:, mode, mode],
+        bem.damping[:, mode, mode],
+        bem.excitation[:, mode],
+        float(bem.added_mass_infinite[mode, mode]),
+        stiffness,
+        bem.depth,
+    )
+
+
+def impedance(bem: BemModes) -> Complexes:
+    """Return K_r = B + i omega (A - A_inf) on the file's grid, for e^{+i omega t}; (n_f, n, n)."""
+    omega = 2.0 * np.pi * bem.frequency[:, None, None]
+    return bem.damping + 1j * omega * (bem.added_mass - bem.added_mass_infinite)
+
+
+@contextmanager
+def open_hdf5(path: Path) -> Iterator[Any]:
+    """Open an HDF5 file for reading; ValueError if it is another format."""
+    import h5py  # noqa: PLC0415  (importing HDF5 takes half a second; text formats do not need it)
+
+    with _open_regular_file(path) as stream:
+        try:
+            file = h5py.File(stream, "r")
+        except OSError as error:
+            message = f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)"
+            raise ValueError(message) from error
+        with file:
+            yield file
+
+
+def stated(path: Path, name: str, found: float | None, given: float | None, unit: str) -> float:
+    """Return a property of the water from the file or the plant; both must agree."""
+    if found is None and given is None:
+        raise ValueError(f"{path}: does not state {name} ({unit}); set {name} in the plant file")
+    if found is not None and given is not None and abs(found - given) > 1.0e-6 * abs(found):
+        raise ValueError(
+            f"{path}: states {name} {found:g} {unit}, the plant file {given:g}; remove one"
+        )
+    value = found if found is not None else given
+    assert value is not None
+    if not value > 0.0:
+        raise ValueError(f"{path}: {name} is {value:g} {unit}; allowed: above 0")
+    return float(value)
+
+
+def _choose(
+    path: Path, content: BemContent, modes: Sequence[str] | None, direction: float | None
+) -> BemModes:
+    """Return the requested modes of one direction on ascending finite frequencies."""
+    names = content.modes
+    if len(set(names)) != len(names):
+        raise ValueError(f"{path}: a mode appears twice: {', '.join(names)}")
+    for name in modes or ():
+        if name not in names:
+            raise ValueError(f"{path}: has no mode {name!r}; it has {', '.join(names)}")
+    kept = [names.index(name) for name in (names if modes is None else modes)]
+    grid = np.ix_(range(content.omega.size), kept, kept)
+    added_mass, damping = content.added_mass[grid], content.damping[grid]
+    wave = _direction_index(path, content.directions, direction)
+    excitation = content.excitation[:, wave][:, kept]
+    omega = content.omega
+    if np.any(np.isnan(omega)) or np.any(omega < 0.0):
+        raise ValueError(f"{path}: frequencies must be numbers of 0 rad/s and above")
+    finite = np.isfinite(omega) & (omega > 0.0)
+    used = omega[finite]
+    if used.size < 8:
+        raise ValueError(f"{path}: has {used.size} frequencies; at least 8 are needed")
+    if not np.all(np.diff(used) > 0.0):
+        at = int(np.argmax(np.diff(used) <= 0.0))
+        raise ValueError(
+            f"{path}: frequencies must ascend; {used[at]:g} rad/s is followed by "
+            f"{used[at + 1]:g} rad/s"
+        )
+    fields = {"added mass": added_mass[finite], "damping": damping[finite]}
+    for field, values in (*fields.items(), ("excitation", excitation[finite])):
+        if not np.all(np.isfinite(values)):
+            bad = used[int(np.argwhere(~np.isfinite(values))[0][0])]
+            raise ValueError(f"{path}: {field} is not finite at {bad:g} rad/s")
+    for field, values in fields.items():
+        _check_symmetry(path, field, values, [names[k] for k in kept])
+    infinite, method = _infinite(path, content, kept, used, fields)
+    stiffness = content.stiffness
+    if stiffness is not None:
+        stiffness = stiffness[np.ix_(kept, kept)]
+        if not np.all(np.isfinite(stiffness)):
+            raise ValueError(f"{path}: hydrostatic stiffness is not finite")
+    return BemModes(
+        tuple(names[k] for k in kept),
+        used / (2.0 * np.pi),
+        _symmetric(fields["added mass"]),
+        _symmetric(fields["damping"]),
+        excitation[finite],
+        _symmetric(infinite),
+        method,
+        stiffness,
+        content.depth,
+        content.density,
+        content.gravity,
+        float(content.directions[wave]),
+    )
+
+
+def _direction_index(path: Path, directions: Floats, requested: float | None) -> int:
+    listed = ", ".join(f"{d:g}" for d in directions)
+    if directions.size == 0:
+        raise ValueError(f"{path}: has no wave direction: excitation is missing")
+    if requested is None:
+        if directions.size > 1:
+            raise ValueError(
+                f"{path}: has several wave directions: {listed} degrees; choose one with "
+                "wave_direction_deg in the plant file"
+            )
+        return 0
+    difference = np.abs((directions - requested + 180.0) % 360.0 - 180.0)
+    if difference.min() > 1.0e-3:
+        raise ValueError(f"{path}: has no wave direction of {requested:g} degrees; it has {listed}")
+    return int(difference.argmin())
+
+
+def _check_symmetry(path: Path, field: str, values: Floats, names: Sequence[str]) -> None:
+    """Raise ValueError where [i, j] and [j, i] differ: at rest the two are equal."""
+    peak = np.abs(values).max(axis=0)
+    scale = np.sqrt(np.outer(np.diag(peak), np.diag(peak)))
+    gap = np.abs(values - values.swapaxes(1, 2)).max(axis=0)
+    for i, j in np.argwhere(gap > MAX_ASYMMETRY * scale + 1.0e-9 * peak.max()):
+        raise ValueError(
+            f"{path}: {field} of ({names[i]}, {names[j]}) and ({names[j]}, {names[i]}) differ by "
+            f"{gap[i, j] / max(scale[i, j], 1e-300):.1%} of their diagonals; allowed: "
+            f"{MAX_ASYMMETRY:.0%} (is the body at rest, and the file complete?)"
+        )
+
+
+def _symmetric(values: Floats) -> Floats:
+    mean: Floats = 0.5 * (values + values.swapaxes(-1, -2))
+    return mean
+
+
+def _infinite(
+    path: Path, content: BemContent, kept: list[int], omega: Floats, fields: dict[str, Floats]
+) -> tuple[Floats, str]:
+    """Return A_inf from the file or, where it has none, by Ogilvie's relation."""
+    at_infinity = np.flatnonzero(np.isposinf(content.omega))
+    infinite = content.infinite
+    if infinite is None and at_infinity.size:
+        infinite = content.added_mass[at_infinity[0]]
+    if infinite is not None:
+        infinite = infinite[np.ix_(kept, kept)]
+        if not np.all(np.isfinite(infinite)):
+            raise ValueError(f"{path}: added mass at infinite frequency is not finite")
+        return infinite, "file"
+    return ogilvie(omega, fields["added mass"], fields["damping"]), "Ogilvie's relation"
+
+
+def ogilvie(omega: Floats, added_mass: Floats, damping: Floats) -> Floats:
+    """Return A_inf = A(w) + 1/w int_0^inf K(t) sin(w t) dt, K(t) = 2/pi int_0^inf B cos(w t) dw.
+
+    Mean over the upper half of the grid. B is zero at w = 0, and beyond the grid it falls with
+    w^-4 from its last value. Source: T. F. Ogilvie, 5th Symposium on Naval Hydrodynamics, 1964.
+    """
+    last = omega[-1]
+    fine = np.linspace(0.0, 4.0 * last, 4001)
+    nodes = np.concatenate([[0.0], omega])
+    values = np.concatenate([np.zeros((1, *damping.shape[1:])), damping])
+    within = fine <= last
+    spectrum = np.zeros((fine.size, *damping.shape[1:]))
+    for i, j in np.ndindex(*damping.shape[1:]):
+        spectrum[within, i, j] = np.interp(fine[within], nodes, values[:, i, j])
+    spectrum[~within] = damping[-1] * ((last / fine[~within]) ** 4)[:, None, None]
+    # Both integrals over t at once: int K sin(wt) dt / w = 2/pi PV int B(v) / (w2 - v2) dv, and
+    # PV int dv / (w2 - v2) over the half axis is 0, so B(w) may be subtracted.
+    estimates = []
+    for k in np.flatnonzero(omega >= 0.5 * last)[:-1]:
+        w = omega[k]
+        gap = w * w - fine * fine
+        regular = np.abs(gap) > 1.0e-9 * w * w
+        integrand = np.zeros_like(spectrum)
+        at_w = np.array([[np.interp(w, fine, spectrum[:, i, j]) for j in range(damping.shape[2])]
+                         for i in range(damping.shape[1])])  # fmt: skip
+        integrand[regular] = (spectrum - at_w)[regular] / gap[regular][:, None, None]
+        tail = at_w * np.log((fine[-1] + w) / (fine[-1] - w)) / (2.0 * w)
+        integral = np.trapezoid(integrand, fine, axis=0) + tail
+        estimates.append(added_mass[k] + 2.0 / np.pi * integral)
+    mean: Floats = np.mean(estimates, axis=0)
+    return mean

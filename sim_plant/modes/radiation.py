@@ -1,0 +1,373 @@
+"""Passive state spaces of the radiation memory, fitted to the impedance of a BEM file.
+
+K_r(i omega) = B + i omega (A - A_inf) is fitted by sum_k R_k / (s - p_k) with poles common to a
+block of coupled modes and symmetric residues: vector fitting places the poles, and a least-squares
+problem with linear inequalities gives the residues. K_r(0) = 0 holds exactly, the poles are stable,
+and Re K_r(i omega) has no negative eigenvalue: violated directions are added as inequalities until
+none is left on a dense grid of frequencies and at both limits.
+
+Sources: B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14(3), 1999 (poles);
+T. Perez and T. I. Fossen, Modeling, Identification and Control 30(1), 2009 (properties of K_r);
+C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, chapter 23 (inequalities).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from sim_plant.modes.bem import BemModes, Floats, impedance
+
+Complexes = NDArray[Any]  # complex128
+
+TOLERANCE = 0.01  # of the peak, in the wave band: the smallest order below it is chosen
+WAVE_BAND = 0.05  # of the largest damping: the frequencies between the first and last above it
+OUTSIDE_WEIGHT = 0.25  # of frequencies outside the wave band
+MAX_ORDER = 8  # states for each mode
+MAX_ERROR = 0.10  # of the peak: a worse fit is refused
+COUPLED = 2.0e-3  # of the diagonal's peaks: a smaller term of the matrix is no coupling
+ITERATIONS = 20  # of the placement of poles
+OUTLIER = 0.03  # of the peak, and OUTLIER_RATIO times the median error: an irregular frequency
+OUTLIER_RATIO = 8.0
+MAX_OUTLIERS = 0.2  # of all frequencies
+CUTS = 40  # rounds of the enforcement of passivity
+MAX_POLE = 3.0  # times the highest frequency: a faster pole would only slow the simulation
+MIN_DAMPING = 0.05  # damping ratio of a pole: what is narrower is an irregular frequency
+MARGIN = 1.0e-4  # of the largest damping, where the curve is enforced
+
+
+class Radiation(NamedTuple):
+    """State space z' = diagonal z + cross z[partner] + input v[source], force = -(output z).
+
+    Source, partner, diagonal, cross and input have one entry for each state; output is (n, states).
+    """
+
+    source: tuple[int, ...]  # mode whose velocity drives the state
+    partner: tuple[int, ...]  # the other state of a complex pair, the state itself of a real pole
+    diagonal: Floats  # 1/s
+    cross: Floats  # 1/s
+    input: Floats
+    output: Floats
+    error: Floats  # (n, n), largest error in the wave band by the diagonal's peaks
+    left_out: Floats  # Hz, irregular frequencies of the BEM file, which are not fitted
+
+
+class Block(NamedTuple):
+    """Poles (of each complex pair the one with positive imaginary part) and real residues.
+
+    A residue of a real pole is one matrix; a complex pair has two, the real and imaginary part.
+    """
+
+    poles: Complexes
+    residues: Floats  # (order, m, m)
+
+
+def fit(bem: BemModes, tolerance: float = TOLERANCE) -> Radiation:
+    """Return the state space of all modes; ValueError if a block cannot be fitted."""
+    target = impedance(bem)
+    count = len(bem.modes)
+    peak = np.abs(target).max(axis=0)
+    scale = np.sqrt(np.maximum(np.diag(peak), 1.0e-12 * peak.max()))
+    omega = 2.0 * np.pi * bem.frequency
+    normalised = target / np.outer(scale, scale)
+    kept = regular_frequencies(omega, normalised)
+    source: list[int] = []
+    partner: list[int] = []
+    columns: list[Floats] = []
+    numbers: list[tuple[float, float, float]] = []
+    for modes in coupled_blocks(np.abs(normalised).max(axis=0)):
+        own = normalised[kept][:, modes][:, :, modes]
+        block, error = _fit_block(omega[kept], own, tolerance)
+        if error > MAX_ERROR:
+            names = ", ".join(bem.modes[m] for m in modes)
+            raise ValueError(
+                f"the radiation of {names} is fitted with an error of {error:.1%} of its peak by "
+                f"{MAX_ORDER} states; allowed: {MAX_ERROR:.0%} (are there irregular frequencies "
+                "in the BEM file, or too few of them?)"
+            )
+        at = 0
+        for pole in block.poles:
+            width = 1 if pole.imag == 0.0 else 2
+            for k, mode in enumerate(modes):
+                first = len(source)
+                for part in range(width):
+                    column = np.zeros(count)
+                    column[modes] = block.residues[at + part][:, k] * scale[modes] * scale[mode]
+                    columns.append(column)
+                    source.append(mode)
+                    partner.append(first + (width - 1 - part))
+                    cross = 0.0 if width == 1 else pole.imag * (1.0 if part == 0 else -1.0)
+                    enters = (1.0 if width == 1 else 2.0) if part == 0 else 0.0
+                    numbers.append((pole.real, cross, enters))
+            at += width
+    diagonal, cross_terms, entries = np.array(numbers).T
+    radiation = Radiation(
+        tuple(source),
+        tuple(partner),
+        diagonal,
+        cross_terms,
+        entries,
+        np.array(columns).T,
+        peak,
+        np.delete(bem.frequency, kept),
+    )
+    band = kept[wave_band(normalised[kept])]
+    gap = np.abs(response(radiation, omega[band]) - target[band]).max(axis=0)
+    return radiation._replace(error=gap / np.outer(scale, scale))
+
+
+def response(radiation: Radiation, omega: Floats) -> Complexes:
+    """Return K_r(i omega) of a state space, (omega, n, n)."""
+    states, count = len(radiation.source), radiation.output.shape[0]
+    system = np.diag(radiation.diagonal).astype(np.complex128)
+    system[range(states), radiation.partner] += radiation.cross
+    drive = np.zeros((states, count))
+    drive[range(states), radiation.source] = radiation.input
+    identity = np.eye(states)
+    return np.array([radiation.output @ np.linalg.solve(1j * w * identity - system, drive)
+                     for w in omega])  # fmt: skip
+
+
+def wave_band(target: Complexes) -> NDArray[np.bool_]:
+    """Return a mask of the frequencies at which some mode radiates notable waves."""
+    damping = np.einsum("wii->wi", target).real
+    notable = np.flatnonzero((damping >= WAVE_BAND * damping.max(axis=0)).any(axis=1))
+    indices = np.arange(target.shape[0])
+    mask: NDArray[np.bool_] = (indices >= notable[0]) & (indices <= notable[-1])
+    return mask
+
+
+def regular_frequencies(omega: Floats, target: Complexes) -> NDArray[np.intp]:
+    """Return the indices of the frequencies that one smooth fit of the diagonal explains.
+
+    A hull without a lid has irregular frequencies, where a BEM program's result is wrong in one or
+    two narrow points. They are found by leaving out what a fit with damped poles misses.
+    """
+    diagonal = np.einsum("wii->wi", target)
+    kept = np.arange(omega.size)
+    for _ in range(6):
+        poles = _place_poles(omega[kept], diagonal[kept], MAX_ORDER, np.ones(kept.size))
+        part = _basis(1j * omega[kept], poles)
+        system = np.vstack([part.real, part.imag])
+        right = np.vstack([diagonal[kept].real, diagonal[kept].imag])
+        coefficients = np.linalg.lstsq(system, right, rcond=None)[0]
+        error = np.abs(_basis(1j * omega, poles) @ coefficients - diagonal).max(axis=1)
+        inside = np.flatnonzero(error <= max(OUTLIER, OUTLIER_RATIO * float(np.median(error))))
+        if np.array_equal(inside, kept):
+            return kept
+        if inside.size < (1.0 - MAX_OUTLIERS) * omega.size:
+            break
+        kept = inside
+    return np.arange(omega.size) if kept.size < (1.0 - MAX_OUTLIERS) * omega.size else kept
+
+
+def coupled_blocks(strength: Floats) -> list[list[int]]:
+    """Return the sets of modes that are connected by terms of a normalised matrix."""
+    left = list(range(strength.shape[0]))
+    blocks = []
+    while left:
+        block, queue = [], [left[0]]
+        while queue:
+            mode = queue.pop()
+            if mode in left:
+                left.remove(mode)
+                block.append(mode)
+                queue += [other for other in left if strength[mode, other] > COUPLED]
+        blocks.append(sorted(block))
+    return blocks
+
+
+def _fit_block(omega: Floats, target: Complexes, tolerance: float) -> tuple[Block, float]:
+    """Return the fit of the smallest sufficient order, or the best of all, and its error."""
+    best: tuple[Block, float] | None = None
+    band = wave_band(target)
+    weight = np.where(band, 1.0, OUTSIDE_WEIGHT)
+    upper = np.triu_indices(target.shape[1])
+    for order in range(2, MAX_ORDER + 1):
+        poles = _place_poles(omega, target[:, upper[0], upper[1]], order, weight)
+        block = _residues(omega, target, poles, weight)
+        error = float(np.abs(_evaluate(block, omega[band]) - target[band]).max())
+        if best is None or error < best[1]:
+            best = block, error
+        if error <= tolerance:
+            break
+    assert best is not None
+    return best
+
+
+def _basis(s: Complexes, poles: Sequence[complex] | Complexes) -> Complexes:
+    """Return the partial fractions of real coefficients: one of a real pole, two of a pair."""
+    columns = []
+    for pole in poles:
+        if pole.imag == 0.0:
+            columns.append(1.0 / (s - pole))
+        else:
+            one, other = 1.0 / (s - pole), 1.0 / (s - np.conj(pole))
+            columns += [one + other, 1j * (one - other)]
+    return np.array(columns).T
+
+
+def _place_poles(omega: Floats, columns: Complexes, order: int, weight: Floats) -> Complexes:
+    """Return stable poles by vector fitting of all columns together."""
+    curves = columns.T
+    low, high = max(omega[0], 0.1 * omega[-1]), 0.7 * omega[-1]
+    poles = [complex(-0.3 * w, w) for w in np.linspace(low, high, order // 2)]
+    poles += [complex(-high, 0.0)] * (order % 2)
+    s = 1j * omega
+    for _ in range(ITERATIONS):
+        basis = _basis(s, poles)
+        rows = []
+        # Relaxed non-triviality: sigma = d + sum c phi with mean real part 1. QR of each curve's
+        # own columns leaves only the equations of sigma's unknowns.
+        for curve in curves:
+            system = np.hstack([basis, -curve[:, None] * np.hstack([basis, np.ones((s.size, 1))])])
+            system *= weight[:, None]
+            real = np.vstack([system.real, system.imag])
+            _, triangle = np.linalg.qr(real)
+            rows.append(triangle[order:, order:])
+        relaxation = float(np.linalg.norm(curves)) / s.size
+        mean = np.concatenate([basis.real.sum(axis=0), [s.size]])
+        matrix = np.vstack([*rows, relaxation * mean])
+        right = np.zeros(matrix.shape[0])
+        right[-1] = relaxation * s.size
+        scale = np.linalg.norm(matrix, axis=0)
+        scale[scale == 0.0] = 1.0
+        found = np.linalg.lstsq(matrix / scale, right, rcond=None)[0] / scale
+        constant = found[-1] if abs(found[-1]) > 1.0e-8 else 1.0e-8
+        poles = _zeros(poles, found[:-1] / constant, MAX_POLE * omega[-1])
+    return np.array(poles)
+
+
+def _zeros(poles: Sequence[complex], coefficients: Floats, largest: float) -> list[complex]:
+    """Return the zeros of 1 + sum c phi, moved into the allowed part of the left half plane."""
+    size = len(coefficients)
+    system, drive = np.zeros((size, size)), np.zeros(size)
+    at = 0
+    for pole in poles:
+        if pole.imag == 0.0:
+            system[at, at], drive[at] = pole.real, 1.0
+            at += 1
+        else:
+            system[at : at + 2, at : at + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+            drive[at] = 2.0
+            at += 2
+    found = np.linalg.eigvals(system - np.outer(drive, coefficients))
+    found = np.where(found.real > 0.0, -found.conj(), found)
+    found *= np.minimum(1.0, largest / np.abs(found))
+    kept = []
+    for pole in found:
+        damped = complex(min(pole.real, -MIN_DAMPING * abs(pole)), pole.imag)
+        if abs(damped.imag) < 1.0e-6 * largest:
+            kept.append(complex(damped.real, 0.0))
+        elif damped.imag > 0.0:
+            kept.append(damped)
+    return sorted(kept, key=lambda p: (p.imag, p.real))
+
+
+def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats) -> Block:
+    """Return the passive least-squares residues for given poles, with K(0) = 0."""
+    modes = target.shape[1]
+    upper = np.transpose(np.triu_indices(modes))
+    basis = _basis(1j * omega, poles)
+    order = basis.shape[1]
+    equations = np.vstack([basis.real, basis.imag]) * np.tile(weight, 2)[:, None]
+    # K(0) = 0: the coefficients of a curve are in the null space of the basis at s = 0.
+    at_zero = _basis(np.zeros(1, np.complex128), poles).real
+    free = np.linalg.svd(at_zero)[2][1:].T
+    reduced = equations @ free
+    q, r = np.linalg.qr(reduced)
+    curves = [target[:, i, j] * weight for i, j in upper]
+    unconstrained = [
+        np.linalg.solve(r, q.T @ np.concatenate([curve.real, curve.imag])) for curve in curves
+    ]
+    # Unknown y = r x for each curve: the distance to the best fit is the Euclidean one.
+    grid = _passivity_grid(omega, poles)
+    real_parts = _scaled_real_part(grid, poles) @ free @ np.linalg.inv(r)
+    best = np.concatenate([r @ x for x in unconstrained])
+    weights = np.array([1.0 if i == j else 2.0 for i, j in upper])
+    width = order - 1
+    solution, cuts, limits = best, [], []
+    for _ in range(CUTS):
+        values = np.einsum("gk,uk->gu", real_parts, solution.reshape(len(upper), width))
+        matrices = np.zeros((grid.size, modes, modes))
+        matrices[:, upper[:, 0], upper[:, 1]] = values
+        matrices[:, upper[:, 1], upper[:, 0]] = values
+        eigenvalues, vectors = np.linalg.eigh(matrices)
+        worst = eigenvalues[:, 0]
+        scale = float(np.abs(eigenvalues).max())
+        if worst.min() >= 0.0:
+            break
+        for g in _local_minima(worst):
+            v = vectors[g, :, 0]
+            cuts.append(np.concatenate([
+                weights[u] * v[i] * v[j] * real_parts[g] for u, (i, j) in enumerate(upper)
+            ]))  # fmt: skip
+            limits.append(MARGIN * scale)
+        # An off-diagonal curve counts twice in the norm of the matrix.
+        stretch = np.repeat(np.sqrt(weights), width)
+        solution = (
+            best
+            + _least_distance(np.array(cuts) / stretch, np.array(limits) - np.array(cuts) @ best)
+            / stretch
+        )
+    coefficients = solution.reshape(len(upper), width) @ np.linalg.inv(r).T @ free.T
+    residues = np.zeros((order, modes, modes))
+    residues[:, upper[:, 0], upper[:, 1]] = coefficients.T
+    residues[:, upper[:, 1], upper[:, 0]] = coefficients.T
+    return Block(poles, residues)
+
+
+def _evaluate(block: Block, omega: Floats) -> Complexes:
+    values: Complexes = np.tensordot(_basis(1j * omega, block.poles), block.residues, 1)
+    return values
+
+
+def _passivity_grid(omega: Floats, poles: Complexes) -> Floats:
+    """Return frequencies from far below to far above poles and data, dense around each pole."""
+    size = np.abs(poles)
+    wide = np.geomspace(1.0e-3 * min(omega[0], size.min()), 1.0e3 * max(omega[-1], size.max()), 500)
+    near = [p.imag + np.linspace(-4.0, 4.0, 33) * abs(p.real) for p in poles if p.imag > 0.0]
+    grid = np.concatenate([wide, omega, *near])
+    return np.unique(grid[grid > 0.0])
+
+
+def _scaled_real_part(grid: Floats, poles: Complexes) -> Floats:
+    """Return Re K of each basis function, multiplied so that its limits at 0 and inf are finite.
+
+    With K(0) = 0 and a relative degree of one, Re K vanishes as omega² and as 1/omega².
+    """
+    middle = float(np.exp(np.mean(np.log(np.abs(poles)))))
+    ratio = grid / middle
+    factor = (1.0 + ratio**2) ** 2 / (4.0 * ratio**2)
+    scaled: Floats = _basis(1j * grid, poles).real * factor[:, None]
+    return scaled
+
+
+def _local_minima(values: Floats) -> list[int]:
+    """Return the indices of negative values that are not larger than their neighbours."""
+    padded = np.concatenate([[np.inf], values, [np.inf]])
+    lowest = (values < 0.0) & (values <= padded[:-2]) & (values <= padded[2:])
+    return [int(index) for index in np.flatnonzero(lowest)]
+
+
+def _least_distance(matrix: Floats, bound: Floats) -> Floats:
+    """Return the shortest x with matrix x >= bound: Lawson and Hanson, algorithm LDP."""
+    system = np.vstack([matrix.T, bound])
+    right = np.zeros(system.shape[0])
+    right[-1] = 1.0
+    multipliers, _ = nnls(system, right, maxiter=50 * system.shape[1])
+    residual = system @ multipliers - right
+    if abs(residual[-1]) < 1.0e-14:
+        return np.zeros(matrix.shape[1])  # no solution; the caller measures the passivity
+    shortest: Floats = -residual[:-1] / residual[-1]
+    return shortest
+
+
+def smallest_damping(radiation: Radiation, omega: Floats) -> float:
+    """Return the smallest eigenvalue of Re K_r by the largest one; not negative: passive."""
+    eigenvalues = np.linalg.eigvalsh(response(radiation, omega).real)
+    return float(eigenvalues.min() / eigenvalues.max())

@@ -1,1 +1,0 @@
-"""The drive of a winch on its CAN bus."""

@@ -27,6 +27,64 @@ class LoopLimits(FileModel):
     panel_age_stop_s: float = Field(gt=0, le=60)
 
 
+class DriveLimits(FileModel):
+    """Limits of the drive and the encoder of a powered axis."""
+
+    current_peak_a: float = Field(gt=0, le=500)
+    current_rms_a: float = Field(gt=0, le=500)
+    current_rms_time_s: float = Field(ge=0.1, le=600)
+    encoder_age_stop_s: float = Field(gt=0, le=1)
+    drive_age_stop_s: float = Field(gt=0, le=5)
+    current_difference_stop_a: float = Field(gt=0, le=500)  # between measured and commanded
+    current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the order of rms and peak, of stale and wrong values, and of warning and stop."""
+        yield from check_rms_below_peak(self)
+        yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
+
+
+class AxisLimits(DriveLimits):
+    """Limits of an axis that translates; `warn` gives a warning, `stop` stops the rig."""
+
+    position_warn_m: float = Field(gt=0, le=2)
+    position_stop_m: float = Field(gt=0, le=2)
+    velocity_stop_m_per_s: float = Field(gt=0, le=10)
+    force_slew_n_per_s: float = Field(gt=0, le=1e7)
+    encoder_jump_stop_m: float = Field(gt=0, le=1)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the drive's limits, and that the position warns before it stops."""
+        yield from _check_warning(self, "m")
+        yield from super().check_rules()
+
+
+class RotaryAxisLimits(DriveLimits):
+    """Limits of an axis that rotates; `warn` gives a warning, `stop` stops the rig."""
+
+    position_warn_rad: float = Field(gt=0, le=100)
+    position_stop_rad: float = Field(gt=0, le=100)
+    velocity_stop_rad_per_s: float = Field(gt=0, le=100)
+    torque_slew_n_m_per_s: float = Field(gt=0, le=1e7)
+    encoder_jump_stop_rad: float = Field(gt=0, le=10)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the drive's limits, and that the position warns before it stops."""
+        yield from _check_warning(self, "rad")
+        yield from super().check_rules()
+
+
+def _check_warning(limits: FileModel, unit: str) -> Iterator[RuleViolation]:
+    warn, stop = (getattr(limits, f"position_{level}_{unit}") for level in ("warn", "stop"))
+    if warn >= stop:
+        yield RuleViolation(
+            (f"position_warn_{unit}",),
+            f"{format_number(warn)} warns no earlier than the stop; "
+            f"allowed below position_stop_{unit} = {format_number(stop)} {unit}",
+            warn,
+        )
+
+
 def check_rms_below_peak(limits: Any) -> Iterator[RuleViolation]:
     """Yield a violation if ``current_rms_a`` exceeds ``current_peak_a``."""
     if limits.current_rms_a > limits.current_peak_a:

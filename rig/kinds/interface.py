@@ -1,8 +1,9 @@
 """What a kind of rig consists of: the rooms of its package, one protocol for each.
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
-uses. `rig.kinds.ROOMS` lists the rooms that every kind has. Optional are `commands`, `campaign` for kinds
-with campaigns, and `simulation` for those that can be swept (`rig.sweep.simulator.Simulation`).
+uses. `rig.kinds.ROOMS` lists the rooms that every kind has. Optional are `commands`, `campaign` for
+kinds with campaigns, and `simulation` for those that can be swept
+(`rig.sweep.simulator.Simulation`).
 """
 
 from collections.abc import Sequence

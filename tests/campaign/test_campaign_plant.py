@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rig.kinds.wavebot import build
+from rig.design import axis_params
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 
@@ -97,7 +97,7 @@ def test_an_estimator_that_cannot_be_designed_is_reported(
     rig: Path, write: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rig.design.estimator._MAX_STEPS", 2)
-    build._cached_estimator_design.cache_clear()  # removes gains designed by an earlier test
+    axis_params._cached_design.cache_clear()  # removes gains designed by an earlier test
     ((file, line, key, message),) = reported_problems(write())
     at = line_of(rig, "jerk_density_m2_per_s5:")
     assert (file, line, key) == ("wavebot.yaml", at, "heave.jerk_density_m2_per_s5")

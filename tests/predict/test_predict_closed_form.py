@@ -19,8 +19,8 @@ from predicting import CONFIGS, STIFF, predict_campaign, rows, write_campaign
 
 from rig.config.pydantic_errors import load
 from rig.config.yaml_source import load_mapping
+from rig.design.axis_params import metres_per_count
 from rig.design.estimator import design, response
-from rig.kinds.wavebot.build import metres_per_count
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.predictions import RowPredictions
 from sim_plant import waves

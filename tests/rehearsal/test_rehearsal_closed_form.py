@@ -32,8 +32,8 @@ from rehearsing import (
 
 from rig.config.pydantic_errors import load
 from rig.config.yaml_source import load_mapping
+from rig.design.axis_params import metres_per_count
 from rig.design.estimator import design, response
-from rig.kinds.wavebot.build import metres_per_count
 from rig.kinds.wavebot.config.rig_file import RigFile
 from sim_plant import waves
 from sim_plant.bem import read_bem

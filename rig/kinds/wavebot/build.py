@@ -1,12 +1,9 @@
 """Conversion of validated files to the loop's parameters, with all changes of names and units."""
 
-import math
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 
 from controllers import (
     drive_gating,
-    estimator,
     magnetic_spring,
     open_loop,
     position_hold,
@@ -14,17 +11,17 @@ from controllers import (
 )
 from controllers.signals import Modulation
 from rig.config.reference import MultisineReference
-from rig.design.estimator import design
+from rig.design.axis_params import axis_params, newtons_per_ampere
 from rig.design.law_params import law_params
 from rig.kinds.wavebot import tick as wavebot
 from rig.kinds.wavebot.campaign.set_points import drive_settings
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.config.limits_file import AxisLimits, LimitsFile, PowerLimits
-from rig.kinds.wavebot.config.rig_file import Axis, RigFile, Stop
+from rig.kinds.wavebot.config.limits_file import LimitsFile, PowerLimits
+from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
 from rig.planning.reference import ReferenceRecord, force_table
-from rig.realtime import average, axis, cycle, limits, safety
+from rig.realtime import average, cycle, safety
 from rig.realtime.sequence import Segments
 
 MODULATIONS = {
@@ -35,8 +32,6 @@ MODULATIONS = {
 }
 
 
-_cached_estimator_design = lru_cache(maxsize=64)(design)  # sweeps repeat the same designs
-
 _SURGE_USES = {
     "off": SurgeUse.OFF,
     "station keeping": SurgeUse.STATION_KEEPING,
@@ -44,25 +39,6 @@ _SURGE_USES = {
 }
 
 _AXES = {"heave": ReferenceAxis.HEAVE, "surge": ReferenceAxis.SURGE}
-
-
-def newtons_per_ampere(motor: Axis) -> float:
-    """Return the force on the body per ampere of drive current, Kt N (N/A)."""
-    return motor.torque_constant_n_m_per_a * motor.gear_ratio_rad_per_m
-
-
-def metres_per_count(motor: Axis) -> float:
-    """Return the motion of the axis per encoder count (m)."""
-    turn = 2.0 * math.pi / motor.gear_ratio_rad_per_m
-    return turn / motor.counts_per_revolution
-
-
-def estimator_params(motor: Axis, dt: float) -> estimator.Params:
-    """Return the estimator for a period ``dt`` (s); ValueError if its gain does not converge."""
-    scale = metres_per_count(motor)
-    return _cached_estimator_design(
-        scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt
-    )
 
 
 def reference_table(
@@ -111,6 +87,7 @@ def wavebot_params(
     table_count = len(realisations) if isinstance(campaign.reference, MultisineReference) else 1
     rates, positions = rig.spring.by_rate()
     drive = drive_settings(campaign, rig)
+    stop = (rig.stop.damping_n_s_per_m, rig.stop.ramp_s)
     return cycle.Params(
         segments=segments,
         safety=safety.Params(
@@ -119,13 +96,13 @@ def wavebot_params(
         ),
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
-            heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
+            heave=axis_params(rig.heave, bounds.heave, *stop, dt),
             heave_law=law_params(campaign.heave_law, campaign.law, rig.heave.gain_ramp_s, dt),
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
             reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
             modulation=int(MODULATIONS[drive.modulation]) if drive else 0,
-            surge=_axis(rig.surge, bounds.surge, rig.stop, dt),
+            surge=axis_params(rig.surge, bounds.surge, *stop, dt),
             surge_use=int(_SURGE_USES[campaign.surge.use]),
             station_keeping=station_keeping.Params(
                 ramp=rig.surge.gain_ramp_s,
@@ -160,30 +137,6 @@ def wavebot_params(
             power_checks=_power_checks(campaign, rig, bounds.power, dt),
             setpoints=index_realisations(setpoints, realisations),
         ),
-    )
-
-
-def _axis(motor: Axis, bounds: AxisLimits, stop: Stop, dt: float) -> axis.Params:
-    return axis.Params(
-        metres_per_count=metres_per_count(motor),
-        estimator=estimator_params(motor, dt),
-        limits=limits.AxisLimits(
-            position_warn=bounds.position_warn_m,
-            position_stop=bounds.position_stop_m,
-            velocity_stop=bounds.velocity_stop_m_per_s,
-            current_peak=bounds.current_peak_a,
-            current_rms=bounds.current_rms_a,
-            current_rms_time=bounds.current_rms_time_s,
-            force_slew=bounds.force_slew_n_per_s,
-            encoder_age_stop=bounds.encoder_age_stop_s,
-            encoder_jump_stop=bounds.encoder_jump_stop_m,
-            drive_age_stop=bounds.drive_age_stop_s,
-            current_difference_stop=bounds.current_difference_stop_a,
-            current_ticks_stop=max(1, round(bounds.current_difference_time_s / dt)),
-            newtons_per_ampere=newtons_per_ampere(motor),
-        ),
-        stop_damping=stop.damping_n_s_per_m,
-        stop_ramp=stop.ramp_s,
     )
 
 

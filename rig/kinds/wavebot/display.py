@@ -3,9 +3,13 @@
 from rig.campaign import CheckReport
 from rig.kinds.wavebot.campaign import Plan
 from rig.kinds.wavebot.check_view import CheckView
+from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.presentation.phrases import clock_text, plan_end_text
-from rig.realtime.sequence import NO_ROW, Phase
+from rig.presentation.campaign_text import power_text, row_text, total_duration
+from rig.presentation.phrases import clock_text
+from rig.realtime.sequence import Phase
+
+__all__ = ["detail_lines", "plan_position", "short_text", "show_report", "total_duration"]
 
 LogRow = dict[str, float | int]
 
@@ -20,7 +24,10 @@ def show_report(report: CheckReport, *, every_row: bool) -> None:
 
 def plan_position(plan: Plan, row: LogRow) -> tuple[str, str]:
     """Return a label and the text of the position in the plan."""
-    return ("row", _row_text(plan, row)) if plan.rows else ("waves", _waves_text(plan, row))
+    if not plan.rows:
+        return "waves", _waves_text(plan, row)
+    spring, *gains = COLUMNS.required(plan.axis_laws["heave"].columns)
+    return "row", row_text(plan, row, (*gains, spring))
 
 
 def detail_lines(plan: Plan, row: LogRow, measured: LogRow) -> list[tuple[str, str]]:
@@ -33,38 +40,12 @@ def detail_lines(plan: Plan, row: LogRow, measured: LogRow) -> list[tuple[str, s
         f"F {row['heave.command.force']:+8.1f} N   "
         f"i {row['heave.command.current']:+6.2f} A"
     )
-    return [("motion", motion), ("power", _power_text(row, measured))]
+    return [("motion", motion), ("power", power_text(row, measured, STATIONS))]
 
 
 def short_text(plan: Plan, row: LogRow, measured: LogRow) -> str:
     """Return the power, or the probe levels of a run without the device."""
-    return _power_text(row, measured) if plan.rows else f"probes {_probe_text(row)}"
-
-
-def total_duration(plan: Plan, row: LogRow) -> float:
-    """Return the duration of the run (s): as planned, plus the wait before the waves."""
-    waves = float(row.get("plan.wave_clock", -1.0))
-    if waves < 0.0:
-        return plan.duration
-    wait_before_waves = float(row["time"]) - waves
-    return plan.duration + max(0.0, wait_before_waves - (plan.duration - plan.wave_seconds))
-
-
-def _row_text(plan: Plan, log_row: LogRow) -> str:
-    row = int(log_row["plan.row"])
-    phase = Phase(int(log_row["plan.phase"])).name.lower().replace("_", "-")
-    count = len(plan.rows)
-    if phase == Phase.DONE.name.lower():
-        return plan_end_text(log_row, count)
-    if row == NO_ROW:
-        return f"- of {count}   {phase}"
-    setting = plan.rows[row].setting
-    gains = "   ".join(
-        f"{each.label} {getattr(setting, each.name):g} {each.unit.replace('*', ' ')}"
-        for each in plan.axis_laws["heave"].columns
-        if each.default is None
-    )
-    return f"{row} ({row + 1} of {count})   {phase}   {gains}   spring {setting.spring_rate:g} N/m"
+    return power_text(row, measured, STATIONS) if plan.rows else f"probes {_probe_text(row)}"
 
 
 def _waves_text(plan: Plan, row: LogRow) -> str:
@@ -78,23 +59,6 @@ def _waves_text(plan: Plan, row: LogRow) -> str:
     else:
         elapsed, total, label = waves - phases.lead_in, phases.measure, "measuring the probes"
     return f"without the device   {label}, {clock_text(elapsed)} of {clock_text(total)}"
-
-
-def _power_text(row: LogRow, measured: LogRow) -> str:
-    if row["power.samples"] > 0:
-        return f"so far {_mean_power_text(row)}"
-    if not measured:
-        return "not measuring"
-    return f"row {int(measured['plan.row'])} when last seen {_mean_power_text(measured)}"
-
-
-def _mean_power_text(row: LogRow) -> str:
-    means = (
-        f"{row[f'power.mean_{station.name}']:+8.2f} W {station.name_in_text}"
-        for station in STATIONS
-        if station.running_mean
-    )
-    return "   ".join(means)
 
 
 def _probe_text(row: LogRow) -> str:

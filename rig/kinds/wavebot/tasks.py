@@ -8,7 +8,8 @@ from rig import laws
 from rig.campaign import CheckReport, resolved_config
 from rig.campaign.law_checks import compilation_problems
 from rig.campaign.record import law_source, plan_record, reference_record
-from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
+from rig.design.axis_params import newtons_per_ampere
+from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware

@@ -1,47 +1,14 @@
 """The limits of a WaveBot. No limit has a default: a file without one of them is refused."""
 
-from collections.abc import Iterator
-
 from pydantic import Field
 
 from rig.config.limits_file import (
     NO_MOTOR_POWER_CHECK,
+    AxisLimits,
     LoopLimits,
     MotorPowerLimits,
-    check_difference_time,
-    check_rms_below_peak,
 )
-from rig.config.model import FileModel, RuleViolation
-from rig.config.problems import format_number
-
-
-class AxisLimits(FileModel):
-    """Limits of one powered axis; `warn` gives a warning, `stop` stops the rig."""
-
-    position_warn_m: float = Field(gt=0, le=2)
-    position_stop_m: float = Field(gt=0, le=2)
-    velocity_stop_m_per_s: float = Field(gt=0, le=10)
-    current_peak_a: float = Field(gt=0, le=500)
-    current_rms_a: float = Field(gt=0, le=500)
-    current_rms_time_s: float = Field(ge=0.1, le=600)
-    force_slew_n_per_s: float = Field(gt=0, le=1e7)
-    encoder_age_stop_s: float = Field(gt=0, le=1)
-    encoder_jump_stop_m: float = Field(gt=0, le=1)
-    drive_age_stop_s: float = Field(gt=0, le=5)
-    current_difference_stop_a: float = Field(gt=0, le=500)  # between measured and commanded
-    current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
-
-    def check_rules(self) -> Iterator[RuleViolation]:
-        """Check the order of warning and stop, of rms and peak, and of stale and wrong values."""
-        if self.position_warn_m >= self.position_stop_m:
-            yield RuleViolation(
-                ("position_warn_m",),
-                f"{format_number(self.position_warn_m)} warns no earlier than the stop; "
-                f"allowed below position_stop_m = {format_number(self.position_stop_m)} m",
-                self.position_warn_m,
-            )
-        yield from check_rms_below_peak(self)
-        yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
+from rig.config.model import FileModel
 
 
 class HeaveLimits(AxisLimits):

@@ -6,8 +6,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from rig.config.axis import Axis
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
-from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number
 from rig.config.rig_file import BaseRigFile, Rate, StopTiming
 from rig.kinds.wavebot.config.columns import (
@@ -22,17 +23,6 @@ from rig.kinds.wavebot.config.columns import (
     VelocityThreshold,
 )
 from rig.kinds.wavebot.config.wiring import WaveBotWiring
-
-
-class Axis(FileModel):
-    """Drive, encoder and estimator of one powered axis."""
-
-    torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
-    gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
-    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)
-    encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation, without quantisation
-    jerk_density_m2_per_s5: float = Field(ge=1e-4, le=1e6)
-    gain_ramp_s: float = Field(ge=0, le=10)
 
 
 class SpringPoint(FileModel):

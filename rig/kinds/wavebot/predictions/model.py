@@ -11,18 +11,13 @@ import numpy as np
 from controllers.signals import Gains
 from rig.campaign.set_points import row_setting
 from rig.design.axis import Axis, Body
+from rig.design.axis_params import estimator_params, newtons_per_ampere
 from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
 from rig.design.law_params import law_params, zc_sections
 from rig.design.linear_form import linear_gains
 from rig.design.loop import Law, Timing, reference_spectrum
 from rig.emulation.sea import build_sea
-from rig.kinds.wavebot.build import (
-    MODULATIONS,
-    estimator_params,
-    list_realisations,
-    newtons_per_ampere,
-    reference_table,
-)
+from rig.kinds.wavebot.build import MODULATIONS, list_realisations, reference_table
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
 from rig.kinds.wavebot.predictions.drive import electrics_at

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from rig.design.axis import dynamic_stiffness
+from rig.design.axis_params import metres_per_count
 from rig.identification.incident_waves import WaveSensors
-from rig.kinds.wavebot.build import metres_per_count
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.predictions.model import linear_body
 from rig.spectra.periods import Complexes, Floats

@@ -1,0 +1,1 @@
+"""A rig of standard parts: axes, sensors and power stations as its rig file lists them."""

@@ -1,0 +1,6 @@
+"""The models of a modular rig's files."""
+
+from rig.kinds.modular.config.limits_file import LimitsFile
+from rig.kinds.modular.config.rig_file import RigFile
+
+__all__ = ["LimitsFile", "RigFile"]

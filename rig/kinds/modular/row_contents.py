@@ -1,0 +1,32 @@
+"""The contents of a modular rig's row table, beside the columns of its matrix.
+
+Of each sensor the mean and two percentiles, relative to its tare if it has one; of each further
+axis its motion and its force, as of the first one.
+"""
+
+from collections.abc import Iterable
+
+from rig.kinds.modular.config.rig_file import RigFile, Sensor
+from rig.row_contents import Check, Column, RowContents
+
+
+def row_contents(rig: RigFile, columns: Iterable[Column]) -> RowContents:
+    """Return the contents of the row table of a rig with the columns of its matrix."""
+    first, *others = rig.axes
+    checks = [check for name, sensor in rig.sensors.items() for check in _sensor(name, sensor)]
+    checks += [check for name in others for check in _axis(name, rig.axes[name].motion)]
+    return RowContents(first, rig.power_stations, tuple(columns), tuple(checks))
+
+
+def _sensor(name: str, sensor: Sensor) -> Iterable[Check]:
+    zero = f"tare.{name}" if sensor.tare else ""
+    for suffix, statistic in (("mean", "mean"), ("p02", "p02"), ("p98", "p98")):
+        yield Check(f"{name}_{suffix}", sensor.unit, statistic, (f"{name}.value",), zero)
+
+
+def _axis(name: str, motion: str) -> Iterable[Check]:
+    length, force = ("rad", "N*m") if motion == "rotation" else ("m", "N")
+    position = (f"{name}.estimate.position",)
+    yield Check(f"{name}_position_mean", length, "mean", position)
+    yield Check(f"{name}_stroke", length, "range", position)
+    yield Check(f"{name}_force_rms", force, "rms", (f"{name}.command.force",))

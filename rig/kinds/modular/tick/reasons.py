@@ -1,0 +1,63 @@
+"""Reasons of a stop of a modular rig: those of its further axes and of its sensors.
+
+The first axis has the reasons of the core. A further axis and a sensor have their own, numbered in
+the order of the rig file; a run records the table.
+"""
+
+from rig.kinds.modular.tick.composition import Composition
+from rig.realtime.reasons import CORE_REASONS, MAX_NUMBER, Reason, TripReason
+
+AXIS_FAULTS = (
+    Reason.STALE_ENCODER, Reason.STALE_DRIVE, Reason.DRIVE_FAULT, Reason.DRIVE_DROPPED,
+    Reason.POSITION, Reason.VELOCITY, Reason.ENCODER_JUMP, Reason.CURRENT_DISAGREES,
+)  # fmt: skip
+"""Reasons that `rig.realtime.axis.check` returns without the name of the axis."""
+
+_FIRST_AXIS, _FIRST_SENSOR = 100, 160  # numbers of the second axis and of the first sensor
+MAX_AXES = 1 + (_FIRST_SENSOR - _FIRST_AXIS) // len(AXIS_FAULTS)
+MAX_SENSORS = (MAX_NUMBER + 1 - _FIRST_SENSOR) // 2
+
+
+def axis_reasons(index: int) -> tuple[int, ...]:
+    """Return the reason of an axis (from 0) for each reason that `axis.check` returns, by number.
+
+    It is indexed by number, so that compiled code can use it, too.
+    """
+    first = _FIRST_AXIS + (index - 1) * len(AXIS_FAULTS)
+    own = {} if index == 0 else {fault: first + i for i, fault in enumerate(AXIS_FAULTS)}
+    return tuple(int(own.get(number, number)) for number in range(max(Reason) + 1))  # type: ignore[call-overload]
+
+
+def stale_sensor(index: int) -> int:
+    """Return the reason of a sensor (from 0) whose value is too old."""
+    return _FIRST_SENSOR + 2 * index
+
+
+def sensor_range(index: int) -> int:
+    """Return the reason of a sensor (from 0) whose value is outside its range."""
+    return _FIRST_SENSOR + 2 * index + 1
+
+
+def own_reasons(composition: Composition) -> tuple[TripReason, ...]:
+    """Return the reasons of a rig besides those of the core."""
+    core = {reason.number: reason for reason in CORE_REASONS}
+    reasons = []
+    for index, axis in enumerate(composition.axes[1:], start=1):
+        numbers = axis_reasons(index)
+        reasons += [
+            TripReason(
+                numbers[fault],
+                f"{axis.name}_{fault.name}".upper(),
+                core[fault].category,
+                f"{axis.name}: {core[fault].text}",
+            )
+            for fault in AXIS_FAULTS
+        ]
+    for index, sensor in enumerate(composition.sensors):
+        name = sensor.name.upper()
+        stale, outside = stale_sensor(index), sensor_range(index)
+        reasons += [
+            TripReason(stale, f"{name}_STALE", 1, f"the value of {sensor.name} was too old"),
+            TripReason(outside, f"{name}_RANGE", 1, f"{sensor.name} was outside its range"),
+        ]
+    return tuple(reasons)

@@ -258,7 +258,6 @@ FILES_WITH_KIND_NAMES = {
     "cli/matrix.py",
     "cli/testlog.py",
     "config/calibration_file.py",
-    "config/reference.py",
     "identification/drag.py",
     "identification/excitation.py",
     "identification/experiments.py",

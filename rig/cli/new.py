@@ -6,10 +6,8 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.kinds.new_kind import write_kind
 
 _EXIT_CODES = "Exit codes: 0 written; 2 bad input, and nothing is written."

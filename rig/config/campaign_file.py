@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
-from pydantic import Field, create_model, field_serializer
+from pydantic import Field, create_model, field_serializer, field_validator
 
 from rig.config.columns import KindColumns, LawColumns
 from rig.config.law_settings import AxisLaw, ExpandName, LawSettings, law_model
 from rig.config.matrix import Matrix, matrix_model
-from rig.config.model import FileModel, WholeNumber
+from rig.config.model import FileModel, WholeNumber, rule_error
+from rig.config.problems import format_value
 from rig.config.reference import Reference
 from rig.config.sea import Sea
 from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
@@ -46,6 +47,7 @@ class BaseCampaignFile(CampaignHead):
     inline: ClassVar[tuple[str, ...]] = ("sea",)
     kind_columns: ClassVar[KindColumns]
     axis_laws: ClassVar[Mapping[str, AxisLaw]]  # by axis, in the order of the rig
+    reference_axes: ClassVar[tuple[str, ...]]  # that a reference may excite; the first by default
 
     matrix: Matrix | None
     timing: RowTiming = Timing()
@@ -55,6 +57,17 @@ class BaseCampaignFile(CampaignHead):
     tare: TareOrNone = Tare()  # None: `none` in the file
     order: str = "as given"  # a kind narrows it to `RowOrder`, or to that and one of least travel
     repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+
+    @field_validator("reference", mode="before")
+    @classmethod
+    def _find_axis(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        axis = value.get("axis", cls.reference_axes[0])
+        if axis not in cls.reference_axes:
+            allowed = ", ".join(cls.reference_axes)
+            raise rule_error(f"{format_value(axis)} is not known; allowed {allowed}", "axis")
+        return {**value, "axis": axis}
 
     @field_serializer("tare")
     def _tare_as_written(self, tare: Tare | None) -> Any:
@@ -96,7 +109,8 @@ def with_laws(
 ) -> type[F]:
     """Return a kind's model of a campaign with the columns and the parameters of its laws.
 
-    The key `law` has the settings of a single law; those of several are a mapping by axis.
+    The key `law` has the settings of a single law; those of several are a mapping by axis. A
+    reference may excite these axes, unless the kind's model lists others.
     """
     settings: dict[str, Any] = {axis: _settings_field(each) for axis, each in axis_laws}
     law = next(iter(settings.values()))
@@ -112,6 +126,8 @@ def with_laws(
     }
     created = create_model("CampaignFile", __base__=model, **fields)
     created.kind_columns, created.axis_laws = columns, dict(axis_laws)
+    if not hasattr(model, "reference_axes"):
+        created.reference_axes = tuple(created.axis_laws)
     return created
 
 

@@ -1,6 +1,5 @@
 """The `law` key of a campaign or rig file: a law by name or path, and its parameters."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
@@ -82,35 +81,20 @@ def _parameter_field(parameter: Parameter) -> Any:
     return (number, default[0] if default else ...)
 
 
-class NamedLaw(NamedTuple):
-    """The text that names a law in a mapping, and its key."""
-
-    text: str
-    key: KeyPath
-
-
-def named_law(mapping: dict[str, Any]) -> NamedLaw:
-    """Return the law that a campaign's mapping names; the default without a valid name."""
-    value = mapping.get("law")
-    if isinstance(value, str):
-        return NamedLaw(value, ("law",))
-    use = value.get("use") if isinstance(value, dict) else None
-    return NamedLaw(use if isinstance(use, str) and use else DEFAULT_LAW, ("law", "use"))
-
-
 def find_law(
-    mapping: dict[str, Any],
-    locate: SourceMap,
-    columns: KindColumns,
-    find: Callable[[str, str], laws.Law] = laws.find,
+    value: Any, locate: SourceMap, columns: KindColumns, at: KeyPath = ("law",)
 ) -> laws.Law:
-    """Return the law that a mapping names; a path is relative to the file with the key.
+    """Return the law that a value of the key ``at`` names; the default without a valid name.
 
-    ``columns`` are the kind's of a matrix. Raises `ConfigError` if the law cannot be used.
+    A path is relative to the file with the key. ``columns`` are the kind's of a matrix. Raises
+    `ConfigError` if the law cannot be used.
     """
-    text, key = named_law(mapping)
+    text, key = value, at
+    if not isinstance(value, str):
+        use = value.get("use") if isinstance(value, dict) else None
+        text, key = use if isinstance(use, str) and use else DEFAULT_LAW, (*at, "use")
     try:
-        law = find(text, str(locate(key).path.parent))
+        law = laws.find(text, str(locate(key).path.parent))
         if problems := columns.problems(law.columns):
             raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
     except laws.LawError as error:

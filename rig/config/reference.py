@@ -29,7 +29,7 @@ _ROUNDING = 1e-9  # relative tolerance for a whole number of periods
 class _Stimulus(FileModel):
     """Axis and amplitude of a generated reference."""
 
-    axis: Literal["heave", "surge"] = "heave"
+    axis: str = ""  # a campaign file fills in the first axis of its rig
     amplitude_a: Amplitude | None = None
     amplitude_n: float | None = Field(default=None, gt=0, le=4000)
 
@@ -189,7 +189,7 @@ class RecordedReference(FileModel):
     """
 
     kind: Literal["recorded"]
-    axis: Literal["heave", "surge"] = "heave"
+    axis: str = ""  # a campaign file fills in the first axis of its rig
     file: str = Field(min_length=1)  # .csv, relative to this one
     channel: str = Field(min_length=1)
     start_s: float = Field(default=0.0, ge=0, le=1e6)

@@ -13,10 +13,10 @@ import pytest
 from rig.analysis import summary
 from rig.cli.run import row_as_json
 from rig.cli.run_panel import RunPanel
-from rig.config.law_settings import IMPEDANCE
 from rig.config.problems import error_text
 from rig.host import disk
 from rig.kinds.wavebot import display
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
 from rig.realtime.limits import LimitFlag, WarningFlag
@@ -69,7 +69,7 @@ def test_a_line_shows_the_power_of_the_previous_row(
     setting = SimpleNamespace(kp=-2000.0, ki=0.0, spring_rate=490.9)
     rows = (SimpleNamespace(setting=setting),) * 2
     plan = SimpleNamespace(
-        rows=rows, duration=60.0, wave_seconds=50.0, axis_laws={"heave": IMPEDANCE}
+        rows=rows, duration=60.0, wave_seconds=50.0, axis_laws=CampaignFile.axis_laws
     )
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False

@@ -37,7 +37,7 @@ from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE
 def _find_laws(campaign: ConfigSource, rig: ConfigSource | None) -> dict[str, Law]:
     if rig is not None:
         inherit_law(campaign.mapping, campaign.locate, rig.mapping, rig.locate)
-    return {"heave": find_law(campaign.mapping, campaign.locate, COLUMNS)}
+    return {"heave": find_law(campaign.mapping.get("law"), campaign.locate, COLUMNS)}
 
 
 def _points(file: CampaignFile, rig: RigFile | None, locate: SourceMap) -> tuple[Point, ...] | None:

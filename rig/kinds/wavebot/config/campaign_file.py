@@ -95,6 +95,7 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
     """A campaign: the rows of a gain matrix, or a wave calibration without the device."""
 
     kind_columns = COLUMNS
+    reference_axes = ("heave", "surge")
     axis_laws: ClassVar[Mapping[str, AxisLaw]] = {"heave": AxisLaw(IMPEDANCE, IMPEDANCE.columns)}
 
     matrix: ImpedanceMatrix | None = None  # None without the device, and with a hoist

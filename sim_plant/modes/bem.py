@@ -7,14 +7,15 @@ Re(X e^{-i omega t}). WAMIT and BEMIO write e^{+i omega t}; their readers take t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_plant.bem import Bem, _open_regular_file
+from sim_plant.bem import Bem, open_regular_file
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -111,16 +112,18 @@ def impedance(bem: BemModes) -> Complexes:
     return bem.damping + 1j * omega * (bem.added_mass - bem.added_mass_infinite)
 
 
-def open_hdf5(path: Path) -> Any:
-    """Return an HDF5 file opened for reading; ValueError if it is another format."""
+@contextmanager
+def open_hdf5(path: Path) -> Iterator[Any]:
+    """Open an HDF5 file for reading. Raises ValueError if it is another format."""
     import h5py  # noqa: PLC0415  (importing HDF5 takes half a second; text formats do not need it)
 
-    stream = _open_regular_file(path)
-    try:
-        return h5py.File(stream, "r")
-    except OSError as error:
-        stream.close()
-        raise ValueError(f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)") from error
+    with open_regular_file(path) as stream:
+        try:
+            file = h5py.File(stream, "r")
+        except OSError as error:
+            raise ValueError(f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)") from error
+        with file:
+            yield file
 
 
 def stated(path: Path, name: str, found: float | None, given: float | None, unit: str) -> float:

@@ -17,8 +17,7 @@ from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
 from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.recording.runs import reader
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import reader, run_info
 from rig.recording.runs.windows import read_windows
 from rig.stations import station_names
 

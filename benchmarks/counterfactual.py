@@ -17,19 +17,15 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import reduce_window
-from rig.kinds.wavebot.campaign import Campaign, build_plan, open_campaign
+from rig.kinds.wavebot.campaign import Campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.row_contents import row_contents
-from rig.kinds.wavebot.simulation.simulation import (
-    KEPT_FIELDS,
-    CampaignSimulator,
-    WindowColumns,
-)
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
 from rig.stations import station_names
-from rig.sweep.cases import single_row_campaign
+from rig.sweep.cases import single_row_plan
 from rig.sweep.counterfactual import FORCES, MeasuredRun, counterfactual_rows
 
 LEAD_IN = 15.0  # s
@@ -106,19 +102,18 @@ def draw_plant(campaign: Campaign, rng: np.random.Generator) -> Campaign:
 
 def simulate_rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
     """Simulate each point of a campaign alone; yield its table row and its measured window."""
-    file = single_row_campaign(campaign.file, LEAD_IN)
-    period = repeat_period(file.sea)
+    period = repeat_period(campaign.file.sea)
     contents = row_contents(LAW_COLUMNS)
     simulator = None
     for number, point in enumerate(campaign.points):
-        planned = build_plan(file, campaign.rig, (point,))
+        planned = single_row_plan(campaign, LEAD_IN, point)
         simulator = simulator or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
-        for window in simulator.simulate(planned, stator=row.stator_position):
+        for window in simulator.simulate(planned, place=row.place):
             means = reduce_window(window, period / planned.dt if period else None, contents)
-            settings = {**row.setting._asdict(), "stator": row.stator_position}
+            settings = {**row.setting._asdict(), "stator": row.place}
             # A copy, because the simulator overwrites the columns in its next row.
-            data: Any = WindowColumns(np.array([window.data[name] for name in KEPT_FIELDS]))
+            data: Any = window.data.copy()
             yield (
                 {**means, **settings, "row": number, "point": number},
                 window._replace(row=number, data=data),

@@ -18,7 +18,8 @@ from benchmarks.support.campaigns import rehearse, write_yaml
 from benchmarks.support.result import Figure, Result, figure
 from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import COMPLETE, reduce_window
-from rig.kinds.wavebot.campaign import build_plan, open_campaign
+from rig.campaign import build_plan
+from rig.kinds.wavebot.campaign import open_campaign
 from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend import report
 from rig.kinds.wavebot.recommend.recommendation import (
@@ -31,7 +32,7 @@ from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period, row_windows
-from rig.sweep.cases import single_row_campaign
+from rig.sweep.cases import single_row_plan
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"
@@ -51,7 +52,7 @@ class TruePower:
 
     def __init__(self, path: Path) -> None:
         self.campaign = open_campaign(path)
-        plan = build_plan(self.campaign.file, self.campaign.rig, self.campaign.points)
+        plan = build_plan(self.campaign)
         self._simulator = CampaignSimulator(self.campaign, plan)
         period = repeat_period(self.campaign.file.sea)
         self._ticks = period / plan.dt if period else None
@@ -69,10 +70,8 @@ class TruePower:
         if gains.ki > largest_ki(self.campaign.rig.stability, gains.spring_rate):
             return tripped
         point = Point({k: float(v) for k, v in gains._asdict().items()}, self._locations)
-        plan = build_plan(
-            single_row_campaign(self.campaign.file, LEAD_IN), self.campaign.rig, (point,)
-        )
-        for window in self._simulator.simulate(plan, stator=plan.rows[0].stator_position):
+        plan = single_row_plan(self.campaign, LEAD_IN, point)
+        for window in self._simulator.simulate(plan, place=plan.rows[0].place):
             row = reduce_window(window, self._ticks, row_contents(LAW_COLUMNS))
             if row["state"] == COMPLETE:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}

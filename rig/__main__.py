@@ -2,7 +2,7 @@
 
 import sys
 
-INTERRUPTED = 3  # equals `rig.cli.exit_codes.STOPPED`, which may not be imported yet
+INTERRUPTED = 3  # equals `rig.cli.output.STOPPED`, which may not be imported yet
 
 
 def main() -> None:

@@ -15,7 +15,9 @@ from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task
 from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
 from rig.kinds.oswec_bench.rehearsal.job import problems
-from rig.kinds.oswec_bench.sessions import Session, SessionPlan, check_session
+from rig.kinds.oswec_bench.sessions.check import check_session
+from rig.kinds.oswec_bench.sessions.files import Session
+from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tasks import execution_task, wired_mode
 from rig.processes.child import Child
 from rig.realtime.sequence import MEASURE

@@ -34,9 +34,9 @@ from rig.realtime.safety import STOP_0
 from rig.recording.ring import RingReader
 from rig.recording.row_layout import leaves
 from rig.recording.runs import RunError, create, mcap_file
-from rig.recording.runs.account import TickAccount
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.recover import Recovery, recover
+from rig.recording.runs.state import TickAccount
 
 SUPERVISOR, ALL = "supervisor", "all"
 PAIRS = {  # killed one right after the other

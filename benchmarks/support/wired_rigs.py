@@ -22,7 +22,7 @@ from benchmarks.support.live_run import (
     wait_until,
 )
 from rig.emulation.control_client import ControlClient
-from rig.kinds.oswec_bench.tick import BenchRow
+from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.kinds.wavebot.tick import WaveBotRow
 
 ENVIRONMENT_MARK = "WEC_RIG_ATTACKED"  # in the environment of every process of a run

@@ -38,7 +38,7 @@ class TorqueAxisReading(NamedTuple):
     error: int  # 0x603F while the drive is in fault (0xFFFF: no code received), else 0
     age: float  # s since the SYNC that sampled it; very large before the first
     analog: tuple[float, ...]  # analog inputs, scaled, of the same SYNC
-    analog_age: float  # s
+    analog_age: float  # s; that of the status for a drive without analog inputs
 
 
 _ANALOG = tuple(pdo.Entry(0x201A, sub, "i16", f"analog input {sub}") for sub in (1, 2, 3, 4))
@@ -116,6 +116,8 @@ class TorqueAxis:
 
     def read(self, now: float) -> TorqueAxisReading:
         """Return the last status with its ages at ``now`` (s)."""
+        has_analog = self._layouts.analog is not None
+        analog_time = self._analog_sample_time if has_analog else self._sample_time
         faulty = decode(self._statusword) in (FAULT, FAULT_REACTION)
         return TorqueAxisReading(
             self._counts,
@@ -124,7 +126,7 @@ class TorqueAxis:
             (self._error or self._emergency_code or 0xFFFF) if faulty else 0,
             now - self._sample_time,
             self._analog,
-            now - self._analog_sample_time,
+            now - analog_time,
         )
 
     def command(self, current: float, enable: int, now: float) -> tuple[int, bytes]:

@@ -18,8 +18,8 @@ from rig.recording.calibration import (
     ValidityError,
     apply_calibration,
     apply_correction,
+    is_valid,
 )
-from rig.recording.calibration.correction import is_valid
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records
 from rig.row_contents import LAW, PANEL, Column, X, Y, with_role

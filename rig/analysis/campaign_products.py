@@ -1,11 +1,11 @@
 """The room `products` (`rig.kinds.interface`) of kinds whose campaigns run gain matrices.
 
-A kind with campaigns of a further sort gives its own functions for `rig.analysis.report`'s.
+A kind with campaigns of a further sort gives its own function for `rig.analysis.report.analyse`.
 """
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray
@@ -13,7 +13,8 @@ import xarray
 from rig.analysis import report, summary
 from rig.analysis.bars import write_bars
 from rig.analysis.points import gain_matrix, varied_columns
-from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
+from rig.analysis.report import Analyse
+from rig.analysis.rows import row_table
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
 from rig.analysis.slices import law_axes
 from rig.analysis.surfaces import write_sliced
@@ -23,21 +24,16 @@ from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError
 from rig.row_contents import find_column, main_columns
 
-WriteProducts = Callable[..., list[Path]]
-"""Writes all products of a run, as `rig.analysis.report.write_products`."""
-
 PROGRESS = "drawing surfaces and summary"
 NO_PRODUCTS = RunProducts((), {"optima": []})
 
 
-def after_run(
-    folder: Path, outcome: Outcome, write: WriteProducts = report.write_products
-) -> RunProducts:
+def after_run(folder: Path, outcome: Outcome, analyse: Analyse = report.analyse) -> RunProducts:
     """Write rows, pictures and summary of a finished run, also of one that ended early."""
     files: list[Path] = []
     products = NO_PRODUCTS
     try:
-        files = write(folder)
+        files = report.write_products(folder, analyse=analyse)
         values = json.loads((folder / "summary.json").read_text())
         products = RunProducts(
             tuple(files), {"optima": values["optima"]}, rows_done=values["rows_done"]
@@ -56,22 +52,20 @@ def summarise(
     calibrations: Sequence[CalibrationVersion],
     *,
     incomplete_rows: bool,
-    summarise_run: Callable[..., summary.Summary] = report.summarise_run,
+    analyse: Analyse = report.analyse,
 ) -> RunSummary:
     """Return the summary of a recorded run, computed from its record."""
-    found = summarise_run(run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=incomplete_rows)
+    found = analyse(run, calibrations, incomplete_rows=incomplete_rows).summary
     return RunSummary(summary.as_text(found).rstrip(), summary.as_json(found))
 
 
-def draw(
-    run: Path, options: DrawOptions, write: WriteProducts = report.write_products
-) -> list[Path]:
+def draw(run: Path, options: DrawOptions, analyse: Analyse = report.analyse) -> list[Path]:
     """Draw one surface, bars of all rows, or write all products; return the paths."""
     calibrations, incomplete = options.calibrations, options.incomplete_rows
     if not (options.selects_surface or options.sort):
-        return write(run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=incomplete)
-    table = row_table(run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=incomplete)
-    folder = report.products_folder(run if run.is_dir() else run.parent, calibrations)
+        return report.write_products(run, calibrations, incomplete_rows=incomplete, analyse=analyse)
+    table = row_table(run, calibrations, incomplete_rows=incomplete)
+    folder = report.products_folder(run, calibrations)
     if options.output is None:
         folder.mkdir(exist_ok=True)
     if options.selects_surface:

@@ -11,6 +11,7 @@ columns: every set of drive parameters of one run is then compared with the same
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -295,12 +296,9 @@ def mean_difference(pairs: tuple[Pair, ...], station: str) -> PowerDifference:
     """Return the mean difference over all pairs; a point shared by pairs adds its error once."""
     if not pairs:
         return PowerDifference(math.nan, math.nan)
-    counts: dict[tuple[str, tuple[int, ...]], int] = {}
-    errors: dict[tuple[str, tuple[int, ...]], float] = {}
-    for pair in pairs:
-        for name, point in zip("ab", pair, strict=True):
-            counts[name, point.rows] = counts.get((name, point.rows), 0) + 1
-            errors[name, point.rows] = point.error[station]
+    sides = [(side, point) for pair in pairs for side, point in zip("ab", pair, strict=True)]
+    counts = Counter((side, point.rows) for side, point in sides)
+    errors = {(side, point.rows): point.error[station] for side, point in sides}
     variance = sum((counts[key] * errors[key]) ** 2 for key in counts) / len(pairs) ** 2
     watts = sum(power_difference(pair, station).watts for pair in pairs) / len(pairs)
     return PowerDifference(watts, math.sqrt(variance))
@@ -333,11 +331,11 @@ def best_point(pairs: tuple[Pair, ...], station: str, side: int) -> Point | None
 
 def format_constant_difference(difference: ConstantDifference) -> tuple[str, str, str]:
     """Return label, value of A and value of B of a constant column that differs."""
-    values = [
+    a, b = (
         ABSENT if value is None else labels.format_quantity(difference.column, value)
         for value in (difference.a, difference.b)
-    ]
-    return difference.column.label, values[0], values[1]
+    )
+    return difference.column.label, a, b
 
 
 def format_difference(difference: PowerDifference) -> str:
@@ -356,13 +354,8 @@ def as_text(comparison: Comparison) -> str:
         )
     for warning in comparison.warnings:
         lines += ["", f"!! {warning}"]
-    lines += [
-        "",
-        "Settings that differ",
-        *_settings_lines(comparison),
-        "",
-        *_matching_lines(comparison),
-    ]
+    lines += ["", "Settings that differ", *_settings_lines(comparison)]
+    lines += ["", *_matching_lines(comparison)]
     if comparison.matched.pairs:
         lines += ["", *_mean_lines(comparison), "", *_point_lines(comparison)]
     for name, points in (("A", comparison.matched.only_a), ("B", comparison.matched.only_b)):
@@ -376,13 +369,11 @@ def _settings_lines(comparison: Comparison) -> list[str]:
         ("set point", *format_constant_difference(difference))
         for difference in comparison.matched.constant_differences
     ]
-    counts: dict[str, int] = {}
-    for difference in comparison.differences:
-        counts[difference.group] = counts.get(difference.group, 0) + 1
-        if counts[difference.group] <= _MAX_DIFFERENCES:
-            rows.append(
-                (difference.group, difference.key, shorten(difference.a), shorten(difference.b))
-            )
+    counts = Counter[str]()
+    for group, key, a, b in comparison.differences:
+        counts[group] += 1
+        if counts[group] <= _MAX_DIFFERENCES:
+            rows.append((group, key, shorten(a), shorten(b)))
     if not rows:
         return ["  none"]
     widths = [max(len(row[i]) for row in rows) for i in range(3)]
@@ -461,47 +452,40 @@ def _unmatched_lines(points: tuple[Point, ...], matched: MatchedPoints) -> list[
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON data: powers in W, columns in SI, unknown values null."""
-    matched = comparison.matched
-    names = [station.name for station in comparison.stations]
+
+    def difference_json(difference: PowerDifference) -> dict[str, float]:
+        return {"b_less_a": difference.watts, "standard_error": difference.error}
+
+    matched, names = comparison.matched, station_names(comparison.stations)
     means = {name: mean_difference(matched.pairs, name) for name in names}
     values = {
-        "a": comparison.a._asdict(),
-        "b": comparison.b._asdict(),
-        "warnings": list(comparison.warnings),
+        "a": comparison.a,
+        "b": comparison.b,
+        "warnings": comparison.warnings,
         "same_sea": comparison.same_sea,
-        "settings": [each._asdict() for each in comparison.differences],
+        "settings": comparison.differences,
         "set_points_held": [
             {"column": each.column.name, "unit": each.column.unit, "a": each.a, "b": each.b}
             for each in matched.constant_differences
         ],
         "matched_on": dict(comparison.tolerances),
         "varied_in_one_run": [column.name for column in matched.one_sided],
-        "mean_difference_w": {
-            name: {
-                "b_less_a": mean.watts,
-                "standard_error": mean.error,
-            }
-            for name, mean in means.items()
-        },
+        "mean_difference_w": {name: difference_json(mean) for name, mean in means.items()},
         "pairs": [
             {
                 "setting": joint_setting(matched, pair),
-                "rows_a": list(pair.a.rows),
-                "rows_b": list(pair.b.rows),
+                "rows_a": pair.a.rows,
+                "rows_b": pair.b.rows,
                 **{
-                    name: {
-                        "a": pair.a.power[name],
-                        "b": pair.b.power[name],
-                        "b_less_a": power_difference(pair, name).watts,
-                        "standard_error": power_difference(pair, name).error,
-                    }
+                    name: {"a": pair.a.power[name], "b": pair.b.power[name]}
+                    | difference_json(power_difference(pair, name))
                     for name in names
                 },
             }
             for pair in matched.pairs
         ],
-        "only_a": [{"rows": list(p.rows), "setting": p.setting} for p in matched.only_a],
-        "only_b": [{"rows": list(p.rows), "setting": p.setting} for p in matched.only_b],
+        "only_a": [{"rows": p.rows, "setting": p.setting} for p in matched.only_a],
+        "only_b": [{"rows": p.rows, "setting": p.setting} for p in matched.only_b],
     }
     return {key: json_value(value) for key, value in values.items()}
 

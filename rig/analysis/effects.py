@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray
 from scipy import stats
 
@@ -32,11 +31,9 @@ from rig.analysis import labels
 from rig.analysis.points import Matrix, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases
-from rig.presentation.json_values import json_value
 from rig.row_contents import CATEGORICAL, Column, main_columns
+from rig.spectra.periods import Floats
 from rig.stations import Station, find, shown
-
-Floats = npt.NDArray[np.float64]
 
 CONFIDENCE = 0.95
 _MIN_REPETITION_DOF = 3  # with fewer degrees of freedom, periods are the better source
@@ -157,11 +154,11 @@ def weighted_sum_error(weights: Floats, variances: RowVariances) -> tuple[float,
     return float(np.sqrt(variance)), float(variance**2 / np.sum(parts * parts / variances.dof))
 
 
-def half_width(standard_error: float, dof: float, confidence: float = CONFIDENCE) -> float:
+def half_width(standard_error: float, dof: float) -> float:
     """Return the half width of Student's interval; NaN without a degree of freedom."""
     if not dof > 0.0:
         return float("nan")
-    return float(stats.t.ppf(0.5 + 0.5 * confidence, dof) * standard_error)
+    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, dof) * standard_error)
 
 
 def row_variances(
@@ -193,7 +190,6 @@ def main_effects(
     points: list[int],
     errors: Floats,
     periods: Floats,
-    confidence: float = CONFIDENCE,
 ) -> Effects:
     """Return the effects of ``columns`` on ``response`` (W, by row).
 
@@ -218,13 +214,11 @@ def main_effects(
                 float(values.max()),
                 watts,
                 *error,
-                half_width(*error, confidence),
-                half_width(*by_misfit, confidence),
+                half_width(*error),
+                half_width(*by_misfit),
             )
         )
-    order = sorted(
-        range(len(estimates)), key=lambda i: -np.nan_to_num(abs(estimates[i].watts), nan=-1.0)
-    )
+    order = np.argsort(-np.nan_to_num(np.abs(fit.effects), nan=-1.0), kind="stable").tolist()
     return Effects(
         station,
         tuple(estimates[i] for i in order),
@@ -233,13 +227,11 @@ def main_effects(
         float(np.sqrt(variances.variance.mean())),
         fit.misfit,
         fit.misfit_dof,
-        *_lead(fit, variances, order, confidence),
+        *_lead(fit, variances, order),
     )
 
 
-def _lead(
-    fit: LinearFit, variances: RowVariances, order: list[int], confidence: float
-) -> tuple[float, float, float]:
+def _lead(fit: LinearFit, variances: RowVariances, order: list[int]) -> tuple[float, float, float]:
     """Return the lead of the first effect over the second and its half width by both errors."""
     if len(order) < 2 or not np.isfinite(fit.effects[order[:2]]).all():
         return float("nan"), float("nan"), float("nan")
@@ -247,15 +239,12 @@ def _lead(
     weights = sign[0] * fit.weights[order[0]] - sign[1] * fit.weights[order[1]]
     lead = float(np.abs(fit.effects[order[0]]) - np.abs(fit.effects[order[1]]))
     by_scatter, by_misfit = (
-        half_width(*weighted_sum_error(weights, source), confidence)
-        for source in (variances, fit.variances)
+        half_width(*weighted_sum_error(weights, source)) for source in (variances, fit.variances)
     )
     return lead, by_scatter, by_misfit
 
 
-def compute_effects(
-    table: xarray.Dataset, name: str, confidence: float = CONFIDENCE
-) -> Effects | None:
+def compute_effects(table: xarray.Dataset, name: str) -> Effects | None:
     """Return the main effects of every varied column on a station's power, over complete rows.
 
     None if nothing varies among them, or if there are too few rows for a linear fit.
@@ -284,7 +273,6 @@ def compute_effects(
         [point_ids[key] for key in keys],
         table[f"power_{name}_se"].values[complete],
         table["periods"].values[complete].astype(np.float64),
-        confidence,
     )
 
 
@@ -372,8 +360,8 @@ def effects_text(by_station: tuple[Effects, ...]) -> list[str]:
 
 
 def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
-    """Return the effects as JSON data: powers in W, columns in SI, unknown values null."""
-    records = [
+    """Return the effects as JSON data: powers in W, columns in SI, unknown values NaN."""
+    return [
         {
             "power": effects.station.name,
             "rows": effects.rows,
@@ -404,7 +392,6 @@ def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
         }
         for effects in by_station
     ]
-    return [json_value(record) for record in records]
 
 
 def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.tri import TriAnalyzer, Triangulation
 
+from rig.spectra.periods import Floats
+
 XY = tuple[float, float]  # x, y
-Floats = npt.NDArray[np.float64]
 
 _MIN_CIRCLE_RATIO = 0.15  # of inscribed to circumscribed circle; half a square grid cell has 0.41
 _COLLINEAR_EXTENT = 1e-9  # relative extent below which points are collinear

@@ -1,8 +1,10 @@
 """Writes all products of a run into its folder, after the run or on request."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import xarray
 
@@ -11,13 +13,12 @@ from rig.analysis.calibration_picture import write_picture
 from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix
-from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
+from rig.analysis.rows import row_table, write_rows
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.recording.calibration import CalibrationVersion
-from rig.recording.runs import RunError, mcap_file, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, mcap_file, reader, run_info
 from rig.recording.runs.state import RecordState
 from rig.row_contents import LAW, X, Y
 from rig.spectra import wave_calibration
@@ -35,14 +36,11 @@ def _unfinished_text(contents: list[mcap_file.FileContents]) -> str:
 
 
 def summarise_rows(
-    run: Path,
-    mean_position_alarm: float,
-    calibrations: Sequence[CalibrationVersion],
-    incomplete_rows: bool = False,
+    run: Path, calibrations: Sequence[CalibrationVersion] = (), *, incomplete_rows: bool = False
 ) -> tuple[xarray.Dataset, Summary]:
     """Return the row table and the summary of a run; the arguments are those of `row_table`."""
     contents = list(reader.open_files(run).contents)
-    table = row_table(run, mean_position_alarm, calibrations, incomplete_rows=incomplete_rows)
+    table = row_table(run, calibrations, incomplete_rows=incomplete_rows)
     run_facts = run_info(run, contents)
     summary = summarise(
         table, run_facts, _unfinished_text(contents), find_stop(run, run_facts.status)
@@ -69,92 +67,86 @@ def has_excitation(run_facts: RunInfo) -> bool:
     return isinstance(plan.get("reference"), dict) and len(gains) == 1
 
 
-def _summarise_calibration(
-    run: Path, incomplete_rows: bool
-) -> tuple[xarray.Dataset | None, Summary]:
-    """Return wave calibration and summary; no calibration if no whole period was measured."""
-    contents = list(reader.open_files(run).contents)
-    run_facts = run_info(run, contents)
-    try:
-        table = wave_calibration.calibrate_waves(run, incomplete_rows=incomplete_rows)
-        findings = wave_calibration.findings(table)
-    except RunError as error:
-        table, findings = None, [str(error)]
-    no_rows = xarray.Dataset()
-    summary = summarise(no_rows, run_facts, _unfinished_text(contents), findings=tuple(findings))
-    return table, summary._replace(record=reader.check_record(run))
+class Analysis(NamedTuple):
+    """The summary of a run, and the function that writes its other results into a folder."""
+
+    summary: Summary
+    write_results: Callable[[Path], list[Path]]
+    table: xarray.Dataset | None = None  # row table of the summary page; None: no page
 
 
-def summarise_run(
-    run: Path,
-    mean_position_alarm: float = MEAN_POSITION_ALARM,
-    calibrations: Sequence[CalibrationVersion] = (),
-    *,
-    incomplete_rows: bool = False,
-) -> Summary:
-    """Return the summary of a run from its record, without writing files.
+def analyse(
+    run: Path, calibrations: Sequence[CalibrationVersion] = (), *, incomplete_rows: bool = False
+) -> Analysis:
+    """Return the analysis of a run, which may have ended early or crashed, without writing files.
 
-    ``mean_position_alarm`` (m), ``calibrations`` and ``incomplete_rows`` are those of `row_table`.
-    Raises RunError if the record cannot be read, and KeyError if the kind of rig has no rows and
-    power.
+    A run without the device gives a wave calibration instead of rows and surfaces, and an open-loop
+    test gives neither surfaces nor best points. The arguments are those of `row_table`. Raises
+    RunError if the record cannot be read, KeyError if the kind of rig has no rows and power, and
+    ValueError for calibrations of a run without rows.
     """
     if wave_calibration.is_calibration(run_info(run).plan):
-        _refuse_for_waves(calibrations)
-        return _summarise_calibration(Path(run), incomplete_rows)[1]
-    return summarise_rows(Path(run), mean_position_alarm, calibrations, incomplete_rows)[1]
+        if calibrations:
+            raise ValueError("a wave calibration has no rows for a calibration to correct")
+        return _analyse_waves(run, incomplete_rows)
+    table, summary = summarise_rows(run, calibrations, incomplete_rows=incomplete_rows)
+    if summary.findings_of == OPEN_LOOP:
+        return Analysis(summary, partial(write_rows, table))
+    return Analysis(
+        summary, lambda folder: [*write_rows(table, folder), *_write_pictures(table, folder)], table
+    )
 
 
-def _refuse_for_waves(calibrations: Sequence[CalibrationVersion]) -> None:
-    if calibrations:
-        raise ValueError("a wave calibration has no rows for a calibration to correct")
+def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
+    """Return the wave calibration of a run; without files if no whole period was measured."""
+    contents = list(reader.open_files(run).contents)
+    run_facts = run_info(run, contents)
+    waves = None
+    try:
+        waves = wave_calibration.calibrate_waves(run, incomplete_rows=incomplete_rows)
+        findings = wave_calibration.findings(waves)
+    except RunError as error:
+        findings = [str(error)]
+    no_rows, unfinished = xarray.Dataset(), _unfinished_text(contents)
+    summary = summarise(no_rows, run_facts, unfinished, findings=tuple(findings))
+    return Analysis(summary._replace(record=reader.check_record(run)), partial(_write_waves, waves))
+
+
+def _write_waves(waves: xarray.Dataset | None, folder: Path) -> list[Path]:
+    if waves is None:
+        return []
+    written = wave_calibration.write_calibration(waves, folder)
+    return [*written, write_picture(waves, folder / "wave_calibration.png")]
+
+
+Analyse = Callable[..., Analysis]
+"""Analyses a run, as `analyse`; a kind of rig may know further sorts of runs."""
 
 
 def write_products(
-    run_folder: Path,
-    mean_position_alarm: float = MEAN_POSITION_ALARM,
+    run: Path,
     calibrations: Sequence[CalibrationVersion] = (),
     *,
     incomplete_rows: bool = False,
+    analyse: Analyse = analyse,
 ) -> list[Path]:
-    """Write row table, pictures, effects and summary of a run; return the files written.
+    """Write summary, row table, pictures and effects of a run; return the files written.
 
-    The run may have ended early or crashed. A run without the device gives a wave calibration
-    instead of rows and surfaces, and an open-loop test gives neither surfaces nor best points.
-
-    The files go into the run's folder, or next to the MCAP file if ``run_folder`` is one. Products
-    with ``calibrations`` go into a subfolder. ``mean_position_alarm`` (m), ``calibrations`` and
-    ``incomplete_rows`` are those of `row_table`. Raises RunError if the record cannot be read, and
-    KeyError if the kind of rig has no rows and power.
+    The files go into the run's folder, or next to the MCAP file if ``run`` is one. Products with
+    ``calibrations`` go into a subfolder. The errors are those of `analyse`.
     """
-    run = Path(run_folder)
-    folder = run if run.is_dir() else run.parent
-    if wave_calibration.is_calibration(run_info(run).plan):
-        _refuse_for_waves(calibrations)
-        waves, summary = _summarise_calibration(run, incomplete_rows)
-        paths = (
-            []
-            if waves is None
-            else [
-                *wave_calibration.write_calibration(waves, folder),
-                write_picture(waves, folder / "wave_calibration.png"),
-            ]
-        )
-        return [*paths, *write_texts(summary, folder)]
-    table, summary = summarise_rows(run, mean_position_alarm, calibrations, incomplete_rows)
-    folder = products_folder(folder, calibrations)
+    found = analyse(run, calibrations, incomplete_rows=incomplete_rows)
+    folder = products_folder(run, calibrations)
     folder.mkdir(exist_ok=True)
-    if summary.findings_of == OPEN_LOOP:
-        return [*write_rows(table, folder), *write_texts(summary, folder)]
-    return [
-        *write_rows(table, folder),
-        *_write_pictures(table, folder),
-        *write_texts(summary, folder),
-        *write_page(summary, table, folder),
-    ]
+    written = [*found.write_results(folder), *write_texts(found.summary, folder)]
+    if found.table is not None:
+        written += write_page(found.summary, found.table, folder)
+    return written
 
 
-def products_folder(folder: Path, calibrations: Sequence[CalibrationVersion]) -> Path:
+def products_folder(run: Path, calibrations: Sequence[CalibrationVersion]) -> Path:
     """Return the folder of a run's products: its own, or a subfolder if calibrations apply."""
+    folder = run if run.is_dir() else run.parent
     titles = "_".join(calibration.file.title.replace(" ", "_") for calibration in calibrations)
     return folder / f"read_by_{titles}" if titles else folder
 

@@ -237,10 +237,10 @@ def _add_repetition_errors(table: list[dict[str, Any]], stations: Iterable[Stati
 
 def row_table(
     run: str | os.PathLike[str],
-    mean_position_alarm: float = MEAN_POSITION_ALARM,
     calibrations: Sequence[CalibrationVersion] = (),
     *,
     incomplete_rows: bool = False,
+    mean_position_alarm: float = MEAN_POSITION_ALARM,
 ) -> "xarray.Dataset":
     """Return the row table of a finished or unfinished run, with one entry per row in order of id.
 

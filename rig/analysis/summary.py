@@ -116,11 +116,6 @@ def _code_text(code: dict[str, Any]) -> str:
     return text
 
 
-def _config_name(config: dict[str, Any], key: str) -> str:
-    value = config.get(key)
-    return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
-
-
 def summarise(
     table: xarray.Dataset,
     run_facts: RunInfo,
@@ -136,14 +131,14 @@ def summarise(
     ending = describe_ending(run_facts.status, stop.lost)
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
     timing, matrix = run_facts.timing.get("summary"), gain_matrix(table)
-    main = main_columns(matrix.columns)
+    main, rig = main_columns(matrix.columns), run_facts.config.get("rig")
     return Summary(
         run=run_facts.run,
         campaign=run_facts.campaign or "not recorded",
         mode=run_facts.mode,
         stamp=phrases.mode_stamp(run_facts.mode),
         sea=_sea_text(run_facts.plan),
-        rig=_config_name(run_facts.config, "rig") or "not recorded",
+        rig=str(rig.get("name", "") if isinstance(rig, dict) else rig or "") or "not recorded",
         host=str(run_facts.host.get("hostname") or run_facts.host.get("name") or "not recorded"),
         started_utc=phrases.format_utc(run_facts.started_utc) or "not recorded",
         ended_utc=phrases.format_utc(str(run_facts.status.get("ended_utc") or "not recorded")),
@@ -169,7 +164,7 @@ def _best_json(summary: Summary, optimum: Optimum) -> dict[str, Any]:
     point = optimum.point
     return {
         "power": optimum.station.name,
-        "rows": list(point.rows),
+        "rows": point.rows,
         **{
             f"{column.name}_{_unit_in_key(column)}": value
             for column, value in labels.best_values(summary.main, point)
@@ -179,7 +174,7 @@ def _best_json(summary: Summary, optimum: Optimum) -> dict[str, Any]:
             for column in summary.further
             if column.name in point.setting
         },
-        "further_without_effect": list(optimum.without_effect),
+        "further_without_effect": optimum.without_effect,
         "flat": optimum.flat or None,
         "mean_w": optimum.power,
         "standard_error_w": optimum.error,
@@ -191,8 +186,7 @@ def _best_json(summary: Summary, optimum: Optimum) -> dict[str, Any]:
 
 def _unit_in_key(column: Column) -> str:
     """Return a unit as at the end of a key: ``n_s_per_m``."""
-    unit = column.unit.replace("%", "percent").replace("*", "_").replace("/", "_per_")
-    return unit.lower()
+    return column.unit.replace("%", "percent").replace("*", "_").replace("/", "_per_").lower()
 
 
 def as_json(summary: Summary) -> dict[str, Any]:
@@ -200,13 +194,10 @@ def as_json(summary: Summary) -> dict[str, Any]:
     values = summary._asdict() | {
         "further": [column.name for column in summary.further],
         "record": summary.record.as_dict() if summary.record else None,
-        "optima": [json_value(_best_json(summary, optimum)) for optimum in summary.optima],
-        "alarms": list(summary.alarms),
+        "optima": [_best_json(summary, optimum) for optimum in summary.optima],
         "effects": effects_json(summary.effects),
-        "lost_ticks": summary.lost_ticks and summary.lost_ticks._asdict(),
     }
-    del values["main"]
-    return values
+    return {name: json_value(value) for name, value in values.items() if name != "main"}
 
 
 def as_text(summary: Summary) -> str:

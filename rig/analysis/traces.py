@@ -12,8 +12,7 @@ from matplotlib.patches import Patch
 
 from rig.presentation import phrases, picture
 from rig.realtime.sequence import Phase
-from rig.recording.runs import reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunInfo, reader, run_info
 from rig.stations import shown
 
 _WIDTH = 11.0  # in

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rig import kinds
-from rig.cli.exit_codes import STOPPED
+from rig.cli.output import STOPPED
 from rig.kinds import Command
 
 COMMANDS = tuple(
@@ -22,6 +22,7 @@ COMMANDS = tuple(
         ("recover", "Finish the record of a run that was killed, and list the missing ticks."),
         ("campaigns", "List the shipped campaigns, sessions and rigs."),
         ("copy", "Copy a shipped campaign, session or rig, and all its files, for editing."),
+        ("new", "Write a new kind of rig as a package, or the files of a new rig."),
         ("runs", "List all runs, newest first."),
         ("laws", "List the control laws: columns of the matrix, parameters, ranges."),
         ("kinds", "List the kinds of rig, with origin and version."),

@@ -8,10 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import CALIBRATIONS, Calibrations, Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.problems import format_number
 from rig.interop.legacy.testlog import read_log, values_in_log
 from rig.recording.calibration import (
@@ -22,8 +20,13 @@ from rig.recording.calibration import (
     open_calibration,
     open_history,
 )
-from rig.recording.calibration.diff import CalibrationDifference, ChangedValue, compare_calibrations
-from rig.recording.calibration.sources import RecordedValue, values_in_runs
+from rig.recording.calibration_changes import (
+    CalibrationDifference,
+    ChangedValue,
+    RecordedValue,
+    compare_calibrations,
+    values_in_runs,
+)
 
 command = typer.Typer(
     name="calibration",

@@ -5,13 +5,12 @@ from collections.abc import Iterable
 from datetime import UTC, date, datetime
 from typing import Any
 
+from rig.campaign import AnyCampaign
 from rig.config.problems import Problem
-from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.validity import validity_warnings
 
 
 def warn_of_expired(
-    campaign: Campaign, *, quiet: bool, swept: Iterable[Iterable[Campaign]] = ()
+    campaign: AnyCampaign, *, quiet: bool, swept: Iterable[Iterable[AnyCampaign]] = ()
 ) -> list[dict[str, Any]]:
     """Warn on standard error of calibrations that are not valid today (UTC), unless ``quiet``.
 
@@ -26,7 +25,7 @@ def warn_of_expired(
 
 
 def expired_calibrations(
-    campaign: Campaign, swept: Iterable[Iterable[Campaign]], day: date
+    campaign: AnyCampaign, swept: Iterable[Iterable[AnyCampaign]], day: date
 ) -> tuple[Problem, ...]:
     """Return the expired calibrations of a campaign, or of any case of a sweep.
 
@@ -34,9 +33,10 @@ def expired_calibrations(
     least one value: each case takes one value of each parameter, so a parameter whose values all
     avoid the problem removes it from every case.
     """
-    own = validity_warnings(campaign, day)
+    warnings = campaign.kind.validity_warnings
+    own = warnings(campaign, day)
     problems_by_parameter = [
-        {problem: None for variant in campaigns for problem in validity_warnings(variant, day)}
+        {problem: None for variant in campaigns for problem in warnings(variant, day)}
         for campaigns in swept
     ]
     remaining = [

@@ -6,9 +6,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.exit_codes import OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, print_json
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,
@@ -20,7 +19,7 @@ from rig.config.shipped_files import (
     title,
 )
 from rig.kinds.rig_file import kind_of_task, load_rig
-from rig.presentation.console import table_console
+from rig.presentation.console import plain_table, table_console
 from rig.presentation.phrases import format_duration
 
 _HEADINGS = {
@@ -34,8 +33,7 @@ def command(as_json: Json = False) -> int:
     """List the shipped campaigns, sessions and rigs, whose names stand for their files."""
     described = {kind: [_describe(one) for one in shipped_files(kind)] for kind in _HEADINGS}
     if as_json:
-        print_json({"folder": str(shipped_folder()), **described})
-        return OK
+        return print_json({"folder": str(shipped_folder()), **described})
     console = table_console()
     for kind, heading in _HEADINGS.items():
         console.print(Text(heading, style="bold"))
@@ -79,18 +77,11 @@ _FACTS = {CAMPAIGNS: _task_facts, SESSIONS: _task_facts, RIGS: _rig_facts}
 
 
 def _table(kind: str, described: list[dict[str, Any]]) -> Table:
-    table = Table(box=None, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("name", no_wrap=True)
-    if kind == RIGS:
-        table.add_column("wiring", no_wrap=True)
-    else:
-        table.add_column("rows", no_wrap=True, justify="right")
-        table.add_column("duration", no_wrap=True)
-    table.add_column("title", overflow="fold")
+    facts = ("wiring",) if kind == RIGS else (">rows", "duration")
+    table = plain_table("name", *facts, "title…", header_style="dim", padding=(0, 1, 0, 0))
     for one in described:
         if one["problem"]:
-            cells = ["-", "-"] if kind != RIGS else ["-"]
-            table.add_row(one["name"], *cells, Text(one["problem"], style="red"))
+            table.add_row(one["name"], *"-" * len(facts), Text(one["problem"], style="red"))
             continue
         cells = (
             ["yes" if one["wired"] else "none"]

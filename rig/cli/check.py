@@ -7,10 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import BAD_INPUT, OK
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
+from rig.cli.output import BAD_INPUT, OK, input_errors
 from rig.kinds.interface import Display, Report, Tasks
 from rig.kinds.rig_file import kind_of_task
 

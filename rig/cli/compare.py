@@ -9,11 +9,9 @@ import typer
 
 from rig.analysis import comparison
 from rig.analysis.comparison_picture import write_comparison
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import input_errors, print_result
 from rig.config.problems import error_text
 from rig.recording.runs import run_info
 from rig.row_contents import Column, find_column, union
@@ -48,14 +46,11 @@ def command(
         written = [comparison.write_csv(found, picture.with_suffix(".csv"))]
         if found.matched.pairs:
             written.append(write_comparison(found, picture, fixed))
-    names = [str(path) for path in written]
-    if as_json:
-        return print_json({**comparison.as_json(found), "written": names})
-    print(comparison.as_text(found))
-    print("\n".join(names))
-    for warning in found.warnings:
+    text = comparison.as_text(found).rstrip()
+    code = print_result(comparison.as_json(found), text, written, as_json=as_json)
+    for warning in () if as_json else found.warnings:
         print(f"\n!! {warning}", file=sys.stderr)
-    return OK
+    return code
 
 
 def _parse_values(arguments: list[str], columns: tuple[Column, ...]) -> dict[str, float]:

@@ -5,10 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.shipped_copy import copy_files
 from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_shipped
 
@@ -38,13 +36,9 @@ def command(
         shipped = find_shipped(name, CAMPAIGNS, SESSIONS, RIGS)
         copied = copy_files(shipped.path, folder, keep_existing=keep_existing)
     if as_json:
-        report = {
-            "file": str(copied.main),
-            "written": [str(path) for path in copied.written],
-            "kept": [str(path) for path in copied.kept],
-        }
-        print_json(report)
-        return OK
+        files = {"written": copied.written, "kept": copied.kept}
+        names = {key: [str(path) for path in paths] for key, paths in files.items()}
+        return print_json({"file": str(copied.main), **names})
     for path in copied.written:
         print(f"written  {path}")
     for path in copied.kept:

@@ -11,13 +11,11 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import NmtState
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, fail, input_errors, print_json
 from rig.kinds.rig_file import load_rig
-from rig.presentation.console import table_console
+from rig.presentation.console import plain_table, table_console
 from rig.presentation.json_values import json_value
 from rig.processes import wire_locks
 from rig.recording.runs.create import BusyError
@@ -133,9 +131,7 @@ def render_heard(rig: str, heard: BusActivity) -> Group:
     """Draw a row per node heard without sending, and the verdict."""
     text = ": devices that send by themselves; this command sent nothing\n"
     parts: list[Table | Text] = [Text.assemble((rig, "bold"), text)]
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    for name in ("node", "", "state", "heartbeat", "emergency"):
-        table.add_column(name)
+    table = plain_table("node", "", "state", "heartbeat", "emergency…", padding=(0, 2, 0, 0))
     for node in heard.nodes:
         age = "none" if node.heartbeat_age is None else f"{1e3 * node.heartbeat_age:.0f} ms ago"
         code = emcy.meaning(node.emergency) if node.emergency else "none"
@@ -167,7 +163,7 @@ def _bus_text(can: BusSurvey) -> Text:
 
 
 def _node_table(nodes: tuple[NodeSurvey, ...]) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0), expand=True)
+    table = plain_table(padding=(0, 2, 0, 0), expand=True)
     table.add_column("", width=18, style="dim")
     for node in nodes:
         table.add_column(f"node {node.node}: {node.name}", ratio=1, overflow="fold")
@@ -289,12 +285,9 @@ def _render_line(line: LineSurvey) -> list[Table | Text]:
     head = Text.assemble((f"line {line.name}  ", "bold cyan"), f"{kind} at {line.address}")
     if line.trouble:
         return [head.append(f"\n  {line.trouble}", BAD_STYLE), Text("")]
-    table = Table(box=None, header_style=NOTE_STYLE, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("  unit", no_wrap=True)
-    table.add_column("", style="bold", no_wrap=True, min_width=9)
-    table.add_column("answered in", justify="right", no_wrap=True)
-    table.add_column("age", justify="right", no_wrap=True)
-    table.add_column("")
+    headings = ("  unit", "", ">answered in", ">age", "…")
+    table = plain_table(*headings, header_style=NOTE_STYLE, padding=(0, 2, 0, 0))
+    table.columns[1].style, table.columns[1].min_width = "bold", 9
     for unit in line.units:
         took, age = Text("no answer", BAD_STYLE), Text("-", NOTE_STYLE)
         if unit.age is not None:

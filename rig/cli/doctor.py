@@ -8,11 +8,9 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import UNPRIVILEGED_S
 from rig.kinds.rig_file import load_rig

@@ -6,11 +6,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.interop import tables
 from rig.recording.runs import run_info
 

@@ -5,10 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
 from rig.cli.find_run import find_run, run_folder
-from rig.cli.options import RUNS, IncompleteRows, Json, Runs
-from rig.cli.output import print_result
+from rig.cli.options import RUNS, IncompleteRows, Json, OutputFolder, Runs
+from rig.cli.output import input_errors, print_result
 from rig.identification import comparison, report
 from rig.identification.bem import read_bem
 from rig.identification.identify import IdentificationOptions, identify
@@ -34,9 +33,7 @@ def command(
     bem: Annotated[
         Path | None, typer.Option(help="BEM file to compare with (.npz, or .nc of capytaine).")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
-    ] = None,
+    output: OutputFolder = None,
     pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
@@ -57,8 +54,7 @@ def command(
         folder.mkdir(parents=True, exist_ok=True)
         written = report.write(result, folder)
         if pictures:
-            from rig.identification.page import write_page  # matplotlib
-            from rig.identification.pictures import write_pictures
+            from rig.identification.pictures import write_page, write_pictures  # matplotlib
 
             written += [*write_pictures(result, folder), *write_page(result, folder)]
     return print_result(report.as_dict(result), report.as_text(result), written, as_json=as_json)

@@ -1,8 +1,7 @@
 """`rig kinds`: the kinds of rig that a rig file may name."""
 
-from rig.cli.exit_codes import OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, print_json
 from rig.kinds import RegisteredKind, registered
 
 

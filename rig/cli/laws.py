@@ -5,9 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.exit_codes import BAD_INPUT, OK
 from rig.cli.options import Json
-from rig.cli.output import print_json
+from rig.cli.output import BAD_INPUT, OK, print_json
 from rig.laws import Law, LawError, RegisteredLaw, load_file, registered
 
 

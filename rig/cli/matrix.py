@@ -10,10 +10,8 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from rig.cli.calibration import find_calibration, recording_time
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import CALIBRATIONS, Calibrations, Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, matrix, stepped
 from rig.interop.legacy.columns import SPRING

@@ -7,11 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, input_errors, print_result
 from rig.interop.basin.align import format_alignment
 from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json
 from rig.interop.basin.products import write_products
@@ -68,18 +66,15 @@ def command(
         sources = _parse_sources(files, unit or [], offset or [], match or [])
         merged = merge(record, sources, SyncChannels(ttl, sine, run_sine, frequency, rate))
         written = write_products(merged, run_folder(record))
-    names = [str(path) for path in written]
-    if as_json:
-        print_json({"records": to_json(merged), "alarms": merged.alarms, "written": names})
-    else:
-        for source, _, alignment in merged.records:
-            print(f"{source.name}: {format_alignment(alignment)}")
-            for remark in alignment.remarks:
-                print(f"  {remark}")
-        print("\n".join(names))
-        for alarm in merged.alarms:
-            print(f"!! {alarm}", file=sys.stderr)
-    return FAILED if merged.alarms else OK
+    lines = []
+    for source, _, alignment in merged.records:
+        lines.append(f"{source.name}: {format_alignment(alignment)}")
+        lines += [f"  {remark}" for remark in alignment.remarks]
+    values = {"records": to_json(merged), "alarms": merged.alarms}
+    code = print_result(values, "\n".join(lines), written, as_json=as_json)
+    for alarm in () if as_json else merged.alarms:
+        print(f"!! {alarm}", file=sys.stderr)
+    return FAILED if merged.alarms else code
 
 
 def _parse_sources(

@@ -43,6 +43,9 @@ Calibrations = Annotated[
         help="Folder of calibration files; where the default does not exist, the shipped ones.",
     ),
 ]
+OutputFolder = Annotated[
+    Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
+]
 _READ_BY = "Apply this calibration: NAME, NAME@VERSION or a file; one per quantity."
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 

@@ -1,11 +1,53 @@
-"""Output of results: for people, or as JSON for programs."""
+"""How a command ends: its output for people or as JSON for programs, its errors, its exit code."""
 
 import json
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rig.cli.exit_codes import OK
+from rig.config.problems import ConfigError, error_text
+
+OK = 0
+FAILED = 1
+BAD_INPUT = 2
+STOPPED = 3  # by the operator
+FAULT = 4  # the rig tripped
+LOST = 5  # a process died, or rows were lost
+
+INPUT_ERRORS = (ConfigError, KeyError, ValueError, OSError)
+"""Errors in a person's input, as against errors of the program."""
+
+
+@contextmanager
+def input_errors(command: str, *, as_json: bool) -> Iterator[None]:
+    """Report an error in a person's input as `refuse` does, and end the command."""
+    try:
+        yield
+    except INPUT_ERRORS as error:
+        sys.exit(refuse(command, error, as_json=as_json))
+
+
+def refuse(command: str, error: Exception, *, as_json: bool) -> int:
+    """Report an error as `fail` does; JSON lists each problem's file, line, key and value, too."""
+    if not (as_json and isinstance(error, ConfigError)):
+        return fail(command, error, as_json=as_json)
+    problems = [problem.as_dict() for problem in error.problems]
+    report = {"status": "bad input", "message": error.text(), "problems": problems}
+    print(json.dumps(report, ensure_ascii=False))
+    return BAD_INPUT
+
+
+def fail(command: str, error: Exception, *, as_json: bool, code: int = BAD_INPUT) -> int:
+    """Print an error on standard error, or as JSON on standard output; return ``code``."""
+    message = error_text(error) or type(error).__name__
+    if as_json:
+        status = "bad input" if code == BAD_INPUT else "failed"
+        print(json.dumps({"status": status, "message": message}))
+    else:
+        print(f"rig {command}: {message}", file=sys.stderr)
+    return code
 
 
 def print_json(values: Any) -> int:
@@ -20,8 +62,7 @@ def print_result(
     """Print a result and its files; JSON has them as ``written``. Return the code of success."""
     names = [str(path) for path in written]
     if as_json:
-        print(json.dumps({**values, "written": names}))
-    else:
-        print(text)
-        print("\n" + "\n".join(names))
+        return print_json({**values, "written": names})
+    print(text)
+    print("\n" + "\n".join(names))
     return OK

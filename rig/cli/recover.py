@@ -9,10 +9,9 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from rig.cli.errors import fail
-from rig.cli.exit_codes import FAILED, LOST, OK
 from rig.cli.find_run import find_run
 from rig.cli.options import RUNS, Json, Runs
+from rig.cli.output import FAILED, LOST, OK, fail
 from rig.recording.runs import RunError, create
 from rig.recording.runs.recover import Recovery, recover
 

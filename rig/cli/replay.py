@@ -10,16 +10,15 @@ from rich.console import Console
 from rich.table import Table
 
 from rig.analysis.rows import COMPLETE
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import FAILED, OK
+from rig.campaign import AnyCampaign, open_campaign
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.execution.replay import ReplayReport, replay
-from rig.kinds.wavebot.campaign import open_campaign
 from rig.presentation.console import table_console
 from rig.presentation.json_values import json_value
+from rig.row_contents import Column, main_columns
 from rig.stations import shown
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ EXIT_CODES = """\
 Exit codes: 0 today's cycle reproduces every command and mode to the bit (--with: every row \
 completes); 1 it does not; 2 no such run or file, or one that cannot be replayed."""
 _MAX_FIELDS = 40  # fields shown
-_SETTING_HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
 _MM_PER_M = 1000.0  # mm in a metre
 _LARGE_ERROR = 0.1  # share of gross power; such a model describes another device
 
@@ -143,15 +141,20 @@ def _replay_with(
     """
     console = Console(stderr=True, highlight=False)
     from rig.sweep.counterfactual import counterfactual_for_run  # numba
-    from rig.sweep.simulator import problems, simulation_of
+    from rig.sweep.simulator import campaign_kind, problems, simulation_of
 
     with (
         input_errors("replay", as_json=as_json),
         console.status("compiling or reading the compiled loop ...") as status,
     ):
         run = find_run(run_name, runs)
-        campaign = open_campaign(input_file(campaign_name, CAMPAIGNS), problems)
-        model = open_campaign(input_file(model_name, CAMPAIGNS), problems) if model_name else None
+
+        def open_checked(name: Path) -> AnyCampaign:
+            path = input_file(name, CAMPAIGNS)
+            return open_campaign(campaign_kind(path), path, problems)
+
+        campaign = open_checked(campaign_name)
+        model = open_checked(model_name) if model_name else None
 
         def show_progress(done: int, of: int) -> None:
             status.update(f"simulated {done} of {of} rows ...")
@@ -162,9 +165,9 @@ def _replay_with(
     if as_json:
         print_json(_as_dict(result))
     else:
-        stations = shown(simulation_of(campaign).row_contents(campaign).stations)
-        headings = {station.name: station.heading for station in stations}
-        _print_prediction(result, headings, table_console())
+        contents = simulation_of(campaign).row_contents(campaign)
+        headings = {station.name: station.heading for station in shown(contents.stations)}
+        _print_prediction(result, headings, contents.columns, table_console())
     return OK if all(row.state == COMPLETE for row in result.rows) else FAILED
 
 
@@ -194,7 +197,10 @@ def _as_dict(result: "CounterfactualResult") -> dict[str, Any]:
 
 
 def _print_prediction(
-    result: "CounterfactualResult", headings: dict[str, str], console: Console
+    result: "CounterfactualResult",
+    headings: dict[str, str],
+    columns: tuple[Column, ...],
+    console: Console,
 ) -> None:
     waves = result.waves
     lines = _count_text(len(waves.wave_maker.cycles), "line")
@@ -203,10 +209,10 @@ def _print_prediction(
     for why in waves.skipped_rows:
         console.print(f"  left out: {why}")
     console.print("\nLogged rows, and the model with the same gains in these waves; W")
-    console.print(_logged_rows_table(result, headings))
+    console.print(_logged_rows_table(result, headings, columns))
     _print_model_error(result, headings, console)
     console.print(f"\n{result.campaign} in these waves; W, 95 % interval from the errors above")
-    console.print(_predicted_rows_table(result, headings))
+    console.print(_predicted_rows_table(result, headings, columns))
     for row in result.rows:
         if row.state != COMPLETE:
             console.print(f"row {row.row} does not complete: {row.incomplete_reason}")
@@ -254,38 +260,45 @@ def _count_text(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _table(settings: list[str]) -> Table:
+def _table(settings: list[Column]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("row", justify="right")
-    for name in settings:
-        table.add_column(_SETTING_HEADINGS.get(name, name.replace("_", " ")), justify="right")
+    for column in settings:
+        table.add_column(column.heading or column.label, justify="right")
     return table
 
 
-def _shown_settings(rows: list[dict[str, float]]) -> list[str]:
-    """Return the settings to show: spring rate, Kp, Ki, and all that differ between rows."""
-    names = [name for name in rows[0] if all(name in row for row in rows)]
-    varying = {name for name in names if len({row[name] for row in rows}) > 1}
-    always_shown = ("spring_rate", "kp", "ki")
-    return [n for n in names if n in always_shown or (n in varying and n != "stator")]
+def _shown_settings(columns: tuple[Column, ...], rows: list[dict[str, float]]) -> list[Column]:
+    """Return the columns to show: the main ones, and all that differ between rows."""
+    always_shown = main_columns(columns)
+    return [
+        column
+        for column in columns
+        if all(column.name in row for row in rows)
+        and (column in always_shown or len({row[column.name] for row in rows}) > 1)
+    ]
 
 
-def _logged_rows_table(result: "CounterfactualResult", headings: dict[str, str]) -> Table:
-    settings = _shown_settings([row.setting for row in result.comparisons])
+def _logged_rows_table(
+    result: "CounterfactualResult", headings: dict[str, str], columns: tuple[Column, ...]
+) -> Table:
+    settings = _shown_settings(columns, [row.setting for row in result.comparisons])
     table = _table(settings)
     for heading in headings.values():
         table.add_column(heading, justify="right")
         table.add_column("model", justify="right")
     for row in result.comparisons:
-        cells = [f"{row.setting[name]:g}" for name in settings]
+        cells = [f"{row.setting[column.name]:g}" for column in settings]
         for name in headings:
             cells += [f"{row.logged[name]:.2f}", f"{row.modelled[name]:.2f}"]
         table.add_row(str(row.row), *cells)
     return table
 
 
-def _predicted_rows_table(result: "CounterfactualResult", headings: dict[str, str]) -> Table:
-    settings = _shown_settings([row.setting for row in result.rows])
+def _predicted_rows_table(
+    result: "CounterfactualResult", headings: dict[str, str], columns: tuple[Column, ...]
+) -> Table:
+    settings = _shown_settings(columns, [row.setting for row in result.rows])
     table = _table(settings)
     for heading in headings.values():
         table.add_column(heading, justify="right")
@@ -294,7 +307,7 @@ def _predicted_rows_table(result: "CounterfactualResult", headings: dict[str, st
     if any_beyond:
         table.add_column("beyond")
     for row in result.rows:
-        cells = [f"{row.setting[name]:g}" for name in settings]
+        cells = [f"{row.setting[column.name]:g}" for column in settings]
         cells += [_interval_text(row.power[name], row.half_width[name]) for name in headings]
         stroke = row.amplitude["stroke"]
         cells.append("" if math.isnan(stroke) else f"{stroke * _MM_PER_M:.0f}")

@@ -11,11 +11,9 @@ import typer
 from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
 from rig.cli.check import examine, print_problems
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, FAULT, LOST, OK, STOPPED
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import RUNS, TASK_HELP, Json, Realtime, Rig, Runs, Sim
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors, print_json
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
 from rig.execution.task import RunResult, run_task

@@ -1,13 +1,10 @@
 """`rig runs`."""
 
-from rich.table import Table
 from rich.text import Text
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
-from rig.presentation.console import table_console
+from rig.cli.output import OK, input_errors, print_json
+from rig.presentation.console import plain_table, table_console
 from rig.recording.runs import list_runs
 
 _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
@@ -20,20 +17,13 @@ def command(runs: Runs = RUNS, as_json: Json = False) -> int:
             raise NotADirectoryError(f"{runs}: not a folder")
         runs_found = list_runs(runs)[::-1]
     if as_json:
-        print_json([run._asdict() | {"path": str(run.path)} for run in runs_found])
-        return OK
+        return print_json([run._asdict() | {"path": str(run.path)} for run in runs_found])
     if not runs_found:
         print(f"no runs in {runs}/")
         return OK
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    longest_name = max(len(run.run) for run in runs_found)
-    table.add_column("run", no_wrap=True, min_width=longest_name)  # what a person copies and types
-    table.add_column("mode", no_wrap=True)
-    table.add_column("rows", no_wrap=True, justify="right")
-    table.add_column("status", no_wrap=True)
-    table.add_column("record", overflow="fold")
-    table.add_column("reason", overflow="fold")
-    table.add_column("size", no_wrap=True, justify="right")
+    table = plain_table("run", "mode", ">rows", "status", "record…", "reason…", ">size")
+    # What a person copies and types.
+    table.columns[0].min_width = max(len(run.run) for run in runs_found)
     for run in runs_found:
         done = "-" if run.rows_done is None else str(run.rows_done)
         planned = "-" if run.rows_planned is None else str(run.rows_planned)

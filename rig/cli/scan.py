@@ -12,11 +12,9 @@ from rich.text import Text
 
 from drivers.canopen.bus_settings import BusSettings
 from drivers.modbus.line import RtuSettings, TcpSettings
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, OK, STOPPED
 from rig.cli.options import Json
-from rig.cli.output import print_json
-from rig.presentation.console import table_console
+from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
+from rig.presentation.console import plain_table, table_console
 from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire, serial_wire
 from rig.recording.runs.create import BusyError
 from rig.wires import scan
@@ -205,12 +203,8 @@ def _tcp_settings(address: str, timeout: float) -> TcpSettings:
 
 
 def _node_table(nodes: tuple[scan.DetectedNode, ...]) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("node", justify="right", no_wrap=True)
-    for name in ("device type", "vendor", "product", "revision", "serial"):
-        table.add_column(name, no_wrap=True)
-    table.add_column("errors", no_wrap=True)
-    table.add_column("name", overflow="fold")
+    identity_columns = ("device type", "vendor", "product", "revision", "serial", "errors")
+    table = plain_table(">node", *identity_columns, "name…")
     for node, identity in nodes:
         table.add_row(
             str(node),
@@ -255,10 +249,7 @@ def _print_units(
     if not answering:
         console.print(f"none of {queried} units answers{stopped_text}")
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("unit", justify="right", no_wrap=True)
-    table.add_column("answered in", justify="right", no_wrap=True)
-    table.add_column("with")
+    table = plain_table(">unit", ">answered in", "with…")
     for unit in answering:
         table.add_row(str(unit.unit), f"{1e3 * unit.duration:.1f} ms", Text(unit.answer))
     console.print(table)

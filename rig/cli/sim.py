@@ -16,10 +16,9 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.options import WIRED_RIG_HELP
+from rig.cli.output import FAILED, OK, fail, input_errors
 from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, Wire, Wiring
 from rig.config.yaml_source import load_mapping

@@ -20,12 +20,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rig.analysis.rows import columns_of
 from rig.cli import calibration_dates
-from rig.cli.errors import fail, input_errors
-from rig.cli.exit_codes import FAILED, OK, STOPPED
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import CAMPAIGN_HELP, RUNS, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.config.problems import error_text
 from rig.presentation.phrases import clock_text, format_power
 from rig.recording.runs import run_info
@@ -203,7 +201,7 @@ def _compile(opened: sweep.Sweep) -> None:
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if simulation_of(opened.campaign).is_compiled(opened.campaign.law):
+    if simulation_of(opened.campaign).is_compiled(opened.campaign):
         timer.start()
     else:
         print_notice()

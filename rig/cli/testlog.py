@@ -4,16 +4,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import CALIBRATIONS, Calibrations, Json
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.config.problems import format_number
 from rig.interop.legacy.testlog import Entry, RunLog, find_links, read_log, recording_time
-from rig.presentation.console import table_console
+from rig.presentation.console import plain_table, table_console
 from rig.presentation.json_values import json_value
 from rig.recording.calibration import (
     CalibratedValue,
@@ -110,13 +107,7 @@ def _as_dict(
 
 
 def _print_table(log: RunLog, corrections: Corrections) -> None:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("run", no_wrap=True, justify="right")
-    table.add_column("waves")
-    table.add_column("rig")
-    table.add_column("spring, N/m", justify="right", no_wrap=True)
-    table.add_column("drive", no_wrap=True)
-    table.add_column("remarks", overflow="fold")
+    table = plain_table(">run", "waves…", "rig…", ">spring, N/m", "drive", "remarks…")
     before = {separator.before_run: separator.text for separator in log.separators}
     for entry in log.entries:
         if entry.run in before:

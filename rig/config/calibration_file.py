@@ -194,15 +194,15 @@ class CalibrationFile(FileModel):
             message = (
                 f"{format_value(self.unit)} is not the unit of {self.quantity}; allowed {unit}"
             )
-            yield RuleViolation(("unit",), message, self.unit)
+            yield self.violation("unit", message)
         if self.version == 1 and self.supersedes is not None:
-            yield RuleViolation(("supersedes",), "version 1 supersedes nothing", self.supersedes)
+            yield self.violation("supersedes", "version 1 supersedes nothing")
         if self.version > 1 and self.supersedes is None:
             message = f"supersedes missing; allowed a version before {self.version}"
             yield RuleViolation((), message)
         if self.supersedes is not None and 1 < self.version <= self.supersedes:
             message = f"{self.supersedes} is not an earlier version; allowed below {self.version}"
-            yield RuleViolation(("supersedes",), message, self.supersedes)
+            yield self.violation("supersedes", message)
         yield from self._map_rules()
 
     def _map_rules(self) -> Iterator[RuleViolation]:

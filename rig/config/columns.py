@@ -16,6 +16,9 @@ END_MARK = -999.0
 
 _KP = impedance.COLUMNS[0]
 
+LawColumns = tuple[LawColumn, ...]
+"""The columns of one law or, of a rig with several axes, of all their laws."""
+
 
 def reject_end_mark(kp: float) -> float:
     """Return a gain; a rule error for `END_MARK`."""
@@ -38,10 +41,19 @@ def law_column_type(column: LawColumn) -> Any:
 class KindColumns:
     """The columns that a kind of rig gives every gain matrix, and its details of laws' columns."""
 
-    first: Column  # every matrix has it; the law's columns follow
+    first: Column | None  # every matrix has it, if any; the laws' columns follow
     others: tuple[Column, ...]  # a matrix may have them
     types: Mapping[str, Any]  # type and range of these columns by key
     law_details: Mapping[str, dict[str, Any]]  # further fields of a law's columns by key
+
+    @property
+    def _leading(self) -> tuple[Column, ...]:
+        return () if self.first is None else (self.first,)
+
+    @property
+    def actuator(self) -> Column | None:
+        """The position of the device that moves between rows for the first column."""
+        return None if self.first is None else self.first.actuator
 
     def with_law(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
         """Return the columns of a matrix: the first, those of the law, the others."""
@@ -55,20 +67,21 @@ class KindColumns:
             )
             for each in law_columns
         )
-        return (self.first, *from_law, *self.others)
+        return (*self._leading, *from_law, *self.others)
 
     def required(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
         """Return the columns of every matrix: the first, and the law's without a default."""
         law_columns = tuple(law_columns)
-        needed = {self.first.key, *(each.key for each in law_columns if each.default is None)}
+        needed = {each.key for each in law_columns if each.default is None}
+        needed |= {each.key for each in self._leading}
         return tuple(each for each in self.with_law(law_columns) if each.key in needed)
 
     def problems(self, law_columns: Iterable[LawColumn]) -> tuple[str, ...]:
         """Return the clashes of a law's columns with the other columns of a matrix."""
-        own = (self.first, *self.others)
+        own = (*self._leading, *self.others)
         taken = {each.key for each in own} | {each.name for each in own} | _ROW_TABLE_NAMES
-        if self.first.actuator is not None:
-            taken.add(self.first.actuator.name)
+        if self.actuator is not None:
+            taken.add(self.actuator.name)
         return tuple(
             f"its column {each.key} ({each.name}) has the name of another column or of a row's "
             "result"

@@ -6,14 +6,27 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, Field, create_model
 
+from controllers.law import Column as LawColumn
 from controllers.law import Parameter, Settings
 from rig import laws
 from rig.config.columns import KindColumns
 from rig.config.model import FileModel, TupleOf
+from rig.config.problems import ConfigError
 from rig.config.yaml_source import KeyPath, SourceMap
 
 DEFAULT_LAW = "impedance"
 IMPEDANCE = laws.own(DEFAULT_LAW)
+
+
+class AxisLaw(NamedTuple):
+    """The law of an axis, and its columns in a gain matrix."""
+
+    law: laws.Law
+    columns: tuple[LawColumn, ...]  # names and keys may have a prefix, so that axes differ
+
+    def set_point(self, values: Any) -> Any:
+        """Return the law's SetPoint from an object with an attribute for each column's name."""
+        return self.law.module.SetPoint(*(getattr(values, each.name) for each in self.columns))
 
 
 class TransferFunction(FileModel):
@@ -93,13 +106,15 @@ def find_law(
 ) -> laws.Law:
     """Return the law that a mapping names; a path is relative to the file with the key.
 
-    ``columns`` are the kind's of a matrix. Raises LawError if the law cannot be used.
+    ``columns`` are the kind's of a matrix. Raises `ConfigError` if the law cannot be used.
     """
     text, key = named_law(mapping)
-    law = find(text, str(locate(key).path.parent))
-    problems = columns.problems(law.columns)
-    if problems:
-        raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
+    try:
+        law = find(text, str(locate(key).path.parent))
+        if problems := columns.problems(law.columns):
+            raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
+    except laws.LawError as error:
+        raise ConfigError([locate.problem(key, text, str(error))]) from None
     return law
 
 

@@ -40,7 +40,12 @@ class DriveLimits(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the order of rms and peak, of stale and wrong values, and of warning and stop."""
-        yield from check_rms_below_peak(self)
+        if self.current_rms_a > self.current_peak_a:
+            yield self.violation(
+                "current_rms_a",
+                f"{format_number(self.current_rms_a)} is more than the peak; "
+                f"allowed up to current_peak_a = {format_number(self.current_peak_a)} A",
+            )
         yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
 
 
@@ -77,22 +82,10 @@ class RotaryAxisLimits(DriveLimits):
 def _check_warning(limits: FileModel, unit: str) -> Iterator[RuleViolation]:
     warn, stop = (getattr(limits, f"position_{level}_{unit}") for level in ("warn", "stop"))
     if warn >= stop:
-        yield RuleViolation(
-            (f"position_warn_{unit}",),
+        yield limits.violation(
+            f"position_warn_{unit}",
             f"{format_number(warn)} warns no earlier than the stop; "
             f"allowed below position_stop_{unit} = {format_number(stop)} {unit}",
-            warn,
-        )
-
-
-def check_rms_below_peak(limits: Any) -> Iterator[RuleViolation]:
-    """Yield a violation if ``current_rms_a`` exceeds ``current_peak_a``."""
-    if limits.current_rms_a > limits.current_peak_a:
-        yield RuleViolation(
-            ("current_rms_a",),
-            f"{format_number(limits.current_rms_a)} is more than the peak; "
-            f"allowed up to current_peak_a = {format_number(limits.current_peak_a)} A",
-            limits.current_rms_a,
         )
 
 
@@ -103,11 +96,10 @@ def check_difference_time(limits: FileModel, difference: str, age: str) -> Itera
     """
     difference_time, max_age = getattr(limits, difference), getattr(limits, age)
     if difference_time <= max_age:
-        yield RuleViolation(
-            (difference,),
+        yield limits.violation(
+            difference,
             f"{format_number(difference_time)} would stop for a value that is merely old; "
             f"allowed above {age} = {format_number(max_age)} s",
-            difference_time,
         )
 
 

@@ -94,7 +94,7 @@ def grid_model(
     """Return the model of all combinations of given values, for a kind's and a law's columns."""
 
     def values(kind: Any, required: bool) -> Any:
-        listed = _tuple_of(kind) if required else _tuple_of(kind) | None
+        listed = tuple_of(kind) if required else tuple_of(kind) | None
         return (Annotated[listed, ExpandValues], ... if required else None)
 
     fields = _fields(kind_columns, law_columns, values)
@@ -120,8 +120,8 @@ def _fields(
     field: Callable[[Any, bool], Any],
 ) -> dict[str, Any]:
     """Return the fields of a model by key; in a grid the last given column changes fastest."""
-    types, first = kind_columns.types, kind_columns.first.key
-    fields = {first: field(types[first], True)}
+    types, first = kind_columns.types, kind_columns.first
+    fields = {} if first is None else {first.key: field(types[first.key], True)}
     for column in law_columns:
         fields[column.key] = field(law_column_type(column), column.default is None)
     return fields | {c.key: field(types[c.key], False) for c in kind_columns.others}
@@ -163,7 +163,7 @@ class Matrix(FileModel):
         return {key: value for key, value in dump(self).items() if value is not None}
 
 
-def _tuple_of(kind: Any) -> Any:
+def tuple_of(kind: Any) -> Any:
     """Return `TupleOf` of a type that is made at run time."""
     return Annotated[tuple[kind, ...], Field(strict=False)]
 
@@ -171,8 +171,8 @@ def _tuple_of(kind: Any) -> Any:
 @cache
 def matrix_model(kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
     """Return the model of the gain matrix with a kind's and a law's columns."""
-    grid = _tuple_of(grid_model(kind_columns, law_columns))
-    combination = _tuple_of(combination_model(kind_columns, law_columns))
+    grid = tuple_of(grid_model(kind_columns, law_columns))
+    combination = tuple_of(combination_model(kind_columns, law_columns))
     fields: dict[str, Any] = {
         "grid": (grid | None, Field(default=None, min_length=1, strict=False)),
         "combinations": (

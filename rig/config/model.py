@@ -46,6 +46,17 @@ class FileModel(BaseModel):
         """Yield the violated rules between keys; called only if each key by itself is valid."""
         yield from ()
 
+    def violation(self, key: str, message: str) -> RuleViolation:
+        """Return the violation of a rule by the value of a key."""
+        return RuleViolation((key,), message, getattr(self, key))
+
+    def check_one_of(self, first: str, second: str, missing: str) -> Iterator[RuleViolation]:
+        """Check that exactly one of two keys is given; ``missing``: the message for neither."""
+        if getattr(self, first) is None and getattr(self, second) is None:
+            yield RuleViolation((), missing)
+        elif None not in (getattr(self, first), getattr(self, second)):
+            yield self.violation(second, f"{first} is given already; allowed one of the two")
+
     @model_validator(mode="after")
     def _apply_rules(self) -> Self:
         violations = tuple(self.check_rules())

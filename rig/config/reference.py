@@ -35,13 +35,8 @@ class _Stimulus(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one amplitude is given."""
-        if self.amplitude_a is None and self.amplitude_n is None:
-            yield RuleViolation(
-                (), "amplitude missing; allowed amplitude_a 0 .. 40 A or amplitude_n 0 .. 4000 N"
-            )
-        if self.amplitude_a is not None and self.amplitude_n is not None:
-            message = "amplitude_a is given already; allowed one of the two"
-            yield RuleViolation(("amplitude_n",), message, self.amplitude_n)
+        missing = "amplitude missing; allowed amplitude_a 0 .. 40 A or amplitude_n 0 .. 4000 N"
+        yield from self.check_one_of("amplitude_a", "amplitude_n", missing)
 
     def force_amplitude(self, newtons_per_ampere: float) -> float:
         """Return the amplitude as force on the body, N; the factor is Kt N of the axis."""
@@ -99,7 +94,7 @@ class SteppedSineReference(_Stimulus):
                 )
         if self.period > MAX_REPEAT_S:
             message = f"{format_number(self.period)} s in all; allowed up to {MAX_REPEAT_S} s"
-            yield RuleViolation(("hold_s",), message, self.hold_s)
+            yield self.violation("hold_s", message)
 
     @property
     def period(self) -> float:
@@ -128,13 +123,13 @@ class _BandStimulus(_Stimulus):
         if self.high_hz <= self.low_hz:
             low = format_number(self.low_hz)
             message = f"{format_number(self.high_hz)} is not above low_hz = {low} Hz"
-            yield RuleViolation(("high_hz",), message, self.high_hz)
+            yield self.violation("high_hz", message)
         elif math.floor(self.high_hz * self.repeat_s + 1e-6) < self.low_hz * self.repeat_s - 1e-6:
             message = (
                 f"no multiple of 1/{format_number(self.repeat_s)} Hz lies between "
                 f"{format_number(self.low_hz)} and {format_number(self.high_hz)} Hz"
             )
-            yield RuleViolation(("repeat_s",), message, self.repeat_s)
+            yield self.violation("repeat_s", message)
 
     @property
     def period(self) -> float:
@@ -205,14 +200,12 @@ class RecordedReference(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the file's suffix and the duration of the window."""
         if not self.file.lower().endswith(".csv"):
-            message = f"{self.file!r} cannot be read; allowed *.csv"
-            yield RuleViolation(("file",), message, self.file)
+            yield self.violation("file", f"{self.file!r} cannot be read; allowed *.csv")
         if not 1.0 <= self.period <= MAX_REPEAT_S:
-            yield RuleViolation(
-                ("end_s",),
+            yield self.violation(
+                "end_s",
                 f"{format_number(self.period)} s to play; allowed 1 .. {MAX_REPEAT_S} s "
                 f"from start_s = {format_number(self.start_s)} s",
-                self.end_s,
             )
 
     @property

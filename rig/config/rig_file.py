@@ -53,11 +53,10 @@ class StopTiming(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that at least half of a stop is pure damping."""
         if self.ramp_s > 0.5 * self.duration_s:
-            yield RuleViolation(
-                ("ramp_s",),
+            yield self.violation(
+                "ramp_s",
                 f"{format_number(self.ramp_s)} leaves too little of the stop to pure damping; "
                 f"allowed up to half of duration_s = {format_number(self.duration_s)} s",
-                self.ramp_s,
             )
 
 

@@ -48,13 +48,8 @@ class RegularSea(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one of frequency and period is given."""
-        if self.frequency_hz is None and self.period_s is None:
-            yield RuleViolation(
-                (), "frequency missing; allowed frequency_hz 0.05 .. 2 Hz or period_s 0.5 .. 20 s"
-            )
-        if self.frequency_hz is not None and self.period_s is not None:
-            message = "frequency_hz is given already; allowed one of the two"
-            yield RuleViolation(("period_s",), message, self.period_s)
+        missing = "frequency missing; allowed frequency_hz 0.05 .. 2 Hz or period_s 0.5 .. 20 s"
+        yield from self.check_one_of("frequency_hz", "period_s", missing)
 
     @property
     def frequency(self) -> float:
@@ -131,20 +126,14 @@ class BandSea(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that one height is given and that the band contains a multiple of 1/repeat."""
-        if self.hm0_m is None and self.rms_m is None:
-            yield RuleViolation(
-                (), "height missing; allowed hm0_m 0.001 .. 1 m or rms_m 0.00025 .. 0.25 m"
-            )
-        if self.hm0_m is not None and self.rms_m is not None:
-            message = "hm0_m is given already; allowed one of the two"
-            yield RuleViolation(("rms_m",), message, self.rms_m)
+        missing = "height missing; allowed hm0_m 0.001 .. 1 m or rms_m 0.00025 .. 0.25 m"
+        yield from self.check_one_of("hm0_m", "rms_m", missing)
         first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
         if math.floor(last + 1e-6) < math.ceil(first - 1e-6):
-            yield RuleViolation(
-                ("high_hz",),
+            yield self.violation(
+                "high_hz",
                 f"{format_number(self.high_hz)} leaves no multiple of 1/repeat_s in the band; "
                 f"allowed {format_number(math.ceil(first - 1e-6) / self.repeat_s)} .. 2 Hz",
-                self.high_hz,
             )
 
     @property
@@ -221,22 +210,19 @@ class RecordedSea(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the file's suffix, and that the window holds at least one repeat period."""
         if not self.file.lower().endswith((".twe", ".csv")):
-            message = f"{self.file!r} cannot be read; allowed *.twe, *.csv"
-            yield RuleViolation(("file",), message, self.file)
+            yield self.violation("file", f"{self.file!r} cannot be read; allowed *.twe, *.csv")
         length = self.end_s - self.start_s
         if length <= 0.0:
-            yield RuleViolation(
-                ("end_s",),
+            yield self.violation(
+                "end_s",
                 f"{format_number(self.end_s)} is not after the start; "
                 f"allowed above start_s = {format_number(self.start_s)} s",
-                self.end_s,
             )
         elif self.repeat_s is not None and self.repeat_s > length * (1 + 1e-9):
-            yield RuleViolation(
-                ("repeat_s",),
+            yield self.violation(
+                "repeat_s",
                 f"{format_number(self.repeat_s)} is longer than the window; "
                 f"allowed up to end_s - start_s = {format_number(length)} s",
-                self.repeat_s,
             )
 
     @property

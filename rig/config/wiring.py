@@ -4,7 +4,8 @@ A rehearsal needs no wiring. The wiring of each kind of rig is a subclass of `Wi
 parts as fields, so its wires, drives and register blocks are found by the types of its fields.
 """
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
@@ -57,7 +58,7 @@ class Deadlines(FileModel):
     stale_s: float = Field(gt=0, le=5)  # age at which a statusword becomes invalid
 
 
-class Drive(FileModel):
+class Drive(FileModel, ABC):
     """Settings that drives and actuators of CiA 402 have in common."""
 
     node: Node
@@ -71,9 +72,9 @@ class Drive(FileModel):
     read_only: tuple[str, ...] = Field(default=(), strict=False)  # objects that cannot be written
 
     @property
+    @abstractmethod
     def description(self) -> str:
         """What the device is, for people."""
-        raise NotImplementedError
 
 
 class TorqueDrive(Drive):
@@ -223,9 +224,14 @@ class BlockContent(NamedTuple):
     """Annotation of a field that is a register block: its device and the values expected in it."""
 
     device: str  # for people
-    signals: tuple[str, ...]  # names of the values, in this order
+    signals: Mapping[str, str]  # units of the values by name, in this order
     written: bool = False  # True: a run writes the block; False: it is polled
 
+
+PANEL_INPUTS = BlockContent(
+    "I/O coupler: digital inputs", {"e_stop": "flag", "limit_switch": "flag"}
+)
+"""The digital inputs of a rig; they are for monitoring only: the stop chain is hard-wired."""
 
 WirePart = CanBus | TcpLine | RtuLine | SerialPort | UdpDevice
 
@@ -250,13 +256,13 @@ class Wire(NamedTuple):
 class Wiring(FileModel):
     """The wiring of a rig: Modbus lines, and the parts that its kind has as further fields."""
 
-    lines: dict[str, AnyLine]
-    output_expiry_s: float = Field(ge=0.05, le=10)  # age at which an output command expires
+    lines: dict[str, AnyLine] = Field(default_factory=dict)
+    output_expiry_s: float = Field(default=0.25, ge=0.05, le=10)  # age of an output's command
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that every register block has the expected values, and a line of the rig."""
         for name, block in self.blocks().items():
-            expected = self.block_content(name).signals
+            expected = tuple(self.block_content(name).signals)
             names = tuple(value.name for value in block.values)
             if names != expected:
                 message = f"must be {', '.join(expected)} in this order"
@@ -279,6 +285,10 @@ class Wiring(FileModel):
             kind: Literal["tcp", "serial"] = "tcp" if isinstance(line, TcpLine) else "serial"
             found.append(Wire(f"line {name}", kind, line))
         return tuple(found)
+
+    def can_bus(self) -> CanBus | None:
+        """Return the CAN bus; None without one."""
+        return next((part for _, part in self._parts() if isinstance(part, CanBus)), None)
 
     def drives(self) -> dict[str, Drive]:
         """Return the drives and actuators on the CAN bus by name."""

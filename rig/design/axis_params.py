@@ -8,9 +8,9 @@ from functools import lru_cache
 
 from controllers import estimator
 from rig.config.axis import Axis, RotaryAxis
-from rig.config.limits_file import AxisLimits, RotaryAxisLimits
+from rig.config.limits_file import AxisLimits, DriveLimits, MotorPowerLimits, RotaryAxisLimits
 from rig.design.estimator import design
-from rig.realtime import axis, limits
+from rig.realtime import average, axis, limits, motor_power
 
 _cached_design = lru_cache(maxsize=64)(design)  # sweeps repeat the same designs
 
@@ -62,21 +62,43 @@ def axis_params(
     return axis.Params(
         metres_per_count=metres_per_count(motor),
         estimator=estimator_params(motor, dt),
-        limits=limits.AxisLimits(
+        limits=axis_limits(
+            bounds,
+            newtons_per_ampere(motor),
+            dt,
             position_warn=warn,
             position_stop=stop,
             velocity_stop=velocity,
-            current_peak=bounds.current_peak_a,
-            current_rms=bounds.current_rms_a,
-            current_rms_time=bounds.current_rms_time_s,
             force_slew=slew,
-            encoder_age_stop=bounds.encoder_age_stop_s,
             encoder_jump_stop=jump,
-            drive_age_stop=bounds.drive_age_stop_s,
-            current_difference_stop=bounds.current_difference_stop_a,
-            current_ticks_stop=max(1, round(bounds.current_difference_time_s / dt)),
-            newtons_per_ampere=newtons_per_ampere(motor),
         ),
         stop_damping=stop_damping,
         stop_ramp=stop_ramp,
+    )
+
+
+def axis_limits(
+    bounds: DriveLimits, newtons_per_ampere: float, dt: float, **others: float
+) -> limits.AxisLimits:
+    """Return the limits of an axis, those of its drive and ``others``."""
+    return limits.AxisLimits(
+        current_peak=bounds.current_peak_a,
+        current_rms=bounds.current_rms_a,
+        current_rms_time=bounds.current_rms_time_s,
+        encoder_age_stop=bounds.encoder_age_stop_s,
+        drive_age_stop=bounds.drive_age_stop_s,
+        current_difference_stop=bounds.current_difference_stop_a,
+        current_ticks_stop=max(1, round(bounds.current_difference_time_s / dt)),
+        newtons_per_ampere=newtons_per_ampere,
+        **others,
+    )
+
+
+def motor_power_params(bounds: MotorPowerLimits, dt: float) -> motor_power.Params:
+    """Return the limits of a motor's power for a period ``dt`` (s)."""
+    return motor_power.Params(
+        average.weight_of_tick(bounds.time_s, dt),
+        bounds.fed_stop_w,
+        bounds.motor_difference_stop_w,
+        bounds.motor_difference_ratio,
     )

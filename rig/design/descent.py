@@ -8,9 +8,9 @@ inclined valley does not slow the descent down.
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from rig.spectra.periods import Floats
+
 Costs = Callable[[Floats], Floats]
 """Costs of points (points by coordinates)."""
 

@@ -18,13 +18,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers import estimator
 from rig.compilation.cache_folder import cache_root, cached_json
-
-Floats = npt.NDArray[np.float64]
-Complexes = npt.NDArray[np.complex128]
+from rig.spectra.periods import Complexes, Floats
 
 _CONVERGED = 1e-12  # relative change of the gain in one step
 _MAX_STEPS = 200_000

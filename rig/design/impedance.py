@@ -15,9 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.biquads import Biquad
-
-Complexes = npt.NDArray[np.complex128]
-Floats = npt.NDArray[np.float64]
+from rig.spectra.periods import Complexes, Floats
 
 BAND = (0.05, 2.0)  # Hz, band of the waves
 # Relative to |Z_c|, or to a hundredth of its largest value in the band where |Z_c| is smaller than

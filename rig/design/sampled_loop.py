@@ -16,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.biquads import Biquad
-from rig.design.axis import Body
+from rig.design.axis import Body, Law, Timing
 from rig.design.estimator import correction, transition
 from rig.design.grid import Flags, Floats
-from rig.design.loop import Law, Timing
 
 MAX_DECAY_TIME = 1e9  # s, reported instead of infinity
 MAX_GAIN = 32.0  # factor at which the search for the margin stops

@@ -4,17 +4,26 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from rig.config.wiring import AnyLine, CanBus, Registers, RtuLine, SerialPort, TcpLine
+from rig.config.shipped_files import shipped_folder
+from rig.config.wiring import AnyLine, CanBus, Registers, RtuLine, SerialPort, TcpLine, TorqueDrive
 from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import CanopenNode
+from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.running import Emulator
+from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.torque_drive import AnalogInput, Motor, Scaling, TorqueDriveParams
+from sim_plant.emulators.torque_drive import TorqueDrive as EmulatedDrive
+
+AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
+    shipped_folder() / "devices" / f"{name}.eds"
+    for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
+)
 
 
 class HasFaults(Protocol):
@@ -31,38 +40,58 @@ class EmulatedDevices(NamedTuple):
 
     world: SharedSimulation[Any, Any]
     wires: Mapping[str, Emulator]  # each with the faults of its link
-    units: Mapping[str, HasFaults]  # devices other than nodes, by name
     step: Callable[[], None]  # advance world and devices to the present
     restart: Callable[[], None]  # replace the present world by one at rest
-    powered: Mapping[str, Callable[[], bool]]  # by motor: whether it has power
-    report: Callable[[], dict[str, Any]]  # values for the control port's answer to "world"
     nodes: Mapping[str, CanopenNode] = {}
+    units: Mapping[str, HasFaults] = {}  # devices other than nodes, by name
+    powered: Mapping[str, Callable[[], bool]] = {}  # by motor: whether it has power
+    report: Callable[[], dict[str, Any]] = dict  # for the control port's answer to "world"
     ticks_per_step: int = 1
 
 
 class EmulatedBus:
     """A CAN bus behind socketcand with its nodes, as one of a rig's wires."""
 
-    def __init__(self, can: CanBus, hub: CanHub, nodes: Iterable[CanopenNode]) -> None:
-        """``nodes``: stations of ``hub``, which have power while the bus runs."""
+    def __init__(self, can: CanBus, world: SharedSimulation[Any, Any], schedule: Schedule) -> None:
         self.address = ""
-        self.link = hub.link
+        self.hub = CanHub(schedule)
+        self.link = self.hub.link
+        self.nodes: dict[str, CanopenNode] = {}  # they have power while the bus runs
         self._endpoint = can.settings().endpoint
-        self._hub = hub
-        self._nodes = tuple(nodes)
+        self._world = world
+        self._schedule = schedule
+
+    def add_torque_drive(
+        self, name: str, wiring: TorqueDrive, motor: Motor, analog: tuple[AnalogInput, ...] = ()
+    ) -> EmulatedDrive:
+        """Return the drive of a motor, a new node; ``analog``: the sensors on its inputs."""
+        eds, scaling = RATED_EDS, Scaling.RATED
+        if wiring.scaling == "amc":
+            eds, scaling = AMC_EDS, Scaling.AMC
+        params = TorqueDriveParams(scaling, analog=analog)
+        drive = EmulatedDrive(
+            NodeParams(wiring.node, eds), params, self.hub, self._schedule, self._world, motor
+        )
+        self.nodes[name] = drive
+        return drive
 
     async def start(self) -> None:
         """Open the bus to other processes and switch its nodes on."""
-        host, port = await self._hub.serve(*self._endpoint)
+        host, port = await self.hub.serve(*self._endpoint)
         self.address = f"socketcand {host}:{port}"
-        for node in self._nodes:
+        for node in self.nodes.values():
             node.power_on()
+
+    def step(self) -> None:
+        """Advance the world to the present and serve the clients of the bus."""
+        self._world.catch_up()
+        self.hub.poll()
 
     async def close(self) -> None:
         """Switch the nodes off and disconnect all clients."""
-        for node in self._nodes:
+        for node in self.nodes.values():
             node.power_off()
-        await self._hub.close()
+        await self.hub.close()
 
 
 def modbus_lines(

@@ -34,7 +34,7 @@ Build = Callable[[R, dict[str, Any], asyncio.AbstractEventLoop], EmulatedDevices
 def emulation_process(module: str, rig: BaseRigFile, **config: Any) -> IoProcess:
     """Return the emulated devices of a rig as an I/O process; ``config``: JSON values for it."""
     config["rig"] = rig.model_dump(mode="json")
-    return IoProcess(PROCESS_NAME, module, config, (), READY_TIMEOUT_S, starts_first=True)
+    return IoProcess(PROCESS_NAME, module, config, {}, READY_TIMEOUT_S, starts_first=True)
 
 
 def serve_devices(job: IoJob, model: type[R], build: Build[R]) -> None:

@@ -18,8 +18,7 @@ from rig import kinds
 from rig.processes.run_types import RecordedTask
 from rig.realtime import cycle, safety
 from rig.recording import row_layout
-from rig.recording.runs import RunError, reader, run_info
-from rig.recording.runs.folder import RunInfo
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.mcap_file import Records, row_dtype
 
 _INPUT_FIELDS = ("tick", "time", "timing", "tick_end")

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
     WAVE_CLOCK,

@@ -13,8 +13,7 @@ from rig.identification.experiments import Experiment, read_experiments
 from rig.identification.families import Member, family
 from rig.identification.fit import ORDERS, FittedImpedance, fit
 from rig.identification.impedances import Model, models
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, run_info
 from rig.spectra import wave_calibration
 
 FITTED = ("Z_i", "Z_id")

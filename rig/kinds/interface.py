@@ -1,8 +1,8 @@
 """What a kind of rig consists of: the rooms of its package, one protocol for each.
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
-uses. `rig.kinds.ROOMS` lists the rooms that every kind has; `commands` is optional, and so is
-`simulation`, for kinds whose campaigns can be swept (`rig.sweep.simulator.Simulation`).
+uses. `rig.kinds.ROOMS` lists the rooms that every kind has. Optional are `commands`, `campaign` for
+kinds with campaigns, and `simulation` for those that can be swept (`rig.sweep.simulator`).
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from pydantic import BaseModel
 
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
+from rig.campaign.kind import CampaignKind
 from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
@@ -252,6 +253,13 @@ class Products(Protocol):
     def draw(self, run: Path, options: DrawOptions) -> list[Path]:
         """Write the products of a recorded run, or the selected picture; return their paths."""
         ...
+
+
+class Campaigns(Protocol):
+    """Room `campaign`, optional: campaigns of gain matrices."""
+
+    CAMPAIGNS: CampaignKind
+    """What the kind adds to `rig.campaign`."""
 
 
 class Commands(Protocol):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rig.config.columns import END_MARK, KindColumns
+from rig.config.columns import END_MARK, KindColumns, LawColumns
 from rig.config.matrix import MatrixColumns, combination_model
 from rig.config.problems import (
     ConfigError,
@@ -15,7 +15,6 @@ from rig.config.problems import (
 )
 from rig.config.ranges import allowed_values
 from rig.config.yaml_source import SourceLocation
-from rig.laws import Law
 from rig.planning.point import MAX_ROWS, Point, ValueLocation, make_point
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 from rig.row_contents import Column
@@ -24,12 +23,12 @@ _KP = "kp_n_s_per_m"  # the column with the end mark
 
 
 def read_matrix_csv(
-    path: Path, named_at: SourceLocation, columns: KindColumns, law: Law
+    path: Path, named_at: SourceLocation, columns: KindColumns, law_columns: LawColumns
 ) -> tuple[Point, ...]:
     """Return all points of the file, up to a row whose Kp is the end mark.
 
-    ``named_at`` is the location that names the file; ``columns`` and ``law`` define its columns.
-    Raises `ConfigError` with line and column of every invalid cell.
+    ``named_at`` is the location that names the file; ``columns`` and ``law_columns`` define its
+    columns. Raises `ConfigError` with line and column of every invalid cell.
     """
     header: tuple[Column, ...] = ()
     problems, points = list[Problem](), list[Point]()
@@ -37,9 +36,9 @@ def read_matrix_csv(
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if not header:
-            header = _parse_header(path, number, line, columns, law)
+            header = _parse_header(path, number, line, columns, law_columns)
             continue
-        row = _parse_row(path, number, line, header, combination_model(columns, law.columns))
+        row = _parse_row(path, number, line, header, combination_model(columns, law_columns))
         if row is None:
             break
         if isinstance(row, list):
@@ -52,14 +51,14 @@ def read_matrix_csv(
     if problems:
         raise ConfigError(problems)
     if not points:
-        required = ",".join(column.key for column in columns.required(law.columns))
+        required = ",".join(column.key for column in columns.required(law_columns))
         message = f"no row; allowed a header {required} and at least one row"
         raise ConfigError([Problem(display_path(path), 1, "", None, message)])
     return tuple(points)
 
 
 def unused_row_warnings(
-    path: Path, named_at: SourceLocation, columns: KindColumns, law: Law
+    path: Path, named_at: SourceLocation, columns: KindColumns, law_columns: LawColumns
 ) -> tuple[Problem, ...]:
     """Return a warning about the lines after the end mark; empty if there are none."""
     header: tuple[Column, ...] = ()
@@ -68,7 +67,7 @@ def unused_row_warnings(
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if not header:
-            header = _parse_header(path, number, line, columns, law)
+            header = _parse_header(path, number, line, columns, law_columns)
         elif ended:
             unused.append(number)
         else:
@@ -110,11 +109,11 @@ def _lines(path: Path, named_at: SourceLocation) -> list[str]:
 
 
 def _parse_header(
-    path: Path, number: int, line: str, columns: KindColumns, law: Law
+    path: Path, number: int, line: str, columns: KindColumns, law_columns: LawColumns
 ) -> tuple[Column, ...]:
     names = [cell.strip() for cell in line.split(",")]
-    by_key = {column.key: column for column in columns.with_law(law.columns)}
-    required = [column.key for column in columns.required(law.columns)]
+    by_key = {column.key: column for column in columns.with_law(law_columns)}
+    required = [column.key for column in columns.required(law_columns)]
     missing = [key for key in required if key not in names]
     if missing or len(set(names)) < len(names) or not set(names) <= set(by_key):
         others = ",".join(key for key in by_key if key not in required)

@@ -3,11 +3,10 @@
 import itertools
 import math
 
-from rig.config.columns import KindColumns
+from rig.config.columns import KindColumns, LawColumns
 from rig.config.matrix import Matrix
 from rig.config.problems import Problem, format_key
 from rig.config.yaml_source import KeyPath, SourceMap
-from rig.laws import Law
 from rig.planning import matrix_csv
 from rig.planning.point import Point, ValueLocation, make_point
 
@@ -21,7 +20,7 @@ def count_points(matrix: Matrix) -> int:
 
 
 def matrix_points(
-    matrix: Matrix, locate: SourceMap, kind_columns: KindColumns, law: Law
+    matrix: Matrix, locate: SourceMap, kind_columns: KindColumns, law_columns: LawColumns
 ) -> tuple[Point, ...]:
     """Return all points in the order of the file; in a grid the last given column changes fastest.
 
@@ -30,8 +29,8 @@ def matrix_points(
     if matrix.csv is not None:
         key = ("matrix", "csv")
         path = locate.resolve_path(key, matrix.csv)
-        return matrix_csv.read_matrix_csv(path, locate(key), kind_columns, law)
-    columns = kind_columns.with_law(law.columns)
+        return matrix_csv.read_matrix_csv(path, locate(key), kind_columns, law_columns)
+    columns = kind_columns.with_law(law_columns)
     points = []
     for i, grid in enumerate(matrix.grid or ()):
         at = ("matrix", "grid", i)
@@ -47,14 +46,14 @@ def matrix_points(
 
 
 def unused_row_warnings(
-    matrix: Matrix | None, locate: SourceMap, kind_columns: KindColumns, law: Law
+    matrix: Matrix | None, locate: SourceMap, kind_columns: KindColumns, law_columns: LawColumns
 ) -> tuple[Problem, ...]:
     """Return a warning about lines of a CSV matrix that are never run; empty if there are none."""
     if matrix is None or matrix.csv is None:
         return ()
     key = ("matrix", "csv")
     path = locate.resolve_path(key, matrix.csv)
-    return matrix_csv.unused_row_warnings(path, locate(key), kind_columns, law)
+    return matrix_csv.unused_row_warnings(path, locate(key), kind_columns, law_columns)
 
 
 def _locate_values(

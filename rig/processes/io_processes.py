@@ -10,12 +10,13 @@ loop inherits. When the last process that holds that end is gone, each sees the 
 
 import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.processes import handover, mailbox
 from rig.processes.child import Child
-from rig.processes.messages import IoJob, Notice, Ready, Refused
+from rig.processes.messages import IoJob, MessageFields, Notice, Ready, Refused, Slot
 from rig.recording.runs.create import write_json
 
 FACTS_FILE = "io_processes.json"  # in the run's folder: addresses, values read from the devices
@@ -29,7 +30,7 @@ class IoProcess(NamedTuple):
     name: str  # in messages, and of its error file
     module: str  # python -m ...
     config: dict[str, Any]  # JSON values
-    mailboxes: tuple[str, ...]  # names of the slots it uses, shared by name with the loop
+    mailboxes: Mapping[str, MessageFields] = {}  # message of each, by name
     ready_timeout_s: float = READY_TIMEOUT_S  # s until it must be ready
     starts_first: bool = False  # the others need it and are started once it is ready
 
@@ -48,8 +49,11 @@ class IoProcesses:
         self._processes = processes
         self._locks = locks
         self._folder = folder
-        # The file descriptors of the mailboxes by name.
-        self.slots = {name: mailbox.create() for each in processes for name in each.mailboxes}
+        self.slots = {  # by name
+            name: Slot(mailbox.create(), fields)
+            for each in processes
+            for name, fields in each.mailboxes.items()
+        }
         self._lifeline, self.loop_end = os.pipe()  # the loop inherits `loop_end`
         self._children: list[tuple[IoProcess, Child]] = []
         self.facts: dict[str, Any] = {}  # by I/O process: values read from devices, for the loop
@@ -73,7 +77,7 @@ class IoProcesses:
     def _start_child(self, process: IoProcess) -> Child:
         slots = {name: self.slots[name] for name in process.mailboxes}
         job = handover.dumps(IoJob(process.config, slots, self._lifeline))
-        fds = (self._lifeline, *slots.values(), *self._locks)
+        fds = (self._lifeline, *(slot.fd for slot in slots.values()), *self._locks)
         child = Child(process.module, job, fds, self._folder / f"{process.name}.stderr")
         self._children.append((process, child))
         return child
@@ -125,6 +129,6 @@ class IoProcesses:
                 child.process.terminate()
             child.end(timeout_s)
         self.release_lifeline()
-        for fd in (self._lifeline, *self.slots.values()):
+        for fd in (self._lifeline, *(slot.fd for slot in self.slots.values())):
             os.close(fd)
         self.slots = {}

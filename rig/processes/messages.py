@@ -50,11 +50,22 @@ class LoopJob(NamedTuple):
     logger: tuple[LoggerJob, ...] = ()  # the present logger's; none: unsaved rows are lost
 
 
+MessageFields = tuple[tuple[str, ...], ...]
+"""Name and unit of each field of a message."""
+
+
+class Slot(NamedTuple):
+    """A mailbox that processes share."""
+
+    fd: int
+    fields: MessageFields  # of the message in it
+
+
 class IoJob(NamedTuple):
     """The supervisor's request to an I/O process."""
 
     config: dict[str, Any]  # JSON values, read by the process's module
-    mailboxes: dict[str, int]  # file descriptors by name
+    mailboxes: dict[str, Slot]  # by name
     lifeline: int  # reading end of the pipe whose writing end only the loop holds
 
 

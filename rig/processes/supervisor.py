@@ -279,7 +279,7 @@ class SupervisedRun:
             law=task.law,
             logger=(self._logger_job(),),
         )
-        slots = self._io_processes.slots.values()
+        slots = (slot.fd for slot in self._io_processes.slots.values())
         locks = (self._folder_lock, *self._wire_locks)
         fds = (self._ring_fd, self._mailbox_fd, *slots, self._io_processes.loop_end, *locks)
         errors = self.folder / "loop.stderr"

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, reader, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.windows import Window, lost_between_rows, read_windows
 from rig.spectra.periods import Floats

@@ -14,8 +14,8 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, reduce_window
-from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan, build_plan
-from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.campaign import AnyCampaign, AnyPlan, CampaignRow, build_plan
+from rig.planning.point import Point
 from rig.planning.windows import repeat_period
 from rig.row_contents import RowContents
 from rig.sweep import InterruptedSweepError
@@ -56,8 +56,8 @@ class SweepRequest(NamedTuple):
 
 
 class _Variant(NamedTuple):
-    campaign: Campaign
-    plan: Plan  # of the whole campaign
+    campaign: AnyCampaign
+    plan: AnyPlan  # of the whole campaign
     simulator: CampaignSimulator
     period_ticks: float | None
 
@@ -66,7 +66,7 @@ class Cases:
     """The cases of a sweep; several threads may run them."""
 
     def __init__(
-        self, request: SweepRequest, rows: tuple[CampaignRow, ...], files: CampaignFiles
+        self, request: SweepRequest, rows: tuple[CampaignRow[Any], ...], files: CampaignFiles
     ) -> None:
         """Number the cases by ``rows``, those of the campaign without parameter values."""
         self.request = request
@@ -115,19 +115,17 @@ class Cases:
             variant = self._variant(case.variant)
         campaign = variant.campaign
         if self.request.sequential:
-            planned, stator = variant.plan, None
+            planned, place = variant.plan, None
         else:
             point = campaign.points[self._points[case.row]]
-            planned = build_plan(
-                single_row_campaign(campaign.file, self.request.lead_in), campaign.rig, (point,)
-            )
-            stator = planned.rows[0].stator_position
+            planned = single_row_plan(campaign, self.request.lead_in, point)
+            place = planned.rows[0].place
 
         def check() -> None:
             if not should_continue():
                 raise InterruptedSweepError
 
-        simulation = variant.simulator.simulate(planned, check, stator)
+        simulation = variant.simulator.simulate(planned, check, place)
         contents = simulation_of(campaign).row_contents(campaign)
         results = row_results(simulation, planned, variant.period_ticks, contents)
         rows = []
@@ -138,7 +136,7 @@ class Cases:
 
     def _open(self, variant: int) -> _Variant:
         campaign = self._files.open(self.parameter_values(variant))
-        planned = build_plan(campaign.file, campaign.rig, campaign.points)
+        planned = build_plan(campaign)
         period = repeat_period(campaign.file.sea)
         ticks = period / planned.dt if period else None
         simulator = simulation_of(campaign).open_simulator(campaign, planned)
@@ -147,7 +145,7 @@ class Cases:
 
 def row_results(
     simulation: RowSimulation,
-    planned: Plan,
+    planned: AnyPlan,
     period_ticks: float | None,
     contents: RowContents,
 ) -> list[dict[str, Any]]:
@@ -155,19 +153,28 @@ def row_results(
 
     ``period_ticks`` is the sea's repeat period in ticks, None if it has none.
     """
+    actuators = [column.actuator.name for column in contents.columns if column.actuator]
     contents = contents._replace(columns=())  # the plan has the set points
     results = {}
     for window in simulation:  # the last attempt counts
         results[window.row] = reduce_window(window, period_ticks, contents)
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
     return [
-        results.get(row.row, not_run) | {"stator": row.stator_position, **row.setting._asdict()}
+        results.get(row.row, not_run) | dict.fromkeys(actuators, row.place) | row.setting._asdict()
         for row in planned.rows
     ]
 
 
-def single_row_campaign(file: CampaignFile, lead_in: float) -> CampaignFile:
-    """Return a campaign file that runs its row once, after a lead-in of ``lead_in`` s."""
-    first = min(file.start.set_point_s, lead_in)
-    start = file.start.model_copy(update={"lead_in_s": lead_in, "set_point_s": first})
-    return file.model_copy(update={"start": start, "repeat": 1})
+def single_row_campaign(campaign: AnyCampaign, lead_in: float) -> AnyCampaign:
+    """Return a campaign that runs each point once, after a lead-in of ``lead_in`` s."""
+    file = campaign.file
+    update = {"lead_in_s": lead_in}
+    if hasattr(file.start, "set_point_s"):
+        update["set_point_s"] = min(file.start.set_point_s, lead_in)
+    start = file.start.model_copy(update=update)
+    return campaign._replace(file=file.model_copy(update={"start": start, "repeat": 1}))
+
+
+def single_row_plan(campaign: AnyCampaign, lead_in: float, point: Point) -> AnyPlan:
+    """Return the plan of a campaign of one point, after a lead-in of ``lead_in`` s."""
+    return build_plan(single_row_campaign(campaign, lead_in)._replace(points=(point,)))

@@ -16,6 +16,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from rig.analysis.rows import COMPLETE, row_table
+from rig.campaign import AnyCampaign, build_plan
+from rig.campaign.record import logged_campaign
 from rig.identification.incident_waves import (
     ELEVATION,
     FORCES,
@@ -23,15 +25,12 @@ from rig.identification.incident_waves import (
     recover_waves,
     wave_maker_lines,
 )
-from rig.kinds.wavebot.campaign import Campaign, Plan, build_plan
-from rig.kinds.wavebot.campaign.recorded import logged_campaign
 from rig.planning.windows import repeat_period
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
 from rig.stations import station_names
-from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
+from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
 
 __all__ = [
@@ -116,9 +115,9 @@ class MeasuredRun(NamedTuple):
 
 def counterfactual_for_run(
     run: str | os.PathLike[str],
-    campaign: Campaign,
+    campaign: AnyCampaign,
     *,
-    model: Campaign | None = None,
+    model: AnyCampaign | None = None,
     method: str | None = None,
     lead_in: float = LEAD_IN,
     on_progress: OnProgress = lambda done, of: None,
@@ -132,10 +131,8 @@ def counterfactual_for_run(
     """
     source = reader.open_files(run)
     run_facts = run_info(run, source.contents)
-    if "session" in run_facts.config:
-        raise RunError(
-            f"{run_facts.run}: a run of a bench, which has no waves; allowed runs of a WaveBot"
-        )
+    if "campaign" not in run_facts.config:
+        raise RunError(f"{run_facts.run}: a run without a campaign; allowed runs of a campaign")
     fields = simulation_of(campaign).wave_device(campaign).sensors.fields
     if missing := sorted(set(fields) - {leaf.name for leaf in source.leaves}):
         raise RunError(f"{run_facts.run}: it did not log {', '.join(missing)}")
@@ -162,8 +159,8 @@ def counterfactual_for_run(
 
 def counterfactual_rows(
     measured: MeasuredRun,
-    logged_campaign: Campaign,
-    campaign: Campaign,
+    logged_campaign: AnyCampaign,
+    campaign: AnyCampaign,
     method: str | None = None,
     lead_in: float = LEAD_IN,
     on_progress: OnProgress = lambda done, of: None,
@@ -317,28 +314,23 @@ def _setting(row: dict[str, Any], contents: RowContents) -> dict[str, float]:
 
 
 def _simulate_points(
-    campaign: Campaign, sea: dict[str, Any], lead_in: float
+    campaign: AnyCampaign, sea: dict[str, Any], lead_in: float
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield each point's number and its simulated results in a sea, with names of the row table."""
-    file = single_row_campaign(campaign.file, lead_in)
-    period = repeat_period(file.sea)
-    simulation = simulation_of(campaign)
-    whole = build_plan(file, campaign.rig, campaign.points)
+    period, simulation = repeat_period(campaign.file.sea), simulation_of(campaign)
+    whole = build_plan(single_row_campaign(campaign, lead_in))
     simulator = simulation.open_simulator(campaign, whole, sea)
     for number, point in enumerate(campaign.points):
-        planned: Plan = build_plan(file, campaign.rig, (point,))
-        rows = simulator.simulate(planned, stator=planned.rows[0].stator_position)
+        planned = single_row_plan(campaign, lead_in, point)
+        rows = simulator.simulate(planned, place=planned.rows[0].place)
         ticks = period / planned.dt if period else None
         (row,) = row_results(rows, planned, ticks, simulation.row_contents(campaign))
         yield number, row
 
 
-def _logged_campaign(run_facts: RunInfo, model: Campaign) -> Campaign:
+def _logged_campaign(run_facts: RunInfo, model: AnyCampaign) -> AnyCampaign:
     """Return the campaign of a run from its record, with the model's plant."""
-    logged = logged_campaign(run_facts)
-    if logged.rig.drive.kind != model.rig.drive.kind:
-        raise ValueError(
-            f"{run_facts.run} was run with a {logged.rig.drive.kind} drive, the model has a "
-            f"{model.rig.drive.kind} one; name the campaign of the run as its model"
-        )
-    return model._replace(**logged._asdict())
+    recorded = logged_campaign(model.kind, run_facts)
+    logged: AnyCampaign = model._replace(**recorded._asdict())
+    simulation_of(model).check_model(run_facts.run, logged, model)
+    return logged

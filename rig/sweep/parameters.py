@@ -13,18 +13,16 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from rig.campaign import AnyCampaign, open_campaign
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.kinds.wavebot.campaign import Campaign, InputFile, open_campaign
-from rig.sweep.simulator import problems, simulation_of, simulation_of_rig
+from rig.planning.input_files import InputFile
+from rig.sweep.simulator import campaign_kind, problems, simulation_of, simulation_of_rig
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")
-CAMPAIGN_KEYS = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
-"""Keys of the campaign file that may be swept."""
 _DATA_ROLES = ("matrix", "elevation", "reference")  # of files read whenever a campaign is opened
-_ALLOWED_KEYS = ", ".join([*CAMPAIGN_KEYS, *(f"{name}.*" for name in _FILES)])
 
 
 class SweepParameter(NamedTuple):
@@ -48,8 +46,11 @@ class ParsedParameters(NamedTuple):
     problems: tuple[Problem, ...]
 
 
-def parse_parameters(options: Sequence[str]) -> ParsedParameters:
-    """Parse the options into parameters; keys and values are not yet checked against the files."""
+def parse_parameters(options: Sequence[str], swept_keys: tuple[str, ...]) -> ParsedParameters:
+    """Parse the options into parameters; keys and values are not yet checked against the files.
+
+    ``swept_keys`` are those of the campaign file.
+    """
     parameters: list[SweepParameter] = []
     problems_found: list[Problem] = []
     for number, text in enumerate(options, 1):
@@ -59,7 +60,7 @@ def parse_parameters(options: Sequence[str]) -> ParsedParameters:
             values = _values(rest)
         except YAMLError:
             values = ()
-        message = _key_problem(key, values, {one.key for one in parameters})
+        message = _key_problem(key, values, swept_keys, {one.key for one in parameters})
         if message:
             problems_found.append(Problem(OPTION, number, key, rest or None, message))
             continue
@@ -76,12 +77,15 @@ def _values(text: str) -> tuple[Any, ...]:
     return () if any(isinstance(value, dict | list) for value in values) else values
 
 
-def _key_problem(key: str, values: tuple[Any, ...], known: set[str]) -> str:
+def _key_problem(
+    key: str, values: tuple[Any, ...], swept_keys: tuple[str, ...], known: set[str]
+) -> str:
     head, _, below = key.partition(".")
-    if head not in (*_FILES, *CAMPAIGN_KEYS) or (head in _FILES and not below):
+    if head not in (*_FILES, *swept_keys) or (head in _FILES and not below):
         if head == "matrix":
             return "the rows of a sweep are the campaign's own; change its matrix"
-        return f"not a parameter of a campaign; allowed {_ALLOWED_KEYS}"
+        allowed = ", ".join([*swept_keys, *(f"{name}.*" for name in _FILES)])
+        return f"not a parameter of a campaign; allowed {allowed}"
     if key in known:
         return "given twice"
     write = f"write {key}=V1,V2,..."
@@ -101,11 +105,11 @@ class CampaignFiles:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self.kind = path, campaign_kind(path)
         self._read: dict[tuple[Path, str], tuple[dict[str, Any], SourceMap]] = {}
         self._data: dict[Path, str] = {}  # sha256
 
-    def open(self, values: ParameterValues = ()) -> Campaign:
+    def open(self, values: ParameterValues = ()) -> AnyCampaign:
         """Return the campaign with these values; raise `ConfigError` with every problem.
 
         Raises ValueError if a data file has changed since it was first read.
@@ -127,7 +131,7 @@ class CampaignFiles:
                     _set_rig_twin(mapping, locate, parameter, value, values)
             return mapping, locate
 
-        campaign = open_campaign(self.path, problems, load=load)
+        campaign = open_campaign(self.kind, self.path, problems, load=load)
         data = [file for file in campaign.files if file.role in _DATA_ROLES]
         for _, path, sha256 in (*data, *simulation_of(campaign).plant_data(campaign)):
             if self._data.setdefault(path.resolve(), sha256) != sha256:
@@ -135,7 +139,7 @@ class CampaignFiles:
         return campaign
 
 
-def campaign_inputs(campaign: Campaign) -> tuple[InputFile, ...]:
+def campaign_inputs(campaign: AnyCampaign) -> tuple[InputFile, ...]:
     """Return every file of a campaign with its sha256, including the data of its plant."""
     return (*campaign.files, *simulation_of(campaign).plant_data(campaign))
 
@@ -181,7 +185,7 @@ def _set_value(
 
 def check_values(
     files: CampaignFiles, parsed: ParsedParameters
-) -> tuple[Campaign, tuple[tuple[Campaign, ...], ...]]:
+) -> tuple[AnyCampaign, tuple[tuple[AnyCampaign, ...], ...]]:
     """Return the campaign of the files, and one campaign for each single value of each parameter.
 
     Conflicts between values of different parameters appear when their case runs. Raises
@@ -191,10 +195,10 @@ def check_values(
         base = files.open()
     except ConfigError as error:
         raise ConfigError([*parsed.problems, *error.problems]) from None
-    swept: list[tuple[Campaign, ...]] = []
+    swept: list[tuple[AnyCampaign, ...]] = []
     problems_found = list(parsed.problems)
     for parameter in parsed.parameters:
-        variants: list[Campaign] = []
+        variants: list[AnyCampaign] = []
         for value in parameter.values:
             try:
                 variants.append(files.open(((parameter, value),)))
@@ -223,7 +227,7 @@ def _with_option_key(problem: Problem, parameter: SweepParameter) -> Problem:
     return problem._replace(key=key, message=message)
 
 
-def parameter_unit(parameter: SweepParameter, campaign: Campaign) -> str:
+def parameter_unit(parameter: SweepParameter, campaign: AnyCampaign) -> str:
     """Return the unit of a parameter; empty for text and dimensionless numbers."""
     # The path of a plant value ends with `value`, or with `value` and the index in a list.
     if parameter.file == "plant" and "value" in parameter.path:

@@ -8,13 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.rows import NOT_RUN, column_units, contents_attributes
+from rig.campaign import AnyCampaign, CampaignRow, resolved_config
 from rig.config import ranges
-from rig.kinds.wavebot.campaign import Campaign, CampaignRow, resolved_config
-from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.planning.windows import repeat_period
 from rig.recording import provenance
 from rig.sweep.cases import Cases, Outcome, single_row_campaign
-from rig.sweep.parameters import CAMPAIGN_KEYS, parameter_unit
+from rig.sweep.parameters import parameter_unit
 from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ Array = npt.NDArray[Any]
 
 
 def build_dataset(
-    cases: Cases, campaign: Campaign, outcomes: Iterable[Outcome], name: str
+    cases: Cases, campaign: AnyCampaign, outcomes: Iterable[Outcome], name: str
 ) -> "xarray.Dataset":
     """Return a dataset with every input as a coordinate and every result over parameters and rows.
 
@@ -49,10 +48,8 @@ def build_dataset(
             parameter.key, _values(parameter.values), _units(unit)
         )
     request = cases.request
-    file = (
-        campaign.file if request.sequential else single_row_campaign(campaign.file, request.lead_in)
-    )
-    for key, value in _campaign_entries(file):
+    run = campaign if request.sequential else single_row_campaign(campaign, request.lead_in)
+    for key, value in _campaign_entries(run):
         if key not in coords:
             coords[key] = xarray.Variable(
                 (), value, _units(ranges.unit_of_key(key.rpartition(".")[2]))
@@ -104,9 +101,9 @@ def _fill_columns(
     return columns
 
 
-def _campaign_entries(file: CampaignFile) -> Iterator[tuple[str, Any]]:
+def _campaign_entries(campaign: AnyCampaign) -> Iterator[tuple[str, Any]]:
     """Yield keys and values of a campaign other than its rows; lists entry by entry."""
-    contents = file.model_dump(mode="json", by_alias=True)
+    contents = campaign.file.model_dump(mode="json", by_alias=True)
 
     def leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
         inside = value.items() if isinstance(value, dict) else enumerate(value)
@@ -116,19 +113,17 @@ def _campaign_entries(file: CampaignFile) -> Iterator[tuple[str, Any]]:
             elif each is not None:
                 yield f"{key}.{name}", each
 
-    for key in CAMPAIGN_KEYS:
+    for key in campaign.kind.swept_keys:
         if isinstance(contents.get(key), dict):
             yield from leaves(key, contents[key])
         elif contents.get(key) is not None:
             yield key, contents[key]
 
 
-def _planned_setting(values: Array, key: str, rows: tuple[CampaignRow, ...]) -> Array | None:
+def _planned_setting(values: Array, key: str, rows: tuple[CampaignRow[Any], ...]) -> Array | None:
     """Return a setting of the planned rows; None if a parameter of the sweep changes it."""
-    name = "stator_position" if key == "stator" else key
-    planned = [
-        getattr(row, name) if hasattr(row, name) else getattr(row.setting, name) for row in rows
-    ]
+    # The position of the device that realises a set point is not itself one.
+    planned = [getattr(row.setting, key, row.place) for row in rows]
     flat = values.reshape(-1, len(rows)).astype(float)
     unchanged = np.isnan(flat) | (flat == np.array(planned))
     return np.array(planned) if bool(unchanged.all()) else None
@@ -144,7 +139,7 @@ def _units(text: str) -> dict[str, str]:
     return {"units": text} if text else {}
 
 
-def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
+def _attributes(cases: Cases, campaign: AnyCampaign, name: str) -> dict[str, Any]:
     code = provenance.describe_code()
     period = repeat_period(campaign.file.sea)
     attributes: dict[str, Any] = {

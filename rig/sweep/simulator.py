@@ -1,18 +1,21 @@
-"""What a sweep needs of a kind of rig: the room `simulation` of the kind's package."""
+"""What a sweep needs of a kind of rig: the rooms `campaign` and `simulation` of its package."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, Protocol
 
 from rig import kinds
+from rig.campaign import AnyCampaign, AnyPlan, CampaignKind, CampaignParts
 from rig.config.problems import Problem
-from rig.config.yaml_source import KeyPath
+from rig.config.yaml_source import KeyPath, load_mapping
 from rig.identification.incident_waves import WaveDevice
-from rig.kinds.wavebot.campaign import Campaign, CampaignParts, InputFile, Plan
-from rig.laws import Law
+from rig.kinds.rig_file import kind_of_task
+from rig.planning.input_files import InputFile
 from rig.recording.runs.windows import Window
 from rig.row_contents import RowContents
 
 ROOM = "simulation"
+CAMPAIGN_ROOM = "campaign"
 
 
 class RowSimulation(Protocol):
@@ -33,17 +36,17 @@ class RowSimulation(Protocol):
 class CampaignSimulator(Protocol):
     """A campaign's rig in its sea; each simulation starts anew. Threads may share a simulator."""
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: AnyPlan) -> None:
         """Compile the loop for this campaign, or read it from the cache."""
         ...
 
     def simulate(
-        self, plan: Plan, check: Callable[[], None] = ..., stator: float | None = None
+        self, plan: AnyPlan, check: Callable[[], None] = ..., place: float | None = None
     ) -> RowSimulation:
         """Return the simulation of a plan from power-on to its end or a trip.
 
         The simulation calls ``check`` several times per second; an exception of it ends the
-        simulation. ``stator`` is the stator's position at power-on (%).
+        simulation. ``place`` is the position at power-on of the part that moves between rows.
         """
         ...
 
@@ -54,7 +57,7 @@ class Simulation(Protocol):
     MATCHING_KEYS: Mapping[KeyPath, KeyPath]
     """Keys of the rig file and keys of the plant file that must have the same value."""
 
-    def row_contents(self, campaign: Campaign) -> RowContents:
+    def row_contents(self, campaign: AnyCampaign) -> RowContents:
         """Return the contents of the rows' results; their first station is at the body."""
         ...
 
@@ -62,35 +65,58 @@ class Simulation(Protocol):
         """Return all problems that would keep loop or plant from starting."""
         ...
 
-    def plant_data(self, campaign: Campaign) -> tuple[InputFile, ...]:
+    def plant_data(self, campaign: AnyCampaign) -> tuple[InputFile, ...]:
         """Return the data files that the plant file names."""
         ...
 
     def open_simulator(
-        self, campaign: Campaign, plan: Plan, sea: dict[str, Any] | None = None
+        self, campaign: AnyCampaign, plan: AnyPlan, sea: dict[str, Any] | None = None
     ) -> CampaignSimulator:
         """Return the simulator of a campaign; ``sea`` replaces that of the campaign."""
         ...
 
-    def is_compiled(self, law: Law) -> bool:
-        """Return whether this host has already compiled the loop with a law."""
+    def is_compiled(self, campaign: AnyCampaign) -> bool:
+        """Return whether this host has already compiled the loop with a campaign's laws."""
         ...
 
-    def requested_sea(self, campaign: Campaign) -> dict[str, Any]:
+    def sweep_problems(self, campaign: AnyCampaign) -> Iterable[Problem]:
+        """Return the reasons why the rows of a valid campaign cannot be simulated."""
+        ...
+
+    def check_model(self, run: str, logged: AnyCampaign, model: AnyCampaign) -> None:
+        """Raise ValueError if the campaign of a recorded run had another device than a model."""
+        ...
+
+    def requested_sea(self, campaign: AnyCampaign) -> dict[str, Any]:
         """Return the spectral lines that the wave maker is to make, as in a run's plan."""
         ...
 
-    def wave_device(self, campaign: Campaign) -> WaveDevice:
+    def wave_device(self, campaign: AnyCampaign) -> WaveDevice:
         """Return the model of the device from whose motion waves are recovered."""
         ...
 
-    def identified_range(self, campaign: Campaign) -> dict[str, tuple[float, float]]:
+    def identified_range(self, campaign: AnyCampaign) -> dict[str, tuple[float, float]]:
         """Return the range of amplitudes in which the campaign's plant was identified; empty if
         unknown."""
         ...
 
 
-def simulation_of(campaign: Campaign) -> Simulation:
+def campaign_kind(path: Path) -> CampaignKind:
+    """Return what the kind of rig of a campaign file adds to campaigns.
+
+    Raises KindError for a file of a kind without campaigns, `ConfigError` for one that is no YAML.
+    """
+    load_mapping(path)
+    kind = kind_of_task(path)
+    try:
+        found: CampaignKind = kind.room(CAMPAIGN_ROOM).CAMPAIGNS
+    except kinds.KindError as error:
+        message = f"campaigns of kind {kind.name} cannot be swept: {error}"
+        raise kinds.KindError(message) from None
+    return found
+
+
+def simulation_of(campaign: AnyCampaign) -> Simulation:
     """Return the simulation of a campaign's kind of rig; KindError if the kind has none."""
     return _simulation(campaign.rig.kind)
 

@@ -14,10 +14,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from rig.campaign import AnyCampaign, AnyPlan, build_plan
+from rig.campaign.law_checks import compilation_problems, trial_problems
 from rig.config.problems import ConfigError, Problem, format_value
-from rig.kinds.wavebot.campaign import Campaign, Plan, build_plan
-from rig.kinds.wavebot.campaign.law_trial import trial_problems
-from rig.laws import OWN_MODULES
 from rig.recording.runs.create import BusyError, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
@@ -30,6 +29,7 @@ from rig.sweep.parameters import (
     parse_parameters,
 )
 from rig.sweep.result import build_dataset
+from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
     import xarray
@@ -39,6 +39,7 @@ _PACKAGES = ("controllers", "sim_plant", "rig")
 _UNHASHED = "rig/cli/"  # display code changes no number
 _NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "filterpy")
 """Third-party packages whose versions may change a number."""
+_NOT_COMPILED = "a sweep runs compiled code, but the law cannot be compiled"
 RESULT_FILE = "sweep.nc"
 
 
@@ -46,10 +47,10 @@ class Sweep(NamedTuple):
     """A checked sweep and its folder."""
 
     folder: Path
-    campaign: Campaign  # without parameter values
+    campaign: AnyCampaign  # without parameter values
     cases: Cases
     digest: str  # of files and code, checked by workers of a cluster
-    swept: tuple[tuple[Campaign, ...], ...]  # for each parameter, one campaign per value
+    swept: tuple[tuple[AnyCampaign, ...], ...]  # for each parameter, one campaign per value
 
 
 def open_sweep(
@@ -59,14 +60,11 @@ def open_sweep(
 
     Raises `ConfigError` with every problem of the campaign and of every parameter value.
     """
-    parsed, files = parse_parameters(options), CampaignFiles(path)
+    files = CampaignFiles(path)
+    parsed = parse_parameters(options, files.kind.swept_keys)
     base, swept = check_values(files, parsed)
-    if base.file.device == "absent":
-        problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
-        raise ConfigError([problem])
-    if base.file.hoist is not None:
-        problem = base.locate.problem(("hoist",), None, "a sweep cannot simulate a hoist")
-        raise ConfigError([problem])
+    if not_simulated := tuple(simulation_of(base).sweep_problems(base)):
+        raise ConfigError(not_simulated)
     for parameter in parsed.parameters:
         if parameter.key == "start.lead_in_s" and not sequential:
             message = "rows that run alone have --lead-in instead; allowed with --sequential"
@@ -75,7 +73,7 @@ def open_sweep(
         if parameter.key == "start.set_point_s" and not sequential and longest > lead_in:
             message = f"{format_value(longest)} is longer than the lead-in; allowed up to --lead-in"
             raise ConfigError([Problem(OPTION, parameter.number, parameter.key, longest, message)])
-    planned = build_plan(base.file, base.rig, base.points)
+    planned = build_plan(base)
     _check_law(base, planned)
     request = SweepRequest(str(path), parsed.parameters, sequential, lead_in)
     digest = _digest(request, (base, *itertools.chain(*swept)))
@@ -85,15 +83,11 @@ def open_sweep(
     return Sweep(folder, base, cases, _workers_digest(request, base, files), swept)
 
 
-def _check_law(campaign: Campaign, planned: Plan) -> None:
+def _check_law(campaign: AnyCampaign, planned: AnyPlan) -> None:
     """Raise `ConfigError` for a law that fails its trial or cannot be compiled."""
     problems = list(trial_problems(campaign, planned))
-    if not problems and (campaign.law.is_file or campaign.law.name not in OWN_MODULES):
-        from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
-
-        if reason := compilation_problem(campaign.law, campaign.file.law, planned.dt):
-            message = f"a sweep runs compiled code, but the law cannot be compiled: {reason}"
-            problems.append(campaign.locate.problem(("law",), campaign.law.name, message))
+    if not problems:
+        problems += compilation_problems(campaign, planned.dt, _NOT_COMPILED)
     if problems:
         raise ConfigError(problems)
 
@@ -111,10 +105,10 @@ def reopen_cases(request: SweepRequest, digest: str) -> Cases:
             f"{platform.node()} has other files for {request.campaign}, or other code, "
             "than the client"
         )
-    return Cases(request, build_plan(base.file, base.rig, base.points).rows, files)
+    return Cases(request, build_plan(base).rows, files)
 
 
-def _workers_digest(request: SweepRequest, base: Campaign, files: CampaignFiles) -> str:
+def _workers_digest(request: SweepRequest, base: AnyCampaign, files: CampaignFiles) -> str:
     """Return the digest of the files that a worker reads, and of the code."""
     named_campaigns = (  # a text value may be the name of a file
         files.open(((parameter, value),))
@@ -191,14 +185,15 @@ def write_dataset(table: "xarray.Dataset", path: Path) -> Path:
     return path
 
 
-def _digest(request: SweepRequest, campaigns: Iterable[Campaign]) -> str:
+def _digest(request: SweepRequest, campaigns: Iterable[AnyCampaign]) -> str:
     """Return a digest of the campaign's files, the parameters and the code."""
     digest = hashlib.sha256(
         json.dumps([request.parameters, request.sequential, request.lead_in]).encode()
     )
     for campaign in campaigns:  # separately: two files may have been swapped
+        laws = [(law.name, law.sha256) for law, _ in campaign.axis_laws.values()]
         files = [(file.role, file.sha256) for file in campaign_inputs(campaign)]
-        digest.update(json.dumps([files, campaign.law.name, campaign.law.sha256]).encode())
+        digest.update(json.dumps([files, *laws]).encode())
     digest.update(_code_digest())
     return digest.hexdigest()[:12]
 

@@ -18,13 +18,16 @@ from drivers.canopen.drive_objects import BY_NAME
 from drivers.canopen.position_actuator import ActuatorSettings
 from drivers.canopen.torque_axis import TORQUE_MODE, TorqueAxisSettings, layouts
 from rig.config.wiring import Actuator, CanBus, Drive, TorqueDrive
+from rig.processes import handover
 from rig.processes.io_processes import IoProcess
-from rig.wires.job import WiringError
-from rig.wires.messages import HEALTH_SUFFIX
+from rig.wires.can_axes import CanAxesSettings
+from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, message_fields
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the scale has been read from the drive
 _RESET_TICKS = 20
 _HOMING_PERIOD_S = 0.02  # s, period of the homing ticks
+_MAX_LOST_HEARTBEATS = 5  # of a drive; missing process data show a lost drive sooner
+_MAX_HEALTH_AGE_S = 0.5  # s
 _SETUP_TIMEOUT_S = 30.0  # s, without homing
 _SCALE_OBJECTS = {
     "amc": "amc_peak_current",
@@ -36,7 +39,7 @@ _SCALE_OBJECTS = {
 def can_service(can: CanBus, drives: Mapping[str, Drive], rate: float) -> tuple[IoProcess, BusLoad]:
     """Return the service process of a CAN bus and the bus's load at a rate of the loop (Hz).
 
-    WiringError lists all reasons why the nodes must not be powered.
+    SetupError lists all reasons why the nodes must not be powered.
     """
     bus = can.settings()
     problems = [text for text in (unsupported_rate(bus, rate),) if text]
@@ -52,14 +55,14 @@ def can_service(can: CanBus, drives: Mapping[str, Drive], rate: float) -> tuple[
         except (SetupError, pdo.PdoError) as error:
             problems.append(f"{name}: {error}")
     if problems:
-        raise WiringError("\n".join(problems))
+        raise SetupError("\n".join(problems))
     actuators = [drive for drive in drives.values() if isinstance(drive, Actuator)]
     service = {"bus": list(bus), "nodes": nodes}
     process = IoProcess(
         "can",
         f"{__package__}.can_service",
         service,
-        tuple(f"{name}{HEALTH_SUFFIX}" for name in drives),
+        {f"{name}{HEALTH_SUFFIX}": message_fields(NodeHealth) for name in drives},
         _SETUP_TIMEOUT_S + sum(each.homing_s for each in actuators if each.homing),
     )
     return process, load
@@ -157,7 +160,38 @@ def _power_machine(drive: Drive, tick: float) -> cia402.Params:
     return params
 
 
-def torque_axis_settings(drive: TorqueDrive, can: CanBus, dt: float) -> TorqueAxisSettings:
+def can_axes(
+    can: CanBus, drives: Mapping[str, Drive], rate: float, torque_constants: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the configuration of `rig.wires.can_axes.connect`, as JSON values.
+
+    ``torque_constants``: N m/A of the motors by drive, for those scaled by the rated torque.
+    """
+    dt = 1.0 / rate
+    axes = {name: one for name, one in drives.items() if isinstance(one, TorqueDrive)}
+    actuators = {name: one for name, one in drives.items() if isinstance(one, Actuator)}
+    heartbeat = 1e-3 * max(drive.heartbeat_ms for drive in axes.values())
+    settings = CanAxesSettings(
+        can.own_node,
+        can.heartbeat_s,
+        _MAX_HEALTH_AGE_S,
+        _MAX_LOST_HEARTBEATS * heartbeat,
+        can.actuator_divider,
+        {name: _torque_axis_settings(drive, can, dt) for name, drive in axes.items()},
+        {name: _actuator_settings(drive, can, dt) for name, drive in actuators.items()},
+    )
+    scales = {
+        name: {
+            "kind": drive.scaling,
+            "kt": torque_constants.get(name, 0.0),
+            "limit": drive.current_limit_a,
+        }
+        for name, drive in axes.items()
+    }
+    return {"bus": list(can.settings()), "nodes": handover.dumps(settings), "scales": scales}
+
+
+def _torque_axis_settings(drive: TorqueDrive, can: CanBus, dt: float) -> TorqueAxisSettings:
     """Return the loop's settings of a torque drive; its current scale is read from it later."""
     per_count = tuple(scale * drive.analog_v_per_count for scale in drive.analog_per_v)
     slow = can.slow_divider
@@ -166,12 +200,7 @@ def torque_axis_settings(drive: TorqueDrive, can: CanBus, dt: float) -> TorqueAx
     return TorqueAxisSettings(drive.node, machine, _NO_SCALE, max_age, per_count, slow)
 
 
-def scaling_settings(drive: TorqueDrive, torque_constant: float) -> dict[str, Any]:
-    """Return the rig file's part of a drive's current scale; ``torque_constant`` in N m/A."""
-    return {"kind": drive.scaling, "kt": torque_constant, "limit": drive.current_limit_a}
-
-
-def actuator_settings(actuator: Actuator, can: CanBus, dt: float) -> ActuatorSettings:
+def _actuator_settings(actuator: Actuator, can: CanBus, dt: float) -> ActuatorSettings:
     """Return the loop's settings of an actuator."""
     slow = dt * can.actuator_divider
     low, high = sorted(

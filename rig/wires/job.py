@@ -1,18 +1,25 @@
 """The supervisor's side of a wired rig: its I/O processes, derived from the rig file's wiring."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, Protocol, TypeVar
 
+from drivers.canopen.arming import SetupError
 from drivers.canopen.bus_load import BusLoad
 from drivers.errors import CodecError
 from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import Registers, Wiring
+from rig.config.wiring import BlockContent, Registers, Wiring
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in
 from rig.wires import streams
-from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
+from rig.wires.can_nodes import can_axes, can_service
+from rig.wires.messages import (
+    ACKNOWLEDGEMENT_SUFFIX,
+    WriteAcknowledgement,
+    block_message,
+    message_fields,
+)
 from rig.wires.modbus_poller import PolledBlock, RegisterPreset
 
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
@@ -52,6 +59,46 @@ def wiring_of(rig: _WiredRigFile[W_co]) -> W_co:
     return rig.wiring
 
 
+StreamSettings = tuple[str, dict[str, Any]]
+"""Type (`rig.wires.streams.STREAM_TYPES`) and settings of a device with a wire of its own."""
+
+
+def wired_job(
+    wiring: Wiring,
+    rate: float,
+    devices: dict[str, Any],
+    torque_constants: Mapping[str, float] | None = None,
+    polled_streams: Mapping[str, StreamSettings] | None = None,
+    loop_streams: Mapping[str, dict[str, Any]] | None = None,
+) -> WiredJob:
+    """Return the job of a wiring: the service of its CAN bus, pollers of streams and Modbus lines.
+
+    ``rate`` of the loop, Hz. ``devices``: settings for `connect` of the kind's devices, to which
+    `can` (`rig.wires.can_axes.connect`) and `streams` are added. ``torque_constants`` (N m/A) of
+    the motors by drive, for drives that are scaled by their rated torque. ``polled_streams``: the
+    devices with a poller each, by the name of their mailbox; ``loop_streams``: those that the loop
+    reads itself, settings by type. WiringError lists all reasons against the wiring.
+    """
+    processes: list[IoProcess] = []
+    loop_streams, load = loop_streams or {}, None
+    polled = polled_streams or {}
+    problems = _stream_problems((*polled.values(), *loop_streams.items()))
+    can, drives = wiring.can_bus(), wiring.drives()
+    if can is not None and drives:
+        try:
+            service, load = can_service(can, drives, rate)
+            processes.append(service)
+            devices = devices | {"can": can_axes(can, drives, rate, torque_constants or {})}
+        except SetupError as error:
+            problems.append(str(error))
+    if problems:
+        raise WiringError("\n".join(problems))
+    if loop_streams:
+        devices = devices | {"streams": dict(loop_streams)}
+    processes += [_stream_poller(name, *each) for name, each in polled.items()]
+    return WiredJob((*processes, *_modbus_pollers(wiring)), devices, load)
+
+
 def wired_mode(
     job: WiredJob, rig: BaseRigFile, device_module: str, emulated_devices: IoProcess | None
 ) -> ExecutionMode:
@@ -65,10 +112,10 @@ def wired_mode(
     return ExecutionMode(name, True, device_module, job.devices, processes, wires_in(rig))
 
 
-def stream_problems(settings: Mapping[str, dict[str, Any]]) -> list[str]:
-    """Return the reasons why streams (settings by kind) are impossible."""
+def _stream_problems(settings: Iterable[StreamSettings]) -> list[str]:
+    """Return the reasons why streams are impossible."""
     problems = []
-    for kind, stream_settings in settings.items():
+    for kind, stream_settings in settings:
         try:
             streams.create_stream(kind, stream_settings, {})
         except CodecError as error:
@@ -76,19 +123,20 @@ def stream_problems(settings: Mapping[str, dict[str, Any]]) -> list[str]:
     return problems
 
 
-def stream_poller(kind: str, settings: dict[str, Any]) -> IoProcess:
+def _stream_poller(name: str, kind: str, settings: dict[str, Any]) -> IoProcess:
     """Return the I/O process that converses with a device of its own wire."""
-    config = {"kind": kind, "settings": settings}
-    mailboxes = streams.STREAM_TYPES[kind].mailboxes
-    return IoProcess(kind.replace("_", " "), f"{__package__}.stream_poller", config, mailboxes)
+    config = {"name": name, "kind": kind, "settings": settings}
+    own, *others = streams.STREAM_TYPES[kind].mailboxes.items()
+    mailboxes = {slot: message_fields(message) for slot, message in ((name, own[1]), *others)}
+    return IoProcess(name.replace("_", " "), f"{__package__}.stream_poller", config, mailboxes)
 
 
-def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
+def _modbus_pollers(wiring: Wiring) -> list[IoProcess]:
     """Return a poller for each Modbus line with register blocks."""
     by_line: dict[str, list[PolledBlock]] = {}
     for name, registers in wiring.blocks().items():
-        written = wiring.block_content(name).written
-        by_line.setdefault(registers.line, []).append(_polled_block(name, registers, written))
+        content = wiring.block_content(name)
+        by_line.setdefault(registers.line, []).append(_polled_block(name, registers, content))
     processes = []
     for line, blocks in by_line.items():
         settings = wiring.lines[line].model_dump()
@@ -98,16 +146,19 @@ def modbus_pollers(wiring: Wiring) -> list[IoProcess]:
             "blocks": blocks,
             "expiry": wiring.output_expiry_s,
         }
-        names = [block.name for block in blocks]
-        acknowledgements = (f"{name}{ACKNOWLEDGEMENT_SUFFIX}" for name in names)
-        mailboxes = (*names, *(name for name in acknowledgements if name in MESSAGE_TYPES))
+        mailboxes = {block.name: block_message(block.signals) for block in blocks}
+        mailboxes |= {
+            f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}": message_fields(WriteAcknowledgement)
+            for block in blocks
+            if block.written
+        }
         processes.append(
             IoProcess(f"line {line}", f"{__package__}.modbus_poller", config, mailboxes)
         )
     return processes
 
 
-def _polled_block(name: str, registers: Registers, written: bool) -> PolledBlock:
+def _polled_block(name: str, registers: Registers, content: BlockContent) -> PolledBlock:
     values = tuple(RegisterValue(*value.model_dump().values()) for value in registers.values)
     setup = tuple(RegisterPreset(**each.model_dump()) for each in registers.prepare)
     unit, table, first, size = registers.unit, registers.table, registers.first, registers.size
@@ -117,6 +168,7 @@ def _polled_block(name: str, registers: Registers, written: bool) -> PolledBlock
         registers.word_order == "high first",
         registers.period_s,
         setup,
-        written,
+        content.written,
         registers.counter,
+        tuple(content.signals.items()),
     )

@@ -2,13 +2,12 @@
 
 import time
 from collections.abc import Iterator
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import ExceptionResponseError, Line, LineError
 from drivers.modbus.registers import RegisterBlock
-from rig.wires.messages import MESSAGE_TYPES
 from rig.wires.modbus_poller import (
     BUSY_PAUSE_S,
     PolledBlock,
@@ -114,10 +113,9 @@ def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
     except CodecError as error:
         return survey._replace(trouble=str(error))
     implausible = registers.implausible_values(block, numbers)
-    units = message_units(MESSAGE_TYPES[polled_block.name])
     values = tuple(
-        SurveyedValue(value.name, number, units.get(value.name, ""), value.name not in implausible)
-        for value, number in zip(block.values, numbers, strict=True)
+        SurveyedValue(name, number, unit, name not in implausible)
+        for (name, unit), number in zip(polled_block.signals, numbers, strict=True)
     )
     text = ", ".join(f"{each.name} = {each.value:g}" for each in values if not each.plausible)
     return survey._replace(
@@ -135,9 +133,3 @@ def _read_block(line: Line, block: RegisterBlock) -> list[int]:
             raw: list[int] = end.value
             return raw
         time.sleep(BUSY_PAUSE_S)
-
-
-def message_units(message: type) -> dict[str, str]:
-    """Return the unit of each field of a message type."""
-    hints = get_type_hints(message, include_extras=True)
-    return {field: hint.__metadata__[0] for field, hint in hints.items()}

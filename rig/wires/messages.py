@@ -4,65 +4,21 @@
 the time of the request for it, so that its age is never too small.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from controllers.signals import (
     Ampere,
     Count,
     Flag,
     Index,
-    Metre,
     Newton,
     NewtonMetre,
     RadianPerSecond,
     Second,
-    Volt,
-    Watt,
 )
 from rig.processes.mailbox import Mailbox
-
-
-class AnalyserMessage(NamedTuple):
-    """Values of the power analyser."""
-
-    ac: Watt
-    dc: Watt
-    bus_voltage: Volt
-    stamp: Second
-
-
-class LoadCellsMessage(NamedTuple):
-    """Values of the load cells behind strain-gauge amplifiers."""
-
-    slew: Newton
-    stator_a: Newton
-    stator_b: Newton
-    stamp: Second
-
-
-class ProbesMessage(NamedTuple):
-    """Values of the wave probes."""
-
-    probe_1: Metre
-    probe_2: Metre
-    probe_3: Metre
-    stamp: Second
-
-
-class InputsMessage(NamedTuple):
-    """Digital inputs, for monitoring."""
-
-    e_stop: Flag  # 1: pressed
-    limit_switch: Flag  # 1: hit
-    stamp: Second
-
-
-class OutputsMessage(NamedTuple):
-    """Digital outputs commanded by the loop."""
-
-    wave_trigger: Flag
-    stamp: Second
+from rig.processes.messages import MessageFields
 
 
 class NodeHealth(NamedTuple):
@@ -114,21 +70,6 @@ class WrenchMessage(NamedTuple):
     stamp: Second
 
 
-class BrakeCurrentMessage(NamedTuple):
-    """Measured current of the brake."""
-
-    current: Ampere
-    stamp: Second
-
-
-class AnalogOutputsMessage(NamedTuple):
-    """Analog outputs to servo drive and brake, commanded by the loop."""
-
-    servo: Volt
-    brake: Ampere
-    stamp: Second
-
-
 class WriteAcknowledgement(NamedTuple):
     """Acknowledgement that the device has received the outputs of the loop."""
 
@@ -138,25 +79,33 @@ class WriteAcknowledgement(NamedTuple):
 # Ends the name of the mailbox in which the writing of another is acknowledged.
 ACKNOWLEDGEMENT_SUFFIX = "_done"
 HEALTH_SUFFIX = "_health"  # ends the name of the mailbox of a CANopen node's health
-MESSAGE_TYPES: dict[str, type] = {
-    "analyser": AnalyserMessage,
-    "cells": LoadCellsMessage,
-    "probes": ProbesMessage,
-    "inputs": InputsMessage,
-    "outputs": OutputsMessage,
-    "servo": ServoMessage,
-    "set_point": SetPointMessage,
-    "load_cell": WrenchMessage,
-    "brake": BrakeCurrentMessage,
-    "analog": AnalogOutputsMessage,
-    "analog_done": WriteAcknowledgement,
-}
-"""The message type of each mailbox, except those of the nodes' health."""
+
+_WHOLE_NUMBERS = ("flag", "index", "count")  # units whose values are ints
 
 
-def open_mailboxes(fds: Mapping[str, int]) -> dict[str, Mailbox]:
-    """Return the mailboxes behind file descriptors, each with its message type by its name."""
-    return {
-        name: Mailbox(fd, NodeHealth if name.endswith(HEALTH_SUFFIX) else MESSAGE_TYPES[name])
-        for name, fd in fds.items()
-    }
+def block_message(values: Iterable[tuple[str, str]]) -> MessageFields:
+    """Return the message of a register block, from name and unit of each value."""
+    return (*values, ("stamp", "s"))
+
+
+def message_fields(message: type) -> MessageFields:
+    """Return the fields of a message type, for the mailbox that holds it."""
+    hints = get_type_hints(message, include_extras=True)
+    return tuple((field, hint.__metadata__[0]) for field, hint in hints.items())
+
+
+def open_mailboxes(slots: Mapping[str, Sequence[Any]]) -> dict[str, Mailbox]:
+    """Return the mailboxes of an I/O process or the loop by name.
+
+    ``slots``: `rig.processes.messages.Slot` of each, or its JSON values.
+    """
+    return {name: Mailbox(fd, _message_type(fields)) for name, (fd, fields) in slots.items()}
+
+
+def _message_type(fields: Sequence[Sequence[str]]) -> type:
+    hints = [
+        (name, Annotated[int if unit in _WHOLE_NUMBERS else float, unit]) for name, unit in fields
+    ]
+    make: Any = NamedTuple  # its static type wants literal fields
+    message: type = make("Message", hints)
+    return message

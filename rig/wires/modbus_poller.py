@@ -28,7 +28,6 @@ from rig.processes.messages import IoJob, Notice, Ready, Refused, report
 from rig.realtime import scheduling
 from rig.wires.messages import (
     ACKNOWLEDGEMENT_SUFFIX,
-    MESSAGE_TYPES,
     WriteAcknowledgement,
     open_mailboxes,
 )
@@ -62,6 +61,7 @@ class PolledBlock(NamedTuple):
     register_setup: tuple[RegisterPreset, ...]
     written: bool  # True: the loop's message is written; False: the block is read
     counter: int | None = None  # register of the same table that counts new values
+    signals: tuple[tuple[str, str], ...] = ()  # name and unit of each value
 
 
 class _BlockTask:
@@ -77,7 +77,7 @@ class _BlockTask:
         self.answered = False
         self._slot = slot
         self._expiry = expiry
-        self._message_type = MESSAGE_TYPES[polled.name]
+        self._is_flag = [unit == "flag" for _, unit in polled.signals]
         self._pause = polled.period
         self._last_report = -_REPORT_INTERVAL_S
         self._untrusted = TRUSTED_ANSWERS  # plausible answers still needed before values are used
@@ -164,10 +164,8 @@ class _BlockTask:
         if count is not None and count == self._count:
             return True
         self._count = count
-        numbers = (
-            int(v) if d.kind == "bit" else v for d, v in zip(block.values, values, strict=True)
-        )
-        self._slot.post(self._message_type(*numbers, began))
+        numbers = (int(v) if flag else v for flag, v in zip(self._is_flag, values, strict=True))
+        self._slot.post((*numbers, began))
         return True
 
     def _read_count(self, line: Line) -> Generator[None, None, int | None]:
@@ -220,12 +218,14 @@ def setup_blocks(polled: PolledBlock) -> list[tuple[RegisterBlock, RegisterPrese
 
 def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
     """Yield the blocks of a line from its configuration (`rig.wires.job`)."""
-    for name, block, high_word_first, period, setup, written, counter in config["blocks"]:
+    for name, block, high_word_first, period, setup, written, counter, signals in config["blocks"]:
         unit, table, first, size, values = block
         decoded = tuple(RegisterValue(*value) for value in values)
         validated = registers.validated(RegisterBlock(unit, table, first, size, decoded))
         presets = tuple(RegisterPreset(*each) for each in setup)
-        yield PolledBlock(name, validated, high_word_first, period, presets, written, counter)
+        yield PolledBlock(
+            name, validated, high_word_first, period, presets, written, counter, signals
+        )
 
 
 def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:

@@ -37,7 +37,7 @@ def converse(job: IoJob) -> None:
     if refused := scheduling.acquire_for_io():
         report(Notice(f"no priority over other work: {refused}"))
     ended = end_condition(job.lifeline)
-    exchange, slot = Exchange(stream.link, stream.conversation), slots[config["kind"]]
+    exchange, slot = Exchange(stream.link, stream.conversation), slots[config["name"]]
     try:
         if _wait_until_ready(stream, exchange, slot, ended):
             _serve(stream, exchange, slot, ended)

@@ -16,7 +16,8 @@ from drivers.force_torque import net_ft
 from drivers.serial_link import SerialLink
 from drivers.udp_link import UdpLink
 from rig.wires import streams
-from rig.wires.line_survey import SurveyedValue, message_units
+from rig.wires.line_survey import SurveyedValue
+from rig.wires.messages import message_fields
 from rig.wires.wire_check import port_problem
 
 SURVEY_TIMEOUT_S = 1.5  # s for each device to answer
@@ -137,10 +138,9 @@ def _survey_sending_device(survey: StreamSurvey, stream: streams.Stream) -> Stre
     if message is None:
         return survey._replace(trouble=trouble or stream.link.problem)
     *values, stamp = message
-    units = message_units(type(message))
     surveyed = tuple(
-        SurveyedValue(name, float(value), units[name], True)
-        for name, value in zip(message._fields, values, strict=False)
+        SurveyedValue(name, float(value), unit, True)
+        for (name, unit), value in zip(message_fields(type(message)), values, strict=False)
     )
     return survey._replace(answers=True, age=now - stamp, values=surveyed, trouble=trouble)
 

@@ -182,13 +182,13 @@ class StreamType(NamedTuple):
     """A kind of stream: its constructor, and the mailboxes of its poller."""
 
     create: Callable[[dict[str, Any], dict[str, Mailbox]], Stream]
-    mailboxes: tuple[str, ...]
+    mailboxes: dict[str, type]  # the first holds the messages of the device
 
 
 STREAM_TYPES = {
-    "encoders": StreamType(encoder_stream, ("encoders",)),
-    "servo": StreamType(servo_stream, ("servo", "set_point")),
-    "load_cell": StreamType(load_cell_stream, ("load_cell",)),
+    "encoders": StreamType(encoder_stream, {"encoders": EncodersMessage}),
+    "servo": StreamType(servo_stream, {"servo": ServoMessage, "set_point": SetPointMessage}),
+    "load_cell": StreamType(load_cell_stream, {"load_cell": WrenchMessage}),
 }
 
 

@@ -66,7 +66,7 @@ class CanHub:
         self.clients_to_flush: set[SocketcandClient] | None = (
             None  # during a read: clients with pending text
         )
-        self._schedule = schedule
+        self.schedule = schedule
         self._bit_rate = bit_rate
         self._free_at: Second = 0.0
         self._frame_on_wire = False  # a frame is on the wire
@@ -104,7 +104,7 @@ class CanHub:
 
     def report_error(self, identifier: int) -> None:
         """Send a bus error to the clients; `identifier` has the bits of a Linux error frame."""
-        text = f"< error {identifier | 0x20000000:08X} {self._schedule.time():.6f} >".encode()
+        text = f"< error {identifier | 0x20000000:08X} {self.schedule.time():.6f} >".encode()
         for client in list(self.clients):
             client.send_text(text)
 
@@ -133,7 +133,7 @@ class CanHub:
                     self._deliver(sender, sender.queue.popleft())
                 self._any_waiting = False
             elif not self._frame_on_wire:
-                self._start_frame(max(self._free_at, self._schedule.time()))
+                self._start_frame(max(self._free_at, self.schedule.time()))
         finally:
             self._delivering = False
 
@@ -153,7 +153,7 @@ class CanHub:
         duration = can_frame.frame_bits(len(frame.data), frame.extended) / self._bit_rate
         self.busy_time += duration
         self._free_at = start + duration
-        self._schedule.call_at(self._free_at, self._finish_frame, sender, frame)
+        self.schedule.call_at(self._free_at, self._finish_frame, sender, frame)
 
     def _finish_frame(self, sender: Station, frame: Frame) -> None:
         """Deliver the frame that was on the wire; the next one follows without a gap."""
@@ -171,7 +171,7 @@ class CanHub:
             if station is not sender:
                 station.receive(frame)
         if self.clients:
-            text = can_frame.format_frame(frame, self._schedule.time())
+            text = can_frame.format_frame(frame, self.schedule.time())
             for client in tuple(self.clients):
                 if client.station is not sender:
                     client.send_text(text)

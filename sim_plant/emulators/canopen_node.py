@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim_plant.emulators import node_errors, node_guard
 from sim_plant.emulators.can_frame import Frame
@@ -22,7 +22,7 @@ from sim_plant.emulators.node_pdos import Pdos
 from sim_plant.emulators.node_port import NmtState, Port
 from sim_plant.emulators.node_storage import SIGNATURES, Storage
 from sim_plant.emulators.schedule import Schedule, ScheduledCall
-from sim_plant.emulators.shared_world import SharedWorld
+from sim_plant.emulators.shared_world import SharedSimulation
 from sim_plant.units import Second
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
@@ -44,7 +44,7 @@ class CanopenNode:
     """A node on the hub. Subclasses are devices: they override `step`, `apply_outputs` etc."""
 
     def __init__(
-        self, params: NodeParams, hub: CanHub, schedule: Schedule, world: SharedWorld
+        self, params: NodeParams, hub: CanHub, schedule: Schedule, world: SharedSimulation[Any, Any]
     ) -> None:
         self.params = params
         self.world = world

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim_plant.emulators import node_errors, node_objects
 from sim_plant.emulators.can_hub import CanHub
@@ -12,7 +12,7 @@ from sim_plant.emulators.cia402 import Action, OptionCodes, State, StateMachine
 from sim_plant.emulators.node_faults import Fault
 from sim_plant.emulators.node_objects import Key, SdoRefusedError
 from sim_plant.emulators.schedule import Schedule
-from sim_plant.emulators.shared_world import SharedWorld
+from sim_plant.emulators.shared_world import SharedSimulation
 from sim_plant.units import Second, Volt
 
 PROFILE_POSITION, HOMING, CYCLIC_TORQUE = 1, 6, 10
@@ -57,7 +57,7 @@ class Cia402Node(CanopenNode):
         drive: Cia402Params,
         hub: CanHub,
         schedule: Schedule,
-        world: SharedWorld,
+        world: SharedSimulation[Any, Any],
     ) -> None:
         self.machine = StateMachine()
         self.drive = drive

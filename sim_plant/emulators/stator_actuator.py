@@ -67,6 +67,7 @@ class StatorActuator(Cia402Node):
         self._limited = False
         self._last_command: tuple[Percent, int] = (0.0, 0)
         self._controlword = 0
+        self._rig = world
         super().__init__(params, actuator.drive, hub, schedule, world)
         self._units = ActuatorUnits(actuator, self.objects)
         self.fault_list.add(*ACTUATOR_FAULTS)
@@ -77,7 +78,7 @@ class StatorActuator(Cia402Node):
         """Write position, following error and switches to the objects."""
         put = self.objects.put
         unit = self._units.user_units_per_increment()
-        percent = self.world.readings().stator_position
+        percent = self._rig.readings().stator_position
         position = (round(self._units.increments(percent)) - self._origin) * unit
         if elapsed > 0.0:
             self._is_moving = position != self._position
@@ -113,7 +114,7 @@ class StatorActuator(Cia402Node):
         command = (percent if driven else self._last_command[0], int(driven))
         if command != self._last_command:
             self._last_command = command
-            self.world.actuate(stator_target=command[0], stator_enable=command[1])
+            self._rig.actuate(stator_target=command[0], stator_enable=command[1])
 
     def at_rest(self) -> bool:
         """Return whether the demand is at rest."""
@@ -144,7 +145,7 @@ class StatorActuator(Cia402Node):
 
     def on_restart(self) -> None:
         """Reset to power-on: the present position is 0, not homed."""
-        self._origin = round(self._units.increments(self.world.readings().stator_position))
+        self._origin = round(self._units.increments(self._rig.readings().stator_position))
         self._position = 0.0
         self._homing = Homing()
         self._acknowledged = False

@@ -1,4 +1,4 @@
-"""The emulated drive of heave or surge: cyclic synchronous torque on the world's motor.
+"""The emulated drive of a motor of the world: cyclic synchronous torque.
 
 Two scalings of current: the manufacturer's (AMC: 6071 in DC2, 6077 in DC1, Kp in 20D8:0C) and per
 mille of rated torque (CiA 402: 6071, 6077 over 6076; rated torque corresponds to rated current
@@ -7,8 +7,9 @@ mille of rated torque (CiA 402: 6071, 6077 over 6076; rated torque corresponds t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim_plant.emulators import node_errors
 from sim_plant.emulators.can_hub import CanHub
@@ -24,8 +25,8 @@ from sim_plant.emulators.cia402_node import (
 from sim_plant.emulators.node_faults import Fault
 from sim_plant.emulators.node_objects import round_or_zero
 from sim_plant.emulators.schedule import Schedule
-from sim_plant.emulators.shared_world import SharedWorld
-from sim_plant.units import Ampere, Second, Volt
+from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.units import Ampere, Code, Count, Flag, Second, Volt
 
 PER_VOLT = 819.2  # raw per volt of an analog input
 FULL_SCALE = 8191  # raw: 10 V
@@ -37,11 +38,22 @@ PLANT_FAULTS = {
 NO_STATUS_BITS = (0, 0, 0, 0, 0, 0, 0)
 
 
-class Axis(Enum):
-    """Motor of the world that it drives; the value is the prefix of its signal names."""
+class MotorReading(NamedTuple):
+    """A motor of the world as its drive measures it."""
 
-    HEAVE = "heave"
-    SURGE = "surge"
+    counts: Count  # encoder
+    current: Ampere
+    enabled: Flag
+    fault: Code = 0  # 0 none, 1 general, 2 undervoltage, 3 overvoltage
+    saturated: Flag = 0  # 1: it gives less current than commanded
+    bus_voltage: Volt = 150.0
+
+
+class Motor(NamedTuple):
+    """A motor of the world: what its drive reads and actuates."""
+
+    read: Callable[[], MotorReading]
+    actuate: Callable[[Ampere, Flag], None]  # current, enable
 
 
 class Scaling(Enum):
@@ -54,21 +66,16 @@ class Scaling(Enum):
 class AnalogInput(NamedTuple):
     """Sensor on one analog input."""
 
-    signal: str  # field of the world's Readings
+    read: Callable[[], float]
     per_volt: float  # of its unit
-
-
-LOAD_CELLS = (AnalogInput("force_lcb", 1000.0), AnalogInput("force_trs", 1000.0))
 
 
 class TorqueDriveParams(NamedTuple):
     """Parameters of a torque drive besides its object dictionary."""
 
-    axis: Axis
     scaling: Scaling
     drive: Cia402Params = Cia402Params()
-    analog: tuple[AnalogInput, ...] = LOAD_CELLS  # in the order of 201A:01, :02
-    bus_voltage: Volt = 150.0  # of a drive whose bus the world does not model (surge)
+    analog: tuple[AnalogInput, ...] = ()  # in the order of 201A:01, :02
 
 
 TORQUE_FAULTS = (
@@ -96,12 +103,11 @@ class TorqueDrive(Cia402Node):
         torque: TorqueDriveParams,
         hub: CanHub,
         schedule: Schedule,
-        world: SharedWorld,
+        world: SharedSimulation[Any, Any],
+        motor: Motor,
     ) -> None:
         self.torque = torque
-        name = torque.axis.value
-        self._current_field, self._enable_field = f"{name}_current", f"{name}_enable"
-        self._is_heave = torque.axis is Axis.HEAVE
+        self._motor = motor
         self.current: Ampere = 0.0  # commanded to the world
         self._last_command: tuple[Ampere, int] = (0.0, 0)
         self._is_limited = False
@@ -145,28 +151,25 @@ class TorqueDrive(Cia402Node):
 
     def measure(self, elapsed: Second) -> None:
         """Write encoder, current and analog inputs to the objects."""
-        readings, put, active = self.world.readings(), self.objects.put, self.active
-        heave = self._is_heave
-        counts = self._apply_encoder_faults(
-            readings.heave_counts if heave else readings.surge_counts
-        )
-        current = readings.heave_current if heave else readings.surge_current
+        put, active = self.objects.put, self.active
+        true_counts, current, *_ = self._motor.read()
+        counts = self._apply_encoder_faults(true_counts)
         self.put_position(counts)
         if elapsed > 0.0:
             if self._last_counts is not None:
                 self._put_velocity((counts - self._last_counts) / elapsed)
             self._last_counts = counts
         put(0x6077, self.raw_current(current))
-        for sub, (reading, per_volt) in enumerate(self.torque.analog, start=1):
-            put(0x201A, analog(getattr(readings, reading), per_volt), sub)
+        for sub, (read, per_volt) in enumerate(self.torque.analog, start=1):
+            put(0x201A, analog(read(), per_volt), sub)
         if "load_cell_saturated" in active:
             put(0x201A, FULL_SCALE, 1)
         elif "load_cell_dead" in active:
             put(0x201A, 0, 1)
             put(0x201A, 0, 2)
         elif "load_cell_inverted" in active:
-            reading, per_volt = self.torque.analog[0]
-            put(0x201A, analog(-getattr(readings, reading), per_volt), 1)
+            read, per_volt = self.torque.analog[0]
+            put(0x201A, analog(-read(), per_volt), 1)
         put(0x6078, self.objects.values[0x6077, 0])
         put(0x60FD, 1 << int(active["limit_switch"]) if "limit_switch" in active else 0)
 
@@ -195,42 +198,34 @@ class TorqueDrive(Cia402Node):
         command = (motor_current, 1 if action is not Action.OFF else 0)
         if command != self._last_command:
             self._last_command = command
-            self.world.actuate(
-                **{self._current_field: motor_current, self._enable_field: command[1]}
-            )
+            self._motor.actuate(*command)
 
     def at_rest(self) -> bool:
         """Return whether the commanded current is 0."""
         return self.current == 0.0
 
     def voltage(self) -> Volt:
-        """Return the voltage of the world's bus (heave) or of a stiff bus (surge)."""
-        if self._is_heave:
-            return self.world.readings().bus_voltage
-        return self.torque.bus_voltage
+        """Return the voltage of the motor's bus."""
+        return self._motor.read().bus_voltage
 
     def mode_bits(self) -> int:
         """Return bit 11, current limited, and bit 12, the drive follows its set-point."""
-        readings = self.world.readings()
-        enabled = readings.heave_enabled if self._is_heave else readings.surge_enabled
-        follows = self.machine.action is Action.FOLLOW and self.mode == CYCLIC_TORQUE
-        limited = self._is_limited or (self._is_heave and readings.drive_saturated)
-        return (MODE_12 if enabled and follows else 0) | (LIMITED if limited and follows else 0)
+        if self.machine.action is not Action.FOLLOW or self.mode != CYCLIC_TORQUE:
+            return 0
+        motor = self._motor.read()
+        limited = self._is_limited or motor.saturated
+        return (MODE_12 if motor.enabled else 0) | (LIMITED if limited else 0)
 
     def fault_code(self) -> int:
         """Return the fault of the world's own drive, if any."""
-        readings = self.world.readings()
-        code = readings.heave_fault if self._is_heave else readings.surge_fault
+        code = self._motor.read().fault
         return PLANT_FAULTS[code] if code else 0
 
     def on_fault(self, fault: Fault) -> None:
         """Store counts or time at the start of an encoder fault."""
         super().on_fault(fault)
-        readings = self.world.readings()
         if fault.name == "encoder_reversed":
-            self._reversal_counts = (
-                readings.heave_counts if self._is_heave else readings.surge_counts
-            )
+            self._reversal_counts = self._motor.read().counts
         elif fault.name == "encoder_creep":
             self._creep_start = self.world.time
 

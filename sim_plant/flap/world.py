@@ -8,12 +8,13 @@ import numpy as np
 
 from sim_plant import waves
 from sim_plant.bench.signals import OFF, Actuation, BenchReading, BenchTruth
+from sim_plant.bench.stepper import StepperInputs
 from sim_plant.bench.wires import PlantInterface, check_tick
 from sim_plant.bench.world import compute_truth
 from sim_plant.flap import oswec
 from sim_plant.flap.body import FlapBodyState
 from sim_plant.flap.parameters import FlapPlant
-from sim_plant.flap.stepper import Stepper, StepperInputs
+from sim_plant.flap.stepper import Stepper
 from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
 from sim_plant.wave_maker import onset_ramp
@@ -114,5 +115,5 @@ class FlapWorld(PlantInterface):
             self._elevation = onset * self._elevations[index]
             self._moment = onset * self._moments[index]
         return self._stepper.advance(
-            self._actuation, self._fresh, self._stop_pressed, self._moment, self._tick
+            self._actuation, self._fresh, self._stop_pressed, self._tick, self._moment
         )

@@ -74,7 +74,7 @@ def read_modes(
     direction: float | None = None,
     water: Water | None = None,
 ) -> BemModes:
-    """Return the coefficients of some modes (all without `modes`), in the order asked for.
+    """Return the coefficients of some modes (all without `modes`), in the order requested.
 
     `direction` (degrees) chooses one of several wave directions. `water` completes what the file
     does not state. Raises ValueError that names file, field, value and the allowed ones, OSError
@@ -114,14 +114,15 @@ def impedance(bem: BemModes) -> Complexes:
 
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[Any]:
-    """Open an HDF5 file for reading. Raises ValueError if it is another format."""
+    """Open an HDF5 file for reading; ValueError if it is another format."""
     import h5py  # noqa: PLC0415  (importing HDF5 takes half a second; text formats do not need it)
 
     with open_regular_file(path) as stream:
         try:
             file = h5py.File(stream, "r")
         except OSError as error:
-            raise ValueError(f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)") from error
+            message = f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)"
+            raise ValueError(message) from error
         with file:
             yield file
 
@@ -144,7 +145,7 @@ def stated(path: Path, name: str, found: float | None, given: float | None, unit
 def _choose(
     path: Path, content: BemContent, modes: Sequence[str] | None, direction: float | None
 ) -> BemModes:
-    """Return the asked modes of one direction on ascending finite frequencies."""
+    """Return the requested modes of one direction on ascending finite frequencies."""
     names = content.modes
     if len(set(names)) != len(names):
         raise ValueError(f"{path}: a mode appears twice: {', '.join(names)}")
@@ -198,20 +199,20 @@ def _choose(
     )
 
 
-def _direction_index(path: Path, directions: Floats, asked: float | None) -> int:
+def _direction_index(path: Path, directions: Floats, requested: float | None) -> int:
     listed = ", ".join(f"{d:g}" for d in directions)
     if directions.size == 0:
         raise ValueError(f"{path}: has no wave direction: excitation is missing")
-    if asked is None:
+    if requested is None:
         if directions.size > 1:
             raise ValueError(
                 f"{path}: has several wave directions: {listed} degrees; choose one with "
                 "wave_direction_deg in the plant file"
             )
         return 0
-    difference = np.abs((directions - asked + 180.0) % 360.0 - 180.0)
+    difference = np.abs((directions - requested + 180.0) % 360.0 - 180.0)
     if difference.min() > 1.0e-3:
-        raise ValueError(f"{path}: has no wave direction of {asked:g} degrees; it has {listed}")
+        raise ValueError(f"{path}: has no wave direction of {requested:g} degrees; it has {listed}")
     return int(difference.argmin())
 
 

@@ -110,29 +110,29 @@ def _scalar(path: Path, fields: Any, name: str) -> float | None:
 
 
 def _array(
-    path: Path, fields: Any, name: str, wanted: tuple[str, ...], sizes: dict[str, int]
+    path: Path, fields: Any, name: str, needed: tuple[str, ...], sizes: dict[str, int]
 ) -> NDArray[Any]:
     """Return a field with its dimensions in an order; those of length 1 may be missing."""
     field = _field(path, fields, name)
     values, dimensions = np.asarray(field[...]), list(field.dimensions)
-    for extra in [d for d in dimensions if d not in wanted]:
+    for extra in [d for d in dimensions if d not in needed]:
         at = dimensions.index(extra)
         if values.shape[at] != 1:
             raise ValueError(
                 f"{path}: {name} has the unexpected dimension {extra} ({values.shape[at]} values); "
-                f"allowed: {', '.join(wanted)}"
+                f"allowed: {', '.join(needed)}"
             )
         values = values.squeeze(at)
         dimensions.remove(extra)
-    for missing in [d for d in wanted if d not in dimensions]:
+    for missing in [d for d in needed if d not in dimensions]:
         if sizes[missing] != 1:
             raise ValueError(
                 f"{path}: {name} has the dimensions {', '.join(dimensions) or 'none'}; expected "
-                f"{', '.join(wanted)}"
+                f"{', '.join(needed)}"
             )
         values, dimensions = values[..., None], [*dimensions, missing]
-    values = values.transpose([dimensions.index(d) for d in wanted])
-    expected = tuple(sizes[d] for d in wanted)
+    values = values.transpose([dimensions.index(d) for d in needed])
+    expected = tuple(sizes[d] for d in needed)
     if values.shape != expected:
         raise ValueError(f"{path}: {name} has the shape {values.shape}, expected {expected}")
     return values if values.dtype.kind == "c" else values.astype(np.float64)
@@ -148,17 +148,17 @@ def _excitation(path: Path, fields: Any, main: str, sizes: dict[str, int]) -> Co
                 f"{path}: has no field 'excitation_force' (nor 'diffraction_force' with "
                 f"'Froude_Krylov_force'); it has {', '.join(sorted(fields))}"
             )
-    wanted = (main, "wave_direction", "influenced_dof")
-    total = np.zeros([sizes[d] for d in wanted], np.complex128)
+    needed = (main, "wave_direction", "influenced_dof")
+    total = np.zeros([sizes[d] for d in needed], np.complex128)
     for name in names:
         if "complex" in fields[name].dimensions:
-            parts = _array(path, fields, name, ("complex", *wanted), sizes | {"complex": 2})
+            parts = _array(path, fields, name, ("complex", *needed), sizes | {"complex": 2})
             labels = _labels(path, fields, "complex") if "complex" in fields else ["re", "im"]
             if sorted(labels) != ["im", "re"]:
                 raise ValueError(f"{path}: complex is {labels}; expected re, im")
             total += parts[labels.index("re")] + 1j * parts[labels.index("im")]
         else:
-            values = _array(path, fields, name, wanted, sizes)
+            values = _array(path, fields, name, needed, sizes)
             if values.dtype.kind != "c":
                 raise ValueError(f"{path}: {name} is real; the dimension 'complex' is missing")
             total += values

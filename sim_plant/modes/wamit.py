@@ -75,7 +75,7 @@ def read_out(path: Path, water: Water) -> BemContent:
     haskind: dict[tuple[float, float, int], complex] = {}
     for number, line in enumerate(lines, 1):
         place = f"{path}:{number}"
-        numbers = [float(n.replace("D", "E").replace("d", "e")) for n in _words(line)]
+        numbers = [float(n.replace("D", "E").replace("d", "e")) for n in _tokens(line)]
         if line.strip().startswith("Gravity:"):
             gravity, length = (*numbers, None, None)[:2]
         elif line.strip().startswith("Water depth:"):
@@ -84,7 +84,7 @@ def read_out(path: Path, water: Water) -> BemContent:
             entries = line[: line.index(":")].count("C(")
             first = int(line[line.index("C(") + 2])
             body += first == 3
-            values = [float(n) for n in _words(line[line.index(":") :])]
+            values = [float(n) for n in _tokens(line[line.index(":") :])]
             if len(values) != entries:
                 raise ValueError(f"{place}: {entries} restoring coefficients expected")
             for k, value in enumerate(values):
@@ -119,7 +119,7 @@ def read_out(path: Path, water: Water) -> BemContent:
     return _content(path, found, water, gravity, depth, length)
 
 
-def _words(line: str) -> list[str]:
+def _tokens(line: str) -> list[str]:
     return re.findall(rf"(?<![\w.(,]){_NUMBER}(?![\w(,])", line)
 
 

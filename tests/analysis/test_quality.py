@@ -8,7 +8,7 @@ import pytest
 import synthetic_runs as synthetic
 from synthetic_runs import Row, Shape
 
-from rig.analysis.report import summarise_run
+from rig.analysis.report import analyse
 from rig.analysis.rows import row_table
 from rig.kinds.wavebot.row_contents import CHECKS
 from rig.kinds.wavebot.tick import WaveBotRow
@@ -86,7 +86,7 @@ def test_a_mean_surge_position_raises_its_own_alarm(tmp_path: Path) -> None:
     table = row_table(run)
     assert table["surge_position_alarm"].values.tolist() == [0, 1]
     assert table["position_alarm"].values.tolist() == [0, 0]
-    (alarm,) = (text for text in summarise_run(run).alarms if "surge" in text)
+    (alarm,) = (text for text in analyse(run).summary.alarms if "surge" in text)
     assert alarm.startswith("mean surge position beyond 5 mm in row 1: −9.3 mm in row 1")
 
 
@@ -106,7 +106,7 @@ def test_old_run_without_surge_and_drive_fields(tmp_path: Path) -> None:
     assert np.isnan(table["switching_period"].values).all()
     assert table["surge_position_alarm"].values.tolist() == [0, 0]
     assert float(table["lcb_p98"][0]) == pytest.approx(96.0, rel=2e-3)
-    assert not any("surge" in text for text in summarise_run(tmp_path).alarms)
+    assert not any("surge" in text for text in analyse(tmp_path).summary.alarms)
 
 
 def test_a_row_that_was_not_run_has_no_checks(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 
 from rig.analysis import traces
 from rig.analysis.alarms import format_rows
-from rig.analysis.report import summarise_run, write_products
+from rig.analysis.report import analyse, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
@@ -29,7 +29,7 @@ from rig.presentation.phrases import (
 from rig.realtime.limits import LimitFlag
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
-from rig.recording.calibration.sources import PRODUCTS
+from rig.recording.calibration_changes import PRODUCTS
 from rig.recording.runs import RunError
 
 SHAPE = synthetic.Shape(noise=10.0, wander=1.0)
@@ -138,12 +138,12 @@ def test_stop_is_reported_with_time_row_and_phase(tmp_path: Path) -> None:
     when = f"stopped {at * SHAPE.dt:.3f} s after its start, row 2 (settle)"
     data["safety.reason"][at:] = WaveBotReason.SPRING_STROKE
     run = synthetic.write_run(tmp_path / "a", data, plan, status="fault", reason="SPRING_STROKE")
-    summary = summarise_run(run)
+    summary = analyse(run).summary
     assert summary.stopped == when
     assert f"rows complete; {when}." in as_text(summary)
     data["safety.reason"][40:] = Reason.OPERATOR_STOP
     run = synthetic.write_run(tmp_path / "b", data, plan, status="stopped", reason="OPERATOR_STOP")
-    assert summarise_run(run).stopped.endswith("before the first row (lead-in)")
+    assert analyse(run).summary.stopped.endswith("before the first row (lead-in)")
 
 
 def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_refused_run_reports_its_reason(tmp_path: Path) -> None:
     plan = synthetic.plan_json(ROWS, SHAPE)
     data = synthetic.run_rows(ROWS[:1], SHAPE)[:0]
     synthetic.write_run(tmp_path, data, plan, status="refused", reason=why)
-    summary = summarise_run(tmp_path)
+    summary = analyse(tmp_path).summary
     assert (summary.ending, summary.reason) == ("Refused", why)
 
 
@@ -174,14 +174,14 @@ def test_rows_without_a_tare_raise_an_alarm(tmp_path: Path) -> None:
     data = synthetic.run_rows(ROWS[:3], SHAPE)
     data["tare.samples"] = 0
     synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE))
-    (alarm,) = (text for text in summarise_run(tmp_path).alarms if "tare" in text)
+    (alarm,) = (text for text in analyse(tmp_path).summary.alarms if "tare" in text)
     assert alarm.startswith("no tare was taken before rows 0-2")
 
 
 def test_single_file_can_be_summarised(complete_run: Path, tmp_path: Path) -> None:
     alone = tmp_path / "mailed.mcap"
     alone.write_bytes((complete_run / "run.mcap").read_bytes())
-    summary = summarise_run(alone)
+    summary = analyse(alone).summary
     assert (summary.campaign, summary.mode, summary.rows_done) == ("default", "rehearsal", 66)
     assert [p.name for p in tmp_path.iterdir()] == ["mailed.mcap"]
 
@@ -190,7 +190,7 @@ def test_run_in_progress(tmp_path: Path) -> None:
     plan = synthetic.plan_json(ROWS, SHAPE)
     data = synthetic.run_rows(ROWS[:3], SHAPE)
     synthetic.write_run(tmp_path, data, plan, status="running", reason="")
-    assert summarise_run(tmp_path).reason.startswith("the record just stops")
+    assert analyse(tmp_path).summary.reason.startswith("the record just stops")
 
 
 def test_missing_record_raises_run_error(tmp_path: Path) -> None:

@@ -202,7 +202,11 @@ def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
     assert table["limits"].values.tolist() == ["", "CURRENT_PEAK SLEW", ""]
     assert table["warned"].values.tolist() == ["", "POSITION", ""]
     assert table["position_alarm"].values.tolist() == [0, 0, 1]
-    assert row_table(tmp_path, 0.01)["position_alarm"].values.tolist() == [0, 0, 0]
+    assert row_table(tmp_path, mean_position_alarm=0.01)["position_alarm"].values.tolist() == [
+        0,
+        0,
+        0,
+    ]
 
 
 def test_old_run_with_a_renamed_field(tmp_path: Path) -> None:

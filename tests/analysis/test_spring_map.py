@@ -15,11 +15,13 @@ from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
+from rig.analysis.report import write_products
 from rig.analysis.rows import row_table
-from rig.config import ConfigError, load
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.config import RigFile
-from rig.kinds.wavebot.products.report import summarise_run, write_products
+from rig.kinds.wavebot.products import analyse
 from rig.kinds.wavebot.spring_map import passes
 from rig.kinds.wavebot.spring_map.files import write_calibration
 from rig.kinds.wavebot.spring_map.passes import FIT_HALF_ANGLE, Samples
@@ -103,7 +105,7 @@ def test_the_positioner_uses_the_map(
     # 2 % of the largest of the two rates, by the slope of the map between the two stations
     tolerance = 0.02 * max(abs(hidden.rate(-33.0)), abs(hidden.rate(7.0)))
     slope = (hidden.rate(-33.0) - hidden.rate(7.0)) / 40.0
-    assert report.plan.rows[0].stator_position == pytest.approx(-13.0, abs=tolerance / slope)
+    assert report.plan.rows[0].place == pytest.approx(-13.0, abs=tolerance / slope)
     assert "spring map" in {file.role for file in report.campaign.files}
     at = RecordingTime.from_utc("2100-01-01T00:00:00Z")
     assert (
@@ -135,7 +137,7 @@ def test_command_and_products(
     run: tuple[UnknownSpring, Path], table: xarray.Dataset, tmp_path: Path
 ) -> None:
     _, folder = run
-    written = {path.name for path in write_products(folder)}
+    written = {path.name for path in write_products(folder, analyse=analyse)}
     assert {"spring_map.nc", "spring_map.csv", "spring_map.png", "rows.csv"} <= written
     assert "surfaces.png" not in written
     text = (folder / "summary.txt").read_text()
@@ -183,7 +185,7 @@ def test_a_station_with_missing_ticks_is_left_out_and_reported(tmp_path: Path) -
     assert map_["station"].values.tolist() == [-30.0, 30.0]
     assert map_.attrs["left_out"] == message
     assert message in findings(map_)
-    assert message in summarise_run(damaged).findings
+    assert message in analyse(damaged).summary.findings
     with_incomplete = spring_map(damaged, incomplete_rows=True)
     assert with_incomplete["station"].values.tolist() == [-30.0, 0.0, 30.0]
     assert "left_out" not in with_incomplete.attrs

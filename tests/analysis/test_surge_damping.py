@@ -23,8 +23,8 @@ from rig.kinds.wavebot.products.surge_damping import (
     measure_rows,
 )
 from rig.realtime.sequence import Phase
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, run_info
+from rig.row_contents import LAW, Column, column_records
 
 OMEGA = math.pi  # 0.5 Hz
 DAMPINGS = (250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
@@ -108,12 +108,21 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return ended.folder
 
 
-def stepped(folder: Path, lost: slice) -> Path:
-    """Write a synthetic run of five dampings whose record lacks these ticks of row 3."""
+def stepped(
+    folder: Path, lost: slice, columns: tuple[Column, ...] = (), **values: list[float]
+) -> Path:
+    """Write a synthetic run of five dampings whose record lacks these ticks of row 3.
+
+    ``columns`` and ``values``, one for each row, take the place of the gains.
+    """
     rows = [Row(i, 0, 7690.0, -2500.0, 0.0, dict.fromkeys(POWERS, -10.0)) for i in range(5)]
     plan = plan_json(rows, Shape())
     for i, row in enumerate(plan["rows"]):
         row |= {"surge_kp": -(500.0 + 500.0 * i), "surge_ki": 0.0}
+        if columns:
+            plan["columns"] = column_records(columns)
+            del row["kp"], row["ki"]
+            row |= {name: value[i] for name, value in values.items()}
     data = run_rows(rows, Shape())
     inside = np.flatnonzero((data["plan.row"] == 3) & (data["plan.phase"] == Phase.MEASURE))
     return write_run(folder, np.delete(data, inside[lost]), plan, ticks=len(data))
@@ -184,7 +193,26 @@ def test_other_runs_are_refused(tmp_path: Path) -> None:
     assert (code, "no such run" in err) == (2, True)
 
 
+def test_rows_of_another_law_may_vary_in_the_damping_alone(tmp_path: Path) -> None:
+    columns = (
+        Column("level_n", "level", "N", "level", LAW),
+        Column("surge_kp_n_s_per_m", "surge_kp", "N*s/m", "surge Kp"),
+    )
+    run = stepped(tmp_path / "equal", slice(0), columns, level=[300.0] * 5)
+    assert [row.damping for row in measure_rows(run).rows] == [500.0 * i for i in range(1, 6)]
+    run = stepped(tmp_path / "varied", slice(0), columns, level=[300.0] * 4 + [400.0])
+    code, _, err = rig_here("surge-damping", run)
+    assert (code, "level varies as well; only the surge damping may vary" in err) == (2, True)
+
+
+def test_a_run_without_surge_dampings_is_refused(tmp_path: Path) -> None:
+    rows = [Row(0, 0, 7690.0, -2500.0, 0.0, dict.fromkeys(POWERS, -10.0))]
+    run = write_run(tmp_path / "run", run_rows(rows, Shape()), plan_json(rows, Shape()))
+    code, _, err = rig_here("surge-damping", run)
+    assert (code, "its rows have no surge_kp" in err) == (2, True)
+
+
 def test_the_shipped_campaign_can_be_run() -> None:
     report = check_campaign(CONFIGS / "campaigns" / "surge_damping.yaml")
     assert report.plan is not None, report.text()
-    assert {row.spring_rate for row in report.plan.rows} == {7690.0}
+    assert {row.setting.spring_rate for row in report.plan.rows} == {7690.0}

@@ -13,7 +13,7 @@ import pytest
 import xarray
 from calibration_runs import DT, SEA, BareRow, TimedRow, elevation, plan_of, rows, write
 
-from rig.analysis.report import summarise_run, write_products
+from rig.analysis.report import analyse, write_products
 from rig.analysis.summary import as_text
 from rig.planning.multisine import design_multisine
 from rig.recording.runs import RunError
@@ -188,7 +188,7 @@ def test_a_run_that_was_stopped_keeps_its_whole_periods(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no whole repeat period"):
         calibrate_waves(short)
     assert [path.name for path in write_products(short)] == ["summary.txt", "summary.json"]
-    assert "no whole repeat period" in as_text(summarise_run(short))
+    assert "no whole repeat period" in as_text(analyse(short).summary)
 
 
 def test_lost_ticks_cost_no_accuracy(tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_a_period_with_missing_ticks_is_withheld(
     left = 3 - withheld.partition(":")[0].count(",") - bool(withheld)
     assert table["periods"].values.tolist() == [left] * 4
     np.testing.assert_allclose(table["amplitude"][0], SEA.amplitude, rtol=1e-9)
-    summary = summarise_run(run)
+    summary = analyse(run).summary
     assert (summary.findings[0].startswith("repeat period")) == bool(withheld)
     assert summary.record is not None
     assert summary.record.state == "incomplete"

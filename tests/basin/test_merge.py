@@ -11,7 +11,7 @@ import pytest
 import xarray
 from command_here import rig
 
-from rig.config import ConfigError
+from rig.config.problems import ConfigError
 from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, interpolate_cubic, merge
 from rig.interop.basin.products import row_means, write_products
 from rig.interop.basin.sync import rising_edge

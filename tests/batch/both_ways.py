@@ -75,7 +75,7 @@ def interpreted(path: Path) -> LoopResult:
     devices = connect(
         json.loads(json.dumps(job.plant_settings(campaign))) | {"compiled": False}, plan.dt
     )
-    kind = kind_with_law(campaign.law.module)
+    kind = kind_with_law(campaign.file.heave_law.module)
     step, state = cycle.make(kind), cycle.start(kind, params, 0)
     fields = attrgetter(*KEPT_FIELDS)
     lines, tick, linger = [], 0, 0

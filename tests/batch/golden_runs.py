@@ -17,8 +17,7 @@ from typing import Any
 
 from rehearsing import rehearse
 
-from rig.recording.runs import run_info
-from rig.recording.runs.folder import RunInfo
+from rig.recording.runs import RunInfo, run_info
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
 IN_WAVES = ("cots", "custom")  # by the gain matrix, with both drives

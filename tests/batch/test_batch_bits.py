@@ -22,11 +22,11 @@ from rehearsing import CONFIGS, write_campaign, write_yaml
 import rig
 from rig.compilation import lifting
 from rig.compilation.column import Column
+from rig.compilation.pages import PAGE_TICKS
 from rig.config.law_settings import IMPEDANCE
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
 from rig.kinds.wavebot.simulation import plant_coupling
 from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
-from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
 from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rig.compilation.column import Column, prefetch
+from rig.compilation.pages import PAGE_TICKS, flush_page
 from rig.kinds.wavebot.simulation.noise import CHANNELS_PER_TICK, interleaved
-from rig.kinds.wavebot.simulation.pages import PAGE_TICKS, flush_page
 from sim_plant.sensors import NOISE_LENGTH, Channel, SensorParams, measure
 
 RNG = np.random.default_rng(3)

@@ -55,11 +55,12 @@ def test_plotting_datasets_and_blas_are_imported_after_the_first_case(tmp_path: 
 _WARM = """
 import sys
 from pathlib import Path
-from rig.kinds.wavebot.campaign import build_plan, open_campaign
+from rig.campaign import build_plan
+from rig.kinds.wavebot.campaign import open_campaign
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 
 campaign = open_campaign(Path(sys.argv[1]))
-plan = build_plan(campaign.file, campaign.rig, campaign.points)
+plan = build_plan(campaign)
 simulator = CampaignSimulator(campaign, plan)
 next(iter(simulator.simulate(plan)))
 print(sum(simulator.advance.stats.cache_misses.values()))

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from rig_command import rig_here
 from synthetic_runs import Row, Shape
 
-from rig.analysis.report import summarise_run, write_products
-from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
+from rig.analysis.report import analyse, write_products
+from rig.analysis.rows import row_table
 from rig.recording.calibration import CalibrationVersion, ValidityError, open_calibration
 
 POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
@@ -43,7 +43,7 @@ def calibration(folder: Path, quantity: str, correction: str, **more: Any) -> Ca
 
 
 def read(run: Path, *calibrations: CalibrationVersion) -> xarray.Dataset:
-    return row_table(run, MEAN_POSITION_ALARM, calibrations)
+    return row_table(run, calibrations)
 
 
 def changed(before: xarray.Dataset, after: xarray.Dataset) -> set[str]:
@@ -125,7 +125,7 @@ def test_outside_its_range_a_calibration_changes_nothing_or_refuses(
 def test_products_name_their_calibrations(tmp_path: Path, run: Path) -> None:
     plain = {path.name: path.read_bytes() for path in write_products(run)}
     known = calibration(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}")
-    created = write_products(run, MEAN_POSITION_ALARM, [known])
+    created = write_products(run, [known])
     assert {path.parent for path in created} == {run / "read_by_one_v1"}
     assert {path.name for path in created} == set(plain)
     assert all((run / name).read_bytes() == data for name, data in plain.items())
@@ -134,7 +134,7 @@ def test_products_name_their_calibrations(tmp_path: Path, run: Path) -> None:
     assert "spring +378 N/m" in text
     with xarray.open_dataset(run / "read_by_one_v1" / "rows.nc") as table:
         assert table.attrs["read_by"] == "one v1"
-    assert summarise_run(run).calibration == ""
+    assert analyse(run).summary.calibration == ""
 
 
 def test_the_commands_apply_a_calibration_on_request(tmp_path: Path, run: Path) -> None:

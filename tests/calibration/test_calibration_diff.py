@@ -14,8 +14,13 @@ from measured_data import needs, reference
 
 from rig.interop.legacy.testlog import read_log, values_in_log
 from rig.recording.calibration import RecordingTime, open_history
-from rig.recording.calibration.diff import IncomparableError, compare_calibrations
-from rig.recording.calibration.sources import PRODUCTS, RecordedValue, values_in_runs
+from rig.recording.calibration_changes import (
+    PRODUCTS,
+    IncomparableError,
+    RecordedValue,
+    compare_calibrations,
+    values_in_runs,
+)
 
 FILE = "waveBotCtrlMdl_2023_09_21_04_46_26"
 

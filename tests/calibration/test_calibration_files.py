@@ -142,7 +142,7 @@ def test_broken_chains_are_reported_at_their_line(tmp_path: Path) -> None:
     assert "no such folder" in problems_of(lambda: open_history(tmp_path / "none"))[0][3]
 
 
-@pytest.mark.parametrize("name", ["rig.recording.calibration", "rig.interop.legacy.testlog"])
+@pytest.mark.parametrize("name", ["rig.interop.legacy.testlog"])
 def test_no_module_hides_a_function_of_its_package(name: str) -> None:
     """A module of the same name replaces a function of the package once it is imported."""
     package = importlib.import_module(name)

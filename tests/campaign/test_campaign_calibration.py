@@ -7,12 +7,13 @@ from typing import Any
 
 import pytest
 
-from rig.config import ConfigError
+from rig.campaign import build_plan
+from rig.config.problems import ConfigError
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
-from rig.kinds.wavebot.campaign import WindowError, build_plan, check_campaign, open_campaign
+from rig.kinds.wavebot.campaign import check_campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
-from rig.planning.windows import calibration_window
+from rig.planning.windows import WindowError, calibration_window
 from rig.realtime import sequence
 from rig.realtime.sequence import NO_ROW, Phase
 
@@ -36,7 +37,7 @@ def reported_problems(path: Path) -> list[tuple[str, str]]:
 
 def test_the_plan_is_a_lead_in_and_one_window_with_all_power_off(write: Any) -> None:
     campaign = open_campaign(write_file(write, "start: {lead_in_s: 30}\ntiming: {periods: 3}\n"))
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     s = planned.segments
     assert (planned.rows, campaign.points) == ((), ())
     table = list(zip(s.row, s.phase, s.ticks, s.wait, s.drive, s.waves, strict=True))
@@ -45,7 +46,7 @@ def test_the_plan_is_a_lead_in_and_one_window_with_all_power_off(write: Any) -> 
         (NO_ROW, Phase.MEASURE, 60_000, 0, 0, 1),
         (NO_ROW, Phase.DONE, 0, 0, 0, 0),
     ]
-    assert (planned.duration, planned.wave_seconds, planned.spring_moves) == (90.0, 90.0, 0)
+    assert (planned.duration, planned.wave_seconds, planned.moves) == (90.0, 90.0, 0)
     assert sum(planned.phases) == planned.phases.lead_in + planned.phases.measure == 90.0
     assert plant_settings(campaign._replace(plant={"bem": "x"}))["device"] == "absent"
 
@@ -53,7 +54,7 @@ def test_the_plan_is_a_lead_in_and_one_window_with_all_power_off(write: Any) -> 
 def test_the_plan_runs_to_its_end_without_the_drive(write: Any) -> None:
     body = "start: {lead_in_s: 5}\ntiming: {periods: 1}\n"
     campaign = open_campaign(write_file(write, body))
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     state, phase_ticks = sequence.start(0), dict.fromkeys(Phase, 0)
     for tick in range(30_000):
         # the drive is never enabled; the plan alone runs

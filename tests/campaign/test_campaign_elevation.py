@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from measured_data import reference
 
-from rig.config import ConfigError
+from rig.campaign import build_plan
+from rig.config.problems import ConfigError
 from rig.config.sea import RecordedSea
-from rig.kinds.wavebot.campaign import build_plan, open_campaign, read_elevation
+from rig.kinds.wavebot.campaign import open_campaign
+from rig.planning.elevation import read_elevation
 
 RECORD = "AWDC-SAADAQ-s00113.twe"  # measured: see tests/measured_data.py
 
@@ -63,7 +65,7 @@ sea:
 """
     campaign = open_campaign(write(head=head))
     assert campaign.elevation is not None
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     assert (planned.rows[0].measure, planned.rows[0].periods) == (300.0, 1)
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from rig.config import ConfigError
-from rig.kinds.wavebot.campaign import check_campaign, open_campaign, resolved_config
+from rig.campaign import resolved_config
+from rig.config.problems import ConfigError
+from rig.kinds.wavebot.campaign import check_campaign, open_campaign
 from rig.kinds.wavebot.campaign.stability import largest_ki, total_stiffness
 from rig.kinds.wavebot.campaign.stator import spring_map_problems
 from rig.kinds.wavebot.config.campaign_file import CampaignFile

@@ -9,23 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import impedance
-from rig.config import SourceLocation, load
+from rig.campaign import build_plan
+from rig.campaign.record import RecordedCampaign
+from rig.config.pydantic_errors import load
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
-from rig.kinds.wavebot.campaign import (
-    Plan,
-    Point,
-    WindowError,
-    build_plan,
-    check_campaign,
-    open_campaign,
-    row_windows,
-)
+from rig.config.yaml_source import SourceLocation
+from rig.kinds.wavebot.campaign import CAMPAIGNS, Plan, check_campaign, open_campaign
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.planning.order import least_travel, order_points
-from rig.planning.point import ValueLocation, make_point
+from rig.planning.point import Point, ValueLocation, make_point
+from rig.planning.windows import WindowError, row_windows
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -113,7 +109,7 @@ def test_the_default_campaign() -> None:
     assert planned is not None
     assert len(planned.rows) == 66
     assert planned.wave_seconds == 1460.0
-    assert planned.spring_moves == 1
+    assert planned.moves == 1
     assert planned.dt == 0.001
     assert lengths(planned, 0) == [(Phase.SETTLE, 5000), (Phase.MEASURE, 14000), (Phase.TAIL, 1000)]
     assert lengths(planned, 36)[0] == (Phase.MOVING, 20_000)
@@ -123,7 +119,7 @@ def test_the_default_campaign() -> None:
         (36, 27.0, (-5715.0, -1000.0, -4000.0)),
         (65, 27.0, (-5715.0, -3500.0, 4000.0)),
     ):
-        assert planned.rows[row].stator_position == stator
+        assert planned.rows[row].place == stator
         assert planned.rows[row].setting[:3] == expected
         assert planned.rows[row].setting[3:] == (
             0.0,
@@ -145,7 +141,7 @@ def test_windows_at_0p3_hz_end_on_the_nearest_sample(write: Any) -> None:
         "sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.3}\n"
     )
     campaign = open_campaign(write("repeat: 3\n", head=head))
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     for row in planned.rows:
         assert row.periods == 4
         assert row.measure == pytest.approx(40 / 3)
@@ -165,7 +161,7 @@ matrix:
     - {spring_n_per_m: 490.9, kp_n_s_per_m: -1000, ki_n_per_m: 2000}
 """
     campaign = open_campaign(write(body))
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     s, p = planned.segments, planned.setpoints
     gains = [(p.law[0][i], p.law[1][i], p.spring_rate[i]) for i in s.setpoint]
     table = list(zip(s.row, s.phase, s.ticks, s.wait, s.timeout, s.restart, s.drive, s.waves,
@@ -191,7 +187,7 @@ matrix:
 def test_the_default_set_point_is_the_first_rows_damping_alone(write: Any) -> None:
     body = "matrix: {list: [{spring_n_per_m: 0, kp_n_s_per_m: -1500, ki_n_per_m: 3000}]}\n"
     campaign = open_campaign(write("tare: none\nstart: {set_point_s: 0, lead_in_s: 0}\n" + body))
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     assert (planned.setpoints.law[0][0], planned.setpoints.law[1][0]) == (-1500.0, 0.0)
     phases = [Phase(p) for p in planned.segments.phase]
     assert phases[:2] == [
@@ -211,7 +207,7 @@ matrix:
     - {spring_n_per_m: -8508, kp_n_s_per_m: -2000, ki_n_per_m: 11000}
 """
     campaign = open_campaign(write(body))
-    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    planned = build_plan(campaign)
     s = planned.segments
     moving = [i for i, phase in enumerate(s.phase) if phase == Phase.MOVING]
     first, second, third = (planned.setpoints.law[1][s.setpoint[i]] for i in moving)
@@ -290,7 +286,8 @@ def test_any_plan_is_consistent(
             "start": {"set_point_s": set_point, "lead_in_s": set_point + rest},
         }
     )  # fmt: skip
-    planned = build_plan(campaign, RIG.model_copy(update={"rate_hz": rate}), points)
+    rig = RIG.model_copy(update={"rate_hz": rate})
+    planned = build_plan(RecordedCampaign(CAMPAIGNS, campaign, rig, None, points, None))
     s = planned.segments
     n = len(s.phase)
     row_window = row_windows(campaign.sea, campaign.timing)
@@ -302,10 +299,7 @@ def test_any_plan_is_consistent(
     assert sum(s.ticks) * planned.dt == pytest.approx(planned.duration)
     assert sum(planned.phases) == pytest.approx(planned.duration)
     waves = (
-        set_point
-        + rest
-        + len(planned.rows) * row_window.interval
-        + planned.spring_moves * row_window.move
+        set_point + rest + len(planned.rows) * row_window.interval + planned.moves * row_window.move
     )
     assert planned.wave_seconds == pytest.approx(waves, abs=1.01 * planned.dt)
     # rows are contiguous, in order, and each measured exactly once, to the nearest sample

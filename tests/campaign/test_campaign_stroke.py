@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.config import load, load_mapping
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.config import RigFile
 from sim_plant.parameters import Plant
 from sim_plant.stator_force import force_reversal

@@ -8,8 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import impedance
-from rig.config import SourceLocation, load
-from rig.kinds.wavebot.campaign import Plan, build_plan, check_campaign
+from rig.campaign import build_plan
+from rig.campaign.record import RecordedCampaign
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import SourceLocation
+from rig.kinds.wavebot.campaign import CAMPAIGNS, Plan, check_campaign
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.columns import COLUMNS
@@ -51,7 +54,7 @@ def small_plan(frequency: float = 0.3) -> Plan:
         )
         for rate in (0.0, 0.0, 8340.0)
     )
-    return build_plan(campaign, RIG_100_HZ, points)
+    return build_plan(RecordedCampaign(CAMPAIGNS, campaign, RIG_100_HZ, None, points, None))
 
 
 def run_plan(planned: Plan, ticks: Any, ready: Any = None, held_ticks: Any = ()) -> list[Tick]:

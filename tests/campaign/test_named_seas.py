@@ -15,8 +15,8 @@ from ruamel.yaml import YAML
 from scipy.integrate import quad
 from scipy.signal import welch
 
+from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.rehearsal.devices import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -202,7 +202,7 @@ def test_the_requested_lines_are_those_of_the_plant(path: Path, tmp_path: Path) 
 SCRIPT = """
 import hashlib, sys
 from pathlib import Path
-from rig.kinds.wavebot.rehearsal.devices import build_sea
+from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.kinds.wavebot.campaign import check_campaign
 for path in sys.argv[1:]:

@@ -16,8 +16,8 @@ from ruamel.yaml import YAML
 from wired_rig import CONFIGS, rig, running
 
 from rig.cli.devices import render
-from rig.cli.exit_codes import BAD_INPUT, FAILED, OK
-from rig.config import load
+from rig.cli.output import BAD_INPUT, FAILED, OK
+from rig.config.pydantic_errors import load
 from rig.host.finding import Host, Verdict
 from rig.host.rig_wires import findings
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile

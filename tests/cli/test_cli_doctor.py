@@ -17,7 +17,7 @@ from rich.console import Console
 
 from rig.cli import doctor
 from rig.cli.doctor import render
-from rig.cli.exit_codes import FAILED, OK
+from rig.cli.output import FAILED, OK
 from rig.host import (
     DoctorOptions,
     Examination,

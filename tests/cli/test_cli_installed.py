@@ -86,18 +86,22 @@ class Installation:
         }
 
 
-@pytest.fixture(scope="module")
-def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A virtual environment with the wheel and what it requires, in the tested versions."""
-    folder = tmp_path_factory.mktemp("installed") / "venv"
+def install(folder: Path, *packages: object) -> Path:
+    """Return a new virtual environment with packages and what they require, in tested versions."""
     if UV.is_file():
         command(UV, "venv", "--quiet", "--python", sys.executable, folder)
-        install = (UV, "pip", "install", "--quiet", "--python", folder / "bin" / "python")
+        pip = (UV, "pip", "install", "--quiet", "--python", folder / "bin" / "python")
     else:
         command(sys.executable, "-m", "venv", folder)
-        install = (folder / "bin" / "python", "-m", "pip", "install", "--quiet")
-    command(*install, "--constraint", CONSTRAINTS, wheel)
+        pip = (folder / "bin" / "python", "-m", "pip", "install", "--quiet")
+    command(*pip, "--constraint", CONSTRAINTS, *packages)
     return folder
+
+
+@pytest.fixture(scope="module")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual environment with the wheel."""
+    return install(tmp_path_factory.mktemp("installed") / "venv", wheel)
 
 
 @pytest.fixture
@@ -240,3 +244,26 @@ def test_campaign_on_emulated_devices(installed: Installation) -> None:
     )
     ended_run = installed.json("run", "one_row.yaml", "--rig", rig, "--sim")
     assert ended_run["status"] == "complete"
+
+
+def test_new_kind_is_installed_and_runs(environment: Path, wheel: Path, tmp_path: Path) -> None:
+    """From the wheel to a kind of one's own: `rig new kind`, pip, the commands, its tests."""
+    command(environment / "bin" / "rig", "new", "kind", "lift", "--folder", tmp_path)
+    package = tmp_path / "wec_lift"
+    own = install(tmp_path / "venv", wheel, f"{package}[dev]")
+    (tmp_path / "empty").mkdir()
+    lab = Installation(own, tmp_path / "empty")
+    listed = {each["name"]: each for each in lab.json("kinds")["kinds"]}
+    assert (listed["lift"]["origin"], listed["lift"]["package"]) == ("wec-lift 0.1", "wec_lift")
+    assert "problem" not in listed["lift"]
+    for file in (package / "configs").iterdir():
+        (lab.folder / file.name).write_bytes(file.read_bytes())
+    assert lab.rig("check", "holds.yaml") == "2 holds in 16.6 s\n"
+    assert lab.json("run", "holds.yaml")["status"] == "complete"
+    assert "row 1:" in lab.rig("show", "last")
+    assert lab.json("replay", "last")["same"]
+    done = subprocess.run(
+        [own / "bin" / "python", "-m", "pytest", package],
+        capture_output=True, text=True, check=False, cwd=lab.folder, env=lab.variables,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout

@@ -68,7 +68,9 @@ def test_a_line_shows_the_power_of_the_previous_row(
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     setting = SimpleNamespace(kp=-2000.0, ki=0.0, spring_rate=490.9)
     rows = (SimpleNamespace(setting=setting),) * 2
-    plan = SimpleNamespace(rows=rows, duration=60.0, wave_seconds=50.0, law=IMPEDANCE)
+    plan = SimpleNamespace(
+        rows=rows, duration=60.0, wave_seconds=50.0, axis_laws={"heave": IMPEDANCE}
+    )
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     lines = []

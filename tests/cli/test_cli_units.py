@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from rig.cli import run as run_command
 from rig.cli.app import app
-from rig.cli.exit_codes import BAD_INPUT, FAILED, FAULT, OK, STOPPED
 from rig.cli.find_run import find_run
+from rig.cli.output import BAD_INPUT, FAILED, FAULT, OK, STOPPED
 from rig.cli.run_panel import RunPanel
 from rig.cli.runs import command as list_command
 from rig.config.law_settings import IMPEDANCE
@@ -127,7 +127,7 @@ def test_lines_show_time_left_losses_and_each_notice_once(
 ) -> None:
     now = [1000.0]
     monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
-    plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4, law=IMPEDANCE)
+    plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4, axis_laws={"heave": IMPEDANCE})
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     now[0] += 15.0

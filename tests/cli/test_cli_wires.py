@@ -21,8 +21,8 @@ from rich.console import Console
 from wired_rig import CONFIGS, Ports, ended, free_ports, ready, rig, rig_file, running
 
 from rig.cli.devices import render
-from rig.cli.exit_codes import BAD_INPUT, FAILED, OK, STOPPED
-from rig.config import load
+from rig.cli.output import BAD_INPUT, FAILED, OK, STOPPED
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import build_job
 from rig.processes.wire_locks import acquire, wires_in

@@ -14,8 +14,8 @@ from command_here import rig as rig_here
 from doctor_hosts import finding_named, make_host, skip_measurements
 from wired_rig import CONFIGS, Ports, free_ports, rig_file
 
-from rig.cli.exit_codes import BAD_INPUT, FAILED
-from rig.config import load
+from rig.cli.output import BAD_INPUT, FAILED
+from rig.config.pydantic_errors import load
 from rig.emulation import addresses
 from rig.host import DoctorOptions, Host, Use, Verdict, examine, rig_wires, wires
 from rig.kinds.wavebot.config import RigFile

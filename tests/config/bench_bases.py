@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from rig.config import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile

@@ -11,13 +11,15 @@ import pytest
 from pydantic import BaseModel
 from ruamel.yaml import YAML
 
-from rig.config import ConfigError, load
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
 from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.session_file import SessionFile
 from rig.kinds.oswec_bench.rehearsal.job import problems
-from rig.kinds.oswec_bench.sessions import check_session, is_session
+from rig.kinds.oswec_bench.sessions.check import check_session
+from rig.kinds.oswec_bench.sessions.files import is_session
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_bench_files.yaml"))

@@ -17,7 +17,8 @@ import pytest
 from bench_bases import BASES
 from ruamel.yaml import YAML
 
-from rig.config import ConfigError, load
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
 
 TABLE = YAML(typ="safe", pure=True).load(Path(__file__).with_name("bench_ranges.yaml"))
 CASES = [

@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from rig.config import ConfigError, load, load_mapping
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 

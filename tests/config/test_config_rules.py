@@ -9,9 +9,11 @@ import pytest
 from pydantic import BaseModel, Field, ValidationError
 from ruamel.yaml import YAML
 
-from rig.config import ConfigError, load, load_mapping
-from rig.config import problems_from as translate
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
+from rig.config.pydantic_errors import problems_from as translate
 from rig.config.ranges import unit_of_key
+from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 

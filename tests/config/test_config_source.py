@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rig.config import ConfigError, SourceLocation, load_mapping
+from rig.config.problems import ConfigError
+from rig.config.yaml_source import SourceLocation, load_mapping
 
 
 def write(folder: Path, name: str, text: str) -> Path:

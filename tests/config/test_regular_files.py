@@ -11,18 +11,20 @@ from typing import Any
 
 import pytest
 
-from rig.config import ConfigError, SourceLocation, load, load_mapping
 from rig.config.law_settings import IMPEDANCE
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import SourceLocation, load_mapping
 from rig.identification import bem, comparison
 from rig.interop.legacy.table import read_table
 from rig.interop.legacy.testlog import read_log
-from rig.kinds.oswec_bench.sessions import open_session
+from rig.kinds.oswec_bench.sessions.files import open_session
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.mask4.signals import read_signals
 from rig.planning import matrix_csv
-from rig.recording.calibration.history import open_calibration
+from rig.recording.calibration import open_calibration
 from rig.recording.channel_file import read_recording
 from rig.recording.runs import RunError, mcap_file, open_run
 from rig.regular_file import (

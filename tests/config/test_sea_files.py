@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from rig.config import ConfigError, SourceLocation, load, load_mapping
+from rig.config.problems import ConfigError
+from rig.config.pydantic_errors import load
 from rig.config.sea import PinkSea
+from rig.config.yaml_source import SourceLocation, load_mapping
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
 SEA = "kind: pink\nhm0_m: 0.2\nseed: 4\n"

@@ -22,7 +22,7 @@ from rig.config.shipped_files import (
     shipped_folder,
     title,
 )
-from rig.kinds.oswec_bench.sessions import check_session
+from rig.kinds.oswec_bench.sessions.check import check_session
 from rig.kinds.wavebot.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -11,20 +11,21 @@ from core_runs import plan
 
 from controllers.oswec_position import Component
 from controllers.signals import PanelSense
-from rig.config import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.rehearsal.devices import BenchPlantDevices, connect
-from rig.kinds.oswec_bench.sessions import open_session, plan_session
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
-from rig.kinds.oswec_bench.tick import (
+from rig.kinds.oswec_bench.sessions.files import open_session
+from rig.kinds.oswec_bench.sessions.plan import plan_session
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.signals import (
+    NO_FLUME,
     BrakeSense,
     Command,
     EncoderSense,
-    Sense,
     ServoSense,
     Setpoints,
     WrenchSense,
 )
-from rig.kinds.oswec_bench.tick.signals import NO_FLUME
 from rig.realtime import cycle, safety, sequence
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 

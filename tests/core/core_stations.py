@@ -12,7 +12,7 @@ from typing import Any
 from core_checks import MODES, REASONS
 
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate
-from rig.realtime import axis
+from rig.realtime import axis, motor_power
 
 CASES = 20_000
 POWERED = [MODES[name] for name in ("RUN", "STOP_2", "STOP_1")]
@@ -29,13 +29,12 @@ def _draw(rng: random.Random, *choices: float) -> float:
 
 def check_wavebot_power_checks(module: Any) -> None:
     """Check averages, the power that counts, every bound from both sides, and resets."""
-    rest = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    rest = ((0.0, 0.0, 0.0, 0), 0.0, 0.0, 0.0, 0.0, 0)
     assert module.start() == rest
     rng = random.Random(1)
     bounds = {
-        "fed_stop": 2.0, "motor_stop": 2.0, "motor_ratio": 0.5, "balance_stop": 4.0,
-        "friction": 2.0, "loss": 0.5, "newtons_per_ampere": 4.0,
-        "fast_weight": 0.25, "slow_weight": 0.125,
+        "motor": motor_power.Params(0.25, 2.0, 2.0, 0.5), "slow_weight": 0.125,
+        "balance_stop": 4.0, "friction": 2.0, "loss": 0.5, "newtons_per_ampere": 4.0,
     }  # fmt: skip
     counts_by_reason = dict.fromkeys(("NONE", "FORCE_DISAGREES", "POWER_SIGN", "POWER_BALANCE"), 0)
     for _ in range(CASES):
@@ -69,15 +68,14 @@ def check_wavebot_power_checks(module: Any) -> None:
             AxisCommand(7.0, 7.0, 1, limited),
             0,
         )
-        got = module.step(
-            params, module.State(*before, 0), record, fade, saturated, lcb, trs, ac, mode
-        )
+        state = module.State(motor_power.State(*before[:3], 0), *before[3:], 0)
+        got = module.step(params, state, record, fade, saturated, lcb, trs, ac, mode)
         if mode not in POWERED:
             assert got == rest
             continue
         shares = (0.25, 0.25, 0.25, 0.125, 0.125, 0.125, 0.125)
         expected = tuple(map(averaged, before, values, shares))
-        assert got[:7] == expected, (before, values)
+        assert (*got.motor[:3], *got[1:5]) == expected, (before, values)
         fed, motor, size, cells, speed, electric, heat = expected
         reason = "NONE"
         if abs(motor) > 2.0 + 0.5 * size:
@@ -97,33 +95,28 @@ def check_wavebot_power_checks(module: Any) -> None:
     assert min(counts_by_reason.values()) > CASES // 100, counts_by_reason
 
 
-def check_bench_stations(module: Any) -> None:
-    """Check the same for the bench's motor."""
+def check_motor_power(module: Any) -> None:
+    """Check the same for a motor alone."""
     rest = (0.0, 0.0, 0.0, 0)
     assert module.start() == rest
-    params = module.Params(
-        average_weight=0.25,
-        fed_power_stop=2.0,
-        difference_stop=2.0,
-        difference_ratio=0.5,
-        torque_constant=4.0,
-    )
-    for current, torque, velocity, damps, mode, moved in itertools.product(
+    params = module.Params(weight=0.25, fed_stop=2.0, difference_stop=2.0, difference_ratio=0.5)
+    for current, torque, velocity, absorbs, mode, moved in itertools.product(
         (-1.0, 0.0, 0.5, 1.0), (-4.0, -1.0, 0.0, 1.0, 2.0, 4.0), (-2.0, -1.0, 0.0, 1.0, 2.0),
         (False, True), MODES.values(), (0.0, 1.0),
     ):  # fmt: skip
-        power = torque * velocity
-        values = (power if damps else 0.0, 4.0 * current * velocity - power, abs(power))
+        motor, power = 4.0 * current * velocity, torque * velocity
+        fed = power if absorbs else 0.0
+        values = (fed, motor - power, abs(power))
         before = tuple(value + moved for value in values)
-        got = module.step(params, module.State(*before, 0), current, torque, velocity, damps, mode)
+        got = module.step(params, module.State(*before, 0), fed, motor, power, mode)
         if mode not in POWERED:
             assert got == rest
             continue
         expected = [averaged(*each, 0.25) for each in zip(before, values, strict=True)]
-        fed, motor, size = expected
+        fed, difference, size = expected
         assert list(got[:3]) == expected
         reason = "NONE"
-        if abs(motor) > 2.0 + 0.5 * size:
+        if abs(difference) > 2.0 + 0.5 * size:
             reason = "FORCE_DISAGREES"
         elif fed > 2.0:
             reason = "POWER_SIGN"

@@ -17,7 +17,8 @@ from controllers.signals import (
     ProbeSense,
     SpringSense,
 )
-from rig.config import load, load_mapping
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile

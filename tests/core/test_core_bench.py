@@ -18,7 +18,8 @@ from core_bench import (
 from core_runs import RunResult, run
 from core_wavebot import ModifiedDevices
 
-from rig.kinds.oswec_bench.tick import KIND, Sense
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.realtime import cycle
@@ -187,6 +188,24 @@ def test_a_velocity_row_turns_the_simulated_shaft() -> None:
     assert all(one.command.brake_current >= 0.0 for one in result.rows)
     push = [one.load.tz * one.shaft.velocity for one in measured]
     assert sum(push) > 0.0  # the motor's torque on the brake, along the motion
+
+
+def test_the_row_has_the_power_at_load_cell_and_motor() -> None:
+    parameters = params()
+    result, _ = run_bench(parameters=parameters, simulated=simulated_bench())
+    constant = parameters.rig.motor.limits.newtons_per_ampere
+    measured = [row for row in result.rows if row.plan.phase == Phase.MEASURE]
+    powers = [
+        (
+            (row.load.tz - row.tared.torque) * row.shaft.velocity,
+            constant * row.servo.current * row.motor.velocity,
+        )
+        for row in measured
+    ]
+    assert [row.power[:2] for row in measured] == powers
+    means = tuple(math.fsum(power) / len(powers) for power in zip(*powers, strict=True))
+    assert measured[-1].power[2:] == (*map(pytest.approx, means), len(powers))
+    assert means[1] > means[0] > 1.0  # W: the motor drives the brake through the gearbox's friction
 
 
 def test_a_torque_row_loads_the_clamped_shaft() -> None:

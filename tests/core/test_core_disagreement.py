@@ -19,7 +19,7 @@ from core_wavebot import READY, ModifiedDevices, params, plant, table
 
 from controllers import impedance
 from controllers.oswec_position import Component
-from rig.kinds.oswec_bench.tick import KIND as BENCH
+from rig.kinds.oswec_bench.tick.cycle import KIND as BENCH
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
 from rig.kinds.wavebot.tick.reasons import WaveBotReason

@@ -20,6 +20,7 @@ from rig.processes.messages import (
     RecordLost,
     RecordMoved,
     Refused,
+    Slot,
     read_report,
     report,
 )
@@ -72,7 +73,7 @@ def test_a_faulty_report_is_named(line: str, message: str) -> None:
 
 
 def test_a_job_with_a_faulty_descriptor_is_named() -> None:
-    job = IoJob({"bus": ["virtual", None]}, {"cells": 5}, 6)
+    job = IoJob({"bus": ["virtual", None]}, {"cells": Slot(5, (("slew", "N"), ("stamp", "s")))}, 6)
     assert handover.loads(IoJob, handover.dumps(job)) == job
     text = json.dumps([{}, {"cells": "5"}, 6])
     with pytest.raises(HandoverError, match=r"^IoJob.mailboxes\['cells'\]: str"):

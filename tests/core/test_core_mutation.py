@@ -12,20 +12,20 @@ from typing import Any, NamedTuple
 
 import pytest
 from core_checks import check_limits, check_safety
-from core_stations import check_bench_stations, check_wavebot_power_checks
+from core_stations import check_motor_power, check_wavebot_power_checks
 
 RIG = Path(__file__).parents[2] / "rig"
 CHECKS: dict[str, Callable[[Any], None]] = {
     "realtime/limits": check_limits,
     "realtime/safety": check_safety,
     "kinds/wavebot/tick/power_checks": check_wavebot_power_checks,
-    "kinds/oswec_bench/tick/stations": check_bench_stations,
+    "realtime/motor_power": check_motor_power,
 }
 MINIMUM = {  # mutants, branches
     "realtime/limits": (150, 10),
     "realtime/safety": (150, 10),
-    "kinds/wavebot/tick/power_checks": (60, 4),
-    "kinds/oswec_bench/tick/stations": (30, 3),
+    "kinds/wavebot/tick/power_checks": (50, 3),
+    "realtime/motor_power": (25, 3),
 }
 
 # Equivalent mutants: source line and change, with the reason why both behave alike.

@@ -24,7 +24,8 @@ from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
 from sim_plant.emulators.schedule import Schedule, precise_loop
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
-from sim_plant.emulators.torque_drive import Axis, Scaling, TorqueDrive, TorqueDriveParams
+from sim_plant.emulators.torque_drive import Scaling, TorqueDrive, TorqueDriveParams
+from sim_plant.emulators.wavebot_motors import analog_inputs, heave_motor, surge_motor
 from sim_plant.world import World
 
 DEVICES = Path(__file__).resolve().parents[2] / "configs" / "devices"
@@ -89,12 +90,21 @@ class Rig:
     ) -> None:
         self.hub = CanHub(schedule)
         self.world = SharedWorld(still_world(), DT, schedule.time)
-        heave = TorqueDriveParams(Axis.HEAVE, Scaling.AMC)
-        surge_params = TorqueDriveParams(Axis.SURGE, surge)
+        cells = analog_inputs(self.world, "heave", (1000.0, 1000.0))  # N per volt
         environment = self.hub, schedule, self.world
-        self.heave = TorqueDrive(NodeParams(HEAVE, AMC), heave, *environment)
         eds = RATED if surge is Scaling.RATED else AMC
-        self.surge = TorqueDrive(NodeParams(SURGE, eds), surge_params, *environment)
+        self.heave, self.surge = (
+            TorqueDrive(
+                NodeParams(node, file),
+                TorqueDriveParams(scaling, analog=cells),
+                *environment,
+                motor(self.world),
+            )
+            for node, file, scaling, motor in (
+                (HEAVE, AMC, Scaling.AMC, heave_motor),
+                (SURGE, eds, surge, surge_motor),
+            )
+        )
         self.stator = StatorActuator(
             NodeParams(STATOR, ACTUATOR, cycle_time=0.004),
             ActuatorParams(min_position=low),

@@ -18,7 +18,7 @@ from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.products.driveline import analyse_driveline
 from rig.kinds.oswec_bench.products.points import open_session
 from rig.kinds.oswec_bench.rehearsal.job import problems
-from rig.kinds.oswec_bench.sessions import check_session
+from rig.kinds.oswec_bench.sessions.check import check_session
 from rig.kinds.oswec_bench.tasks import execution_task, rehearsal_mode, wired_mode
 from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import open_run

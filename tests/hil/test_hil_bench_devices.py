@@ -10,26 +10,24 @@ import pytest
 from rehearsing import CONFIGS, write_yaml
 
 from drivers.errors import CodecError
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware import devices as bench_devices
 from rig.kinds.oswec_bench.hardware.devices import BenchDevices
 from rig.kinds.oswec_bench.hardware.job import Loop, build_job
-from rig.kinds.oswec_bench.tick import Command
+from rig.kinds.oswec_bench.tick.signals import Command
 from rig.processes import mailbox
+from rig.processes.messages import Slot
 from rig.wires import streams
 from rig.wires.job import WiredJob, WiringError
 from rig.wires.messages import (
-    BrakeCurrentMessage,
     EncodersMessage,
-    InputsMessage,
     ServoMessage,
     WrenchMessage,
     WriteAcknowledgement,
     open_mailboxes,
 )
 
-NAMES = ("servo", "set_point", "load_cell", "brake", "inputs", "analog", "analog_done")
 COMMAND = Command(0, 0.0, 2.5, 0.0, 0.0, 1, 0, 30.0, 0.3, 0)
 
 
@@ -78,15 +76,19 @@ class Rig:
     """Devices on mailboxes, whose other ends the test uses."""
 
     def __init__(self, bench_job: WiredJob, monkeypatch: pytest.MonkeyPatch) -> None:
-        fds = {name: mailbox.create() for name in NAMES}
-        self.slots = open_mailboxes(fds)
+        slots = {
+            name: Slot(mailbox.create(), fields)
+            for process in bench_job.io_processes
+            for name, fields in process.mailboxes.items()
+        }
+        self.slots = open_mailboxes(slots)
         self.bridge = Bridge()
         bridge: Any = self.bridge
         stream = streams.Stream(
             bridge, bridge, lambda now: bridge.message, lambda now: None, lambda now: None
         )
         monkeypatch.setattr(bench_devices.streams, "create_stream", lambda *_: stream)
-        config = {**bench_job.devices, "mailboxes": fds}
+        config = {**bench_job.devices, "mailboxes": slots}
         self.devices: BenchDevices = bench_devices.connect(config, 0.001)
 
     def post_values(self, now: float) -> None:
@@ -94,8 +96,8 @@ class Rig:
         self.bridge.message = EncodersMessage(10, 20, now)
         self.slots["servo"].post(ServoMessage(1.5, 1, 0, now))
         self.slots["load_cell"].post(WrenchMessage(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, now))
-        self.slots["brake"].post(BrakeCurrentMessage(0.25, now))
-        self.slots["inputs"].post(InputsMessage(0, 1, now))
+        self.slots["brake"].post((0.25, now))
+        self.slots["inputs"].post((0, 1, now))
         self.slots["analog_done"].post(WriteAcknowledgement(now))
 
 
@@ -171,7 +173,7 @@ def test_silent_devices_are_named_before_the_first_tick(
     monkeypatch.setattr(bench_devices, "WARM_UP_TIMEOUT_S", 0.05)
     rig = Rig(job(tmp_path), monkeypatch)
     rig.post_values(time.monotonic() - 10.0)
-    rig.slots["brake"].post(BrakeCurrentMessage(0.0, time.monotonic() + 10.0))
+    rig.slots["brake"].post((0.0, time.monotonic() + 10.0))
     with pytest.raises(
         OSError, match=r"encoders \(.*no frame\), servo, load_cell, inputs, analog_done in"
     ):

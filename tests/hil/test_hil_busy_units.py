@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.processes import handover, mailbox
 from rig.processes.child import Child
-from rig.processes.messages import IoJob, Notice, Ready, Refused, Report
-from rig.wires.job import modbus_pollers
+from rig.processes.messages import IoJob, Notice, Ready, Refused, Report, Slot
+from rig.wires.job import wired_job
 from rig.wires.messages import open_mailboxes
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_tcp import TcpUnits
@@ -111,21 +111,22 @@ def poll_units(
             "inputs": wiring.inputs.model_copy(update={"unit": 2}),
             "outputs": wiring.outputs.model_copy(update={"unit": 2}),
         }
-        pollers = modbus_pollers(wiring.model_copy(update=changes))
+        pollers = wired_job(wiring.model_copy(update=changes), 1000, {}).io_processes
         (poller,) = (each for each in pollers if each.name == "line io")
-        fds = {name: mailbox.create() for name in poller.mailboxes}
+        shared = {n: Slot(mailbox.create(), fields) for n, fields in poller.mailboxes.items()}
+        fds = [slot.fd for slot in shared.values()]
         lifeline, loop_end = os.pipe()  # as the loop holds it
-        job = handover.dumps(IoJob(poller.config, fds, lifeline))
-        inherited = (lifeline, *fds.values())
+        job = handover.dumps(IoJob(poller.config, shared, lifeline))
+        inherited = (lifeline, *fds)
         child = Child(poller.module, job, inherited, folder / "stderr")
         try:
-            slots = open_mailboxes(fds)
+            slots = open_mailboxes(shared)
             oldest, values, reports = observe(child, slots, timeout_s)
             return Observation(oldest, values, reports, units.refused)
         finally:
             child.process.terminate()
             child.end(5.0)
-            for fd in (lifeline, loop_end, *fds.values()):
+            for fd in (lifeline, loop_end, *fds):
                 os.close(fd)
 
 

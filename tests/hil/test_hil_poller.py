@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import struct
 import time
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import pytest
 
 from drivers.modbus.line import NoAnswerError
 from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.wiring import RegisterSetup
-from rig.wires.messages import OutputsMessage
 from rig.wires.modbus_poller import (
     TRUSTED_ANSWERS,
     TURN_OFFSET_S,
@@ -24,15 +23,20 @@ from rig.wires.modbus_poller import (
 BLOCK = RegisterBlock(1, "coil", 0, 1, (RegisterValue("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
 
 
+class WriteCommand(NamedTuple):
+    wave_trigger: int
+    stamp: float
+
+
 class Slot:
     """A mailbox into which the loop posts during the read."""
 
     def __init__(self, age: float) -> None:
         self._age = age
 
-    def read(self) -> OutputsMessage:
+    def read(self) -> Any:
         time.sleep(0.002)
-        return OutputsMessage(1, time.monotonic() - self._age)
+        return WriteCommand(1, time.monotonic() - self._age)
 
 
 class Line:
@@ -67,7 +71,13 @@ def test_an_expired_message_is_replaced_by_zeros() -> None:
 VOLTS = RegisterValue("bus_voltage", 4, "f32", 1.0, 0.0, 1000.0)
 WATTS = tuple(RegisterValue(name, at, "f32", 1.0, -1e5, 1e5) for name, at in (("ac", 0), ("dc", 2)))
 ANALYSER = PolledBlock(
-    "analyser", RegisterBlock(1, "input", 0, 6, (*WATTS, VOLTS)), True, 0.01, (), False
+    "analyser",
+    RegisterBlock(1, "input", 0, 6, (*WATTS, VOLTS)),
+    True,
+    0.01,
+    (),
+    False,
+    signals=(("ac", "W"), ("dc", "W"), ("bus_voltage", "V")),
 )
 GOOD = (12.3, -4.5, 151.2)
 

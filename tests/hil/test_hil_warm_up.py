@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Callable
+from collections import namedtuple
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,17 @@ import pytest
 from drivers.canopen.bus_cycle import SYNC
 from drivers.canopen.link import Frame
 from drivers.canopen.scaling import CurrentScale
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import RigFile
-from rig.kinds.wavebot.hardware import devices as hardware
-from rig.kinds.wavebot.hardware.devices import WaveBotDevices, WaveBotDeviceSettings
+from rig.kinds.wavebot.hardware.devices import WaveBotDevices
 from rig.kinds.wavebot.hardware.job import build_job
 from rig.processes import handover
-from rig.wires.messages import MESSAGE_TYPES, NodeHealth
+from rig.wires import can_axes
+from rig.wires.can_axes import CanAxes, CanAxesSettings
 
 DT = 0.001
 RIG = Path(__file__).resolve().parents[2] / "configs" / "rigs" / "wavebot_hil.yaml"
+JOB = build_job(load(RIG, RigFile)[0])
 HEAVE, SURGE, STATOR = 5, 6, 9
 DIVIDER = 10  # of the stator's status
 
@@ -31,12 +33,11 @@ DIVIDER = 10  # of the stator's status
 class Slot:
     """A mailbox with one message of the present time."""
 
-    def __init__(self, message_type: Any) -> None:
-        self._message_type = message_type
+    def __init__(self, fields: Sequence[Sequence[str]]) -> None:
+        self._message = namedtuple("Message", [name for name, _ in fields])  # type: ignore[misc]
 
     def read(self) -> Any:
-        fields = len(self._message_type._fields)
-        return self._message_type(*[0] * (fields - 1), time.monotonic())
+        return self._message(*[0] * (len(self._message._fields) - 1), time.monotonic())
 
     def post(self, message: Any) -> None:
         pass
@@ -83,23 +84,21 @@ class Bus:
 
 
 @pytest.fixture(scope="module")
-def config() -> WaveBotDeviceSettings:
-    rig, _ = load(RIG, RigFile)
-    settings: WaveBotDeviceSettings = handover.loads(
-        WaveBotDeviceSettings, build_job(rig).devices["devices"]
-    )
+def config() -> CanAxesSettings:
+    settings: CanAxesSettings = handover.loads(CanAxesSettings, JOB.devices["can"]["nodes"])
     scale = CurrentScale(100.0, 0.01, 4000)
     return settings._replace(
-        heave=settings.heave._replace(scale=scale), surge=settings.surge._replace(scale=scale)
+        axes={name: axis._replace(scale=scale) for name, axis in settings.axes.items()}
     )
 
 
-def create_devices(config: WaveBotDeviceSettings, bus: Bus) -> WaveBotDevices:
-    health = {f"{name}_health": NodeHealth for name in ("heave", "surge", "stator")}
-    slots: dict[str, Any] = {
-        name: Slot(message_type) for name, message_type in {**MESSAGE_TYPES, **health}.items()
+def create_devices(config: CanAxesSettings, bus: Bus) -> WaveBotDevices:
+    slots: Any = {
+        name: Slot(fields)
+        for process in JOB.io_processes
+        for name, fields in process.mailboxes.items()
     }
-    return WaveBotDevices(config, bus, slots)
+    return WaveBotDevices(CanAxes(config, bus, slots), slots, JOB.devices["trigger_divider"])
 
 
 @pytest.fixture(autouse=True)
@@ -107,16 +106,13 @@ def no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda seconds: None)
 
 
-def test_the_rig_file_sets_how_often_each_node_answers(config: WaveBotDeviceSettings) -> None:
-    assert (config.heave.slow_divider, config.surge.slow_divider, config.stator.status_divider) == (
-        20,
-        20,
-        10,
-    )
+def test_the_rig_file_sets_how_often_each_node_answers(config: CanAxesSettings) -> None:
+    assert [axis.slow_divider for axis in config.axes.values()] == [20, 20]
+    assert config.actuators["stator"].status_divider == 10
 
 
 def test_the_warm_up_ends_with_a_sync_and_the_first_tick_finds_the_answers(
-    config: WaveBotDeviceSettings,
+    config: CanAxesSettings,
 ) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
     devices = create_devices(config, bus)
@@ -130,7 +126,7 @@ def test_the_warm_up_ends_with_a_sync_and_the_first_tick_finds_the_answers(
     assert sense.heave.enabled == sense.surge.enabled == 0
 
 
-def test_the_warm_up_waits_for_late_nodes(config: WaveBotDeviceSettings) -> None:
+def test_the_warm_up_waits_for_late_nodes(config: CanAxesSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, STATOR} | ({SURGE} if syncs > 700 else set()))
     devices = create_devices(config, bus)
     devices.warm_up(DT)
@@ -139,7 +135,7 @@ def test_the_warm_up_waits_for_late_nodes(config: WaveBotDeviceSettings) -> None
     assert sense.surge.encoder_age <= 5 * DT
 
 
-def test_the_warm_up_waits_for_a_stalled_bus(config: WaveBotDeviceSettings) -> None:
+def test_the_warm_up_waits_for_a_stalled_bus(config: CanAxesSettings) -> None:
     """All nodes answer at first, then none for 60 SYNCs: no run begins with old values."""
 
     def through(syncs: int) -> set[int]:
@@ -156,9 +152,9 @@ def test_the_warm_up_waits_for_a_stalled_bus(config: WaveBotDeviceSettings) -> N
 
 @pytest.mark.parametrize("silent", [{HEAVE}, {SURGE}, {STATOR}, {HEAVE, STATOR}])
 def test_nodes_that_do_not_answer_are_named(
-    config: WaveBotDeviceSettings, silent: set[int], monkeypatch: pytest.MonkeyPatch
+    config: CanAxesSettings, silent: set[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hardware, "WARM_UP_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(can_axes, "WARM_UP_TIMEOUT_S", 0.2)
     names = {HEAVE: "heave", SURGE: "surge", STATOR: "stator"}
     bus = Bus(lambda syncs: set(names) - silent)
     expected = ", ".join(names[node] for node in sorted(silent))
@@ -166,9 +162,9 @@ def test_nodes_that_do_not_answer_are_named(
         create_devices(config, bus).warm_up(DT)
 
 
-def test_no_drive_is_enabled(config: WaveBotDeviceSettings) -> None:
+def test_no_drive_is_enabled(config: CanAxesSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
     devices = create_devices(config, bus)
     devices.warm_up(DT)
-    assert devices._heave.explain() == devices._surge.explain() == "NOT_REQUESTED"
+    assert [axis.explain() for axis in devices._can.axes.values()] == ["NOT_REQUESTED"] * 2
     assert math.isclose(devices.read(0.0).heave.current, 0.0)

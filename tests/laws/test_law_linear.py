@@ -123,7 +123,7 @@ def test_form_that_changes_with_frequency_is_not_predicted(tmp_path: Path) -> No
 
 
 def test_gains_are_recommended_for_the_impedance_law_only(tmp_path: Path) -> None:
-    from rig.config import ConfigError
+    from rig.config.problems import ConfigError
     from rig.kinds.wavebot.recommend.set_points import open_on_twin
 
     row = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -1000, "declutch_s": 0.1}

@@ -7,7 +7,8 @@ from typing import Any
 
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
-from rig.kinds.wavebot.campaign import CheckReport, check_campaign
+from rig.campaign import CheckReport
+from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.predictions import Prediction, predict
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.sweep import sweep

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
-from rig.config.law_settings import IMPEDANCE
+from rig.campaign.set_points import zero_setting
 from rig.config.yaml_source import load_mapping
 from rig.design.grid import build_grid
-from rig.kinds.wavebot.campaign.set_points import zero_setting
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.predictions import drive
 from rig.kinds.wavebot.predictions.bus import (
     SUPPLY_RISE_TIME,
@@ -28,7 +28,7 @@ DT = 0.001
 def bus_at(name: str, voltage: float, level: int) -> bus.BusParams:
     """Return the bus of a plant at these settings."""
     plant = Plant.model_validate(load_mapping(CONFIGS / "plants" / f"{name}.yaml")[0])
-    setting = zero_setting(IMPEDANCE)._replace(
+    setting = zero_setting(CampaignFile)._replace(
         bus_voltage=voltage, switching_period=1e-4, hysteresis_tolerance=0.5,
         discharge_level=float(level),
     )  # fmt: skip

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
-from rig.config.law_settings import IMPEDANCE
+from rig.campaign.set_points import zero_setting
 from rig.config.yaml_source import load_mapping
 from rig.design.axis import drag_force
-from rig.kinds.wavebot.campaign.set_points import zero_setting
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.predictions import drive as drives
 from rig.kinds.wavebot.predictions import passive
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
@@ -59,7 +59,7 @@ def test_force_in_the_guide() -> None:
 @pytest.mark.parametrize("voltage", [41.0, 75.0, 152.0])
 def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> None:
     plant = load_plant("wavebot_custom")
-    setting = zero_setting(IMPEDANCE)._replace(
+    setting = zero_setting(CampaignFile)._replace(
         bus_voltage=75.0, switching_period=5e-5, hysteresis_tolerance=0.7,
         velocity_threshold=0.2, discharge_level=3.0,
     )  # fmt: skip
@@ -90,7 +90,7 @@ def test_losses_of_the_commercial_drive() -> None:
     from sim_plant import cots_drive
 
     plant = load_plant("wavebot")
-    drive = drives.build_drive(plant, [zero_setting(IMPEDANCE)], 0, 40.0, 0.0, np.zeros(1))
+    drive = drives.build_drive(plant, [zero_setting(CampaignFile)], 0, 40.0, 0.0, np.zeros(1))
     force_record = F[None, :]
     powers, dc_record = drives.station_powers(
         drive, force_record, force_record, V[None, :], 0.0 * force_record, V[None, :]

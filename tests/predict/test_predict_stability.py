@@ -14,9 +14,9 @@ from controllers.biquads import Biquad
 from controllers.signals import Estimate, Gains
 from rig.config.yaml_source import load_mapping
 from rig.design import sampled_loop as sampled
+from rig.design.axis import Law, Timing
 from rig.design.estimator import design
 from rig.design.impedance import design as design_zc
-from rig.design.loop import Law, Timing
 from rig.kinds.wavebot.predictions.model import linear_body
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant

@@ -9,7 +9,7 @@ import record_files as files
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.recording.runs.account import EndReport, Gap, account_ticks
+from rig.recording.runs.state import EndReport, Gap, account_ticks
 
 SAVED, LOST, SKIPPED = "saved", "lost", "skipped"
 PERIODS = st.lists(

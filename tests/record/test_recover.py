@@ -20,9 +20,9 @@ from mcap.reader import make_reader
 
 from rig.recording import process_identity, runs
 from rig.recording.runs import RunError, create, folder
-from rig.recording.runs.account import Gap
 from rig.recording.runs.mcap_file import scan
 from rig.recording.runs.recover import Recovery, recover
+from rig.recording.runs.state import Gap
 
 NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 

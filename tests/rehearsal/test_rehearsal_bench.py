@@ -17,13 +17,15 @@ from rig_command import rig_here
 
 from rig.kinds.oswec_bench.rehearsal.devices import connect
 from rig.kinds.oswec_bench.rehearsal.job import plant_settings
-from rig.kinds.oswec_bench.sessions import Session, check_session, plan_session
 from rig.kinds.oswec_bench.sessions.assemble import (
     bench_params,
     motor_radians_per_count,
     shaft_radians_per_count,
 )
-from rig.kinds.oswec_bench.tick import KIND
+from rig.kinds.oswec_bench.sessions.check import check_session
+from rig.kinds.oswec_bench.sessions.files import Session
+from rig.kinds.oswec_bench.sessions.plan import plan_session
+from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.realtime import cycle
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0
@@ -223,7 +225,7 @@ def test_the_plan_of_table_2_1() -> None:
     ]  # fmt: skip
     assert len(rows) == 15
     assert {r.periods for r in rows} == {26}
-    assert plan.phases.measure == pytest.approx(15 * 26 * 1.5)
+    assert plan.phases["measure"] == pytest.approx(15 * 26 * 1.5)
     first = plan.segments.row.index(0)
     phases = [Phase(p).name for p in plan.segments.phase[first : first + 4]]
     assert phases == ["MOVING", "SETTLE", "MEASURE", "TAIL"]

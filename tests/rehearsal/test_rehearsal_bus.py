@@ -17,7 +17,7 @@ from rehearsing import CONFIGS, load_rows, rehearse, write_campaign
 from rig_command import rig
 
 from rig.analysis.rows import row_table
-from rig.cli.exit_codes import BAD_INPUT, FAULT, OK
+from rig.cli.output import BAD_INPUT, FAULT, OK
 from rig.cli.run import RunOptions, run_named
 from rig.kinds.wavebot import tasks
 from rig.kinds.wavebot.campaign import check_campaign

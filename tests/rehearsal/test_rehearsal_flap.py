@@ -17,10 +17,10 @@ from plant_files import mapping
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
-from rig.config import load
+from rig.config.pydantic_errors import load
 from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
 from rig.kinds.oswec_bench.rehearsal.job import problems
-from rig.kinds.oswec_bench.sessions import check_session
+from rig.kinds.oswec_bench.sessions.check import check_session
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
 

@@ -118,7 +118,7 @@ def test_every_tick_has_row_and_phase(tmp_path: Path) -> None:
         assert int(inside.sum()) == 10_000
         # the stator was at the position that gives the row's spring rate
         np.testing.assert_allclose(
-            data["spring_sense.position"].values[inside.values], row.stator_position, atol=0.5
+            data["spring_sense.position"].values[inside.values], row.place, atol=0.5
         )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from rehearsing import rehearse, write_repeated_row
 
-from rig.cli.exit_codes import LOST
+from rig.cli.output import LOST
 from rig.cli.run import exit_code
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot

@@ -9,6 +9,8 @@ import pytest
 from closed_form import heave_response, intrinsic_impedance
 from matplotlib.image import imread
 from measured_data import reference
+from rig_command import rig_here
+from synthetic_runs import CONFIG, Shape, default_rows, plan_json, run_rows, write_run
 from wavebot_ports import BEM, PARAMS, sea
 
 from rig.design.twoport import network as n
@@ -224,3 +226,14 @@ def test_figures(tmp_path: Path) -> None:
             path, TakeOff(OMEGA, Z_I, z11, WAVEBOT), cases_drawn, name, {"run": "r", "mode": "hil"}
         )
         assert float(imread(path)[..., :3].std()) > 0.05
+
+
+def test_a_run_of_another_law_is_refused(tmp_path: Path) -> None:
+    rows = default_rows()[:2]
+    config = CONFIG | {"law": {"name": "velocity_table", "file": False}}
+    run = write_run(
+        tmp_path / "run", run_rows(rows, Shape()), plan_json(rows, Shape()), config=config
+    )
+    code, _, error = rig_here("twoport", run)
+    assert code == 2
+    assert "its law is velocity_table; the two-port theory needs a run of the law imp" in error

@@ -11,10 +11,8 @@ negative, and so is power into a load.
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Complexes = npt.NDArray[np.complex128]
+from rig.spectra.periods import Complexes, Floats
 
 
 class Motor(NamedTuple):
@@ -151,23 +149,12 @@ class Mismatch(NamedTuple):
 
     at_input: Complexes  # reflection of Z_in against Z_i
     at_output: Complexes  # reflection of Z_l against Z_out
-    resistance_in: Floats  # N s/m, Re Z_in - Re Z_i
-    reactance_in: Floats  # N s/m, Im Z_in + Im Z_i
-    resistance_out: Floats  # ohm, Re Z_l - Re Z_out
-    reactance_out: Floats  # ohm, Im Z_l + Im Z_out
 
 
 def mismatch(z: TwoPort, z_i: Complexes, load: Complexes) -> Mismatch:
-    """Return both conditions as reflections and as four real residuals (report, chapter 5)."""
+    """Return both conditions as reflections (report, chapter 5)."""
     z_in, z_out = input_impedance(z, load), output_impedance(z, z_i)
-    return Mismatch(
-        reflection(z_in, z_i),
-        reflection(load, z_out),
-        z_in.real - z_i.real,
-        z_in.imag + z_i.imag,
-        load.real - z_out.real,
-        load.imag + z_out.imag,
-    )
+    return Mismatch(reflection(z_in, z_i), reflection(load, z_out))
 
 
 class Flow(NamedTuple):

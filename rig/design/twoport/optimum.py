@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from rig.design.descent import descend
-from rig.design.twoport.network import Complexes, Floats, Motor, controller, linear_drivetrain
+from rig.design.twoport.network import Motor, controller, linear_drivetrain
+from rig.spectra.periods import Complexes, Floats
 
 Station = Literal["mechanical_1", "mechanical_2", "ac", "dc"]
 

@@ -17,8 +17,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from rig.design.twoport.network import (
-    Complexes,
-    Floats,
     Motor,
     TwoPort,
     available_power,
@@ -35,6 +33,7 @@ from rig.design.twoport.network import (
     two_port,
 )
 from rig.presentation import picture
+from rig.spectra.periods import Complexes, Floats
 
 COLOURS = ("#0b6e99", "#2e933c", "#d1495b", "#8d5a97", "#c77d0a", "#5c6b73")
 SUBTITLE = "theory, on measured impedances"

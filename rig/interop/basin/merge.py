@@ -23,8 +23,7 @@ from rig.recording.channel_file import (
     read_recording,
     record_error,
 )
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, reader, run_info
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 TTL_NAMES = ("ttltrigger", "ttl", "trigger")

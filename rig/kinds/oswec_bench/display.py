@@ -2,7 +2,10 @@
 
 from math import pi
 
-from rig.kinds.oswec_bench.sessions import SessionPlan, SessionReport
+from rig.kinds.oswec_bench.sessions.check import SessionReport
+from rig.kinds.oswec_bench.sessions.plan import SessionPlan
+from rig.kinds.oswec_bench.tick.stations import STATIONS
+from rig.presentation.campaign_text import power_text
 from rig.presentation.phrases import plan_end_text
 from rig.realtime.sequence import NO_ROW, Phase
 
@@ -41,7 +44,7 @@ def plan_position(plan: SessionPlan, row: LogRow) -> tuple[str, str]:
 
 
 def detail_lines(plan: SessionPlan, row: LogRow, measured: LogRow) -> list[tuple[str, str]]:
-    """Return the motion, and the commands of drive and brake."""
+    """Return the motion, the commands of drive and brake, and the mean power."""
     motion = (
         f"motor {_DEGREES * row['motor.angle']:+7.2f} deg   "
         f"shaft {_DEGREES * row['shaft.angle']:+7.2f} deg   "
@@ -52,7 +55,8 @@ def detail_lines(plan: SessionPlan, row: LogRow, measured: LogRow) -> list[tuple
         f"brake {row['command.brake_current']:5.3f} A, "
         f"{row['command.brake_torque']:5.1f} N m"
     )
-    return [("motion", motion), ("drive", drive)]
+    power = power_text(row, measured, STATIONS)
+    return [("motion", motion), ("drive", drive), ("power", power)]
 
 
 def short_text(plan: SessionPlan, row: LogRow, measured: LogRow) -> str:

@@ -3,7 +3,7 @@
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.plan import plan_session
 from rig.kinds.oswec_bench.sessions.recorded import session_as_logged
-from rig.kinds.oswec_bench.tick import KIND
+from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.processes.run_types import RecordedTask
 from rig.recording.runs import RunInfo
 

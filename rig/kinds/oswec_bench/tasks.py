@@ -7,16 +7,12 @@ from rig.kinds.oswec_bench.config.session_file import SessionFile
 from rig.kinds.oswec_bench.hardware import job as hardware
 from rig.kinds.oswec_bench.rehearsal import emulation
 from rig.kinds.oswec_bench.rehearsal.job import plant_settings, problems
-from rig.kinds.oswec_bench.sessions import (
-    Session,
-    SessionPlan,
-    SessionReport,
-    check_session,
-    plan_as_dict,
-    resolved_session,
-)
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
-from rig.kinds.oswec_bench.tick import KIND
+from rig.kinds.oswec_bench.sessions.check import SessionReport, check_session
+from rig.kinds.oswec_bench.sessions.files import Session
+from rig.kinds.oswec_bench.sessions.plan import SessionPlan
+from rig.kinds.oswec_bench.sessions.recorded import plan_as_dict, resolved_session
+from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig
 
@@ -31,7 +27,7 @@ def examine(
 
     ``predict`` adds the check of the simulated bench; nothing depends on the ``day``.
     """
-    return check_session(path, problems, rig) if predict else check_session(path, rig=rig)
+    return check_session(path, problems if predict else None, rig)
 
 
 def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:

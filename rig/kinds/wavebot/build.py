@@ -11,7 +11,7 @@ from controllers import (
 )
 from controllers.signals import Modulation
 from rig.config.reference import MultisineReference
-from rig.design.axis_params import axis_params, newtons_per_ampere
+from rig.design.axis_params import axis_params, motor_power_params, newtons_per_ampere
 from rig.design.law_params import law_params
 from rig.kinds.wavebot import tick as wavebot
 from rig.kinds.wavebot.campaign.set_points import drive_settings
@@ -145,10 +145,7 @@ def _power_checks(
 ) -> power_checks.Params:
     return power_checks.Params(
         absorbs=1 if campaign.uses_gains_only else 0,
-        fast_weight=average.weight_of_tick(bounds.time_s, dt),
-        fed_stop=bounds.fed_stop_w,
-        motor_stop=bounds.motor_difference_stop_w,
-        motor_ratio=bounds.motor_difference_ratio,
+        motor=motor_power_params(bounds, dt),
         slow_weight=average.weight_of_tick(bounds.balance_time_s, dt),
         balance_stop=bounds.balance_stop_w,
         friction=bounds.friction_n_s_per_m,

@@ -10,9 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from controllers.law import Column as LawColumn
+from rig.campaign import CheckReport
 from rig.config.problems import Problem
 from rig.design.margin import tightest
-from rig.kinds.wavebot.campaign import CheckReport
 from rig.kinds.wavebot.predictions import (
     PREDICTED_STATIONS,
     Prediction,
@@ -190,7 +190,7 @@ def _table(title: str, caption: str) -> Table:
 
 def _law_columns(forecast: Prediction) -> list[LawColumn]:
     """Return the columns of the law that every matrix has."""
-    return [column for column in forecast.campaign.law.columns if column.default is None]
+    return [column for column in forecast.campaign.file.heave_law.columns if column.default is None]
 
 
 def _varying_columns(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
@@ -230,7 +230,7 @@ def _most_used_text(prediction: RowPrediction) -> Text:
 
 def _by_spring_rate(rows: Iterable[RowPrediction]) -> list[tuple[float, list[RowPrediction]]]:
     def spring_rate(prediction: RowPrediction) -> float:
-        return prediction.row.spring_rate
+        return prediction.row.setting.spring_rate
 
     ordered = sorted(rows, key=spring_rate, reverse=True)
     return [(rate, list(group)) for rate, group in groupby(ordered, key=spring_rate)]

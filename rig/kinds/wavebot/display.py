@@ -1,6 +1,7 @@
 """Texts of a WaveBot's campaign for people: the report of `rig check`, and a run in progress."""
 
-from rig.kinds.wavebot.campaign import CheckReport, Plan
+from rig.campaign import CheckReport
+from rig.kinds.wavebot.campaign import Plan
 from rig.kinds.wavebot.check_view import CheckView
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
@@ -25,7 +26,7 @@ def plan_position(plan: Plan, row: LogRow) -> tuple[str, str]:
     """Return a label and the text of the position in the plan."""
     if not plan.rows:
         return "waves", _waves_text(plan, row)
-    spring, *gains = COLUMNS.required(plan.law.columns)
+    spring, *gains = COLUMNS.required(plan.axis_laws["heave"].columns)
     return "row", row_text(plan, row, (*gains, spring))
 
 

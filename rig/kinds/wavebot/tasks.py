@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from rig import laws
-from rig.config.problems import Problem
+from rig.campaign import CheckReport, resolved_config
+from rig.campaign.law_checks import compilation_problems
+from rig.campaign.record import law_source, plan_record, reference_record
 from rig.design.axis_params import newtons_per_ampere
 from rig.kinds.wavebot.build import wavebot_params
-from rig.kinds.wavebot.campaign import Campaign, CheckReport, Plan, check_campaign, resolved_config
+from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.predictions import predict as predict_rows
@@ -16,11 +18,11 @@ from rig.kinds.wavebot.predictions import unpredicted_reason
 from rig.kinds.wavebot.rehearsal import emulation, job
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import kind_with_law
-from rig.planning.windows import repeat_period
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig
 
 TaskFile = CampaignFile
+_INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
 _WIRED_DEVICES = "rig.kinds.wavebot.hardware.devices"
 
 
@@ -39,21 +41,8 @@ def examine(
         return report
     return report._replace(
         not_predicted=unpredicted_reason(report.campaign, report.plan),
-        law_warnings=_compilation_warnings(report.campaign, report.plan),
+        law_warnings=tuple(compilation_problems(report.campaign, report.plan.dt, _INTERPRETED)),
     )
-
-
-def _compilation_warnings(campaign: Campaign, planned: Plan) -> tuple[Problem, ...]:
-    """Return a warning about a law that cannot be compiled; those of wec-rig can."""
-    if not campaign.law.is_file and campaign.law.name in laws.OWN_MODULES:
-        return ()
-    from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
-
-    reason = compilation_problem(campaign.law, campaign.file.law, planned.dt)
-    if not reason:
-        return ()
-    message = f"the law cannot be compiled, so it runs interpreted and no sweep has it: {reason}"
-    return (campaign.locate.problem(("law",), campaign.law.name, message),)
 
 
 def rehearsal_mode(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
@@ -80,7 +69,7 @@ def execution_task(campaign: Campaign, plan: Plan) -> Task:
         file.name,
         rig.kind,
         "rig.kinds.wavebot.tick",
-        kind_with_law(campaign.law.module),
+        kind_with_law(file.heave_law.module),
         wavebot_params(file, rig, campaign.limits, plan.segments, plan.setpoints, campaign.record),
         plan.dt,
         len(plan.rows),
@@ -88,42 +77,17 @@ def execution_task(campaign: Campaign, plan: Plan) -> Task:
         rig.supervisor_timeout_s,
         resolved_config(campaign),
         _plan_record(campaign, plan),
-        laws.to_request(campaign.law),
-        _law_source(campaign),
+        laws.to_request(file.heave_law),
+        law_source(campaign),
     )
 
 
-def _law_source(campaign: Campaign) -> str:
-    """Return the source of a law that is given by its file; empty for a registered law."""
-    return laws.source_text(campaign.law) if campaign.law.is_file else ""
-
-
 def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
-    sea = campaign.file.sea
-    record: dict[str, Any] = {
-        "dt": plan.dt,
-        "rows": [
-            {
-                "row": r.row,
-                "point": r.point,
-                "repetition": r.repetition,
-                "stator": r.stator_position,
-                **r.setting._asdict(),
-                "periods": r.periods,
-                "measure_s": r.measure,
-            }
-            for r in plan.rows
-        ],
-        "device": campaign.file.device,
-        "repeat_s": repeat_period(sea),
-        "sea": sea.model_dump(mode="json") | {"words": sea.description()},
-        "reference": _reference_record(campaign),
-        "hoist": _hoist_record(campaign),
-        **row_contents(campaign.law.columns).as_records(),
-        "spring_moves": plan.spring_moves,
-        "duration_s": plan.duration,
-    }
-    if sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
+    file = campaign.file
+    record = plan_record(campaign, plan, row_contents(file.law_columns()))
+    record["reference"] = _reference_record(campaign)
+    record["hoist"] = _hoist_record(campaign)
+    if file.sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
         record["asked_sea"] = job.requested_sea(campaign)
     return record
 
@@ -137,15 +101,7 @@ def _hoist_record(campaign: Campaign) -> dict[str, Any] | None:
 
 
 def _reference_record(campaign: Campaign) -> dict[str, Any] | None:
-    """Return the open-loop reference as identification needs it; None without one."""
     reference = campaign.file.reference
-    if reference is None:
-        return None
-    motor = campaign.rig.surge if reference.axis == "surge" else campaign.rig.heave
-    return {
-        "axis": reference.axis,
-        "kind": reference.kind,
-        "period_s": reference.period,
-        "newtons_per_ampere": newtons_per_ampere(motor),
-        "words": reference.description(),
-    }
+    on_surge = reference is not None and reference.axis == "surge"
+    motor = campaign.rig.surge if on_surge else campaign.rig.heave
+    return reference_record(reference, newtons_per_ampere(motor))

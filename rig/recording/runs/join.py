@@ -12,10 +12,9 @@ import numpy as np
 
 from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY, RowWriter
 from rig.recording.runs import mcap_file
-from rig.recording.runs.account import TickCounter
 from rig.recording.runs.mcap_file import FileContents, Records
 from rig.recording.runs.mcap_records import RunError
-from rig.recording.runs.state import RECOVERY
+from rig.recording.runs.state import RECOVERY, TickCounter
 from rig.recording.runs.verify import read_back
 
 _FLUSH_ROWS = 50_000  # rows in memory while joining

@@ -31,15 +31,7 @@ _RECORD_PARTS: dict[int, tuple[Any, ...]] = {
     Opcode.METADATA: ("S", "S"),
     Opcode.DATA_END: (4,),
 }
-_RESYNC_OPCODES = (
-    Opcode.SCHEMA,
-    Opcode.CHANNEL,
-    Opcode.CHUNK,
-    Opcode.MESSAGE_INDEX,
-    Opcode.ATTACHMENT,
-    Opcode.METADATA,
-    Opcode.DATA_END,
-)
+_RESYNC_OPCODES = [opcode for opcode in _RECORD_PARTS if opcode != Opcode.HEADER]
 
 
 class RunError(ValueError):

@@ -11,11 +11,18 @@ from typing import Any, NamedTuple
 from rig.realtime.reasons import ReasonTable
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import create, folder, mcap_file
-from rig.recording.runs.account import EndReport, TickAccount, account_ticks
 from rig.recording.runs.join import join
 from rig.recording.runs.mcap_file import FileContents
 from rig.recording.runs.mcap_records import RunError
-from rig.recording.runs.state import LOOP, end_report, logger_status, read_json
+from rig.recording.runs.state import (
+    LOOP,
+    EndReport,
+    TickAccount,
+    account_ticks,
+    end_report,
+    logger_status,
+    read_json,
+)
 from rig.recording.runs.verify import ReadBack, read_back
 
 KILLED = "its processes were killed"

@@ -20,10 +20,9 @@ from rig.realtime.reasons import Reason, ReasonTable
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
-from rig.recording.runs.account import SKIPPED
 from rig.recording.runs.folder import recorded_reasons, run_info
 from rig.recording.runs.mcap_file import Records
-from rig.recording.runs.state import RecordCheck, RecordState
+from rig.recording.runs.state import SKIPPED, RecordCheck, RecordState
 
 PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
 REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")

@@ -5,7 +5,7 @@ from datetime import date
 from rig.interop.legacy.testlog.entry import Activity, Entry
 from rig.interop.legacy.testlog.read import RunLog
 from rig.recording.calibration import RecordingTime
-from rig.recording.calibration.sources import RecordedValue
+from rig.recording.calibration_changes import RecordedValue
 
 _PRODUCTS = {
     Activity.GAIN_MATRIX: ("row table", "power surfaces"),

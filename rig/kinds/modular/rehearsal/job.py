@@ -82,13 +82,13 @@ def first_bem(model: PlantModel) -> Bem:
 
 def _missing_parts(plant: Plant, rig: RigFile, locate: SourceMap) -> Iterator[Problem]:
     """Yield the axes and sensors of the rig that the plant does not simulate."""
-    for section, own, simulated in (
+    for section, own, of_plant in (
         ("axes", rig.axes, plant.axes),
         ("sensors", rig.sensors, plant.sensors),
     ):
-        listed = ", ".join(simulated) or "none"
+        listed = ", ".join(of_plant) or "none"
         for name in own:
-            if name not in simulated:
+            if name not in of_plant:
                 message = f"is not in the simulated plant's {section}; it has {listed}"
                 yield locate.problem((section, name), None, message)
 

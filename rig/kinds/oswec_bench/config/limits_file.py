@@ -6,16 +6,16 @@ from pydantic import Field
 
 from rig.config.limits_file import (
     NO_MOTOR_POWER_CHECK,
+    DriveLimits,
     LoopLimits,
     MotorPowerLimits,
     check_difference_time,
-    check_rms_below_peak,
 )
 from rig.config.model import FileModel, RuleViolation
 from rig.config.problems import format_number
 
 
-class MotorLimits(FileModel):
+class MotorLimits(DriveLimits):
     """Limits of motor and drive at the gearbox output; `warn` gives a warning, `stop` stops."""
 
     angle_warn_deg: float = Field(gt=0, le=720)
@@ -25,13 +25,9 @@ class MotorLimits(FileModel):
     acceleration_rad_per_s2: float = Field(gt=0, le=1e4)  # of the velocity command
     current_peak_a: float = Field(gt=0, le=100)
     current_rms_a: float = Field(gt=0, le=100)
-    current_rms_time_s: float = Field(ge=0.1, le=600)
     current_slew_a_per_s: float = Field(gt=0, le=1e6)
-    encoder_age_stop_s: float = Field(gt=0, le=1)
     encoder_jump_stop_deg: float = Field(gt=0, le=90)
-    drive_age_stop_s: float = Field(gt=0, le=5)
-    current_difference_stop_a: float = Field(gt=0, le=100)  # torque loop: measured to commanded
-    current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
+    current_difference_stop_a: float = Field(gt=0, le=100)  # in the torque loop
     velocity_difference_stop_rad_per_s: float = Field(gt=0, le=50)  # same, in the velocity loop
     velocity_difference_time_s: float = Field(gt=0, le=60)
 
@@ -49,8 +45,7 @@ class MotorLimits(FileModel):
                     f"allowed below {upper} = {format_number(high)} {unit}",
                     low,
                 )
-        yield from check_rms_below_peak(self)
-        yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
+        yield from super().check_rules()
         yield from check_difference_time(self, "velocity_difference_time_s", "encoder_age_stop_s")
 
 

@@ -5,80 +5,56 @@ shaft's angle, rows of the torque loop an amplitude of torque or of current.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    SerializerFunctionWrapHandler,
-    field_serializer,
-    model_serializer,
-)
+from pydantic import BeforeValidator, Field, create_model, field_serializer
 
-from rig.config.matrix import ExpandValues
+from rig.config.matrix import ExpandValues, MatrixColumns, tuple_of
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 from rig.config.task_file import FolderName, Tare, TareOrNone
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS, SessionRequirements
 from rig.row_contents import Column
 
-Amplitude = Annotated[float, Field(ge=0.1, le=90)]
-Period = Annotated[float, Field(ge=0.2, le=600)]
-Damping = Annotated[float, Field(ge=0, le=1000)]
-BrakeCurrent = Annotated[float, Field(ge=0, le=20)]
-TorqueAmplitude = Annotated[float, Field(gt=0, le=1000)]
-CurrentAmplitude = Annotated[float, Field(gt=0, le=100)]
-ReleaseAngle = Annotated[float, Field(ge=-90, le=90)]
-WaveAmplitude = Annotated[float, Field(ge=0.001, le=0.5)]
+SESSION_COLUMNS = {
+    Column("amplitude_deg", "amplitude", "deg", "amplitude"): Field(ge=0.1, le=90),
+    Column("torque_amplitude_n_m", "torque_amplitude", "N*m", "torque amplitude"): Field(
+        gt=0, le=1000
+    ),
+    Column("current_amplitude_a", "current_amplitude", "A", "current amplitude"): Field(
+        gt=0, le=100
+    ),
+    Column("period_s", "period", "s", "period"): Field(ge=0.2, le=600),
+    Column("damping_n_m_s_per_rad", "damping", "N*m*s/rad", "damping"): Field(ge=0, le=1000),
+    Column("brake_current_a", "brake_current", "A", "brake current"): Field(ge=0, le=20),
+    Column("release_deg", "release", "deg", "release angle"): Field(ge=-90, le=90),
+    Column("wave_amplitude_m", "wave_amplitude", "m", "wave amplitude"): Field(ge=0.001, le=0.5),
+    Column("pto_damping_n_m_s_per_rad", "pto_damping", "N*m*s/rad", "motor damping"): Field(
+        ge=0, le=1000
+    ),
+}
+"""Columns that may change from row to row, with their ranges; a missing one is not commanded."""
 
-SESSION_COLUMNS = (
-    Column("amplitude_deg", "amplitude", "deg", "amplitude"),
-    Column("torque_amplitude_n_m", "torque_amplitude", "N*m", "torque amplitude"),
-    Column("current_amplitude_a", "current_amplitude", "A", "current amplitude"),
-    Column("period_s", "period", "s", "period"),
-    Column("damping_n_m_s_per_rad", "damping", "N*m*s/rad", "damping"),
-    Column("brake_current_a", "brake_current", "A", "brake current"),
-    Column("release_deg", "release", "deg", "release angle"),
-    Column("wave_amplitude_m", "wave_amplitude", "m", "wave amplitude"),
-    Column("pto_damping_n_m_s_per_rad", "pto_damping", "N*m*s/rad", "motor damping"),
-)
-"""Columns that may change from row to row."""
-
-
-class SessionRow(FileModel):
-    """One row; columns that are not given are not commanded."""
-
-    amplitude_deg: Amplitude | None = None
-    torque_amplitude_n_m: TorqueAmplitude | None = None
-    current_amplitude_a: CurrentAmplitude | None = None
-    period_s: Period | None = None
-    damping_n_m_s_per_rad: Damping | None = None
-    brake_current_a: BrakeCurrent | None = None
-    release_deg: ReleaseAngle | None = None
-    wave_amplitude_m: WaveAmplitude | None = None
-    pto_damping_n_m_s_per_rad: Damping | None = None
-
-    @model_serializer(mode="wrap")
-    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in dump(self).items() if value is not None}
-
-
-class SessionGrid(FileModel):
-    """All combinations of the given values; the first key changes slowest."""
-
-    amplitude_deg: Annotated[TupleOf[Amplitude] | None, ExpandValues] = None
-    torque_amplitude_n_m: Annotated[TupleOf[TorqueAmplitude] | None, ExpandValues] = None
-    current_amplitude_a: Annotated[TupleOf[CurrentAmplitude] | None, ExpandValues] = None
-    period_s: Annotated[TupleOf[Period] | None, ExpandValues] = None
-    damping_n_m_s_per_rad: Annotated[TupleOf[Damping] | None, ExpandValues] = None
-    brake_current_a: Annotated[TupleOf[BrakeCurrent] | None, ExpandValues] = None
-    release_deg: Annotated[TupleOf[ReleaseAngle] | None, ExpandValues] = None
-    wave_amplitude_m: Annotated[TupleOf[WaveAmplitude] | None, ExpandValues] = None
-    pto_damping_n_m_s_per_rad: Annotated[TupleOf[Damping] | None, ExpandValues] = None
-
-    @model_serializer(mode="wrap")
-    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in dump(self).items() if value is not None}
+_NUMBERS = {column.key: Annotated[(float, bounds)] for column, bounds in SESSION_COLUMNS.items()}
+if TYPE_CHECKING:
+    SessionRow: TypeAlias = MatrixColumns
+    SessionGrid: TypeAlias = MatrixColumns
+else:
+    SessionRow = create_model(
+        "SessionRow",
+        __base__=MatrixColumns,
+        __doc__="One row.",
+        **{key: (number | None, None) for key, number in _NUMBERS.items()},
+    )
+    SessionGrid = create_model(
+        "SessionGrid",
+        __base__=MatrixColumns,
+        __doc__="All combinations of the given values; the first key changes slowest.",
+        **{
+            key: (Annotated[tuple_of(number) | None, ExpandValues], None)
+            for key, number in _NUMBERS.items()
+        },
+    )
 
 
 class SessionTiming(FileModel):
@@ -103,17 +79,15 @@ class IrregularReference(FileModel):
         first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
         count = int(last + 1e-9) - int(first - 1e-9)
         if self.high_hz <= self.low_hz or count < 1:
-            yield RuleViolation(
-                ("high_hz",),
+            yield self.violation(
+                "high_hz",
                 f"{format_number(self.high_hz)} leaves no multiple of 1/repeat_s above low_hz = "
                 f"{format_number(self.low_hz)} Hz",
-                self.high_hz,
             )
         elif count > MAX_LINES:
-            yield RuleViolation(
-                ("repeat_s",),
+            yield self.violation(
+                "repeat_s",
                 f"{format_number(self.repeat_s)} gives {count} lines; allowed at most {MAX_LINES}",
-                self.repeat_s,
             )
 
 
@@ -235,20 +209,18 @@ class SessionFile(FileModel):
             yield RuleViolation(("correction",), message, self.correction.kind)
         if self.control == "closed loop" and not requirements.allows_feedback:
             message = f"a session {self.session} has no torque to follow; allowed open loop"
-            yield RuleViolation(("control",), message, self.control)
+            yield self.violation("control", message)
         if self.shaft == "clamped" and requirements.loop == "velocity":
-            message = "the velocity loop turns the shaft; allowed free"
-            yield RuleViolation(("shaft",), message, self.shaft)
+            yield self.violation("shaft", "the velocity loop turns the shaft; allowed free")
         if self.shaft == "clamped" and requirements.flap_coupling:
-            message = f"a session {self.session} moves the shaft; allowed free"
-            yield RuleViolation(("shaft",), message, self.shaft)
+            yield self.violation("shaft", f"a session {self.session} moves the shaft; allowed free")
         highest = self.irregular.high_hz if self.irregular is not None else 0.0
         if requirements.needs_waves and highest > MAX_WAVE_HZ:
             message = f"{format_number(highest)} is too high for waves; allowed up to 2 Hz"
             yield RuleViolation(("irregular", "high_hz"), message, highest)
         if self.position_feedback_per_s > 0.0 and requirements.loop == "torque":
             message = "the torque loop has no position; leave the key out"
-            yield RuleViolation(("position_feedback_per_s",), message, self.position_feedback_per_s)
+            yield self.violation("position_feedback_per_s", message)
 
     def _check_row(
         self, requirements: SessionRequirements, at: tuple[str, int], given: set[str]

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rig.config.model import FileModel, RuleViolation, WholeNumber
 from rig.config.problems import format_number
-from rig.config.wiring import BlockContent, Registers, SerialPort, UdpDevice, Wiring
+from rig.config.wiring import PANEL_INPUTS, BlockContent, Registers, SerialPort, UdpDevice, Wiring
 
 _POSITION_BITS = {"SSI1": 22, "SSI2": 22, "SSI4": 19, "SSI6": 22, "SSI9": 19}
 
@@ -64,15 +64,12 @@ class AnalogCommand(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the output can command zero velocity and a velocity other than zero."""
         if abs(self.gain) < 0.1:
-            yield RuleViolation(
-                ("gain",), f"{format_number(self.gain)} commands nothing", self.gain
-            )
+            yield self.violation("gain", f"{format_number(self.gain)} commands nothing")
         if not self.low_v < self.offset_v < self.high_v:
-            yield RuleViolation(
-                ("offset_v",),
+            yield self.violation(
+                "offset_v",
                 f"{format_number(self.offset_v)} is not between "
                 f"low_v = {format_number(self.low_v)} and high_v = {format_number(self.high_v)} V",
-                self.offset_v,
             )
 
 
@@ -139,17 +136,17 @@ class BenchWiring(Wiring):
     encoders: EncoderBridge
     servo: ServoDrive
     load_cell: LoadCell
-    inputs: Annotated[
-        Registers, BlockContent("I/O coupler: digital inputs", ("e_stop", "limit_switch"))
-    ]
+    inputs: Annotated[Registers, PANEL_INPUTS]
     analog: Annotated[
-        Registers,  # V, A
+        Registers,
         BlockContent(
-            "I/O coupler: analog outputs for servo and brake", ("servo", "brake"), written=True
+            "I/O coupler: analog outputs for servo and brake",
+            {"servo": "V", "brake": "A"},
+            written=True,
         ),
     ]
     brake: Annotated[
-        Registers, BlockContent("measuring amplifier: current of the brake", ("current",))  # A
+        Registers, BlockContent("measuring amplifier: current of the brake", {"current": "A"})
     ]
 
 

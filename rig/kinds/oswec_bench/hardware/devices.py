@@ -12,18 +12,18 @@ from controllers.blocks import clamp
 from controllers.signals import PanelSense
 from drivers.compax3 import analog_command
 from drivers.conversation import Exchange
-from rig.kinds.oswec_bench.tick import (
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.signals import (
     BrakeSense,
     Command,
     EncoderSense,
-    Sense,
     ServoSense,
     WrenchSense,
 )
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
 from rig.wires import streams
-from rig.wires.messages import AnalogOutputsMessage, SetPointMessage, open_mailboxes
+from rig.wires.messages import SetPointMessage, open_mailboxes
 from rig.wires.streams import Stream
 
 MAILBOX_INPUTS = ("servo", "load_cell", "brake", "inputs", "analog_done")
@@ -109,7 +109,7 @@ class BenchDevices:
             output = analog_command.to_volts(config.output, volts).volts
         self._slots["set_point"].post(SetPointMessage(velocity, torque, enable, now))
         brake = clamp(brake_current, 0.0, config.max_brake_current)
-        self._slots["analog"].post(AnalogOutputsMessage(output, brake, now))
+        self._slots["analog"].post((output, brake, now))
 
     def stop(self, reason: int) -> None:
         self._release()
@@ -120,7 +120,7 @@ class BenchDevices:
     def _release(self) -> None:
         now = time.monotonic()
         self._slots["set_point"].post(SetPointMessage(0.0, 0.0, 0, now))
-        self._slots["analog"].post(AnalogOutputsMessage(self._rest, 0.0, now))
+        self._slots["analog"].post((self._rest, 0.0, now))
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:

@@ -7,14 +7,7 @@ from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
 from rig.kinds.oswec_bench.hardware.devices import BenchDeviceSettings
 from rig.processes import handover
-from rig.wires.job import (
-    WiredJob,
-    WiringError,
-    modbus_pollers,
-    stream_poller,
-    stream_problems,
-    wiring_of,
-)
+from rig.wires.job import WiredJob, wired_job, wiring_of
 
 Loop = Literal["velocity", "torque"]
 """The control loop of the servo drive that a session uses."""
@@ -27,19 +20,18 @@ def build_job(rig: BenchRigFile, loop: Loop = "velocity") -> WiredJob:
         "motor_counts": rig.servo.encoder.counts_per_revolution,
         "shaft_counts": rig.shaft_encoder.counts_per_revolution,
     }
-    polled: dict[str, dict[str, Any]] = {
-        "servo": wiring.servo.model_dump() | {"loop": loop},
-        "load_cell": wiring.load_cell.model_dump(),
+    polled = {
+        "servo": ("servo", wiring.servo.model_dump() | {"loop": loop}),
+        "load_cell": ("load_cell", wiring.load_cell.model_dump()),
     }
-    loop_streams = {"encoders": encoders}
-    if problems := stream_problems(loop_streams | polled):
-        raise WiringError("\n".join(problems))
-    pollers = (stream_poller(kind, settings) for kind, settings in polled.items())
-    devices = {
-        "devices": handover.dumps(_device_settings(rig, wiring, loop)),
-        "streams": loop_streams,
-    }
-    return WiredJob((*pollers, *modbus_pollers(wiring)), devices)
+    devices = {"devices": handover.dumps(_device_settings(rig, wiring, loop))}
+    return wired_job(
+        wiring,
+        rig.rate_hz,
+        devices,
+        polled_streams=polled,
+        loop_streams={"encoders": encoders},
+    )
 
 
 def _device_settings(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> BenchDeviceSettings:

@@ -31,8 +31,7 @@ from rig.kinds.oswec_bench.products.report import (
     write_tables,
 )
 from rig.kinds.oswec_bench.products.result import Result
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import RunInfo, list_runs, run_info
+from rig.recording.runs import RunError, RunInfo, list_runs, run_info
 from rig.recording.runs.state import RecordState
 
 Against = str | os.PathLike[str] | None

@@ -1,6 +1,6 @@
 """The driveline session's results: tables, comparisons, constants and the figures of chapter 2."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -50,23 +50,21 @@ class Trend(NamedTuple):
 
     line: str  # field of Regressions
     y: str  # field of ShaftLag
-    x: str
+    unit: str  # of y in the report
+    factor: float  # from the unit of y in a `ShaftLag`
+    x: str  # field of ShaftLag
     suffix: str  # of the names of its constants
     thesis: str
 
-    @property
-    def factor(self) -> float:
-        """Factor from the unit of y in a `ShaftLag` to that of the report."""
-        return UNITS[self.y][1]
 
-
-UNITS = {"amplitude_difference": ("deg", 1.0 / DEGREE), "phase_shift": ("% of period", 100.0)}
+_ANGLE = "amplitude_difference", "deg", 1.0 / DEGREE
+_SHARE = "phase_shift", "% of period", 100.0
 X_LABELS = {"rms_torque": "rms torque, N·m", "rms_velocity": "rms motor velocity, rad/s"}
 X_UNITS = {"rms_torque": "N*m", "rms_velocity": "rad/s"}
 AMPLITUDE, PHASE, DELAY = TRENDS = (
-    Trend("amplitude", "amplitude_difference", "rms_torque", "", "rises, R² 0.97"),
-    Trend("velocity_phase", "phase_shift", "rms_velocity", "", "falls, R² 0.81"),
-    Trend("torque_phase", "phase_shift", "rms_torque", "_over_torque", ""),
+    Trend("amplitude", *_ANGLE, "rms_torque", "", "rises, R² 0.97"),
+    Trend("velocity_phase", *_SHARE, "rms_velocity", "", "falls, R² 0.81"),
+    Trend("torque_phase", *_SHARE, "rms_torque", "_over_torque", ""),
 )
 
 
@@ -91,48 +89,41 @@ def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> 
     )
 
 
-def _notes(session: SessionRun, baseline: SessionRun | None, result: DrivelineResult) -> list[str]:
-    lines = [
+def _notes(
+    session: SessionRun, baseline: SessionRun | None, result: DrivelineResult
+) -> Iterator[str]:
+    yield (
         "The phase shift compares fundamentals, the amplitude difference half strokes, "
-        "period by period. Drift is the slope of period means.",
-    ]
+        "period by period. Drift is the slope of period means."
+    )
     if baseline is not None:
-        lines.append(f"Uncorrected set points are those of run {baseline.metadata.run}.")
+        yield f"Uncorrected set points are those of run {baseline.metadata.run}."
     elif result.corrected and not result.schemes:
-        lines.append(
-            "Corrected set points are not rated: there is no uncorrected run to compare them with."
-        )
-    saturated = [p.row for p in session.points if p.limited_ticks]
-    if saturated:
-        lines.append(f"Commands were limited in rows {', '.join(map(str, saturated))}.")
+        reason = "there is no uncorrected run to compare them with"
+        yield f"Corrected set points are not rated: {reason}."
+    if saturated := [str(p.row) for p in session.points if p.limited_ticks]:
+        yield f"Commands were limited in rows {', '.join(saturated)}."
     if result.torque_map is not None:
         residual_mdeg = 1e3 * result.torque_map.residual / DEGREE
-        lines.append(
-            f"The map leaves {residual_mdeg:.2f} mdeg rms of the binned deflection unexplained."
-        )
-    return lines
+        yield f"The map leaves {residual_mdeg:.2f} mdeg rms of the binned deflection unexplained."
 
 
-def _tables(result: DrivelineResult) -> list[Table]:
-    """Return set points, trends, rated corrections and the map, as far as the run has data for
-    them.
-    """
-    title = "Table 2.1: set points and results"
+def _tables(result: DrivelineResult) -> Iterator[Table]:
+    """Yield set points, trends, rated corrections and the map, as far as the run has data."""
     points = [*result.uncorrected, *result.corrected]
-    tables = [table("driveline_points", title, points, _setpoint_columns(result))]
+    columns = _setpoint_columns(result)
+    yield table("driveline_points", "Table 2.1: set points and results", points, columns)
     if result.regressions is not None:
-        title = "Trends between set points (± 95 %)"
         trends = [(each, getattr(result.regressions, each.line)) for each in TRENDS]
-        tables.append(table("driveline_trends", title, trends, TREND_COLUMNS))
+        title = "Trends between set points (± 95 %)"
+        yield table("driveline_trends", title, trends, TREND_COLUMNS)
     if result.schemes:
         title = "Corrections in the loop: detrended reference minus shaft"
-        rows = _correction_rows(result)
-        tables.append(table("driveline_corrections", title, rows, CORRECTION_COLUMNS))
+        yield table("driveline_corrections", title, _correction_rows(result), CORRECTION_COLUMNS)
     if result.torque_map is not None:
-        title = "Fig. 2.9: deflection over torque, linear in between"
         corners = zip(*map_points(result, result.torque_map), strict=True)
-        tables.append(table("deflection_map", title, corners, MAP_COLUMNS))
-    return tables
+        title = "Fig. 2.9: deflection over torque, linear in between"
+        yield table("deflection_map", title, corners, MAP_COLUMNS)
 
 
 def _setpoint_columns(result: DrivelineResult) -> Columns[DrivelineSetpoint]:
@@ -176,8 +167,8 @@ TREND_COLUMNS: Columns[tuple[Trend, Line]] = {
     "slope": lambda r: r[1].slope_estimate().scaled(r[0].factor, ""),
     "at zero": lambda r: r[1].intercept_estimate().scaled(r[0].factor, ""),
     "R²": lambda r: r[1].r_squared,
-    "unit": lambda r: UNITS[r[0].y][0],
-    "unit of slope": lambda r: f"{UNITS[r[0].y][0]} per {X_UNITS[r[0].x]}",
+    "unit": lambda r: r[0].unit,
+    "unit of slope": lambda r: f"{r[0].unit} per {X_UNITS[r[0].x]}",
     "thesis": lambda r: r[0].thesis,
 }
 
@@ -198,15 +189,13 @@ MAP_COLUMNS: Columns[tuple[float, float]] = {
 }
 
 
-def _correction_rows(result: DrivelineResult) -> list[RatedCorrection]:
-    rows: list[RatedCorrection] = []
+def _correction_rows(result: DrivelineResult) -> Iterator[RatedCorrection]:
     for scheme in result.schemes:
         for corrected, other in scheme.pairs:
             before, after = (error_percentile(e.error) / DEGREE for e in (other, corrected))
-            rows.append((scheme.name, corrected.setpoint, before, after))
+            yield scheme.name, corrected.setpoint, before, after
         before, after = scheme.uncorrected_error / DEGREE, scheme.corrected_error / DEGREE
-        rows.append((f"{scheme.name}, pooled", (float("nan"), float("nan")), before, after))
-    return rows
+        yield f"{scheme.name}, pooled", (float("nan"), float("nan")), before, after
 
 
 def map_points(result: DrivelineResult, fitted: TorqueMap) -> tuple[list[float], list[float]]:
@@ -236,7 +225,7 @@ def _constants(result: DrivelineResult) -> dict[str, Estimate]:
     if trends is not None:
         method = f"line through {trends.velocity_phase.point_count} set points, by their scatter"
         for each in TRENDS:
-            line, unit = getattr(trends, each.line), UNITS[each.y][0].split()[0]
+            line, unit = getattr(trends, each.line), each.unit.split()[0]
             slope, at_zero = line.slope_estimate("", method), line.intercept_estimate("", method)
             name, slope_unit = each.y + each.suffix, f"{unit}/({X_UNITS[each.x]})"
             estimates[f"{name}_slope"] = slope.scaled(each.factor, slope_unit)
@@ -263,95 +252,58 @@ def _calibration_entry(point: DrivelineSetpoint) -> dict[str, float]:
     }
 
 
-def _comparisons(result: DrivelineResult) -> list[Comparison]:
-    """Return the results of chapter 2, compared with those of the thesis."""
-    items = []
+def _comparisons(result: DrivelineResult) -> Iterator[Comparison]:
+    """Yield the results of chapter 2, compared with those of the thesis."""
     if result.uncorrected:
-        deflections = [error_percentile(each.motion.deflection) for each in result.uncorrected]
-        largest = max(deflections) / DEGREE
-        items.append(
-            compare(
-                "deflection before correction, largest 95th percentile",
-                f"{format_number(largest, 3)} deg",
-                "within 0.25 deg",
-                "≤ 0.26 deg",
-                largest <= 0.26,
-            )
-        )
+        largest = max(error_percentile(e.motion.deflection) for e in result.uncorrected) / DEGREE
+        name = "deflection before correction, largest 95th percentile"
+        text = f"{format_number(largest, 3)} deg"
+        yield compare(name, text, "within 0.25 deg", "≤ 0.26 deg", largest <= 0.26)
     if result.regressions is not None:
-        items += _trend_comparisons(result.regressions, [e.lag for e in result.uncorrected])
+        yield from _trend_comparisons(result.regressions, [e.lag for e in result.uncorrected])
     if result.offline is not None:
-        items += _offline_comparisons(result.offline)
+        yield from _offline_comparisons(result.offline)
     for scheme in result.schemes:
         corrected, uncorrected = scheme.corrected_error, scheme.uncorrected_error
         ratio = corrected / uncorrected
         errors = f"{corrected / DEGREE:.3f} of {uncorrected / DEGREE:.3f} deg"
-        items.append(
-            compare(
-                f"reference minus shaft, {scheme.name} correction",
-                f"{errors} ({100.0 * ratio:.0f} %)",
-                "not run",
-                "≤ half of uncorrected",
-                ratio <= 0.5,
-            )
-        )
-    return items
+        name, text = f"reference minus shaft, {scheme.name} correction", f"{100.0 * ratio:.0f} %"
+        target = "≤ half of uncorrected"
+        yield compare(name, f"{errors} ({text})", "not run", target, ratio <= 0.5)
 
 
-def _trend_comparisons(trends: Regressions, lags: list[ShaftLag]) -> list[Comparison]:
+def _trend_comparisons(trends: Regressions, lags: list[ShaftLag]) -> Iterator[Comparison]:
     amplitude, phase, delay = trends
-    phase_slope = phase.slope_estimate().scaled(100.0, "% per rad/s")
+    name, text = "amplitude difference over rms torque", f"R² {amplitude.r_squared:.3f}"
+    yield compare(name, text, "linear, R² 0.97", "R² ≥ 0.95", amplitude.r_squared >= 0.95)
+    slope = phase.slope_estimate().scaled(100.0, "% per rad/s")
+    name, text = "phase shift over rms velocity", f"{slope}, R² {phase.r_squared:.2f}"
+    yield compare(name, text, "falls, R² 0.81", "falls", phase.slope < 0.0)
+    yield compare("phase shift over rms torque", f"R² {delay.r_squared:.2f}")
+    name = "phase shift over 1/velocity and torque/velocity (gap and compliance)"
     explained = explained_variance(lags)
-    return [
-        compare(
-            "amplitude difference over rms torque",
-            f"R² {amplitude.r_squared:.3f}",
-            "linear, R² 0.97",
-            "R² ≥ 0.95",
-            amplitude.r_squared >= 0.95,
-        ),
-        compare(
-            "phase shift over rms velocity",
-            f"{phase_slope}, R² {phase.r_squared:.2f}",
-            "falls, R² 0.81",
-            "falls",
-            phase.slope < 0.0,
-        ),
-        compare("phase shift over rms torque", f"R² {delay.r_squared:.2f}"),
-        compare(
-            "phase shift over 1/velocity and torque/velocity (gap and compliance)",
-            f"R² {explained:.3f}: torque explains the rest of the velocity trend",
-        ),
-    ]
+    yield compare(name, f"R² {explained:.3f}: torque explains the rest of the velocity trend")
 
 
-def _offline_comparisons(offline: OfflineErrors) -> list[Comparison]:
-    comparisons = []
+def _offline_comparisons(offline: OfflineErrors) -> Iterator[Comparison]:
     for errors, name, thesis, target in (
         (offline.all_points, "regressions of all set points", "< 0.12 deg", "pooled < 0.12 deg"),
         (offline.leave_one_out, "without the rated set point", "", ""),
         (offline.delay_over_torque, "without it, delay over torque", "", ""),
     ):
-        pooled_error = pooled_percentile(errors) / DEGREE
+        pooled = pooled_percentile(errors) / DEGREE
         worst = max(error_percentile(each) for each in errors) / DEGREE
-        comparisons.append(
-            compare(
-                f"after offline correction (eq. 2.6), {name}",
-                f"{pooled_error:.3f} deg pooled, worst set point {worst:.3f}",
-                thesis,
-                target,
-                pooled_error < 0.12 if target else None,
-            )
-        )
-    return comparisons
+        text = f"{pooled:.3f} deg pooled, worst set point {worst:.3f}"
+        label = f"after offline correction (eq. 2.6), {name}"
+        yield compare(label, text, thesis, target, pooled < 0.12 if target else None)
 
 
-def _figures(result: DrivelineResult) -> list[figures.FigureSpec]:
-    """Return the figures that the run has data for."""
-    specs = []
+def _figures(result: DrivelineResult) -> Iterator[figures.FigureSpec]:
+    """Yield the figures that the run has data for."""
     if result.regressions is not None:
         example = _nearest_setpoint(result.uncorrected, 15.0, 83.3)
-        specs += [fig_2_2(example), fig_2_3(example)]
+        yield fig_2_2(example)
+        yield fig_2_3(example)
         comparison = "Phase shift over torque, for comparison with Fig. 2.4"
         for trend, name, title, thesis in (
             (PHASE, "fig_2_4", "Fig. 2.4: phase shift over velocity", "thesis 0.81"),
@@ -363,23 +315,20 @@ def _figures(result: DrivelineResult) -> list[figures.FigureSpec]:
                 "Mean of the periods with 5th and 95th percentile; line with its 95 % band. "
                 f"R² {line.r_squared:.3f}; {thesis}."
             )
-            y_label = f"{trend.y.replace('_', ' ')}, {UNITS[trend.y][0]}"
-            axes = (X_LABELS[trend.x], y_label)
+            axes = (X_LABELS[trend.x], f"{trend.y.replace('_', ' ')}, {trend.unit}")
             declare = figures.figure(title, caption, axes=axes, name=name)
-            specs.append(declare(_draw_trend_points)(trend, result.uncorrected, line))
+            yield declare(_draw_trend_points)(trend, result.uncorrected, line)
         if result.offline is not None:
             example = _nearest_setpoint(result.uncorrected, 20.0, 104.0)
-            specs.append(fig_2_7(example, result.regressions))
-            specs.append(fig_2_8(result.uncorrected, result.offline))
+            yield fig_2_7(example, result.regressions)
+            yield fig_2_8(result.uncorrected, result.offline)
     if result.uncorrected:
-        specs.append(fig_2_9(result.uncorrected, result.torque_map))
+        yield fig_2_9(result.uncorrected, result.torque_map)
     if result.schemes:
         others = [other for scheme in result.schemes for _, other in scheme.pairs]
         if len({other.setpoint for other in others}) > 1:
-            specs.append(corrections(result.schemes))
-        example = _nearest_setpoint(others, 15.0, 83.3)
-        specs.append(corrections_in_time(example, result.schemes))
-    return specs
+            yield corrections(result.schemes)
+        yield corrections_in_time(_nearest_setpoint(others, 15.0, 83.3), result.schemes)
 
 
 def _nearest_setpoint(

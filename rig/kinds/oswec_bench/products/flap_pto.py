@@ -24,6 +24,9 @@ from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
+from rig.kinds.oswec_bench.tick import stations
+from rig.kinds.oswec_bench.tick.stations import STATIONS
+from rig.realtime.sequence import Phase
 
 IDEAL_DAMPING = (42.0, 104.0)
 """N*m*s/rad: ideal dampings in waves of 1 to 2 s and 0.1 m (OSWEC thesis, section 2.1)."""
@@ -65,15 +68,25 @@ def pto_point(
 
     Angles (rad) and torques (N*m, positive as the motor's on the flap) are as measured.
     """
-    velocities = [cut.trim(periods.velocity(each, cut.dt, window)) for each in (shaft, motor)]
-    torques = [cut.trim(torque), cut.trim(motor_torque)]
+    shaft_velocity, motor_velocity = (
+        cut.trim(periods.velocity(each, cut.dt, window)) for each in (shaft, motor)
+    )
+    cell_torque = cut.trim(torque)
+    power = stations.step(
+        stations.start(),
+        cell_torque=cell_torque,
+        shaft_velocity=shaft_velocity,
+        motor_torque=cut.trim(motor_torque),
+        motor_velocity=motor_velocity,
+        phase=Phase.SETTLE,
+    )
     powers = []
-    for speed, torque_signal, place in zip(velocities, torques, ("cell", "motor"), strict=True):
-        parts = periods.split_periods(speed * torque_signal, cut)
-        method = f"at the {place}, {cut.period_count} periods by their scatter"
+    for station in STATIONS:
+        parts = periods.split_periods(getattr(power, station.name), cut)
+        method = f"at the {station.heading}, {cut.period_count} periods by their scatter"
         powers.append(mean([-float(np.mean(part)) for part in parts], "W", method))
     torque_wave, velocity_wave = (
-        periods.fundamentals(each, cut).mean() for each in (torques[0], velocities[0])
+        periods.fundamentals(each, cut).mean() for each in (cell_torque, shaft_velocity)
     )
     ratio = -(torque_wave / velocity_wave)
     amplitude = abs(periods.fundamentals(periods.detrend(shaft, cut), cut).mean())

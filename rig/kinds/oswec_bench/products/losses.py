@@ -162,39 +162,32 @@ def analyse_session(session: SessionRun, torque_constant: Estimate | None = None
         )
         constants |= {f"bearing_{name}": each for name, each in behind._asdict().items()}
         del constants["bearing_drift_curvature"]
+        cell = "behind the cell"
         comparisons += [
-            compare(f"behind the cell, {name}", estimate, thesis)
-            for name, estimate, thesis in (
-                ("clockwise (dry)", behind.positive, "mostly below 0.15 N·m"),
-                ("counter-clockwise (dry)", behind.negative, "larger than clockwise"),
-                ("viscous", behind.viscous, "grows with speed"),
-            )
+            compare(f"{cell}, clockwise (dry)", behind.positive, "mostly below 0.15 N·m"),
+            compare(f"{cell}, counter-clockwise (dry)", behind.negative, "larger than clockwise"),
+            compare(f"{cell}, viscous", behind.viscous, "grows with speed"),
+            compare("drift of the cell's zero", behind.drift),
+            compare(f"{cell}, inertia", behind.inertia),
         ]
-        comparisons.append(compare("drift of the cell's zero", behind.drift))
-        comparisons.append(compare("behind the cell, inertia", behind.inertia))
         specs.append(losses_behind(unbraked, behind))
     groups, group_name = _group_samples(points)
     before = losses_before_cell(groups, constant, group_name)
     shown = {name: each for name, each in before._asdict().items() if np.isfinite(each.value)}
     constants |= {f"gearbox_{name}": each for name, each in shown.items()}
     share = shown.get("share", "included in the dry part: the load did not vary")
+    comparisons += [
+        compare("before the cell, dry", before.dry),
+        compare("before the cell, share of the load", share),
+        compare("before the cell, viscous", before.viscous),
+        compare("before the cell, inertia", before.inertia),
+    ]
     specs.append(losses_before(points, constant.value, before))
+    rows = [(each.point, each.all_samples) for each in points]
+    title = "Losses by set point, mean at speed"
     return Result(
-        (
-            table(
-                "losses_points",
-                "Losses by set point, mean at speed",
-                [(each.point, each.all_samples) for each in points],
-                _columns(constant.value),
-            ),
-        ),
-        (
-            *comparisons,
-            compare("before the cell, dry", before.dry),
-            compare("before the cell, share of the load", share),
-            compare("before the cell, viscous", before.viscous),
-            compare("before the cell, inertia", before.inertia),
-        ),
+        (table("losses_points", title, rows, _columns(constant.value)),),
+        tuple(comparisons),
         constants,
         tuple(specs),
         (

@@ -13,16 +13,24 @@ from rig.kinds.oswec_bench.products import periods
 from rig.kinds.oswec_bench.products.deflection import Motion, trim_motion
 from rig.kinds.oswec_bench.products.estimate import Floats
 from rig.kinds.oswec_bench.products.periods import PeriodCut
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck, RecordState
 from rig.recording.runs.windows import Window, missing_rows, read_windows
 
+_SIGNAL_FIELDS = {
+    "current": "servo.current",
+    "current_command": "command.current",
+    "volts": "command.volts",
+    "brake_current": "brake.current",
+    "reference_angle": "reference.angle",
+    "reference_velocity": "reference.velocity",
+    "reference_torque": "reference.torque",
+}
+"""Log fields of the signals of `SetpointData` that are taken over unchanged."""
 FIELDS = (
-    *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
-    *("brake.current", "tared.motor", "tared.shaft", "tared.torque", "tared.samples"),
-    *("reference.angle", "reference.velocity", "reference.torque", "command.volts"),
-    *("command.current", "command.limited", "encoders.age", "plan.wave_clock", "time"),
+    *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", *_SIGNAL_FIELDS.values()),
+    *("tared.motor", "tared.shaft", "tared.torque", "tared.samples"),
+    *("command.limited", "encoders.age", "plan.wave_clock", "time"),
 )
 
 
@@ -185,11 +193,5 @@ def _setpoint_data(
         motor - field("tared.motor"),
         shaft - field("tared.shaft"),
         field("load.tz") - field("tared.torque"),
-        field("servo.current"),
-        field("command.current"),
-        field("command.volts"),
-        field("brake.current"),
-        field("reference.angle"),
-        field("reference.velocity"),
-        field("reference.torque"),
+        **{signal: field(name) for signal, name in _SIGNAL_FIELDS.items()},
     )

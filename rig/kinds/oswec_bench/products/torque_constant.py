@@ -9,6 +9,7 @@ to I2, where friction opposes the back-off: K I1 = T + F and K I2 = T - F. The s
 in between, so F is the same, whatever it depends on: K = 2 T / (I1 + I2).
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -158,7 +159,7 @@ def analyse_session(session: SessionRun) -> Result:
     title = "Table 3.1: torque constants of ramps by set point"
     return Result(
         (table("torque_constants", title, points, _columns(session.torque_constant)),),
-        _comparisons(fitted, loop_width.value),
+        tuple(_comparisons(fitted, loop_width.value)),
         {
             "torque_constant": fitted.both,
             "torque_constant_positive": fitted.positive,
@@ -204,40 +205,24 @@ def _columns(constant_in_use: float) -> Columns[LockedPoint]:
     }
 
 
-def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Comparison, ...]:
+def _comparisons(constants: TorqueConstants, hysteresis: float) -> Iterator[Comparison]:
+    yield Comparison.of_constant("torque constant, mean of ramps", constants.both, THESIS_CONSTANT)
     low, high = THESIS_RANGE
     spread = (constants.largest - constants.smallest) / constants.both.value
-    thesis_spread = (high - low) / THESIS_CONSTANT
-    clockwise, counter = THESIS_SPREADS
-    return (
-        Comparison.of_constant("torque constant, mean of ramps", constants.both, THESIS_CONSTANT),
-        compare(
-            "single ramps",
-            f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A",
-            f"{low} to {high} N·m/A",
-            "spread of the same order",
-            0.5 <= spread / thesis_spread <= 2.0,
-        ),
-        compare("clockwise", constants.positive, "trends higher"),
-        compare("counter-clockwise", constants.negative),
-        compare(
-            "spread, clockwise and counter-clockwise",
-            f"{100 * constants.spread_positive:.0f} and {100 * constants.spread_negative:.0f} %",
-            f"{100 * clockwise:.0f} and {100 * counter:.0f} %",
-        ),
-        compare(
-            "motor's own constant, without friction",
-            constants.motor,
-            f"specified {SPECIFIED_CONSTANT} N·m/A",
-        ),
-        compare(
-            "torque on back-off minus torque on ramp, at half current",
-            f"{format_number(hysteresis, 3)} N·m",
-            "hysteresis",
-            "visible",
-            hysteresis > 0.5,
-        ),
-    )
+    similar = 0.5 <= spread / ((high - low) / THESIS_CONSTANT) <= 2.0
+    ramps = f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A"
+    thesis, target = f"{low} to {high} N·m/A", "spread of the same order"
+    yield compare("single ramps", ramps, thesis, target, similar)
+    yield compare("clockwise", constants.positive, "trends higher")
+    yield compare("counter-clockwise", constants.negative)
+    spreads = (constants.spread_positive, constants.spread_negative)
+    measured, thesis = (f"{100 * a:.0f} and {100 * b:.0f} %" for a, b in (spreads, THESIS_SPREADS))
+    yield compare("spread, clockwise and counter-clockwise", measured, thesis)
+    specified = f"specified {SPECIFIED_CONSTANT} N·m/A"
+    yield compare("motor's own constant, without friction", constants.motor, specified)
+    name = "torque on back-off minus torque on ramp, at half current"
+    loop_width = f"{format_number(hysteresis, 3)} N·m"
+    yield compare(name, loop_width, "hysteresis", "visible", hysteresis > 0.5)
 
 
 @figures.figure(

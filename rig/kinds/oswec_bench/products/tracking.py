@@ -77,15 +77,9 @@ def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> 
         )
         constants["tracking_improvement"] = improvement
         comparisons.append(_compare_loops(pairs, improvement))
+    columns = _columns(loop, with_baseline=bool(open_loop))
     return Result(
-        (
-            table(
-                "torque_tracking",
-                "Torque tracking by set point",
-                rows,
-                _columns(loop, with_baseline=bool(open_loop)),
-            ),
-        ),
+        (table("torque_tracking", "Torque tracking by set point", rows, columns),),
         tuple(comparisons),
         constants,
         (torque_tracking(max(rows, key=lambda row: row[0].setpoint[0]), loop),),

@@ -18,6 +18,7 @@ drive's input, is common to all set points. The drift of a set point is not: it 
 motor happened to start, so velocities here keep it.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -215,7 +216,7 @@ def analyse_session(session: SessionRun) -> Result:
     title = "Table 3.2: velocity constants of decelerations by set point"
     return Result(
         (table("velocity_constants", title, points, COLUMNS),),
-        _comparisons(fitted, amplitude_loss, points),
+        tuple(_comparisons(fitted, amplitude_loss, points)),
         {
             "velocity_constant": fitted.constant,
             "velocity_constant_deceleration": fitted.thesis,
@@ -262,41 +263,23 @@ COLUMNS: Columns[UnloadedPoint] = {
 
 def _comparisons(
     constants: VelocityConstants, amplitude_loss: Estimate, points: list[UnloadedPoint]
-) -> tuple[Comparison, ...]:
+) -> Iterator[Comparison]:
+    yield Comparison.of_constant("velocity constant, mean", constants.thesis, THESIS_CONSTANT)
+    yield Comparison.of_constant("mean of the three fastest", constants.fastest, THESIS_FASTEST)
+    spread, thesis_spread = (f"{100 * each:.1f} %" for each in (constants.spread, THESIS_SPREAD))
+    yield compare("spread of the three fastest", spread, thesis_spread)
     low, high = THESIS_RANGE
-    mid, half_width = UNLOADED_DIFFERENCE
+    lines = f"{constants.smallest:.2f} to {constants.largest:.2f} rad/s/V"
+    yield compare("single lines", lines, f"{low} to {high} rad/s/V")
     slowest = float(np.mean([d.line.slope for d in points[0].fits]))
+    biased, target = slowest < 0.99 * constants.fastest.value, "low-amplitude bias visible"
+    yield compare("slowest set point", f"{slowest:.3f} rad/s/V", "lower", target, biased)
+    yield compare("motor following its command", constants.constant, "trends towards 1.5 rad/s/V")
+    mid, half_width = UNLOADED_DIFFERENCE
+    thesis, met = f"{mid} ± {half_width} deg", abs(amplitude_loss.value - mid) <= half_width
+    yield compare("amplitude difference, unloaded", amplitude_loss, thesis, "within", met)
     torque = max(float(np.abs(p.motion.torque).max()) for p in points)
-    return (
-        Comparison.of_constant("velocity constant, mean", constants.thesis, THESIS_CONSTANT),
-        Comparison.of_constant("mean of the three fastest", constants.fastest, THESIS_FASTEST),
-        compare(
-            "spread of the three fastest",
-            f"{100 * constants.spread:.1f} %",
-            f"{100 * THESIS_SPREAD:.1f} %",
-        ),
-        compare(
-            "single lines",
-            f"{constants.smallest:.2f} to {constants.largest:.2f} rad/s/V",
-            f"{low} to {high} rad/s/V",
-        ),
-        compare(
-            "slowest set point",
-            f"{slowest:.3f} rad/s/V",
-            "lower",
-            "low-amplitude bias visible",
-            slowest < 0.99 * constants.fastest.value,
-        ),
-        compare("motor following its command", constants.constant, "trends towards 1.5 rad/s/V"),
-        compare(
-            "amplitude difference, unloaded",
-            amplitude_loss,
-            f"{mid} ± {half_width} deg",
-            "within",
-            abs(amplitude_loss.value - mid) <= half_width,
-        ),
-        compare("largest torque of the bearing", f"{torque:.2f} N·m", "under 0.4 N·m"),
-    )
+    yield compare("largest torque of the bearing", f"{torque:.2f} N·m", "under 0.4 N·m")
 
 
 @figures.figure(

@@ -1,7 +1,7 @@
 """The compiled steps of bench and flap: the same functions and bits as the interpreted ones."""
 
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 from rig.compilation.plant_step import PlantStep
 from sim_plant import drive, sensors
@@ -16,11 +16,9 @@ from sim_plant.bench import (
     stepper,
     transmission,
 )
-from sim_plant.bench.dynamometer import BenchState
 from sim_plant.bench.signals import Actuation, BenchReading
 from sim_plant.flap import body, oswec
 from sim_plant.flap import stepper as flap_stepper
-from sim_plant.flap.oswec import FlapState
 
 _BENCH_MODULES = (
     brake, drive, dynamometer, gearbox, load_cell, losses, motor, sensors, servo, transmission,
@@ -32,74 +30,53 @@ _ACTUATION = {
 }  # fmt: skip
 
 
-def _compile(
-    start: Any, module: ModuleType, lifted: tuple[ModuleType, ...], extra: str
-) -> PlantStep:
-    """``extra``: name of the float that the step takes besides the actuation, or empty."""
-    moment = {"fresh": "int64", "stopped": "int64", **({extra: "float64"} if extra else {})}
-    return PlantStep(
-        module,
-        lifted,
-        {**_ACTUATION, **moment, "tick": "int64"},
-        (
-            f"actuation = Actuation({', '.join(_ACTUATION)})",
-            f"state = step(params, state, actuation, {', '.join(moment)}, normals, dt)",
-            "read = sample(params, state, stopped, tick, normals)",
-        ),
-        **start._asdict(),
-        imported=(Actuation,),
-        reading=BenchReading,
-    )
-
-
 class CompiledStepper(stepper.Stepper):
     """A `Stepper` of the bench that runs compiled, on one array."""
 
+    _lifted: tuple[ModuleType, ...] = _BENCH_MODULES
+    _moment: tuple[str, ...] = ()  # names of the numbers that `advance` takes after the tick
+
     def __init__(self, start: stepper.StepperInputs) -> None:
-        self._compiled = _compile(start, dynamometer, _BENCH_MODULES, "")
-        super().__init__(start)
-
-    @property
-    def state(self) -> BenchState:
-        """The bench's state, rebuilt from the array."""
-        state: BenchState = self._compiled.state
-        return state
-
-    @state.setter
-    def state(self, state: BenchState) -> None:
-        self._compiled.state = state
-
-    def advance(self, actuation: Actuation, fresh: int, stopped: int, tick: int) -> BenchReading:
-        """Step to ``tick`` and return the sensors' readings there."""
-        step = self._compiled
-        return tuple.__new__(
-            BenchReading, step.code.advance(step.array, *actuation, fresh, stopped, tick)
+        arguments = ("actuation", "fresh", "stopped", *self._moment, "normals", "dt")
+        self._compiled = PlantStep(
+            self.plant,
+            self._lifted,
+            {**_ACTUATION, "fresh": "int64", "stopped": "int64", "tick": "int64"}
+            | dict.fromkeys(self._moment, "float64"),
+            (
+                f"actuation = Actuation({', '.join(_ACTUATION)})",
+                f"state = step(params, state, {', '.join(arguments)})",
+                "read = sample(params, state, stopped, tick, normals)",
+            ),
+            **start._asdict(),
+            imported=(Actuation,),
+            reading=BenchReading,
         )
-
-
-class CompiledFlapStepper(flap_stepper.Stepper):
-    """A `Stepper` of the flap that runs compiled, on one array."""
-
-    def __init__(self, start: flap_stepper.StepperInputs) -> None:
-        self._compiled = _compile(start, oswec, (*_BENCH_MODULES, body, oswec), "excitation")
         super().__init__(start)
 
     @property
-    def state(self) -> FlapState:
-        """The flap's state, rebuilt from the array."""
-        state: FlapState = self._compiled.state
-        return state
+    def state(self) -> Any:
+        """The plant's state, rebuilt from the array."""
+        return self._compiled.state
 
     @state.setter
-    def state(self, state: FlapState) -> None:
+    def state(self, state: Any) -> None:
         self._compiled.state = state
 
     def advance(
-        self, actuation: Actuation, fresh: int, stopped: int, excitation: float, tick: int
+        self, actuation: Actuation, fresh: int, stopped: int, tick: int, *excitation: float
     ) -> BenchReading:
-        """Step to ``tick`` with the waves' excitation and return the sensors' readings there."""
+        """Step to ``tick``, a flap with the waves' excitation; return the sensors' readings."""
         step = self._compiled
         return tuple.__new__(
             BenchReading,
-            step.code.advance(step.array, *actuation, fresh, stopped, excitation, tick),
+            step.code.advance(step.array, *actuation, fresh, stopped, tick, *excitation),
         )
+
+
+class CompiledFlapStepper(CompiledStepper, flap_stepper.Stepper):
+    """A `Stepper` of the flap that runs compiled, on one array."""
+
+    plant: ClassVar[Any] = oswec
+    _lifted = (*_BENCH_MODULES, body, oswec)
+    _moment = ("excitation",)

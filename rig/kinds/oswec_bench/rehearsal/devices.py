@@ -4,11 +4,11 @@ from typing import Any
 
 from controllers.signals import PanelSense
 from rig.emulation.in_process import PlantDevices
-from rig.kinds.oswec_bench.tick import (
+from rig.kinds.oswec_bench.tick import Sense
+from rig.kinds.oswec_bench.tick.signals import (
     BrakeSense,
     Command,
     EncoderSense,
-    Sense,
     ServoSense,
     WrenchSense,
 )
@@ -109,13 +109,17 @@ def build_bench(config: dict[str, Any], dt: float) -> BenchWorld:
 
     The interpreted step has the same results and needs no compiler.
     """
-    stepper = Stepper
-    if config.get("compiled", True):
-        from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
-
-        stepper = CompiledStepper
     plant = BenchPlant.model_validate(config["plant"])
-    return BenchWorld(plant, dt=dt, seed=config["seed"], stepper=stepper)
+    return BenchWorld(plant, dt=dt, seed=config["seed"], stepper=_stepper(config, Stepper))
+
+
+def _stepper(config: dict[str, Any], interpreted: type[Stepper]) -> Any:
+    if not config.get("compiled", True):
+        return interpreted
+    from rig.kinds.oswec_bench.rehearsal import compiled_plant  # noqa: PLC0415  (numba takes a second)
+
+    flap = interpreted is FlapStepper
+    return compiled_plant.CompiledFlapStepper if flap else compiled_plant.CompiledStepper
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchPlantDevices:
@@ -141,10 +145,6 @@ def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
         )
         for sea in config.get("seas", [])
     ]
-    stepper = FlapStepper
-    if config.get("compiled", True):
-        from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledFlapStepper  # noqa: PLC0415  (numba takes a second)
-
-        stepper = CompiledFlapStepper
+    stepper = _stepper(config, FlapStepper)
     world = FlapWorld(plant, waves.calm(), dt=dt, seed=config["seed"], stepper=stepper)
     return FlapDevices(world, tables, dt)

@@ -160,7 +160,9 @@ def _build_devices(
             "load_cell": cell,
             **modbus_lines(wiring.lines, ((placed[name], unit) for name, unit in units.items())),
         },
-        {
+        step,
+        restart,
+        units={
             "bridge": bridge,
             "motor_encoder": bridge.motor,
             "shaft_encoder": bridge.shaft,
@@ -169,10 +171,8 @@ def _build_devices(
             "driveline": driveline,
             **units,
         },
-        step,
-        restart,
-        {"servo_drive": lambda: bool(world.actuation.enable)},
-        lambda: {"reading": world.sense()._asdict()},
+        powered={"servo_drive": lambda: bool(world.actuation.enable)},
+        report=lambda: {"reading": world.sense()._asdict()},
     )
 
 

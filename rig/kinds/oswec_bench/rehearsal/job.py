@@ -10,7 +10,7 @@ from rig.config.problems import Problem, display_path
 from rig.config.pydantic_errors import problems_from
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
-from rig.kinds.oswec_bench.sessions.flume import sea_as_dict, session_seas
+from rig.kinds.oswec_bench.sessions.flume import session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
@@ -19,9 +19,7 @@ def plant_settings(session: Session) -> dict[str, Any]:
     """Return the simulated bench's configuration for `connect`, as JSON values."""
     settings: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
     seas = session_seas(session.file, session.points)
-    if not seas:
-        return settings
-    return settings | {"seas": [sea_as_dict(sea) for sea in seas]}
+    return settings | ({"seas": [sea._asdict() for sea in seas]} if seas else {})
 
 
 def problems(pieces: SessionParts) -> tuple[Problem, ...]:

@@ -6,16 +6,16 @@ import math
 from typing import Any
 
 from controllers import brake_damping, oswec_position, torque_tracking
+from rig.design.axis_params import axis_limits, motor_power_params
 from rig.design.estimator import design
-from rig.kinds.oswec_bench import tick as oswec_bench
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile, Encoder
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
-from rig.kinds.oswec_bench.tick import speed, stations
+from rig.kinds.oswec_bench.tick import speed
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
-from rig.kinds.oswec_bench.tick.state import Homing, ShaftParams
-from rig.realtime import average, axis, cycle, limits, safety
+from rig.kinds.oswec_bench.tick.state import Homing, Limits, LoadLimits, Params, ShaftParams
+from rig.realtime import axis, cycle, safety
 
 
 def motor_radians_per_count(rig: BenchRigFile) -> float:
@@ -55,7 +55,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             stop_ticks=round(rig.stop.duration_s / dt),
         ),
         lost_ticks_stop=limits_file.loop.lost_ticks_stop,
-        rig=oswec_bench.Params(
+        rig=Params(
             mode=TORQUE if in_torque_loop else VELOCITY,
             motor=_motor(rig, limits_file, in_torque_loop, dt),
             shaft=ShaftParams(
@@ -80,13 +80,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             ),
             locked=1 if session_file.shaft == "clamped" else 0,
             limits=_limits(limits_file, in_torque_loop, dt),
-            stations=stations.Params(
-                average_weight=average.weight_of_tick(limits_file.power.time_s, dt),
-                fed_power_stop=limits_file.power.fed_stop_w,
-                difference_stop=limits_file.power.motor_difference_stop_w,
-                difference_ratio=limits_file.power.motor_difference_ratio,
-                torque_constant=rig.servo.torque_constant_n_m_per_a,
-            ),
+            motor_power=motor_power_params(limits_file.power, dt),
             setpoints=plan.setpoints,
         ),
     )
@@ -106,24 +100,20 @@ def _motor(
     """
     motor, scale = limits_file.motor, motor_radians_per_count(rig)
     constant = rig.servo.torque_constant_n_m_per_a
+    limits = axis_limits(
+        motor,
+        constant,
+        dt,
+        position_warn=math.radians(motor.angle_warn_deg),
+        position_stop=math.radians(motor.angle_stop_deg),
+        velocity_stop=motor.velocity_stop_rad_per_s,
+        force_slew=motor.current_slew_a_per_s * constant,
+        encoder_jump_stop=math.radians(motor.encoder_jump_stop_deg),
+    )
     return axis.Params(
         metres_per_count=scale,
         estimator=_estimator(rig.servo.encoder, scale, dt),
-        limits=limits.AxisLimits(
-            position_warn=math.radians(motor.angle_warn_deg),
-            position_stop=math.radians(motor.angle_stop_deg),
-            velocity_stop=motor.velocity_stop_rad_per_s,
-            current_peak=motor.current_peak_a,
-            current_rms=motor.current_rms_a,
-            current_rms_time=motor.current_rms_time_s,
-            force_slew=motor.current_slew_a_per_s * constant,
-            encoder_age_stop=motor.encoder_age_stop_s,
-            encoder_jump_stop=math.radians(motor.encoder_jump_stop_deg),
-            drive_age_stop=motor.drive_age_stop_s,
-            current_difference_stop=motor.current_difference_stop_a if in_torque_loop else math.inf,
-            current_ticks_stop=max(1, round(motor.current_difference_time_s / dt)),
-            newtons_per_ampere=constant,
-        ),
+        limits=limits if in_torque_loop else limits._replace(current_difference_stop=math.inf),
         stop_damping=rig.stop.damping_n_m_s_per_rad,
         stop_ramp=rig.stop.ramp_s,
     )
@@ -152,13 +142,13 @@ def _torque(session: Session) -> torque_tracking.Params:
     )
 
 
-def _limits(limits_file: BenchLimitsFile, in_torque_loop: bool, dt: float) -> oswec_bench.Limits:
+def _limits(limits_file: BenchLimitsFile, in_torque_loop: bool, dt: float) -> Limits:
     load_cell, brake, motor = limits_file.load_cell, limits_file.brake, limits_file.motor
     max_velocity_difference = motor.velocity_difference_stop_rad_per_s
-    return oswec_bench.Limits(
+    return Limits(
         slip_stop=math.radians(limits_file.shaft.slip_stop_deg),
         shaft_jump_stop=math.radians(limits_file.shaft.encoder_jump_stop_deg),
-        load_stop=oswec_bench.LoadLimits(
+        load_stop=LoadLimits(
             load_cell.across_stop_n,
             load_cell.along_stop_n,
             load_cell.bending_stop_n_m,

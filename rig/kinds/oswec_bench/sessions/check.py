@@ -10,7 +10,6 @@ from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import (
     FurtherCheck,
     Session,
-    no_further_check,
     open_session,
 )
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan, plan_session
@@ -46,14 +45,14 @@ class SessionReport(NamedTuple):
             return []
         session, plan = self.session, self.plan
         file, rig, constants = session.file, session.rig, session.constants
-        phases = (f"{name} {s:.6g} s" for name, s in plan.phases._asdict().items())
+        phases = (f"{name} {s:.6g} s" for name, s in plan.phases.items())
         return [
             ("session", f"{file.name} ({file.session}) on {rig.name}, {rig.rate_hz} Hz"),
             ("drive", _describe_drive(session)),
             ("rows", f"{len(plan.rows)}: {_describe_columns(session)}"),
             (
                 "measured",
-                f"{plan.rows[0].periods} periods a row, {plan.phases.measure:.6g} s in all",
+                f"{plan.rows[0].periods} periods a row, {plan.phases['measure']:.6g} s in all",
             ),
             ("duration", f"{format_duration(plan.duration)} and waiting for the drive"),
             ("phases", ", ".join(phases)),
@@ -96,9 +95,9 @@ class SessionReport(NamedTuple):
                 "correction": file.correction.kind,
                 "rows": [row.values for row in plan.rows],
                 "periods_per_row": file.timing.periods,
-                "measured_s": plan.phases.measure,
+                "measured_s": plan.phases["measure"],
                 "duration_s": plan.duration,
-                "phases_s": plan.phases._asdict(),
+                "phases_s": plan.phases,
                 "constants": self.session.constants.origin,
                 "files": [file.as_dict() for file in self.session.files],
             }
@@ -106,7 +105,7 @@ class SessionReport(NamedTuple):
 
 
 def check_session(
-    path: Path, further_check: FurtherCheck = no_further_check, rig: Path | None = None
+    path: Path, further_check: FurtherCheck | None = None, rig: Path | None = None
 ) -> SessionReport:
     """Check a session file and all files that it refers to.
 

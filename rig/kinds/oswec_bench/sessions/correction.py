@@ -132,21 +132,21 @@ def row_correction(
     row: DrivelinePoint, others: list[DrivelinePoint], phase_over: str
 ) -> RowCorrection:
     """Return extra amplitude and advance of a row, by lines through other rows."""
+    torque, velocity = row.rms_torque_n_m, row.rms_velocity_rad_per_s
     torques = [other.rms_torque_n_m for other in others]
-    abscissa = (
-        torques if phase_over == "torque" else [other.rms_velocity_rad_per_s for other in others]
-    )
+    velocities = [other.rms_velocity_rad_per_s for other in others]
     delays = [0.01 * other.phase_shift_percent * other.period_s for other in others]
     amplitude_losses = [other.amplitude_difference_deg for other in others]
-    row_abscissa = row.rms_torque_n_m if phase_over == "torque" else row.rms_velocity_rad_per_s
-    extra_amplitude = math.radians(fit_line(torques, amplitude_losses).value_at(row.rms_torque_n_m))
-    if phase_over == "both":
-        velocities = [other.rms_velocity_rad_per_s for other in others]
+    extra_amplitude = math.radians(fit_line(torques, amplitude_losses).value_at(torque))
+    if phase_over == "torque":
+        advance = fit_line(torques, delays).value_at(torque)
+    elif phase_over == "velocity":
+        advance = fit_line(velocities, delays).value_at(velocity)
+    else:
         # rad, at rms velocity
         trailing_angles = [t * v for t, v in zip(delays, velocities, strict=True)]
-        angle = fit_line(torques, trailing_angles).value_at(row.rms_torque_n_m)
-        return RowCorrection(extra_amplitude, angle / row.rms_velocity_rad_per_s)
-    return RowCorrection(extra_amplitude, fit_line(abscissa, delays).value_at(row_abscissa))
+        advance = fit_line(torques, trailing_angles).value_at(torque) / velocity
+    return RowCorrection(extra_amplitude, advance)
 
 
 def fit_line(x: list[float], y: list[float]) -> Line:

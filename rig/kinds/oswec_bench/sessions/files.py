@@ -3,6 +3,7 @@ once.
 """
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -62,11 +63,6 @@ FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
 """A further check of a session; it runs even if the session has other problems."""
 
 
-def no_further_check(parts: SessionParts) -> tuple[Problem, ...]:
-    """Return no problems: there is no further check."""
-    return ()
-
-
 def is_session(path: Path) -> bool:
     """Return whether a file is a session file, not a campaign; False for an unreadable file."""
     try:
@@ -99,11 +95,9 @@ class _FileReader:
         if owner is None:
             return None
         source = self.attempt(
-            lambda: (
-                load_named_source(owner, key)
-                if replacement is None
-                else ConfigSource(*load_mapping(replacement))
-            )
+            partial(load_named_source, owner, key)
+            if replacement is None
+            else lambda: ConfigSource(*load_mapping(replacement))
         )
         self.sources.append(source)
         self.files += hash_input_files(role, source)
@@ -128,7 +122,7 @@ class _FileReader:
 
 
 def open_session(
-    path: Path, further_check: FurtherCheck = no_further_check, rig_path: Path | None = None
+    path: Path, further_check: FurtherCheck | None = None, rig_path: Path | None = None
 ) -> Session:
     """Read and check a session, its rig, that rig's limits, and the calibrations of both.
 
@@ -143,10 +137,8 @@ def open_session(
     limits = reader.validated(reader.read("limits", rig_source, ("limits",)), BenchLimitsFile)
     owner = session_source if session_source.mapping.get("plant") is not None else rig_source
     plant = reader.read("plant", owner, ("plant",))
-    file, rig = (
-        reader.validated(session_source, SessionFile),
-        reader.validated(rig_source, BenchRigFile),
-    )
+    file = reader.validated(session_source, SessionFile)
+    rig = reader.validated(rig_source, BenchRigFile)
     measured = [*reader.calibrations(session_source), *reader.calibrations(rig_source)]
     correction_files = {
         name: reader.constants(session_source, ("correction", name))
@@ -171,7 +163,9 @@ def open_session(
         if rig is not None and limits is not None:
             reader.problems += _setpoints_beyond_limits(expanded_points, rig, limits)
             reader.problems += check_wave_periods(file, expanded_points, float(rig.rate_hz))
-    reader.problems += further_check(SessionParts(session_source, rig_source, plant, rig, file))
+    if further_check is not None:
+        parts = SessionParts(session_source, rig_source, plant, rig, file)
+        reader.problems += further_check(parts)
     if reader.problems:
         raise ConfigError(sort_problems(reader.problems, reader.sources))
     assert file is not None
@@ -213,11 +207,8 @@ def _setpoints_beyond_limits(
             value = point.values.get(name, 0.0)
             strict = name in ("amplitude", "torque_amplitude", "release")
             if abs(value) > bound or (strict and abs(value) == bound):
-                relation = "below" if strict else "up to"
-                message = (
-                    f"{value:g} is more than limits and rig allow; allowed {relation} {bound:g} "
-                    f"{units[name]}"
-                )
+                allowed = f"{'below' if strict else 'up to'} {bound:g} {units[name]}"
+                message = f"{value:g} is more than limits and rig allow; allowed {allowed}"
                 problem = point.locations[name].problem(value, message)
                 problems.setdefault((problem.key, problem.line), problem)
     return list(problems.values())

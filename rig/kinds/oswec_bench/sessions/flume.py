@@ -2,25 +2,16 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rig.config.problems import Problem, format_number
 from rig.kinds.oswec_bench.config.session_file import IrregularReference, SessionFile
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.rows import SessionPoint
 from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume
-from rig.planning.multisine import design_multisine, scale_to_peak
+from rig.planning.multisine import Multisine, design_multisine, scale_to_peak
 
 _TICK_TOLERANCE = 1e-6  # ticks
-
-
-class UnitSignal(NamedTuple):
-    """A periodic signal of unit peak: sum of amplitude cos(2 pi cycles t / repeat + phase)."""
-
-    repeat: float  # s
-    cycles: tuple[int, ...]
-    amplitudes: tuple[float, ...]
-    phases: tuple[float, ...]  # rad
 
 
 class Sea(NamedTuple):
@@ -32,8 +23,8 @@ class Sea(NamedTuple):
     phase_rad: tuple[float, ...]  # at time zero of the wave clock
 
 
-def irregular_signal(settings: IrregularReference) -> UnitSignal:
-    """Return the components of an irregular signal."""
+def irregular_signal(settings: IrregularReference) -> Multisine:
+    """Return an irregular signal of unit peak."""
     multisine = design_multisine(
         settings.low_hz,
         settings.high_hz,
@@ -42,13 +33,7 @@ def irregular_signal(settings: IrregularReference) -> UnitSignal:
         seed=settings.seed,
         draws=settings.draws,
     )
-    multisine = scale_to_peak(multisine, 1.0)
-    return UnitSignal(
-        settings.repeat_s,
-        tuple(int(k) for k in multisine.cycles),
-        tuple(float(a) for a in multisine.amplitude),
-        tuple(float(phase) for phase in multisine.phase),
-    )
+    return scale_to_peak(multisine, 1.0)
 
 
 def row_sea(file: SessionFile, point: SessionPoint) -> Sea:
@@ -56,9 +41,9 @@ def row_sea(file: SessionFile, point: SessionPoint) -> Sea:
     amplitude = point.values["wave_amplitude"]
     if file.irregular is None:
         return Sea(point.values["period"], (1,), (amplitude,), (0.0,))
-    signal = irregular_signal(file.irregular)
-    amplitudes = tuple(amplitude * share for share in signal.amplitudes)
-    return Sea(signal.repeat, signal.cycles, amplitudes, signal.phases)
+    repeat, cycles, shares, phases = irregular_signal(file.irregular)
+    amplitudes = (amplitude * shares).tolist()
+    return Sea(repeat, tuple(cycles.tolist()), tuple(amplitudes), tuple(phases.tolist()))
 
 
 def session_seas(file: SessionFile, points: tuple[SessionPoint, ...]) -> tuple[Sea, ...]:
@@ -95,8 +80,3 @@ def check_wave_periods(
             message = f"{format_number(point.values['period'])} s is no whole number of ticks"
             message += f"; allowed multiples of {format_number(1.0 / rate_hz)} s"
             yield point.locations["period"].problem(point.values["period"], message)
-
-
-def sea_as_dict(sea: Sea) -> dict[str, Any]:
-    """Return a sea in the form that plan and devices use."""
-    return sea._asdict()

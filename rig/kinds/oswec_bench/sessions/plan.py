@@ -17,8 +17,7 @@ from rig.kinds.oswec_bench.sessions.correction import RowCorrection
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.flume import irregular_signal, row_flume
 from rig.kinds.oswec_bench.sessions.rows import SessionPoint
-from rig.kinds.oswec_bench.tick import Flume, Setpoints
-from rig.kinds.oswec_bench.tick.signals import NO_FLUME
+from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoints
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 
@@ -45,16 +44,6 @@ class BenchSetpoint(NamedTuple):
     flume: Flume
 
 
-class SessionPhases(NamedTuple):
-    """Planned duration of each phase, s."""
-
-    tare: float
-    moving: float
-    settle: float
-    measure: float
-    tail: float
-
-
 class SessionPlan(NamedTuple):
     """A planned session, ready for `rig.realtime.sequence.step`."""
 
@@ -63,7 +52,7 @@ class SessionPlan(NamedTuple):
     setpoints: Setpoints
     dt: float  # s, length of a tick
     duration: float  # s, planned; waiting for the drive may extend it
-    phases: SessionPhases
+    phases: dict[str, float]  # planned duration of each phase, s, by its name
 
 
 REST = BenchSetpoint((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
@@ -132,10 +121,11 @@ def row_components(
     if "wave_amplitude" in values or "release" in values:
         return ()  # waves or a person move the flap, not the drive
     if file.irregular is not None:
-        signal, peak = irregular_signal(file.irregular), math.radians(values["amplitude"])
+        repeat, *lines = irregular_signal(file.irregular)
+        peak = math.radians(values["amplitude"])
         cosines = [
-            (peak * share, 2.0 * PI * float(k) / signal.repeat, phase)
-            for share, k, phase in zip(signal.amplitudes, signal.cycles, signal.phases, strict=True)
+            (peak * share, 2.0 * PI * float(k) / repeat, phase)
+            for k, share, phase in zip(*(each.tolist() for each in lines), strict=True)
         ]
     elif file.loop == "torque":
         constant = session.rig.servo.torque_constant_n_m_per_a
@@ -156,20 +146,8 @@ def _assemble_plan(
     table = cut_into_ticks(pieces, rate)
     segments, _, setpoint_table = table
     seconds = phase_seconds(table, rate)
-    setpoints = Setpoints(
-        tuple(setpoint.components for setpoint in setpoint_table),
-        tuple(setpoint.damping for setpoint in setpoint_table),
-        tuple(setpoint.brake_current for setpoint in setpoint_table),
-        tuple(setpoint.rise for setpoint in setpoint_table),
-        tuple(setpoint.until for setpoint in setpoint_table),
-        tuple(setpoint.flume for setpoint in setpoint_table),
-    )
-    phases = SessionPhases(
-        seconds[Phase.TARE],
-        seconds[Phase.MOVING],
-        seconds[Phase.SETTLE],
-        seconds[Phase.MEASURE],
-        seconds[Phase.TAIL],
-    )
+    timed = (Phase.TARE, Phase.MOVING, Phase.SETTLE, Phase.MEASURE, Phase.TAIL)
+    phases = {phase.name.lower(): seconds[phase] for phase in timed}
+    setpoints = Setpoints(*zip(*setpoint_table, strict=True))
     duration = sum(segments.ticks) / rate
     return SessionPlan(rows, segments, setpoints, 1.0 / rate, duration, phases)

@@ -39,7 +39,6 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     if state.speed.not_finite == 1 or not finite(total):
         return Reason.NOT_FINITE.value
     motor_zero, shaft_zero = zeros_in_use(params, state, encoders)
-    station_reason = state.stations.reason
     fault = axis.check(params.motor, state.motor, motor_sense(sense), motor, motor_zero, mode)
     if fault != NO_REASON and CATEGORY[fault] == 0:
         return fault
@@ -57,8 +56,8 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return BenchReason.LOAD_CELL_OVERLOAD.value
     if state.mismatch >= limits.velocity_ticks_stop:
         return BenchReason.VELOCITY_DISAGREES.value
-    if station_reason != NO_REASON:
-        return station_reason
+    if state.motor_power.reason != NO_REASON:
+        return state.motor_power.reason
     if fault != NO_REASON:
         return fault
     if panel.limit_switch != 0:

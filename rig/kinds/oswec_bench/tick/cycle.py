@@ -31,7 +31,7 @@ from rig.kinds.oswec_bench.tick.state import (
     start,
     zeros_in_use,
 )
-from rig.realtime import axis, cycle, limits, safety
+from rig.realtime import axis, cycle, limits, motor_power, safety
 from rig.realtime.safety import RUN, STOP_1
 from rig.realtime.sequence import TARE, WAIT_ARRIVAL, WAIT_DRIVE
 
@@ -82,7 +82,8 @@ def control(
 
     The set point becomes a velocity or a torque within limits, and a current of the brake.
     """
-    motor, _, speed_state, laws, brake, mismatch, station_state, tare_state, active_setpoint = state
+    motor, laws, brake, tare_state = state.motor, state.laws, state.brake, state.tare
+    active_setpoint = state.active_setpoint
     motor_motion, shaft_motion = motion
     encoders, servo, load, brake_sense, _ = sense
     _, phase, _, clock = plan
@@ -110,24 +111,27 @@ def control(
             _ZERO_DEMAND,
         )
     mismatch = _velocity_mismatch_ticks(
-        params, speed_state, mismatch, servo.enabled, motor_motion.velocity, mode
+        params, state.speed, state.mismatch, servo.enabled, motor_motion.velocity, mode
     )
     motor, speed_state, drive = _command_drive(
-        params, motor, speed_state, sense, motor_motion, demand, mode, dt
+        params, motor, state.speed, sense, motor_motion, demand, mode, dt
     )
     damps_only = (
         mode == RUN
         and active_setpoint.flume.pto_damping > 0.0
         and len(active_setpoint.components) == 0
     )
-    station_state = stations.step(
-        params.stations,
-        station_state,
-        servo.current,
-        torque,
-        motor_motion.velocity,
-        damps_only,
-        mode,
+    power = stations.step(
+        state.power,
+        cell_torque=torque,
+        shaft_velocity=shaft_motion.velocity,
+        motor_torque=params.motor.limits.newtons_per_ampere * servo.current,
+        motor_velocity=motor_motion.velocity,
+        phase=phase,
+    )
+    fed = power.load_cell if damps_only else 0.0
+    checked = motor_power.step(
+        params.motor_power, state.motor_power, fed, power.motor, power.load_cell, mode
     )
     brake_command = _command_brake(
         params, brake.command, active_setpoint, shaft_motion.velocity, mode, dt
@@ -149,7 +153,8 @@ def control(
         laws,
         BrakeState(brake_command, _brake_mismatch_ticks(params, brake, brake_sense.current)),
         mismatch,
-        station_state,
+        power,
+        checked,
         tare_state,
         active_setpoint,
     )
@@ -159,7 +164,7 @@ def control(
         brake_command.current,
         *_flume_command(params, active_setpoint, clock),
     )
-    return new_state, command, (motion, tare_state.zeros, reference, correction, demand)
+    return new_state, command, (motion, tare_state.zeros, reference, correction, demand, power)
 
 
 def _step_laws(
@@ -319,19 +324,14 @@ def row(
     signals: TickSignals,
 ) -> BenchRow:
     """Return the log row of the tick."""
-    (motor, shaft), zeros, reference, correction, demand = signals
-    encoders, servo, load, brake, panel = sense
+    (motor, shaft), zeros, reference, correction, demand, power = signals
     return BenchRow(
         tick,
         time,
         timing,
         plan,
         guard,
-        encoders,
-        servo,
-        load,
-        brake,
-        panel,
+        *sense,
         Rotation(*motor),
         Rotation(*shaft),
         zeros,
@@ -339,6 +339,7 @@ def row(
         correction,
         demand,
         command,
+        power,
         tick,
     )
 

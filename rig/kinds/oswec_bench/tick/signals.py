@@ -26,6 +26,7 @@ from controllers.signals import (
     Turning,
     Volt,
 )
+from rig.kinds.oswec_bench.tick import stations
 from rig.realtime import cycle, safety
 
 
@@ -159,6 +160,7 @@ class BenchRow(NamedTuple):
     correction: Turning  # compensation of the driveline's deflection
     demand: LoopDemand
     command: Command
+    power: stations.Power
     tick_end: Tick
 
 
@@ -193,4 +195,4 @@ class Setpoints(NamedTuple):
 Motion = tuple[Estimate, Estimate]
 
 # The bench's own part of a row, computed in the tick.
-TickSignals = tuple[Motion, Zeros, Reference, Turning, LoopDemand]
+TickSignals = tuple[Motion, Zeros, Reference, Turning, LoopDemand, stations.Power]

@@ -7,7 +7,7 @@ from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import Estimate
 from rig.kinds.oswec_bench.tick import speed, stations, tare
 from rig.kinds.oswec_bench.tick.signals import NO_FLUME, EncoderSense, Flume, Setpoints
-from rig.realtime import axis
+from rig.realtime import axis, motor_power
 
 
 class ShaftParams(NamedTuple):
@@ -65,7 +65,7 @@ class Params(NamedTuple):
     brake: brake_damping.Params
     locked: int  # 1: the shaft is clamped
     limits: Limits
-    stations: stations.Params
+    motor_power: motor_power.Params
     setpoints: Setpoints
 
 
@@ -110,7 +110,8 @@ class State(NamedTuple):
     laws: Laws
     brake: BrakeState
     mismatch: int  # ticks in which the velocity disagrees with its command
-    stations: stations.State
+    power: stations.Power
+    motor_power: motor_power.State
     tare: tare.State
     active_setpoint: ActiveSetpoint
 
@@ -128,6 +129,7 @@ def start(params: Params) -> State:
         BrakeState(brake_damping.start(), 0),
         0,
         stations.start(),
+        motor_power.start(),
         tare.start(),
         ActiveSetpoint(-1, (), EnvelopeTimes(0.0, 0.0), 0.0, 0.0, NO_FLUME),
     )

@@ -1,34 +1,27 @@
-"""Campaigns: the campaign file becomes the table of segments that the loop executes.
+"""The WaveBot's campaigns: the room `campaign`, and `rig.campaign` with the WaveBot's types."""
 
-The supervisor alone runs this package; the loop receives the finished `Plan`.
-"""
+from functools import partial
 
-from rig.kinds.wavebot.campaign.check import CheckReport, check_campaign
-from rig.kinds.wavebot.campaign.files import Campaign, open_campaign
-from rig.kinds.wavebot.campaign.pieces import CampaignParts
-from rig.kinds.wavebot.campaign.plan import CampaignRow, PhaseSeconds, Plan, build_plan
-from rig.kinds.wavebot.campaign.resolved import resolved_config
-from rig.planning.elevation import Elevation, read_elevation
-from rig.planning.input_files import InputFile
-from rig.planning.point import Point
-from rig.planning.windows import RowWindows, WindowError, row_windows
+from rig import campaign
+from rig.kinds.wavebot.campaign.kind import CAMPAIGNS
+from rig.kinds.wavebot.campaign.set_points import RowSetting
+from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.config.limits_file import LimitsFile
+from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.tick import Setpoints
 
 __all__ = [
+    "CAMPAIGNS",
     "Campaign",
-    "CampaignParts",
     "CampaignRow",
-    "CheckReport",
-    "Elevation",
-    "InputFile",
-    "PhaseSeconds",
     "Plan",
-    "Point",
-    "RowWindows",
-    "WindowError",
-    "build_plan",
     "check_campaign",
     "open_campaign",
-    "read_elevation",
-    "resolved_config",
-    "row_windows",
 ]
+
+Campaign = campaign.Campaign[CampaignFile, RigFile, LimitsFile]
+CampaignRow = campaign.CampaignRow[RowSetting]
+Plan = campaign.Plan[RowSetting, Setpoints]
+
+check_campaign = partial(campaign.check_campaign, CAMPAIGNS)
+open_campaign = partial(campaign.open_campaign, CAMPAIGNS)

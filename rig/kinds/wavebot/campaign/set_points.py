@@ -1,23 +1,24 @@
-"""The complete set point of a row: values of the matrix, and defaults of the campaign or rig."""
+"""The set points of a WaveBot's rows: defaults for surge and drive, and the loop's table."""
 
-from collections import namedtuple
+import math
 from collections.abc import Iterator
-from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
+from rig.campaign.set_points import columns_of
 from rig.config.problems import Problem
 from rig.config.yaml_source import SourceMap
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.config.columns import COLUMNS, DRIVE_COLUMNS
+from rig.kinds.wavebot.config.columns import DRIVE_COLUMNS
 from rig.kinds.wavebot.config.rig_file import CustomDrive, RigFile
-from rig.laws import Law
+from rig.kinds.wavebot.tick import Setpoints
 from rig.planning.point import Point
 
 
 class RowSetting(NamedTuple):
     """The set point of a row for the impedance law; names as in `config.columns`.
 
-    Those for other laws have the law's columns in the place of Kp, Ki and Km (`setting_type`).
+    Those for other laws have the law's columns in the place of Kp, Ki and Km
+    (`rig.campaign.set_points.setting_type`).
     """
 
     spring_rate: float  # N/m
@@ -33,26 +34,6 @@ class RowSetting(NamedTuple):
     hysteresis_tolerance: float  # A
     velocity_threshold: float  # m/s
     discharge_level: float  # set of dump resistors
-
-
-@cache
-def setting_type(law: Law) -> type[RowSetting]:
-    """Return the type of a row's set point for a law."""
-    names = tuple(column.name for column in COLUMNS.with_law(law.columns))
-    if names == RowSetting._fields:
-        return RowSetting
-    kind: Any = namedtuple("RowSetting", names)  # type: ignore[misc]
-    return cast(type[RowSetting], kind)
-
-
-def zero_setting(law: Law) -> RowSetting:
-    """Return the set point with all values 0."""
-    return setting_type(law)(*(0.0 for _ in setting_type(law)._fields))
-
-
-def row_setting(campaign: CampaignFile, rig: RigFile, point: Point) -> RowSetting:
-    """Return the set point of a point of the matrix."""
-    return setting_type(campaign.heave_law)(**{**_defaults(campaign, rig), **point.values})
 
 
 def drive_settings(campaign: CampaignFile, rig: RigFile) -> CustomDrive | None:
@@ -80,17 +61,34 @@ def drive_setting_problems(
             yield location.problem(None, message)
 
 
-def _defaults(campaign: CampaignFile, rig: RigFile) -> dict[str, float]:
-    defaults = dict.fromkeys(setting_type(campaign.heave_law)._fields, 0.0)
-    defaults |= {column.name: column.default or 0.0 for column in campaign.heave_law.columns}
-    defaults["reference_scale"] = 1.0
-    if campaign.reference is not None:
-        defaults["realisation"] = float(getattr(campaign.reference, "realisation", 1))
+def column_defaults(campaign: CampaignFile, rig: RigFile) -> dict[str, float]:
+    """Return the values of surge and drive for a matrix without their columns."""
     surge, station_keeping = campaign.surge, rig.station_keeping
     kp, ki = surge.kp_n_s_per_m, surge.ki_n_per_m
-    defaults["surge_kp"] = station_keeping.kp_n_s_per_m if kp is None else kp
-    defaults["surge_ki"] = station_keeping.ki_n_per_m if ki is None else ki
+    defaults = {
+        "surge_kp": station_keeping.kp_n_s_per_m if kp is None else kp,
+        "surge_ki": station_keeping.ki_n_per_m if ki is None else ki,
+    }
     drive = drive_settings(campaign, rig)
     if drive is not None:
         defaults |= {column.name: float(getattr(drive, column.key)) for column in DRIVE_COLUMNS}
     return defaults
+
+
+def setpoint_table(
+    campaign: CampaignFile, rig: RigFile, settings: tuple[RowSetting, ...]
+) -> Setpoints:
+    """Return the set points by columns, as the loop uses them.
+
+    A hoist campaign measures the position at which the stator's force reverses, so its plan has no
+    stroke limit; the rig's limits still bound the travel of rotor and heave.
+    """
+    columns: dict[str, Any] = columns_of(settings)
+    law = tuple(columns.pop(name) for name in campaign.heave_law.module.SetPoint._fields)
+    for name in ("discharge_level", "realisation"):
+        columns[name] = tuple(map(int, columns[name]))
+    stroke = tuple(
+        rig.spring.stroke(setting.spring_rate) if campaign.hoist is None else math.inf
+        for setting in settings
+    )
+    return Setpoints(law=law, **columns, stroke=stroke)

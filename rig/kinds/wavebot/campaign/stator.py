@@ -5,25 +5,18 @@ from collections.abc import Sequence
 from controllers import magnetic_spring
 from rig.config.problems import ConfigError, Problem, format_number
 from rig.config.yaml_source import KeyPath, SourceMap
-from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.hoist import Hoist
-from rig.kinds.wavebot.config.rig_file import MagneticSpring
+from rig.kinds.wavebot.config.rig_file import MagneticSpring, RigFile
 from rig.laws import Law
-from rig.planning.order import Order, PointRepetition, order_points
 from rig.planning.point import Point
 from rig.planning.points import locate_value
 
 
-def stator_positions(points: Sequence[Point], spring: MagneticSpring) -> list[float]:
+def stator_positions(rig: RigFile, points: Sequence[Point]) -> list[float]:
     """Return the stator position (%) that the loop will command for each point."""
+    spring = rig.spring
     params = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
     return [magnetic_spring.stator_position(params, point.spring_rate) for point in points]
-
-
-def order_rows(campaign: CampaignFile, positions: Sequence[float]) -> tuple[PointRepetition, ...]:
-    """Return the sequence of points and repetitions, from the stator's position for each point."""
-    order: Order = "least travel" if campaign.order == "fewest spring moves" else campaign.order
-    return order_points(positions, order, campaign.repeat, campaign.seed)
 
 
 def hoist_points(

@@ -2,13 +2,12 @@
 
 from datetime import date
 
+from rig.campaign import AnyCampaign
 from rig.config.problems import Problem
-from rig.kinds.wavebot.campaign.files import Campaign
-from rig.recording.calibration import RecordingTime, ValidityError
-from rig.recording.calibration.correction import is_valid
+from rig.recording.calibration import RecordingTime, ValidityError, is_valid
 
 
-def validity_warnings(campaign: Campaign, day: date) -> tuple[Problem, ...]:
+def validity_warnings(campaign: AnyCampaign, day: date) -> tuple[Problem, ...]:
     """Return a warning if the calibration of the spring map is not valid on a day (UTC).
 
     The result is empty if the rig file has its own map or if the calibration is valid. The

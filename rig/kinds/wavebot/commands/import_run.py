@@ -7,10 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
+from rig.cli.output import OK, input_errors, print_json
 from rig.kinds.wavebot.mask4.import_run import FileDescription, import_file, start_from_name
 from rig.kinds.wavebot.mask4.windows import RowTiming
 

@@ -6,11 +6,10 @@ from typing import Annotated
 import typer
 
 from rig.cli.calibration_dates import warn_of_expired
-from rig.cli.errors import input_errors
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
-from rig.cli.output import print_result
+from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.commands.twin import PLANT_HELP, PROBE_HELP
 from rig.kinds.wavebot.recommend import report
 from rig.kinds.wavebot.recommend.picture import write_surfaces

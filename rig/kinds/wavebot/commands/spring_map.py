@@ -6,14 +6,22 @@ from typing import Annotated, Any
 import typer
 import xarray
 
-from rig.cli.errors import INPUT_ERRORS, fail, input_errors
-from rig.cli.exit_codes import FAILED, OK
 from rig.cli.find_run import find_run, run_folder
-from rig.cli.options import CALIBRATIONS, RUNS, Calibrations, IncompleteRows, Json, Run, Runs
-from rig.cli.output import print_json
+from rig.cli.options import (
+    CALIBRATIONS,
+    RUNS,
+    Calibrations,
+    IncompleteRows,
+    Json,
+    OutputFolder,
+    Run,
+    Runs,
+)  # fmt: skip
+from rig.cli.output import FAILED, INPUT_ERRORS, OK, fail, input_errors, print_json
 from rig.kinds.wavebot.spring_map.files import safe_strokes, write_calibration, write_map
 from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.kinds.wavebot.spring_map.result import findings, spring_map
+from rig.presentation.json_values import json_value
 from rig.recording.calibration import open_history
 
 _TABLE_HEADER = "stator %   rate N/m     ±95 %   column    small  Tp N·m   f Hz  reverses at m"
@@ -26,9 +34,7 @@ def command(
         typer.Option(help="Name of the calibration; an existing one gets its next version."),
     ] = "spring_map",
     calibrations: Calibrations = CALIBRATIONS,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
-    ] = None,
+    output: OutputFolder = None,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     as_json: Json = False,
@@ -84,14 +90,11 @@ def _table_text(table: xarray.Dataset) -> str:
 
 
 def _as_dict(table: xarray.Dataset, calibration: str, written: list[Path]) -> dict[str, Any]:
-    def numbers(name: str) -> list[float | None]:
-        values = table[name].values.tolist()
-        return [value if abs(value) < float("inf") else None for value in values]
-
     names = ("station", "rate", "rate_interval", "rate_column", "rate_small", "peak",
              "natural_frequency", "reversal_stroke")  # fmt: skip
+    stations = {name: json_value(table[name].values.tolist()) for name in names}
     return {
-        "stations": {name: numbers(name) for name in names} | {"stroke_m": safe_strokes(table)},
+        "stations": stations | {"stroke_m": safe_strokes(table)},
         "findings": findings(table),
         "calibration": calibration,
         "written": [str(path) for path in written],

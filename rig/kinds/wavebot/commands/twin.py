@@ -5,10 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
 from rig.cli.find_run import find_run, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
-from rig.cli.output import print_result
+from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import identify_twin
 

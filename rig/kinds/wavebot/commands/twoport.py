@@ -5,13 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.errors import input_errors
-from rig.cli.exit_codes import OK
 from rig.cli.find_run import find_run, run_folder
-from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import print_json
-from rig.identification.identify import identify
-from rig.kinds.wavebot.twin.records import read_records
+from rig.cli.options import RUNS, Json, OutputFolder, Runs
+from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.twin.two_port import VariationOptions, device_from_run, write_pictures
 
 _RUN = "A run in calm water with an open-loop reference: folder, MCAP file, id, campaign, 'last'."
@@ -24,22 +20,15 @@ def command(
     spring: Annotated[
         float | None, typer.Option(help="Spring rate, N/m (default: that of the run).")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
-    ] = None,
+    output: OutputFolder = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
     """Draw how gains, spring and gear change the impedance match and the transmitted power."""
     with input_errors("twoport", as_json=as_json):
         path = find_run(run, runs)
-        record = read_records(path)
-        device = device_from_run(identify([path]), record.facts, record.records)
+        device = device_from_run(path)
         written = write_pictures(
             device, VariationOptions(kp, ki, spring), output or run_folder(path)
         )
-    names = [str(each) for each in written]
-    if as_json:
-        return print_json({"model": device.model, "written": names})
-    print(f"of {device.model}\n" + "\n".join(names))
-    return OK
+    return print_result({"model": device.model}, f"of {device.model}", written, as_json=as_json)

@@ -1,25 +1,17 @@
-"""The campaign file: rig, sea, rows, and their order and timing."""
+"""The WaveBot's campaign file: rig, sea, rows, surge and drive, or a hoist in place of the rows."""
 
-from collections.abc import Iterator
-from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from pydantic import (
-    Field,
-    ValidationInfo,
-    create_model,
-    field_serializer,
-    field_validator,
-)
+from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from rig.config.law_settings import IMPEDANCE, ExpandName, ImpedanceSettings, law_model
+from rig.config.campaign_file import BaseCampaignFile, BaseStart, CampaignHead, with_laws
+from rig.config.law_settings import IMPEDANCE, AxisLaw, ExpandName, ImpedanceSettings
 from rig.config.matrix import Matrix, matrix_model
-from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
+from rig.config.model import FileModel, RuleViolation, rule_error
 from rig.config.problems import format_number
-from rig.config.reference import Reference
-from rig.config.sea import CalmSea, Sea
-from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
+from rig.config.sea import CalmSea
 from rig.kinds.wavebot.config.columns import (
     COLUMNS,
     BusVoltage,
@@ -50,11 +42,10 @@ class SetPoint(FileModel):
     ki_n_per_m: Ki
 
 
-class Start(FileModel):
-    """The time from the wave maker's trigger (0 s of the wave clock) to the first row."""
+class Start(BaseStart):
+    """The time to the first row, with a set point of its own at the beginning."""
 
     set_point_s: float = Field(default=5.0, ge=0, le=600)
-    lead_in_s: float = Field(default=120.0, ge=0, le=3600)
     set_point: SetPoint | None = None  # None: the first row's kp, and ki 0
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -93,29 +84,25 @@ class DriveSetup(FileModel):
     discharge_level: DischargeLevel | None = None
 
 
-class CampaignFile(FileModel):
-    """A campaign: the rows of a gain matrix, or a wave calibration without the device."""
+class MatrixSubstitutes(CampaignHead):
+    """Keys of a campaign without a matrix."""
 
-    inline: ClassVar[tuple[str, ...]] = ("sea",)
-    heave_law: ClassVar[Law] = IMPEDANCE  # `campaign_model` returns the model for another law
-
-    name: FolderName
-    rig: str = Field(min_length=1)  # file, relative to this one
-    plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
-    seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
-    sea: Sea  # or the name of a file that holds it
     device: Literal["present", "absent"] = "present"  # absent: only waves and wave probes
     hoist: Hoist | None = None  # moves the body to measure the spring map; replaces the matrix
+
+
+class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
+    """A campaign: the rows of a gain matrix, or a wave calibration without the device."""
+
+    kind_columns = COLUMNS
+    axis_laws: ClassVar[Mapping[str, AxisLaw]] = {"heave": AxisLaw(IMPEDANCE, IMPEDANCE.columns)}
+
     matrix: ImpedanceMatrix | None = None  # None without the device, and with a hoist
-    timing: RowTiming = Timing()
     start: Start = Start()
     law: Annotated[ImpedanceSettings, ExpandName] = ImpedanceSettings()  # or the law's name
-    reference: Reference | None = None  # open-loop force, in addition to the feedback
     surge: SurgeControl = SurgeControl()
     drive: DriveSetup = DriveSetup()
-    tare: TareOrNone = Tare()  # None: `none` in the file
     order: Literal["as given", "fewest spring moves", "random"] = "as given"
-    repeat: WholeNumber = Field(default=1, ge=1, le=1000)
 
     @field_validator("matrix")
     @classmethod
@@ -185,16 +172,6 @@ class CampaignFile(FileModel):
                 ("timing",), "a hoist has no mask4 windows; leave the key out", "mask4"
             )
 
-    @field_serializer("tare")
-    def _tare_as_written(self, tare: Tare | None) -> Any:
-        return "none" if tare is None else tare.model_dump()
-
-    @property
-    def sea_seed(self) -> int:
-        """Seed of the sea's phases: that of the sea, or that of the campaign."""
-        own: int | None = getattr(self.sea, "seed", None)
-        return self.seed if own is None else own
-
     @property
     def uses_gains_only(self) -> bool:
         """Whether the force of heave depends on Kp, Ki and Km only: no Z_c and no reference."""
@@ -203,27 +180,18 @@ class CampaignFile(FileModel):
         return impedance is not None and impedance.zc is None and not has_excitation
 
     @property
+    def heave_law(self) -> Law:
+        """The heave law."""
+        return self.axis_laws["heave"].law
+
+    @property
     def zc_law(self) -> ImpedanceSettings | None:
         """The settings of the impedance law; None for another law."""
         return self.law if self.heave_law.module is IMPEDANCE.module else None
 
-    @property
-    def tare_duration(self) -> float:
-        """Duration of the tare, s; 0 if the file has `tare: none`."""
-        return self.tare.duration_s if self.tare is not None and self.device == "present" else 0.0
 
-
-@cache
 def campaign_model(law: Law) -> type[CampaignFile]:
     """Return the model of a campaign with a heave law: its columns and its parameters."""
     if law.module is IMPEDANCE.module:
         return CampaignFile
-    settings = law_model(law)
-    required = any(field.is_required() for field in settings.model_fields.values())
-    fields: dict[str, Any] = {
-        "matrix": (matrix_model(COLUMNS, law.columns) | None, None),
-        "law": (Annotated[settings, ExpandName], ... if required else settings()),
-    }
-    model = create_model("CampaignFile", __base__=CampaignFile, **fields)
-    model.heave_law = law
-    return model
+    return with_laws(CampaignFile, COLUMNS, (("heave", AxisLaw(law, law.columns)),))

@@ -5,7 +5,15 @@ from collections.abc import Iterator
 from typing import Annotated
 
 from rig.config.model import RuleViolation
-from rig.config.wiring import Actuator, BlockContent, CanBus, Registers, TorqueDrive, Wiring
+from rig.config.wiring import (
+    PANEL_INPUTS,
+    Actuator,
+    BlockContent,
+    CanBus,
+    Registers,
+    TorqueDrive,
+    Wiring,
+)
 
 
 class WaveBotWiring(Wiring):
@@ -13,28 +21,32 @@ class WaveBotWiring(Wiring):
 
     The heave drive's first two analog inputs read the column load cell and the shaft torque
     sensor; those of the surge drive read the string pot and the rotor angle. Slew and stator
-    cells, wave probes, power analyser and digital inputs are read over Modbus. The digital inputs
-    are for monitoring only: the stop chain is hard-wired.
+    cells, wave probes, power analyser and digital inputs are read over Modbus.
     """
 
     can: CanBus
     heave: TorqueDrive
     surge: TorqueDrive
     stator: Actuator
-    analyser: Annotated[Registers, BlockContent("power analyser", ("ac", "dc", "bus_voltage"))]
+    analyser: Annotated[
+        Registers, BlockContent("power analyser", {"ac": "W", "dc": "W", "bus_voltage": "V"})
+    ]
     cells: Annotated[
         Registers,
-        BlockContent("strain-gauge amplifier: load cells", ("slew", "stator_a", "stator_b")),
+        BlockContent(
+            "strain-gauge amplifier: load cells", {"slew": "N", "stator_a": "N", "stator_b": "N"}
+        ),
     ]
     probes: Annotated[
         Registers,
-        BlockContent("strain-gauge amplifier: wave probes", ("probe_1", "probe_2", "probe_3")),
+        BlockContent(
+            "strain-gauge amplifier: wave probes", {"probe_1": "m", "probe_2": "m", "probe_3": "m"}
+        ),
     ]
-    inputs: Annotated[
-        Registers, BlockContent("I/O coupler: digital inputs", ("e_stop", "limit_switch"))
-    ]
+    inputs: Annotated[Registers, PANEL_INPUTS]
     outputs: Annotated[
-        Registers, BlockContent("I/O coupler: digital outputs", ("wave_trigger",), written=True)
+        Registers,
+        BlockContent("I/O coupler: digital outputs", {"wave_trigger": "flag"}, written=True),
     ]
 
     def check_rules(self) -> Iterator[RuleViolation]:

@@ -18,8 +18,7 @@ from rig.kinds.wavebot.mask4.fields import (
     TTL_HIGH,
 )
 from rig.realtime.sequence import Phase
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import find_incomplete_windows
 
 Structure = dict[str, dict[str, Any]]

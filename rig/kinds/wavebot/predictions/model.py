@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers.signals import Gains
-from rig.design.axis import Axis, Body
+from rig.campaign.set_points import row_setting
+from rig.design.axis import Axis, Body, Law, Timing, reference_spectrum
 from rig.design.axis_params import estimator_params, newtons_per_ampere
 from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
 from rig.design.law_params import law_params, zc_sections
 from rig.design.linear_form import linear_gains
-from rig.design.loop import Law, Timing, reference_spectrum
 from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.build import MODULATIONS, list_realisations, reference_table
 from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings, row_setting
+from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.job import plant_settings
 from sim_plant import waves
@@ -74,7 +74,7 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
     params = plant.build()
     rig, bounds, dt = campaign.rig, campaign.limits, 1.0 / campaign.rig.rate_hz
     sea = build_sea(devices["sea"])
-    settings = (row_setting(campaign.file, rig, point) for point in campaign.points)
+    settings = (row_setting(campaign.kind, campaign.file, rig, point) for point in campaign.points)
     realisations = list_realisations(one.realisation for one in settings)
     tables = [reference_table(campaign.file, rig, (one,), campaign.record) for one in realisations]
     common = _common_period(sea, tables[0], dt)
@@ -139,7 +139,7 @@ def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetti
 
 def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:
     """Return the gains of a row's set point; NotLinearError if its law has none."""
-    law = campaign.law
+    law = campaign.file.heave_law
     if campaign.file.zc_law is not None:
         return Gains(setting.kp, setting.ki, setting.km)
     params: Any = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)

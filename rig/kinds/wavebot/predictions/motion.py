@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.design import estimator, sampled_loop
-from rig.design.axis import moving_rms_peak, peak, rms, solve_axis
+from rig.design.axis import Law, moving_rms_peak, peak, rms, solve_axis
 from rig.design.grid import Floats, samples_from_spectrum
-from rig.design.loop import Law
 from rig.design.steady_motion import CONVERGED
 from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.config.rig_file import StationKeeping

@@ -1,15 +1,14 @@
 """Prediction of a campaign as a result object and as JSON."""
 
-import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, format_key
 from rig.design.margin import Margin
-from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan
+from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.kinds.wavebot.tick.stations import STATIONS
+from rig.presentation.json_values import json_value
 
 
 class RowPredictions(NamedTuple):
@@ -97,32 +96,24 @@ class Prediction(NamedTuple):
 
 def _row_as_dict(prediction: RowPrediction) -> dict[str, Any]:
     row = prediction.row
-    values = prediction.predicted._asdict()
     return {
         "row": row.row,
         "point": row.point,
         "repetition": row.repetition,
-        "stator_percent": row.stator_position,
+        "stator_percent": row.place,
         **row.setting._asdict(),
-        **{name: _json_number(value) for name, value in values.items()},
+        **json_value(prediction.predicted),
         "margins": [
             {
                 "limit": margin.limit.name,
                 "key": format_key(margin.limit.key),
                 "effect": margin.limit.effect,
                 "unit": margin.limit.unit,
-                "predicted": _json_number(margin.predicted),
-                "allowed": _json_number(margin.allowed),
-                "used": _json_number(margin.used),
+                "predicted": json_value(margin.predicted),
+                "allowed": json_value(margin.allowed),
+                "used": json_value(margin.used),
                 "broken": margin.exceeded,
             }
             for margin in prediction.margins
         ],
     }
-
-
-def _json_number(value: float | None) -> float | None:
-    """Return the value, or None for NaN and infinity, which JSON lacks."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

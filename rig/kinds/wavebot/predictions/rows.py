@@ -5,12 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.design.axis import Law
 from rig.design.grid import Floats
 from rig.design.linear_form import NotLinearError
-from rig.design.loop import Law
 from rig.design.margin import Margin
-from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.plan import CampaignRow, Plan
+from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan
 from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.campaign.stability import total_stiffness
 from rig.kinds.wavebot.predictions import bus
@@ -84,7 +83,9 @@ def _lead_in(planned: Plan) -> list[CampaignRow]:
     segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
     for phase, index in zip(segments.phase, segments.setpoint, strict=True):
         if phase == Phase.LEAD_IN:
-            law = zip(planned.law.module.SetPoint._fields, table.law, strict=True)
+            law = zip(
+                planned.axis_laws["heave"].law.module.SetPoint._fields, table.law, strict=True
+            )
             columns = table._asdict() | dict(law)
             setting = type(first.setting)(
                 *(float(columns[name][index]) for name in first.setting._fields)
@@ -100,7 +101,7 @@ def predict_rows(
 
     Equal settings are computed once.
     """
-    pairs: list[SettingAndStator] = [(row.setting, row.stator_position) for row in rows]
+    pairs: list[SettingAndStator] = [(row.setting, row.place) for row in rows]
     unique = list(dict.fromkeys(pairs))
     index_of = {pair: index for index, pair in enumerate(unique)}
     indices = [index_of[pair] for pair in pairs]

@@ -6,8 +6,8 @@ A move that takes longer than its segment makes the plan wait.
 
 from typing import NamedTuple
 
-from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.plan import Plan, build_plan
+from rig.campaign import build_plan
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.predictions.model import CampaignModel
 from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, Phase
 
@@ -28,8 +28,8 @@ def compute_travel(order: str, planned: Plan, model: CampaignModel) -> Travel:
     speed, position = model.params.spring.speed, float(model.plant.stator.start.value)
     distance = moving_time = waiting_time = 0.0
     segments = planned.segments
-    positions = {row.row: row.stator_position for row in planned.rows}
-    first_position = planned.rows[0].stator_position
+    positions = {row.row: row.place for row in planned.rows}
+    first_position = planned.rows[0].place
     for row, wait, ticks in zip(segments.row, segments.wait, segments.ticks, strict=True):
         if not wait & WAIT_ARRIVAL:
             continue
@@ -40,7 +40,7 @@ def compute_travel(order: str, planned: Plan, model: CampaignModel) -> Travel:
         position = target
     return Travel(
         order,
-        planned.spring_moves,
+        planned.moves,
         distance,
         moving_time,
         waiting_time,
@@ -56,7 +56,7 @@ def time_to_first_row(planned: Plan, model: CampaignModel) -> float:
         for row, phase, tick_count in zip(segments.row, segments.phase, segments.ticks, strict=True)
         if row == NO_ROW and phase == Phase.MOVING
     )
-    distance = abs(planned.rows[0].stator_position - model.plant.stator.start.value)
+    distance = abs(planned.rows[0].place - model.plant.stator.start.value)
     return max(ticks * planned.dt, distance / model.params.spring.speed)
 
 
@@ -66,6 +66,6 @@ def compare_orders(campaign: Campaign, planned: Plan, model: CampaignModel) -> t
     for alternative in ("as given", "fewest spring moves"):
         if alternative != campaign.file.order:
             file = campaign.file.model_copy(update={"order": alternative})
-            reordered = build_plan(file, campaign.rig, campaign.points)
+            reordered = build_plan(campaign._replace(file=file))
             travels.append(compute_travel(alternative, reordered, model))
     return tuple(travels)

@@ -8,8 +8,7 @@ from typing import NamedTuple
 from rig.config.problems import Problem, display_path, format_key, format_number
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
 from rig.design.margin import Limit, Margin
-from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.plan import CampaignRow
+from rig.kinds.wavebot.campaign import Campaign, CampaignRow
 from rig.kinds.wavebot.predictions.limits import MODULATION, STROKE, SURGE_LOOP
 from rig.kinds.wavebot.predictions.prediction import RowPrediction
 from rig.planning.windows import row_windows
@@ -39,9 +38,10 @@ class LimitLocations:
     def _stroke(self, row: CampaignRow) -> KeyPath:
         """Return the key of the stroke that limits a row: the smaller of the adjacent stations."""
         stations = self._campaign.rig.spring.map
-        stroke = self._campaign.rig.spring.stroke(row.spring_rate)
+        rate = row.setting.spring_rate
+        stroke = self._campaign.rig.spring.stroke(rate)
         candidates = (i for i, station in enumerate(stations) if station.stroke_m == stroke)
-        index = min(candidates, key=lambda i: abs(stations[i].rate_n_per_m - row.spring_rate))
+        index = min(candidates, key=lambda i: abs(stations[i].rate_n_per_m - rate))
         return ("spring", "map", index, "stroke_m")
 
 
@@ -88,7 +88,7 @@ def _problem(campaign: Campaign, group: list[RowPrediction], messages: list[str]
     name = f"row {row.row}" if row.row != NO_ROW else "the lead-in"
     if len(group) > 1:
         name += f" and {len(group) - 1} more of point {row.point}"
-    columns = [column for column in campaign.law.columns if column.default is None]
+    columns = [column for column in campaign.file.heave_law.columns if column.default is None]
     gains = [f"spring {format_number(setting.spring_rate)} N/m"]
     gains += [
         f"{each.label} {format_number(getattr(setting, each.name))} {each.unit}" for each in columns

@@ -2,14 +2,63 @@
 kind with gain matrices, or the spring map of a hoist campaign; the surge damping.
 """
 
+from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
-from rig.analysis import campaign_products
+import xarray
+
+from rig.analysis import campaign_products, report
 from rig.analysis.campaign_products import NO_PRODUCTS, PROGRESS
-from rig.kinds.wavebot.products.report import summarise_run, write_products
+from rig.analysis.report import Analysis
+from rig.analysis.rows import write_rows
+from rig.kinds.wavebot.spring_map import result
+from rig.kinds.wavebot.spring_map.files import write_map
+from rig.kinds.wavebot.spring_map.pictures import write_pictures
+from rig.recording.calibration import CalibrationVersion
+from rig.recording.runs import RunError, run_info
 
-__all__ = ["NO_PRODUCTS", "PROGRESS", "after_run", "draw", "summarise"]
+__all__ = ["NO_PRODUCTS", "PROGRESS", "after_run", "analyse", "draw", "summarise"]
 
-after_run = partial(campaign_products.after_run, write=write_products)
-draw = partial(campaign_products.draw, write=write_products)
-summarise = partial(campaign_products.summarise, summarise_run=summarise_run)
+SPRING_MAP = "Magnetic spring, moved by a hoist"
+
+
+def analyse(
+    run: Path, calibrations: Sequence[CalibrationVersion] = (), *, incomplete_rows: bool = False
+) -> Analysis:
+    """Return the analysis of a run, as `rig.analysis.report.analyse`.
+
+    A run in which a hoist moved the body gives a spring map instead of surfaces, or none if no
+    stator position was completed; ValueError with calibrations, which a map yields.
+    """
+    if not result.is_hoisted(run_info(run).plan):
+        return report.analyse(run, calibrations, incomplete_rows=incomplete_rows)
+    if calibrations:
+        raise ValueError(
+            "a spring map is a source of calibrations; analyse it without --calibration"
+        )
+    table, summary = report.summarise_rows(run, incomplete_rows=incomplete_rows)
+    spring_map = None
+    try:
+        spring_map = result.spring_map(run, incomplete_rows=incomplete_rows)
+        findings = result.findings(spring_map)
+    except RunError as error:
+        findings = [str(error)]
+    summary = summary._replace(
+        optima=(), effects=(), findings_of=SPRING_MAP, findings=tuple(findings)
+    )
+    return Analysis(summary, partial(_write_results, table, spring_map))
+
+
+def _write_results(
+    table: xarray.Dataset, spring_map: xarray.Dataset | None, folder: Path
+) -> list[Path]:
+    paths = write_rows(table, folder)
+    if spring_map is None:
+        return paths
+    return [*paths, *write_map(spring_map, folder), *write_pictures(spring_map, folder)]
+
+
+after_run = partial(campaign_products.after_run, analyse=analyse)
+draw = partial(campaign_products.draw, analyse=analyse)
+summarise = partial(campaign_products.summarise, analyse=analyse)

@@ -10,19 +10,20 @@ import csv
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.presentation.json_values import json_value
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
+from rig.row_contents import Column
+from rig.spectra.periods import Floats
 
 KEPT_POWER_SHARE = 0.98
 """Share of the best row's heave power that must be kept."""
@@ -36,7 +37,6 @@ _MAX_DRIFT = 0.02  # of the amplitude; halves of a steady window differ by less
 _FIELDS = (
     "surge.estimate.position", "surge.command.force", "power.mechanical_1", "power.mechanical_2",
 )  # fmt: skip
-Floats = npt.NDArray[np.float64]
 
 
 class DampingRow(NamedTuple):
@@ -81,7 +81,7 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     """Return the rows of a run in order of increasing damping.
 
     ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError unless the
-    sea is regular, the heave set point is constant and at least 3 surge dampings were measured.
+    sea is regular, the surge damping alone varies, and at least 3 dampings were measured.
     """
     source = reader.open_files(run)
     run_facts = run_info(run, source.contents)
@@ -91,7 +91,9 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     if not frequency:
         raise RunError(f"{run}: no surge damping campaign (its sea is not regular)")
     planned = {row["row"]: row for row in run_facts.plan["rows"]}
-    _check_heave_settings(planned, run)
+    if not all("surge_kp" in row for row in planned.values()):
+        raise RunError(f"{run}: no surge damping campaign (its rows have no surge_kp)")
+    _check_other_columns(planned, run_facts.row_contents.columns, run)
     ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
     rows: dict[float, DampingRow] = {}
     reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
@@ -108,10 +110,11 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     return DampingRows(tuple(rows[damping] for damping in sorted(rows)), messages)
 
 
-def _check_heave_settings(planned: dict[int, dict[str, Any]], run: object) -> None:
-    for name in ("spring_rate", "kp", "ki", "surge_ki"):
-        values = {row[name] for row in planned.values()}
-        if len(values) > 1:
+def _check_other_columns(
+    planned: dict[int, dict[str, Any]], columns: Iterable[Column], run: object
+) -> None:
+    for name in (column.name for column in columns if column.name != "surge_kp"):
+        if len({row.get(name) for row in planned.values()}) > 1:
             raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
 
 
@@ -241,25 +244,16 @@ def recommendation(choice: DampingChoice) -> str:
 def as_dict(choice: DampingChoice) -> dict[str, Any]:
     """Return the choice as JSON data; NaN becomes null."""
     stroke, force, power = choice.predicted
-
-    def plain(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
-    return {
-        "surge_kp_n_s_per_m": plain(choice.kp),
+    values = {
+        "surge_kp_n_s_per_m": choice.kp,
         "bound_by": choice.bound,
         "allowed_stroke_m": choice.stroke,
         "kept_share": choice.kept_share,
-        "predicted": {
-            "stroke_m": plain(stroke), "force_n": plain(force), "heave_power_w": plain(power),
-        },
-        "rows": [
-            {name: plain(value) if isinstance(value, float) else value
-             for name, value in row._asdict().items()}
-            for row in choice.rows
-        ],
-        "notes": list(choice.notes),
-    }  # fmt: skip
+        "predicted": {"stroke_m": stroke, "force_n": force, "heave_power_w": power},
+        "rows": choice.rows,
+        "notes": choice.notes,
+    }
+    return {name: json_value(value) for name, value in values.items()}
 
 
 def write_results(choice: DampingChoice, folder: Path) -> list[Path]:

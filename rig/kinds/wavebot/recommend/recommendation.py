@@ -16,8 +16,7 @@ from rig.kinds.wavebot.recommend.set_points import (
 )
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import Twin, identify_twin
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import run_info
+from rig.recording.runs import RunError, run_info
 from rig.stations import Station
 
 

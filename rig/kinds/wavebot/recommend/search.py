@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from rig.design.descent import Floats, descend
+from rig.design.descent import descend
 from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.recommend.set_points import (
@@ -19,6 +19,7 @@ from rig.kinds.wavebot.recommend.set_points import (
     SetPointPrediction,
     SetPointPredictor,
 )
+from rig.spectra.periods import Floats
 from rig.stations import Station
 
 Law = Literal["P", "PI", "PI and spring"]

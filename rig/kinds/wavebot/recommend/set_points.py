@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers import magnetic_spring
+from rig.campaign.set_points import row_setting
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 from rig.design.grid import MIN_RATE, Floats
 from rig.design.margin import Margin
-from rig.kinds.wavebot.campaign import Campaign, open_campaign
-from rig.kinds.wavebot.campaign.set_points import row_setting
+from rig.kinds.wavebot.campaign import CAMPAIGNS, Campaign, open_campaign
 from rig.kinds.wavebot.predictions import PREDICTED_STATIONS, RowPredictions
 from rig.kinds.wavebot.predictions.model import build_model
 from rig.kinds.wavebot.predictions.rows import predict_set_points
@@ -100,7 +100,7 @@ class SetPointPredictor:
         heave = model.heave._replace(excitation=factor * model.heave.excitation)
         self.campaign = campaign
         self._model = model._replace(heave=heave)
-        self._base = row_setting(campaign.file, campaign.rig, campaign.points[0])
+        self._base = row_setting(CAMPAIGNS, campaign.file, campaign.rig, campaign.points[0])
         interval = row_windows(campaign.file.sea, campaign.file.timing).interval
         self._seconds = min(interval, QUICK_SECONDS) if quick else interval
         spring = campaign.rig.spring
@@ -189,10 +189,9 @@ def open_on_twin(path: Path, plant: Path) -> Campaign:
 
     campaign = open_campaign(path, problems, load=load)
     if campaign.file.zc_law is None:
-        message = (
-            f"gains are recommended for the impedance law only; {campaign.law.name} is another law"
-        )
-        raise ConfigError([campaign.locate.problem(("law",), campaign.law.name, message)])
+        name = campaign.file.heave_law.name
+        message = f"gains are recommended for the impedance law only; {name} is another law"
+        raise ConfigError([campaign.locate.problem(("law",), name, message)])
     for key, wrong in (
         (("sea", "kind"), campaign.file.sea.kind == "calm"),
         (("reference",), campaign.file.reference is not None),

@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.config.pydantic_errors import validate
-from rig.config.shipped_files import shipped_folder
-from rig.config.wiring import Registers, TorqueDrive
+from rig.config.wiring import Registers
 from rig.config.yaml_source import SourceMap
-from rig.emulation.devices import EmulatedBus, EmulatedDevices, modbus_lines
+from rig.emulation.devices import (
+    ACTUATOR_EDS,
+    EmulatedBus,
+    EmulatedDevices,
+    modbus_lines,
+)
 from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.rehearsal.devices import build_world
@@ -18,8 +22,7 @@ from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from rig.wires.job import wiring_of
 from sim_plant.emulators.actuator_units import ActuatorParams
-from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.canopen_node import NodeParams
 from sim_plant.emulators.foreign_node import ForeignNode
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
@@ -34,27 +37,19 @@ from sim_plant.emulators.power_analyser import TerminalValues as Terminal
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
-from sim_plant.emulators.torque_drive import AnalogInput, Axis, Scaling, TorqueDriveParams
-from sim_plant.emulators.torque_drive import TorqueDrive as Drive
+from sim_plant.emulators.wavebot_motors import MOTORS, analog_inputs
 from sim_plant.parameters import Plant
 from sim_plant.signals import Readings
 from sim_plant.world import World
 
 if TYPE_CHECKING:
-    from rig.kinds.wavebot.campaign.files import Campaign
+    from rig.kinds.wavebot.campaign import Campaign
 
-EDS_FOLDER = shipped_folder() / "devices"
-AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
-    EDS_FOLDER / f"{name}.eds"
-    for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
-)
-AXES = ("heave", "surge")
 _TICKS_PER_STEP = 5  # the drives advance the world themselves when they need its present state
 _CELL_RATING, _PROBE_RATING = 20_000.0, 5.0  # N and m, of the amplifiers
 _ANALYSER_ITEMS: tuple[tuple[Block, Quantity], ...] = (
     ("sum", "P"), ("element_1", "P"), ("element_1", "U"),
 )  # fmt: skip
-_ANALOG_READINGS = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
 
 
 def emulator_process(campaign: "Campaign") -> IoProcess:
@@ -84,7 +79,7 @@ def emulate_rig(
 
 def emulate_task(path: Path, rig: Path) -> tuple[RigFile, IoProcess, str]:
     """Return the rig of a campaign run on a rig file, its emulated devices and their setting."""
-    from rig.kinds.wavebot.campaign.files import open_campaign  # noqa: PLC0415
+    from rig.kinds.wavebot.campaign import open_campaign  # noqa: PLC0415
     from rig.kinds.wavebot.rehearsal import job  # noqa: PLC0415  (scipy: seconds)
 
     campaign = open_campaign(path, job.problems, rig)
@@ -105,16 +100,18 @@ def _build_devices(
     def create_world() -> World:
         return build_world(plant, dt)
 
-    world, hub = SharedWorld(create_world(), dt, loop.time), CanHub(loop)
-    heave = Drive(*_torque_drive_params("heave", wiring.heave), hub, loop, world)
-    foreign = ForeignNode(heave, hub, loop)
-    nodes: dict[str, CanopenNode] = {
-        "heave": heave,
-        "surge": Drive(*_torque_drive_params("surge", wiring.surge), hub, loop, world),
-        "stator": StatorActuator(
-            NodeParams(wiring.stator.node, ACTUATOR_EDS), ActuatorParams(), hub, loop, world
-        ),
-    }
+    world = SharedWorld(create_world(), dt, loop.time)
+    bus = EmulatedBus(wiring.can, world, loop)
+    heave, _ = (
+        bus.add_torque_drive(
+            name, drive, MOTORS[name](world), analog_inputs(world, name, drive.analog_per_v)
+        )
+        for name, drive in (("heave", wiring.heave), ("surge", wiring.surge))
+    )
+    bus.nodes["stator"] = StatorActuator(
+        NodeParams(wiring.stator.node, ACTUATOR_EDS), ActuatorParams(), bus.hub, loop, world
+    )
+    foreign = ForeignNode(heave, bus.hub, loop)
     units: dict[str, tuple[Registers, ModbusUnit]] = {
         "analyser": (wiring.analyser, _analyser(world)),
         "cells": (wiring.cells, _amplifier(world, _cell_forces, _CELL_RATING)),
@@ -123,8 +120,7 @@ def _build_devices(
     }
 
     def step() -> None:
-        world.catch_up()
-        hub.poll()
+        bus.step()
         foreign.poll()
 
     def powered(axis: str) -> bool:
@@ -132,21 +128,18 @@ def _build_devices(
 
     def report() -> dict[str, Any]:
         now = world.readings()
-        currents = {axis: getattr(now, f"{axis}_current") for axis in AXES}
-        return {"frames": hub.frame_count, "currents": currents}
+        currents = {axis: getattr(now, f"{axis}_current") for axis in MOTORS}
+        return {"frames": bus.hub.frame_count, "currents": currents}
 
     return EmulatedDevices(
         world,
-        {
-            "can": EmulatedBus(wiring.can, hub, nodes.values()),
-            **modbus_lines(wiring.lines, units.values()),
-        },
-        {**{name: unit for name, (_, unit) in units.items()}, "foreign node": foreign},
+        {"can": bus, **modbus_lines(wiring.lines, units.values())},
         step,
         lambda: world.replace_world(create_world()),
-        {axis: partial(powered, axis) for axis in AXES},
+        bus.nodes,
+        {**{name: unit for name, (_, unit) in units.items()}, "foreign node": foreign},
+        {axis: partial(powered, axis) for axis in MOTORS},
         report,
-        nodes,
         _TICKS_PER_STEP,
     )
 
@@ -173,18 +166,6 @@ def _coupler(world: SharedWorld, block: Registers) -> IoCoupler:
 
     inputs = tuple(DigitalInput(value.name, f"{value.name}_on", 1) for value in block.values)
     return IoCoupler(CouplerSettings(inputs=inputs, outputs=("wave_trigger",)), write=write)
-
-
-def _torque_drive_params(name: str, drive: TorqueDrive) -> tuple[NodeParams, TorqueDriveParams]:
-    amc = drive.scaling == "amc"
-    inputs = tuple(
-        AnalogInput(reading, scale)
-        for reading, scale in zip(_ANALOG_READINGS[name], drive.analog_per_v, strict=True)
-    )
-    return (
-        NodeParams(drive.node, AMC_EDS if amc else RATED_EDS),
-        TorqueDriveParams(Axis(name), Scaling.AMC if amc else Scaling.RATED, analog=inputs),
-    )
 
 
 def _cell_forces(read: Readings) -> tuple[float, ...]:

@@ -4,15 +4,16 @@ The modules of this package import numba, and the twin xarray: each takes a seco
 here import them when they need them.
 """
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.kinds.wavebot import row_contents as contents
-from rig.kinds.wavebot.campaign import Campaign, InputFile, Plan
+from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
-from rig.laws import Law
-from rig.planning.input_files import hash_input_file
+from rig.planning.input_files import InputFile, hash_input_file
 from rig.row_contents import RowContents
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MATCHING_KEYS",
+    "check_model",
     "identified_range",
     "is_compiled",
     "open_simulator",
@@ -30,6 +32,7 @@ __all__ = [
     "problems",
     "requested_sea",
     "row_contents",
+    "sweep_problems",
     "wave_device",
 ]
 
@@ -40,7 +43,7 @@ MATCHING_KEYS: dict[KeyPath, KeyPath] = {
 
 def row_contents(campaign: Campaign) -> RowContents:
     """Return the contents of the row table of a campaign."""
-    return contents.row_contents(campaign.law.columns)
+    return contents.row_contents(campaign.file.heave_law.columns)
 
 
 def plant_data(campaign: Campaign) -> tuple[InputFile, ...]:
@@ -59,12 +62,29 @@ def open_simulator(
     return CampaignSimulator(campaign, plan, sea)
 
 
-def is_compiled(law: Law) -> bool:
-    """Return whether this host has already compiled the loop with a law."""
+def is_compiled(campaign: Campaign) -> bool:
+    """Return whether this host has already compiled the loop with a campaign's law."""
     from rig.kinds.wavebot.simulation import compiled  # noqa: PLC0415
     from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS  # noqa: PLC0415
 
-    return compiled.is_compiled(KEPT_FIELDS, law)
+    return compiled.is_compiled(KEPT_FIELDS, campaign.file.heave_law)
+
+
+def sweep_problems(campaign: Campaign) -> Iterator[Problem]:
+    """Yield the reasons why the rows of a valid campaign cannot be simulated."""
+    if campaign.file.device == "absent":
+        yield campaign.locate.problem(("device",), "absent", "a wave calibration has no rows")
+    if campaign.file.hoist is not None:
+        yield campaign.locate.problem(("hoist",), None, "a sweep cannot simulate a hoist")
+
+
+def check_model(run: str, logged: Campaign, model: Campaign) -> None:
+    """Raise ValueError if a run had another drive than the model."""
+    if logged.rig.drive.kind != model.rig.drive.kind:
+        raise ValueError(
+            f"{run} was run with a {logged.rig.drive.kind} drive, the model has a "
+            f"{model.rig.drive.kind} one; name the campaign of the run as its model"
+        )
 
 
 def wave_device(campaign: Campaign) -> "HullInWaves":

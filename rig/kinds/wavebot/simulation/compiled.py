@@ -23,15 +23,15 @@ from controllers import (
     station_keeping,
 )
 from rig import stations as station_table
-from rig.compilation import column, lifting
+from rig.compilation import column, lifting, pages
+from rig.compilation.pages import PAGE_TICKS
 from rig.kinds.wavebot.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
-from rig.kinds.wavebot.simulation import noise, pages, plant_coupling
-from rig.kinds.wavebot.simulation.pages import PAGE_TICKS
+from rig.kinds.wavebot.simulation import noise, plant_coupling
 from rig.kinds.wavebot.tick import kind_with_law, tare
 from rig.kinds.wavebot.tick import reasons as wavebot_reasons
 from rig.kinds.wavebot.tick import signals as wavebot_signals
 from rig.laws import Law, helper_modules
-from rig.realtime import average, axis, cycle, limits, power, reasons, safety, sequence
+from rig.realtime import average, axis, cycle, limits, motor_power, power, reasons, safety, sequence
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE
 from sim_plant import signals as plant_signals
@@ -40,12 +40,12 @@ from sim_plant import wave_maker
 _WAVEBOT = ("check", "cycle", "law_columns", "power_checks", "state", "stations")
 _CONTROL: tuple[ModuleType, ...] = (
     biquads, blocks, drive_gating, estimator, magnetic_spring, open_loop, position_hold,
-    station_keeping, average, axis, limits, safety, sequence, tare,
+    station_keeping, average, axis, limits, motor_power, safety, sequence, tare,
     *(sys.modules[f"rig.kinds.wavebot.tick.{name}"] for name in _WAVEBOT),
 )  # fmt: skip
-LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
+LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, noise, cycle)
 TYPE_MODULES = (
-    signals, law, wavebot_signals, wavebot_reasons, plant_signals, column, noise, power, reasons,
+    signals, law, wavebot_signals, wavebot_reasons, plant_signals, column, power, reasons,
     station_table,
 )  # fmt: skip
 """Modules that are not lifted, but whose types or generated functions compiled code contains."""
@@ -59,7 +59,8 @@ import {law} as heave_law
 from rig.kinds.wavebot.tick import kind_with_law
 from rig.realtime import cycle
 from rig.compilation import column
-from rig.kinds.wavebot.simulation.pages import flush_page, prefetch_ahead
+from rig.compilation.pages import flush_page
+from rig.kinds.wavebot.simulation.noise import prefetch_ahead
 from rig.kinds.wavebot.simulation.plant_coupling import (
     CoupledState, actuation, sense, without_hoist,
 )
@@ -122,7 +123,7 @@ def load(fields: tuple[str, ...], law: Law) -> Any:
     simulates up to tick ``until``, or until a few ticks after power was removed, the end of a
     window, or a change of the drive's settings, which the caller must apply. ``age`` (s) is the age
     of the readings. The function fills ``columns`` (one line per field) from tick ``filled`` on,
-    through a ``page`` (rig/kinds/wavebot/simulation/pages.py). It returns the new `CoupledState`
+    through a ``page`` (rig/compilation/pages.py). It returns the new `CoupledState`
     and the number of stored ticks.
     """
     return _load(fields, law)

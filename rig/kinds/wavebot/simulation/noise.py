@@ -1,4 +1,4 @@
-"""The noise table interleaved in the order in which a simulation reads it.
+"""The tables of noise and sea in the order in which a simulation reads them.
 
 Every channel of a plant's sensors reads one megabyte of normals with its own stride: nine memory
 locations per tick. The interleaved table stores the same numbers contiguously, tick after tick.
@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from rig.compilation.column import Column
+from rig.compilation.column import Column, prefetch
 from sim_plant.sensors import Channel, SensorParams
 
+_PREFETCH_TICKS = 32  # ticks: some microseconds; memory responds in a tenth of one
 CHANNELS_PER_TICK = 16  # numbers per tick; a power of two, because the table's length must be one
 
 
@@ -31,3 +32,14 @@ def interleaved(sensors: SensorParams, normals: Sequence[float]) -> tuple[Sensor
         table[:, place] = numbers[indices]
         channels[name] = channel._replace(stride=CHANNELS_PER_TICK, offset=place)
     return sensors._replace(**channels), Column(table.ravel())
+
+
+def prefetch_ahead(tables: Any, normals: Any, place: int, tick: int) -> None:
+    """Prefetch sea and noise of later ticks into the cache; the hardware does not predict them."""
+    index = place + _PREFETCH_TICKS
+    prefetch(tables.elevation, index)
+    prefetch(tables.heave, index)
+    prefetch(tables.surge, index)
+    noise = ((tick + _PREFETCH_TICKS) * CHANNELS_PER_TICK) & (len(normals) - 1)
+    prefetch(normals, noise)
+    prefetch(normals, noise + CHANNELS_PER_TICK // 2)

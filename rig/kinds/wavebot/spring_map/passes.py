@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import stats
 
-Floats = npt.NDArray[np.float64]
+from rig.spectra.periods import Floats
+
 Integers = npt.NDArray[np.int64]
 
 FIT_HALF_ANGLE = math.pi / 4.0 - 0.1

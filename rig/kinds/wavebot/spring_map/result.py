@@ -20,8 +20,7 @@ from rig.kinds.wavebot.spring_map.passes import (
 )
 from rig.presentation.phrases import format_signed
 from rig.realtime.sequence import Phase
-from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
 

@@ -7,18 +7,17 @@ The powers are averaged over some seconds.
 
 Absorbed power is negative at every station. The possible differences of two neighbours are known:
 
-- motor current and torque sensor: none, except errors of both scales;
+- motor current and torque sensor: none, except errors of both scales (`motor_power`);
 - torque sensor and column load cell: friction, which takes power on its way out of the body, and
   the magnetic spring, which stores energy (`rig.realtime.average` states how much);
 - torque sensor and AC: the copper loss.
 
-An inverted or dead load cell, a motor whose force does not agree with its current, or an analyser
-whose values are frozen is therefore detected in any sea and with any gains. A motor of unknown
-force allows no controlled stop: the first pair has a reason of its own.
+An inverted or dead load cell or an analyser whose values are frozen is therefore detected in any
+sea and with any gains, as is a motor whose force does not agree with its current: the first pair
+has a reason of its own.
 
 Power sign: under a law with Kp < 0, no Km, no Z_c and no reference, (TRS - Ki x) v is Kp v^2 and
-never positive. Where its average is positive, the motor drives the body, and the damping of a
-controlled stop would drive it, too. The stored energy of Ki is subtracted exactly and that of the
+never positive. The stored energy of Ki is subtracted exactly and that of the
 magnetic spring is not in the torque sensor, so that neither a change of gains nor a move of the
 stator has the same effect. Ticks in which limits, the drive's bus voltage or a fade reduce the
 force count as 0.
@@ -26,12 +25,10 @@ force count as 0.
 
 from typing import NamedTuple
 
-from rig.realtime import average, axis
+from rig.realtime import average, axis, motor_power
 from rig.realtime.reasons import NO_REASON, Reason
 from rig.realtime.safety import RUN, STOP_1
 
-_FORCE = Reason.FORCE_DISAGREES.value
-_SIGN = Reason.POWER_SIGN.value
 _BALANCE = Reason.POWER_BALANCE.value
 
 
@@ -39,10 +36,7 @@ class Params(NamedTuple):
     """Scales and limits of the checks."""
 
     absorbs: int  # 1: the law of heave has only Kp, Ki and Km
-    fast_weight: float  # share of a tick in the averages of motor current and torque sensor
-    fed_stop: float  # W, into the body under a law that absorbs
-    motor_stop: float  # W, between motor current and torque sensor
-    motor_ratio: float  # 1, the same as a share of the torque sensor's power
+    motor: motor_power.Params  # motor current and torque sensor
     slow_weight: float  # share of a tick in the averages that contain stored energy
     balance_stop: float  # W, between neighbours with a store or a loss between them
     friction: float  # N*s/m, upper limit between torque sensor and column load cell
@@ -53,9 +47,7 @@ class Params(NamedTuple):
 class State(NamedTuple):
     """Averages of powers; in W where no other unit is given."""
 
-    fed: float  # into the body, beyond what Ki stores
-    motor: float  # Kt N i v less TRS v
-    shaft_magnitude: float  # |TRS v|
+    motor: motor_power.State  # Kt N i v and TRS v; fed into the body: beyond what Ki stores
     load_cells: float  # LCB v less TRS v
     speed_squared: float  # v^2, m^2/s^2
     electric: float  # AC less TRS v
@@ -63,7 +55,7 @@ class State(NamedTuple):
     reason: int  # to stop, or NONE
 
 
-_ZERO_STATE = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, NO_REASON)
+_ZERO_STATE = State(motor_power.start(), 0.0, 0.0, 0.0, 0.0, NO_REASON)
 
 
 def start() -> State:
@@ -90,19 +82,8 @@ def step(
     """
     if not RUN <= mode <= STOP_1:
         return _ZERO_STATE
-    (
-        absorbs,
-        fast_weight,
-        fed_stop,
-        motor_stop,
-        ratio,
-        slow_weight,
-        balance_stop,
-        friction,
-        loss,
-        scale,
-    ) = params
-    fed, motor, shaft_magnitude, load_cells, speed_squared, electric, current_squared, _ = state
+    absorbs, motor_params, slow_weight, balance_stop, friction, loss, scale = params
+    motor, load_cells, speed_squared, electric, current_squared, _ = state
     sense, (position, velocity, _), (kp, ki, km, _), command, _ = heave
     current = sense.current
     shaft = trs * velocity
@@ -110,24 +91,15 @@ def step(
     unlimited = command.limited == 0 and saturated == 0 and fade == 0.0
     if unlimited and kp < 0.0 and km == 0.0 and (absorbs == 1 or mode != RUN):
         tick_fed = shaft - ki * position * velocity
-    fed = average.step(fed, tick_fed, fast_weight)
-    motor = average.step(motor, scale * current * velocity - shaft, fast_weight)
-    shaft_magnitude = average.step(shaft_magnitude, abs(shaft), fast_weight)
+    motor = motor_power.step(motor_params, motor, tick_fed, scale * current * velocity, shaft, mode)
     load_cells = average.step(load_cells, lcb * velocity - shaft, slow_weight)
     speed_squared = average.step(speed_squared, velocity * velocity, slow_weight)
     electric = average.step(electric, ac - shaft, slow_weight)
     current_squared = average.step(current_squared, current * current, slow_weight)
-    reason = NO_REASON
-    max_motor = motor_stop + ratio * shaft_magnitude
-    if not -max_motor <= motor <= max_motor:
-        reason = _FORCE
-    elif fed > fed_stop:
-        reason = _SIGN
-    elif not (
+    reason = motor.reason
+    if reason == NO_REASON and not (
         -balance_stop - friction * speed_squared <= load_cells <= balance_stop
         and -balance_stop <= electric <= balance_stop + loss * current_squared
     ):
         reason = _BALANCE
-    return State(
-        fed, motor, shaft_magnitude, load_cells, speed_squared, electric, current_squared, reason
-    )
+    return State(motor, load_cells, speed_squared, electric, current_squared, reason)

@@ -13,8 +13,7 @@ from rig.kinds.wavebot.twin import drivetrain, electrics, seas
 from rig.kinds.wavebot.twin.group import Group
 from rig.kinds.wavebot.twin.hull import Hull, identify_hull
 from rig.kinds.wavebot.twin.records import Record, read_records
-from rig.recording.runs import RunError
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunError, RunInfo, run_info
 from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 from rig.spectra import wave_calibration
 

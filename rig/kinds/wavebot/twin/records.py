@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.recording.runs import reader
-from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs import RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
     WAVE_CLOCK,

@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.config.law_settings import DEFAULT_LAW
 from rig.design.twoport.network import Motor, linear_drivetrain
 from rig.design.twoport.pictures import Case, TakeOff, vary, write_effects, write_transfer
-from rig.identification.identify import Identification
+from rig.identification.identify import identify
 from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
-from rig.kinds.wavebot.twin.records import Record
+from rig.kinds.wavebot.twin.records import read_records
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import RunInfo
 
 MOTOR = Motor(6.1745, 12.4666, 0.5)
 """The heave motor (public fbWecCntrl repository, demo_waveBot.m)."""
@@ -36,13 +36,20 @@ class VariationOptions(NamedTuple):
     gear_step: float = 0.25  # share of the gear ratio
 
 
-def device_from_run(
-    identification: Identification, run_facts: RunInfo, records: tuple[Record, ...]
-) -> MeasuredDevice:
+def device_from_run(run: Path) -> MeasuredDevice:
     """Return the device of the heave model with the largest amplitude.
 
-    Raises RunError without a model that has Z_i and Z_d.
+    Raises RunError without a model that has Z_i and Z_d, and for a run of another law than the
+    impedance law, whose gains Kp and Ki the pictures vary.
     """
+    run_facts, records, _ = read_records(run)
+    law = run_facts.config.get("law")  # runs recorded before there was a choice have none
+    if isinstance(law, dict) and (law["file"] or law["name"] != DEFAULT_LAW):
+        raise RunError(
+            f"{run_facts.run}: its law is {law['name']}; the two-port theory needs a run of the "
+            f"law {DEFAULT_LAW}, with the gains Kp and Ki"
+        )
+    identification = identify([run])
     models = (one for one in identification.models if one.axis == "heave")
     model = max((m for m in models if "Z_d" in m.responses), key=lambda m: m.peak, default=None)
     if model is None:

@@ -1,0 +1,28 @@
+"""Campaigns of any kind of rig: the file becomes the table of segments that the loop executes.
+
+The supervisor alone runs this package; the loop receives the finished `Plan`. What depends on the
+kind of rig is its `CampaignKind` (`kind`).
+"""
+
+from rig.campaign.check import CheckReport, check_campaign
+from rig.campaign.files import AnyCampaign, Campaign, CampaignParts, open_campaign
+from rig.campaign.kind import CampaignKind, Wait
+from rig.campaign.plan import AnyPlan, CampaignRow, PhaseSeconds, Plan, build_plan
+from rig.campaign.record import resolved_config
+
+__all__ = [
+    "AnyCampaign",
+    "AnyPlan",
+    "Campaign",
+    "CampaignKind",
+    "CampaignParts",
+    "CampaignRow",
+    "CheckReport",
+    "PhaseSeconds",
+    "Plan",
+    "Wait",
+    "build_plan",
+    "check_campaign",
+    "open_campaign",
+    "resolved_config",
+]

@@ -1,0 +1,247 @@
+"""The report of `rig check FILE`: all problems, or the summary and duration of the campaign."""
+
+import json
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from rig.campaign.files import AnyCampaign, ExtraCheck, no_extra_check, open_campaign
+from rig.campaign.kind import CampaignKind
+from rig.campaign.law_checks import trial_problems
+from rig.campaign.plan import AnyPlan, build_plan
+from rig.campaign.record import moves_entry
+from rig.config.campaign_file import BaseCampaignFile
+from rig.config.law_settings import DEFAULT_LAW
+from rig.config.problems import ConfigError, Problem, display_path, problems_text
+from rig.planning.points import unused_row_warnings
+from rig.presentation.phrases import format_duration
+
+
+class CampaignPrediction(Protocol):
+    """The prediction of a checked campaign."""
+
+    @property
+    def campaign(self) -> AnyCampaign:
+        """The predicted campaign, so that the report can also show a refused campaign."""
+        ...
+
+    @property
+    def plan(self) -> AnyPlan:
+        """The plan of the campaign."""
+        ...
+
+    @property
+    def refused(self) -> tuple[Problem, ...]:
+        """Rows that must not run."""
+        ...
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Warnings about rows that may run."""
+        ...
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the prediction for JSON, without NaN and infinity."""
+        ...
+
+
+Predictor = Callable[[AnyCampaign, AnyPlan], CampaignPrediction | None]
+"""Predicts a checked campaign; returns None if there is nothing to predict."""
+
+
+def no_prediction(campaign: AnyCampaign, planned: AnyPlan) -> None:
+    """Return None: there is no prediction."""
+
+
+class CheckReport(NamedTuple):
+    """The result of checking a campaign file; without problems it holds campaign and plan."""
+
+    path: Path
+    problems: tuple[Problem, ...]
+    campaign: AnyCampaign | None
+    plan: AnyPlan | None
+    prediction: CampaignPrediction | None = None
+    validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
+    unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
+    law_warnings: tuple[Problem, ...] = ()  # about laws
+    not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
+
+    @property
+    def checked(self) -> AnyCampaign | None:
+        """The campaign; None with problems."""
+        return self.campaign
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Warnings about a campaign that can nevertheless be run."""
+        predicted = self.prediction.warnings if self.prediction is not None else ()
+        return (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *predicted)
+
+    @property
+    def ok(self) -> bool:
+        """True if the campaign can be run."""
+        return not self.problems
+
+    def summary(self) -> dict[str, Any]:
+        """Return the summary of the campaign, with times in s; empty if its files have problems."""
+        checked = self._campaign_and_plan()
+        if checked is None:
+            return {}
+        campaign, planned = checked
+        file = campaign.file
+        windows = campaign.kind.windows(file)
+        return {
+            "name": file.name,
+            "rig": campaign.rig.name,
+            "device": "present" if planned.rows else "absent",
+            "sea": file.sea.description(),
+            "sea_keys": file.sea.model_dump(mode="json") | _phases_seed(file),
+            "order": file.order,
+            "rows": len(planned.rows),
+            "points": len(campaign.points),
+            "repeat": file.repeat,
+            "duration_s": planned.duration,
+            "wave_clock_s": planned.wave_seconds,
+            "measured_s": planned.phases.measure,
+            **moves_entry(campaign, planned),
+            "periods_per_row": windows.periods,
+            "measured_per_row_s": windows.measure,
+            "phases_s": planned.phases._asdict(),
+            "rate_hz": campaign.rig.rate_hz,
+            "files": [file.as_dict() for file in campaign.files],
+        }
+
+    def text(self) -> str:
+        """Return text for people: one problem per line, or the summary."""
+        if self.problems:
+            return problems_text(self.problems)
+        entries = self.summary_lines() + self.input_files()
+        if self.not_predicted:
+            entries.append(("predicted", f"nothing: {self.not_predicted}"))
+        lines = [f"{label:9} {text}" for label, text in entries]
+        return "\n".join([*lines, *(f"warning: {warning.text()}" for warning in self.warnings)])
+
+    def summary_lines(self) -> list[tuple[str, str]]:
+        """Return the summary as pairs of label and text; empty if its files have problems."""
+        checked = self._campaign_and_plan()
+        if checked is None:
+            return []
+        campaign, planned = checked
+        file = campaign.file
+        windows, first = campaign.kind.windows(file), file.kind_columns.first
+        measured = f"{windows.measure:.6g} s"
+        if windows.periods:
+            measured += f" = {_count_text(windows.periods, 'period')}"
+        rows, waits = "none: wave calibration, device absent, drive off", ""
+        if planned.rows:
+            measured += " per row"
+            points = _count_text(len(campaign.points), "point")
+            rows = f"{len(planned.rows)} ({points} x {file.repeat}), {file.order}"
+            waits = ", plus waiting for the drive"
+            if first is not None and first.actuator is not None:
+                rows += f", {_count_text(planned.moves, f'{first.heading} move')}"
+                waits = f", plus waiting for {first.actuator.label} and drive"
+        seed = "".join(f", phases of seed {value}" for value in _phases_seed(file).values())
+        phases = (f"{_phase_label(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
+        return [
+            ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
+            ("sea", f"{file.sea.description()}{seed}"),
+            *([] if file.reference is None else [("reference", file.reference.description())]),
+            *_law_lines(campaign),
+            ("rows", rows),
+            ("measured", f"{measured}, {planned.phases.measure:.6g} s in total"),
+            (
+                "duration",
+                f"{format_duration(planned.duration)}{waits}; "
+                f"wave clock {planned.wave_seconds:.6g} s",
+            ),
+            ("phases", ", ".join(phases)),
+            *campaign.kind.report_lines(campaign, planned),
+        ]
+
+    def input_files(self) -> list[tuple[str, str]]:
+        """Return role and path of every input file of the campaign."""
+        checked = self._campaign_and_plan()
+        return [(f.role, display_path(f.path)) for f in checked[0].files] if checked else []
+
+    def _campaign_and_plan(self) -> tuple[AnyCampaign, AnyPlan] | None:
+        """Return campaign and plan, also of a campaign refused because of its prediction."""
+        if self.campaign is not None and self.plan is not None:
+            return self.campaign, self.plan
+        if self.prediction is None:
+            return None
+        return self.prediction.campaign, self.prediction.plan
+
+    def to_json(self) -> str:
+        """Return JSON for programs: `ok`, `problems`, and the keys of summary and prediction."""
+        report = {
+            "file": display_path(self.path),
+            "ok": self.ok,
+            "problems": [problem.as_dict() for problem in self.problems],
+            **self.summary(),
+            **(self.prediction.as_dict() if self.prediction is not None else {}),
+            **({"not_predicted": self.not_predicted} if self.not_predicted else {}),
+            "warnings": [warning.as_dict() for warning in self.warnings],
+        }
+        return json.dumps(report, ensure_ascii=False, allow_nan=False)
+
+
+def check_campaign(
+    kind: CampaignKind,
+    path: Path,
+    extra_check: ExtraCheck = no_extra_check,
+    predictor: Predictor = no_prediction,
+    rig: Path | None = None,
+    day: date | None = None,
+) -> CheckReport:
+    """Check a campaign file and all its input files; needs no hardware and never raises for a file.
+
+    ``extra_check`` adds the problems of another check, such as that of the simulated plant;
+    ``predictor`` predicts the rows: refused rows are problems of the campaign; ``rig`` replaces
+    the rig that the campaign names; ``day`` (UTC) is the day of the run: calibrations that are not
+    valid on that day give warnings.
+    """
+    path = Path(path)
+    try:
+        campaign = open_campaign(kind, path, extra_check, rig)
+    except ConfigError as error:
+        return CheckReport(path, error.problems, None, None)
+    planned, file = build_plan(campaign), campaign.file
+    out_of_date = kind.validity_warnings(campaign, day) if day is not None else ()
+    unused_rows = unused_row_warnings(
+        file.matrix, campaign.locate, file.kind_columns, file.law_columns()
+    )
+    failed_trials = tuple(trial_problems(campaign, planned))
+    if failed_trials:
+        return CheckReport(path, failed_trials, None, None)
+    prediction = predictor(campaign, planned)
+    if prediction is not None and prediction.refused:
+        return CheckReport(
+            path, prediction.refused, None, None, prediction, out_of_date, unused_rows
+        )
+    return CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
+
+
+def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
+    """Return a line about each law but the default, which most campaigns have."""
+    lines = []
+    for axis, (law, _) in campaign.axis_laws.items():
+        if law.name != DEFAULT_LAW or law.is_file:
+            origin = display_path(Path(law.path)) if law.is_file else law.origin
+            name = law.name if len(campaign.axis_laws) == 1 else f"{axis}: {law.name}"
+            lines.append(("law", f"{name} ({origin}, sha256 {law.sha256[:12]})"))
+    return lines
+
+
+def _phases_seed(file: BaseCampaignFile) -> dict[str, int]:
+    """Return the seed of a sea's phases; empty for a sea without random phases."""
+    return {"seed": file.sea_seed} if hasattr(file.sea, "seed") else {}
+
+
+def _count_text(count: int, thing: str) -> str:
+    return f"{count} {thing}{'s' if count != 1 else ''}"
+
+
+def _phase_label(phase: str) -> str:
+    return phase.replace("_", "-")

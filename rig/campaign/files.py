@@ -1,0 +1,266 @@
+"""Opening of a campaign: all its input files are read, and all their problems are reported."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from rig.campaign.kind import CampaignKind
+from rig.config.campaign_file import BaseCampaignFile
+from rig.config.law_settings import AxisLaw
+from rig.config.problems import ConfigError, Problem
+from rig.config.pydantic_errors import validate
+from rig.config.reference import AnyReference, RecordedReference
+from rig.config.rig_file import BaseRigFile, Rate
+from rig.config.sea import AnySea, RecordedSea, Sea
+from rig.config.yaml_source import SourceMap, load_mapping
+from rig.planning.designed_sea import largest_elevation_problems
+from rig.planning.elevation import Elevation, read_elevation
+from rig.planning.input_files import (
+    ConfigSource,
+    InputFile,
+    MappingLoader,
+    hash_input_file,
+    hash_input_files,
+    load_named_source,
+    sort_problems,
+)
+from rig.planning.point import MAX_ROWS, Point
+from rig.planning.points import count_points
+from rig.planning.reference import ReferenceRecord, read_reference_record, realisation_problems
+from rig.planning.windows import WindowError
+
+F = TypeVar("F", bound=BaseCampaignFile)
+R = TypeVar("R", bound=BaseRigFile)
+L = TypeVar("L", bound=BaseModel)
+T = TypeVar("T")
+
+_SEA: TypeAdapter[AnySea] = TypeAdapter(Sea)
+_RATE: TypeAdapter[int] = TypeAdapter(Rate)
+_CAMPAIGN_KEYS = ("rig", "sea", "matrix")  # a file without any of them is not a campaign at all
+
+
+class Campaign(NamedTuple, Generic[F, R, L]):
+    """A campaign whose files passed all checks that need no simulated plant."""
+
+    kind: CampaignKind
+    file: F
+    locate: SourceMap  # of the campaign file
+    rig: R
+    rig_locate: SourceMap  # of the rig file
+    limits: L
+    plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
+    plant_locate: SourceMap  # of the plant file
+    points: tuple[Point, ...]  # empty for a wave calibration
+    elevation: Elevation | None  # of a recorded sea
+    record: ReferenceRecord | None  # of a recorded reference
+    files: tuple[InputFile, ...]  # with the files that they extend
+
+    @property
+    def axis_laws(self) -> dict[str, AxisLaw]:
+        """The law of each axis."""
+        return dict(self.file.axis_laws)
+
+
+AnyCampaign = Campaign[Any, Any, Any]
+"""A campaign of any kind of rig."""
+
+
+class CampaignParts(NamedTuple):
+    """The valid parts of a campaign's files, for the checks of other packages.
+
+    The check of the simulated plant, for example, needs plant, sea and rig. It runs even if another
+    key of the same files is invalid, so that all problems are reported at once. A missing or
+    invalid part, which validation reports, is None.
+    """
+
+    campaign: ConfigSource
+    model: type[BaseCampaignFile] | None  # with the campaign's laws
+    rig: ConfigSource | None
+    plant: ConfigSource | None
+    sea: AnySea | None
+    elevation: Elevation | None  # of a recorded sea
+    rate_hz: int | None
+
+
+def valid_key(source: ConfigSource | None, key: str, kind: TypeAdapter[T]) -> T | None:
+    """Return the value of a key of a file; None if it is invalid."""
+    if source is None:
+        return None
+    try:
+        return kind.validate_python(source.mapping.get(key), strict=True)
+    except ValidationError:
+        return None
+
+
+ExtraCheck = Callable[[CampaignParts], Iterable[Problem]]
+"""An additional check of a campaign's valid parts; it runs even if other parts have problems."""
+
+
+def no_extra_check(parts: CampaignParts) -> tuple[Problem, ...]:
+    """Return no problems: there is no additional check."""
+    return ()
+
+
+def open_campaign(
+    kind: CampaignKind,
+    path: Path,
+    extra_check: ExtraCheck = no_extra_check,
+    rig_path: Path | None = None,
+    load: MappingLoader = load_mapping,
+) -> AnyCampaign:
+    """Read and check a campaign, its rig, the rig's limits, and the syntax of its plant.
+
+    ``extra_check`` adds problems of other packages, such as those of the simulated plant;
+    ``rig_path`` replaces the rig that the campaign names; ``load`` reads the files and may change
+    their values. Raises `ConfigError` with every problem of all these files.
+    """
+    problems: list[Problem] = []
+
+    def attempt(step: Callable[[], T]) -> T | None:
+        try:
+            return step()
+        except ConfigError as error:
+            problems.extend(error.problems)
+            return None
+
+    top = attempt(lambda: _read_campaign(kind, Path(path), load))
+    if top is None:
+        raise ConfigError(problems)
+    inline = kind.rig_file.inline
+    rig_source = attempt(
+        lambda: (
+            load_named_source(top, ("rig",), load, inline)
+            if rig_path is None
+            else ConfigSource(*load(rig_path, inline=inline))
+        )
+    )
+    limits_source = plant_source = None
+    if rig_source is not None:
+        limits_source = attempt(lambda: load_named_source(rig_source, ("limits",), load))
+    owner = rig_source if top.mapping.get("plant") is None else top
+    if owner is not None:
+        plant_source = attempt(lambda: load_named_source(owner, ("plant",), load))
+
+    laws = attempt(lambda: kind.find_laws(top, rig_source))
+    model = None if laws is None else kind.model(laws, rig_source.mapping if rig_source else {})
+    file = rig = limits = points = record = None
+    if model is not None:
+        file = attempt(lambda: validate(top.mapping, top.locate, model))
+    if rig_source is not None:
+        rig = attempt(lambda: validate(rig_source.mapping, rig_source.locate, kind.rig_file))
+    if limits_source is not None:
+        limits = attempt(
+            lambda: validate(limits_source.mapping, limits_source.locate, kind.limits_file)
+        )
+    files = [
+        *hash_input_files("campaign", top, "sea"),
+        *hash_input_files("rig", rig_source, kind.rig_parts),
+        *hash_input_files("limits", limits_source),
+        *hash_input_files("plant", plant_source),
+    ]
+    if file is not None:
+        used = dict.fromkeys(each.law for each in file.axis_laws.values())
+        files += [InputFile("law", Path(law.path), law.sha256) for law in used if law.is_file]
+        points = attempt(lambda: kind.points(file, rig, top.locate))
+        problems += _campaign_problems(kind, file, points, top.locate)
+        if file.matrix is not None and file.matrix.csv is not None and points:
+            location = next(iter(points[0].locations.values())).location
+            files.append(hash_input_file("matrix", location.path))
+        record = attempt(lambda: _read_record(file.reference, top.locate, files))
+    sea = valid_key(top, "sea", _SEA)
+    elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
+    if rig is not None and points is not None:
+        problems += kind.point_problems(file, rig, points, top.locate)
+        if file is not None:
+            problems += realisation_problems(file.reference, points, rig.rate_hz)
+    rate_hz = valid_key(rig_source, "rate_hz", _RATE)
+    problems += extra_check(
+        CampaignParts(top, model, rig_source, plant_source, sea, elevation, rate_hz)
+    )
+    if problems:
+        raise ConfigError(sort_problems(problems, (top, rig_source, limits_source, plant_source)))
+    assert file is not None
+    assert points is not None
+    assert rig_source is not None
+    assert plant_source is not None
+    return Campaign(
+        kind,
+        file,
+        top.locate,
+        rig,
+        rig_source.locate,
+        limits,
+        plant_source.mapping,
+        plant_source.locate,
+        points,
+        elevation,
+        record,
+        tuple(files),
+    )
+
+
+def _read_campaign(kind: CampaignKind, path: Path, load: MappingLoader) -> ConfigSource:
+    """Return the campaign's own file; a file of another kind is a single problem."""
+    source = ConfigSource(*load(path, inline=kind.campaign_file.inline))
+    if not any(key in source.mapping for key in _CAMPAIGN_KEYS):
+        message = f"not a campaign: it has none of the keys {', '.join(_CAMPAIGN_KEYS)}"
+        raise ConfigError([source.locate.problem((), None, message)])
+    return source
+
+
+def _campaign_problems(
+    kind: CampaignKind,
+    file: BaseCampaignFile,
+    points: tuple[Point, ...] | None,
+    locate: SourceMap,
+) -> list[Problem]:
+    """Return the problems of sea, windows and number of rows."""
+    problems = [*largest_elevation_problems(file.sea, file.sea_seed, locate)]
+    try:
+        kind.windows(file)
+    except WindowError as error:
+        problems.append(locate.problem(error.key, error.value, error.message))
+    matrix: Any = file.matrix
+    # Without points there are too many to build: the lengths of the matrix give their number.
+    count = count_points(matrix) if points is None and matrix is not None else len(points or ())
+    rows = file.repeat * count
+    if rows > MAX_ROWS:
+        key = ("repeat",) if file.repeat > 1 else ("matrix",)
+        problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MAX_ROWS}"))
+    return problems
+
+
+def _read_elevation(
+    sea: AnySea | None, locate: SourceMap, files: list[InputFile]
+) -> Elevation | None:
+    """Return the elevation of a recorded sea, and add its file to ``files``."""
+    if not isinstance(sea, RecordedSea):
+        return None
+    path = _existing_path(sea.file, "sea", locate)
+    elevation = read_elevation(path, sea)
+    files.append(hash_input_file("elevation", path))
+    return elevation
+
+
+def _read_record(
+    reference: AnyReference, locate: SourceMap, files: list[InputFile]
+) -> ReferenceRecord | None:
+    """Return the samples of a recorded reference, and add its file to ``files``."""
+    if not isinstance(reference, RecordedReference):
+        return None
+    path = _existing_path(reference.file, "reference", locate)
+    record = read_reference_record(path, reference)
+    files.append(hash_input_file("reference", path))
+    return record
+
+
+def _existing_path(name: str, section: str, locate: SourceMap) -> Path:
+    """Return the path of the file in a section; a missing file is a problem at its key."""
+    key = (section, "file")
+    path = locate.resolve_path(key, name)
+    if not path.exists():
+        message = f"{name!r} does not exist; allowed a file relative to the one with this key"
+        raise ConfigError([locate.problem(key, name, message)])
+    return path

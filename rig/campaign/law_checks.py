@@ -1,0 +1,175 @@
+"""Checks of laws and open-loop reference before a run.
+
+The trial of a law is two seconds of a swinging motion with each row's set point. It finds laws that
+raise, demand a force that is not a number, or keep memory outside their State: two equal trials
+must give equal forces.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from pydantic import TypeAdapter, ValidationError
+
+from controllers.blocks import finite
+from controllers.signals import Estimate
+from rig import laws
+from rig.campaign.files import AnyCampaign, CampaignParts, valid_key
+from rig.campaign.plan import AnyPlan, CampaignRow
+from rig.config.law_settings import IMPEDANCE, AxisLaw, law_model
+from rig.config.problems import Problem
+from rig.config.reference import AnyReference, Reference
+from rig.config.yaml_source import KeyPath
+from rig.design.law_params import law_params
+from rig.planning.reference import repeat_ticks
+from rig.plug_ins import error_text
+
+SECONDS = 2.0
+AMPLITUDE = 0.1  # m or rad
+FREQUENCY_HZ = 0.5
+DEFAULT_RATE_HZ = 1000  # where the rig's own rate is invalid
+MAX_SET_POINTS = 50
+"""Set points tried; of more, evenly spaced ones in the order of the rows are."""
+
+_REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
+
+
+class _Trial(NamedTuple):
+    forces: list[float]  # N, one a tick
+    error: str  # of the tick after the last force; empty: none
+
+
+def trial_problems(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
+    """Yield the first problem of a law in each trial that fails, at most one of each sort.
+
+    The impedance law needs no trial: its arithmetic has tests of its own.
+    """
+    for axis, axis_law in campaign.axis_laws.items():
+        law = axis_law.law
+        if law.module is IMPEDANCE.module:
+            continue
+        found: set[str] = set()
+        for row in _tried_rows(axis_law, planned):
+            sort, message = _examine(campaign, axis, planned, row)
+            if sort and sort not in found:
+                found.add(sort)
+                message = f"{message} ({_text(axis_law, row)})"
+                yield campaign.locate.problem(law_key(campaign.axis_laws, axis), law.name, message)
+
+
+def compilation_problems(campaign: AnyCampaign, dt: float, consequence: str) -> Iterator[Problem]:
+    """Yield a problem for each law that cannot be compiled; those of wec-rig can.
+
+    ``consequence`` is the beginning of the message.
+    """
+    for axis, (law, _) in campaign.axis_laws.items():
+        if not law.is_file and law.name in laws.OWN_MODULES:
+            continue
+        from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
+
+        if reason := compilation_problem(law, campaign.file.law_settings(axis), dt):
+            message = f"{consequence}: {reason}"
+            yield campaign.locate.problem(law_key(campaign.axis_laws, axis), law.name, message)
+
+
+def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[Problem]:
+    """Yield problems of the laws' settings beyond those of single keys.
+
+    ``ramps``: duration of the gain ramp of each axis, s.
+    """
+    source, dt = parts.campaign, 1.0 / (parts.rate_hz or DEFAULT_RATE_HZ)
+    axis_laws = {} if parts.model is None else parts.model.axis_laws
+    for axis, (law, _) in axis_laws.items():
+        key, given = law_key(axis_laws, axis), source.mapping.get("law", {})
+        if len(axis_laws) > 1:
+            given = given.get(axis, {}) if isinstance(given, dict) else {}
+        mapping = {"use": given} if isinstance(given, str) else given
+        with suppress(ValidationError):
+            settings = law_model(law).model_validate(mapping)
+            try:
+                law_params(law, settings, ramps[axis], dt)
+            except ValueError as error:
+                yield source.locate.problem(
+                    (*key, "zc") if "zc" in mapping else key, None, str(error)
+                )
+
+
+def reference_problems(parts: CampaignParts) -> Iterator[Problem]:
+    """Yield the problem of a valid reference that does not repeat at the rig's rate."""
+    reference = valid_key(parts.campaign, "reference", _REFERENCE)
+    try:
+        if reference is not None:
+            repeat_ticks(reference, parts.rate_hz or DEFAULT_RATE_HZ)
+    except ValueError as error:
+        yield parts.campaign.locate.problem(("reference",), None, str(error))
+
+
+def law_key(axis_laws: Mapping[str, AxisLaw], axis: str) -> KeyPath:
+    """Return the key of an axis' law in the campaign file."""
+    return ("law",) if len(axis_laws) == 1 else ("law", axis)
+
+
+def _tried_rows(axis_law: AxisLaw, planned: AnyPlan) -> list[CampaignRow[Any]]:
+    """Return a row for each set point of the law, in the order of the plan."""
+    by_set_point = {axis_law.set_point(row.setting): row for row in reversed(planned.rows)}
+    rows = sorted(by_set_point.values(), key=lambda row: row.row)
+    if len(rows) <= MAX_SET_POINTS:
+        return rows
+    last = len(rows) - 1
+    return [rows[round(i * last / (MAX_SET_POINTS - 1))] for i in range(MAX_SET_POINTS)]
+
+
+def _examine(
+    campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[Any]
+) -> tuple[str, str]:
+    """Return sort and message of the first problem of a row's set point; empty without one."""
+    first, second = (_run(campaign, axis, planned, row) for _ in range(2))
+    name = campaign.axis_laws[axis].law.name
+    for tick, (one, other) in enumerate(zip(first.forces, second.forces, strict=False)):
+        if not finite(one):
+            return "force", f"the law {name} demands a force of {one} N in tick {tick} of a trial"
+        if one != other:
+            return "memory", (
+                f"the law {name} keeps memory outside its State: two equal trials differ first in "
+                f"tick {tick}, {one:.6g} N and {other:.6g} N"
+            )
+    if first.error:
+        at = f"in tick {len(first.forces)} of a trial"
+        return "raised", f"the law {name} raised an exception {at}: {first.error}"
+    if len(first.forces) != len(second.forces):
+        return "memory", (
+            f"the law {name} keeps memory outside its State: the second of two equal trials raised "
+            f"{second.error}"
+        )
+    return "", ""
+
+
+def _run(campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[Any]) -> _Trial:
+    axis_law, dt = campaign.axis_laws[axis], planned.dt
+    law = axis_law.law
+    step, forces = law.module.step, list[float]()
+    omega = 2.0 * math.pi * FREQUENCY_HZ
+    try:
+        ramp = campaign.kind.gain_ramp(campaign.rig, axis)
+        params = law_params(law, campaign.file.law_settings(axis), ramp, dt)
+        state, set_point = law.module.start(params), axis_law.set_point(row.setting)
+        for tick in range(round(SECONDS / dt)):
+            angle = omega * tick * dt
+            motion = Estimate(
+                AMPLITUDE * math.sin(angle),
+                AMPLITUDE * omega * math.cos(angle),
+                -AMPLITUDE * omega * omega * math.sin(angle),
+            )
+            state, demand = step(params, state, set_point, motion, 0.0, 0.0, dt)
+            forces.append(float(demand.force))
+    except Exception as error:  # noqa: BLE001  a law may raise anything
+        return _Trial(forces, error_text(error, law.path))
+    return _Trial(forces, "")
+
+
+def _text(axis_law: AxisLaw, row: CampaignRow[Any]) -> str:
+    values = (
+        f"{each.label} {getattr(row.setting, each.name):g} {each.unit}" for each in axis_law.columns
+    )
+    return f"row {row.row}: {', '.join(values)}"

@@ -1,0 +1,187 @@
+"""The plan of a campaign: rows, segments and set points that the loop executes.
+
+A plan consists of the tare (calm water, drive off), the preparation of drive and moving parts, the
+lead-in while the sea builds up, and then settle, measure and tail for each row. The wave maker
+runs from the first segment of the lead-in; the wave clock counts its seconds. Before a row for
+which a part of the rig moves, its combination is held for an extra interval (MASK4 report (Sandia),
+section 3.2.3).
+
+Without rows (a wave calibration) there is only a lead-in and one window of whole repeat periods;
+the drive stays off.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+from rig.campaign.kind import CampaignKind, Wait
+from rig.campaign.set_points import row_setting, zero_setting
+from rig.config.campaign_file import BaseCampaignFile
+from rig.config.law_settings import AxisLaw
+from rig.config.rig_file import BaseRigFile
+from rig.planning.order import Order, PointRepetition, order_points
+from rig.planning.point import Point
+from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
+from rig.planning.windows import RowWindows
+from rig.realtime.sequence import NO_ROW, Phase, Segments
+
+S = TypeVar("S")  # set point of a row
+T = TypeVar("T")  # table of set points
+
+
+class CampaignRow(NamedTuple, Generic[S]):
+    """One row of the plan: a point of the matrix, run once."""
+
+    row: int  # from 0, in the order of the plan
+    point: int  # from 0, in the order of the file
+    repetition: int  # from 0
+    place: float  # of the part that moves between rows, in the unit of its column
+    setting: S
+    periods: int  # wave or repeat periods measured; 0: not a whole number
+    measure: float  # s
+
+
+class PhaseSeconds(NamedTuple):
+    """Planned duration of each phase, s."""
+
+    tare: float
+    lead_in: float
+    moving: float
+    settle: float
+    measure: float
+    tail: float
+
+
+class Plan(NamedTuple, Generic[S, T]):
+    """A campaign that `rig.realtime.sequence.step` can execute."""
+
+    rows: tuple[CampaignRow[S], ...]
+    segments: Segments
+    setpoints: T
+    dt: float  # s, length of a tick
+    duration: float  # s, planned; waiting for parts of the rig may add to it
+    wave_seconds: float  # s of the wave clock, planned
+    moves: int  # of a part of the rig between rows
+    phases: PhaseSeconds
+    axis_laws: Mapping[str, AxisLaw]
+
+
+AnyPlan = Plan[Any, Any]
+"""The plan of a campaign of any kind of rig."""
+
+
+class PlanInputs(Protocol):
+    """The parts of a campaign that its plan depends on."""
+
+    @property
+    def kind(self) -> CampaignKind:
+        """What the kind of rig adds."""
+        ...
+
+    @property
+    def file(self) -> BaseCampaignFile:
+        """The campaign file."""
+        ...
+
+    @property
+    def rig(self) -> BaseRigFile:
+        """The rig file."""
+        ...
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The points of the matrix; empty for a wave calibration."""
+        ...
+
+
+def build_plan(campaign: PlanInputs) -> AnyPlan:
+    """Return the plan of a campaign that passed all checks of `open_campaign`.
+
+    Raises `WindowError` if the window of a row does not fit.
+    """
+    kind, file, rig, points = campaign.kind, campaign.file, campaign.rig, campaign.points
+    windows = kind.windows(file)
+    rows: tuple[CampaignRow[Any], ...] = ()
+    if points:
+        places = kind.places(rig, points)
+        rows = tuple(
+            CampaignRow(
+                row,
+                repetition.point,
+                repetition.repetition,
+                places[repetition.point],
+                row_setting(kind, file, rig, points[repetition.point]),
+                windows.periods,
+                windows.measure,
+            )
+            for row, repetition in enumerate(order_rows(file, places))
+        )
+        plan_segments = _row_segments(kind, file, rig, rows, windows)
+    else:
+        plan_segments = _calibration_segments(file, windows)
+    rate = float(rig.rate_hz)
+    table = cut_into_ticks(plan_segments, rate)
+    segments, kept, settings = table
+    seconds = phase_seconds(table, rate)
+    phases = (seconds[Phase[name.upper()]] for name in PhaseSeconds._fields)
+    moves = sum(1 for each in kept if each.phase is Phase.MOVING and each.row != NO_ROW)
+    return Plan(
+        rows,
+        segments,
+        kind.set_points(file, rig, settings),
+        1.0 / rate,
+        sum(segments.ticks) / rate,
+        sum(n for n, each in zip(segments.ticks, kept, strict=True) if each.waves) / rate,
+        moves,
+        PhaseSeconds(*phases),
+        file.axis_laws,
+    )
+
+
+def order_rows(file: BaseCampaignFile, places: Any) -> tuple[PointRepetition, ...]:
+    """Return the sequence of points and repetitions, from the place for each point."""
+    orders: dict[str, Order] = {"as given": "as given", "random": "random"}
+    order = orders.get(file.order, "least travel")
+    return order_points(places, order, file.repeat, file.seed)
+
+
+def _calibration_segments(file: BaseCampaignFile, windows: RowWindows) -> list[PlanSegment[Any]]:
+    """Return lead-in and one window: the wave maker runs, the probes are read, power is off."""
+    zero = zero_setting(file)
+    return [
+        PlanSegment(NO_ROW, Phase.LEAD_IN, file.start.lead_in_s, zero, drive=0),
+        PlanSegment(NO_ROW, Phase.MEASURE, windows.measure, zero, drive=0),
+        PlanSegment(NO_ROW, Phase.DONE, 0.0, zero, waves=0, drive=0),
+    ]
+
+
+def _row_segments(
+    kind: CampaignKind,
+    file: BaseCampaignFile,
+    rig: BaseRigFile,
+    rows: tuple[CampaignRow[Any], ...],
+    windows: RowWindows,
+) -> list[PlanSegment[Any]]:
+    lead_in = kind.lead_in(file, rows[0].setting)
+    first = lead_in[0][1]
+    plan_segments = [
+        PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, first, waves=0, drive=0),
+        _waiting(NO_ROW, kind.prepare(file, rig, first), waves=0),
+        *(PlanSegment(NO_ROW, Phase.LEAD_IN, seconds, setting) for seconds, setting in lead_in),
+    ]
+    before = rows[0].setting
+    for row in rows:
+        move = kind.move(file, rig, before, row.setting, max(windows.move, 1.0 / rig.rate_hz))
+        before = row.setting
+        plan_segments += [
+            *([] if move is None else [_waiting(row.row, move)]),
+            PlanSegment(row.row, Phase.SETTLE, windows.settle, row.setting),
+            PlanSegment(row.row, Phase.MEASURE, windows.measure, row.setting),
+            PlanSegment(row.row, Phase.TAIL, windows.tail, row.setting),
+        ]
+    last = kind.last(file, before)
+    return [*plan_segments, PlanSegment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
+
+
+def _waiting(row: int, wait: Wait, waves: int = 1) -> PlanSegment[Any]:
+    setting, seconds, conditions, timeout = wait
+    return PlanSegment(row, Phase.MOVING, seconds, setting, conditions, timeout, waves)

@@ -1,0 +1,125 @@
+"""The campaign file: rig, sea, rows, and their order and timing.
+
+The model of a kind of rig adds its own keys; `with_laws` adds the columns and parameters of laws.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
+
+from pydantic import Field, create_model, field_serializer
+
+from rig.config.columns import KindColumns, LawColumns
+from rig.config.law_settings import AxisLaw, ExpandName, LawSettings, law_model
+from rig.config.matrix import Matrix, matrix_model
+from rig.config.model import FileModel, WholeNumber
+from rig.config.reference import Reference
+from rig.config.sea import Sea
+from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
+from rig.row_contents import Column
+
+RowOrder = Literal["as given", "random"]
+
+
+class BaseStart(FileModel):
+    """The time from the wave maker's trigger (0 s of the wave clock) to the first row."""
+
+    lead_in_s: float = Field(default=120.0, ge=0, le=3600)
+
+
+class CampaignHead(FileModel):
+    """The first keys of a campaign file, so that those of a kind may precede the matrix."""
+
+    name: FolderName
+    rig: str = Field(min_length=1)  # file, relative to this one
+    plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
+    seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
+    sea: Sea  # or the name of a file that holds it
+
+
+class BaseCampaignFile(CampaignHead):
+    """A campaign: the rows of a gain matrix.
+
+    A kind whose campaigns may have no rows (wave calibration) makes the matrix optional.
+    """
+
+    inline: ClassVar[tuple[str, ...]] = ("sea",)
+    kind_columns: ClassVar[KindColumns]
+    axis_laws: ClassVar[Mapping[str, AxisLaw]]  # by axis, in the order of the rig
+
+    matrix: Matrix | None
+    timing: RowTiming = Timing()
+    start: BaseStart = BaseStart()
+    law: Any  # settings of the law, or of several by axis
+    reference: Reference | None = None  # open-loop force, in addition to the feedback
+    tare: TareOrNone = Tare()  # None: `none` in the file
+    order: str = "as given"  # a kind narrows it to `RowOrder`, or to that and one of least travel
+    repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+
+    @field_serializer("tare")
+    def _tare_as_written(self, tare: Tare | None) -> Any:
+        return "none" if tare is None else tare.model_dump()
+
+    @property
+    def sea_seed(self) -> int:
+        """Seed of the sea's phases: that of the sea, or that of the campaign."""
+        own: int | None = getattr(self.sea, "seed", None)
+        return self.seed if own is None else own
+
+    @property
+    def tare_duration(self) -> float:
+        """Duration of the tare, s; 0 if the file has `tare: none`."""
+        return self.tare.duration_s if self.tare is not None else 0.0
+
+    @classmethod
+    def law_columns(cls) -> LawColumns:
+        """Return the columns that the laws of all axes add to the matrix."""
+        return tuple(column for each in cls.axis_laws.values() for column in each.columns)
+
+    @classmethod
+    def columns(cls) -> tuple[Column, ...]:
+        """Return all columns of the matrix."""
+        return cls.kind_columns.with_law(cls.law_columns())
+
+    def law_settings(self, axis: str) -> LawSettings:
+        """Return the settings of an axis' law."""
+        settings = self.law if len(self.axis_laws) == 1 else getattr(self.law, axis)
+        return cast(LawSettings, settings)
+
+
+F = TypeVar("F", bound=BaseCampaignFile)
+
+
+@cache
+def with_laws(
+    model: type[F], columns: KindColumns, axis_laws: tuple[tuple[str, AxisLaw], ...]
+) -> type[F]:
+    """Return a kind's model of a campaign with the columns and the parameters of its laws.
+
+    The key `law` has the settings of a single law; those of several are a mapping by axis.
+    """
+    settings: dict[str, Any] = {axis: _settings_field(each) for axis, each in axis_laws}
+    law = next(iter(settings.values()))
+    if len(settings) > 1:
+        several = create_model("LawsByAxis", __base__=FileModel, **settings)
+        law = (several, ... if _has_required(several) else several())
+    law_columns = tuple(column for _, each in axis_laws for column in each.columns)
+    matrix: Any = matrix_model(columns, law_columns)
+    required = model.model_fields["matrix"].is_required()
+    fields: dict[str, Any] = {
+        "matrix": (matrix, ...) if required else (matrix | None, None),
+        "law": law,
+    }
+    created = create_model("CampaignFile", __base__=model, **fields)
+    created.kind_columns, created.axis_laws = columns, dict(axis_laws)
+    return created
+
+
+def _settings_field(axis_law: AxisLaw) -> Any:
+    """Return type and default of the settings of an axis' law."""
+    settings = law_model(axis_law.law)
+    return (Annotated[settings, ExpandName], ... if _has_required(settings) else settings())
+
+
+def _has_required(model: type[FileModel]) -> bool:
+    return any(field.is_required() for field in model.model_fields.values())

@@ -1,0 +1,130 @@
+"""The sea of a campaign as the simulated wave maker takes it, and its problems."""
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from rig.config.problems import Problem
+from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
+from rig.config.yaml_source import SourceMap
+from rig.emulation.sea import build_sea
+from rig.planning.designed_sea import DesignedSea, design_sea
+from rig.planning.elevation import Elevation
+from sim_plant import waves
+from sim_plant.bem import Bem
+
+_DEFAULT_SEED = 0  # no check depends on phases
+
+
+def sea_settings(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
+    """Return a sea as JSON values for `build_sea`; ``elevation`` is that of a recorded sea."""
+    if isinstance(sea, CalmSea):
+        return {"kind": "calm"}
+    if isinstance(sea, RegularSea):
+        return {
+            "kind": "regular",
+            "amplitude_m": sea.amplitude_m,
+            "frequency_hz": sea.frequency,
+        }
+    if isinstance(sea, JonswapSea):
+        return {
+            "kind": "jonswap",
+            "hs_m": sea.hs_m,
+            "tp_s": sea.tp_s,
+            "gamma": sea.gamma,
+            "repeat_s": sea.repeat_s,
+            "seed": seed,
+        }
+    if isinstance(sea, DesignedSea):
+        lines = design_sea(sea, seed)
+        return {
+            "kind": "components",
+            "repeat_s": lines.repeat,
+            "cycles": lines.cycles.tolist(),
+            "amplitude_m": lines.amplitude.tolist(),
+            "phase_rad": lines.phase.tolist(),
+        }
+    assert elevation is not None
+    return {
+        "kind": "recorded",
+        "elevation_m": elevation.elevation.tolist(),
+        "rate_hz": elevation.rate_hz,
+    }
+
+
+def requested_sea(sea_file: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
+    """Return the spectral lines that the wave maker is to make, as JSON values.
+
+    Elevation is sum amplitude_m cos(2 pi cycles t / repeat_s + phase_rad), t on the wave clock. A
+    recorded sea is reduced to the lines of its repeat period that can excite.
+    """
+    sea = build_sea(sea_settings(sea_file, seed, elevation))
+    repeat = (
+        sea_file.period
+        if isinstance(sea_file, RegularSea)
+        else getattr(sea_file, "repeat", sea.repeat)
+    )
+    periods = round(sea.repeat / repeat)  # a recorded window may hold several
+    frequency = waves.frequencies(sea)
+    kept = (
+        (sea.cycles % periods == 0)
+        & (frequency >= waves.MIN_FREQUENCY)
+        & (frequency <= waves.MAX_FREQUENCY)
+    )
+    return {
+        "repeat_s": sea.repeat / periods,
+        "cycles": (sea.cycles[kept] // periods).tolist(),
+        "amplitude_m": np.abs(sea.amplitude[kept]).tolist(),
+        "phase_rad": (-np.angle(sea.amplitude[kept])).tolist(),
+    }
+
+
+def sea_problems(
+    sea: AnySea | None,
+    elevation: Elevation | None,
+    locate: SourceMap,
+    bem: Bem | None,
+    rate_hz: int | None,
+) -> Iterator[Problem]:
+    """Yield the problems of a valid sea on a simulated plant with a BEM file.
+
+    ``locate`` is that of the campaign file; a part that is None has problems of its own.
+    """
+    if sea is None or (sea.kind == "recorded" and elevation is None):
+        return
+    if isinstance(sea, RegularSea) and (nearest_frequencies := _nearest_repeating(sea.frequency)):
+        key, unit, value = "frequency_hz", "Hz", sea.frequency
+        nearest = [(float(f), f.denominator) for f in nearest_frequencies]
+        if sea.period_s is not None:
+            key, unit, value = "period_s", "s", sea.period_s
+            nearest = [(float(1 / f), f.denominator) for f in reversed(nearest_frequencies)]
+        suggestions = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
+        message = (
+            f"{value!r} {unit} repeats on no whole second up to {waves.MAX_REPEAT} s; "
+            f"the nearest allowed are {' and '.join(suggestions)}"
+        )
+        yield locate.problem(("sea", key), value, message)
+        return
+    try:
+        built = build_sea(sea_settings(sea, _DEFAULT_SEED, elevation))
+        if bem is not None and rate_hz is not None:
+            waves.tables(built, bem, 1.0 / rate_hz)
+    except ValueError as error:
+        yield locate.problem(("sea",), sea.description(), str(error))
+
+
+def _nearest_repeating(frequency: float) -> list[Fraction]:
+    """Return the nearest frequencies (Hz) below and above that repeat in time; none if it does."""
+    try:
+        waves.regular(0.0, frequency)
+    except ValueError:
+        seconds = range(1, waves.MAX_REPEAT + 1)
+        exact = Fraction(frequency)
+        return [
+            max(Fraction(math.floor(exact * length), length) for length in seconds),
+            min(Fraction(math.ceil(exact * length), length) for length in seconds),
+        ]
+    return []

@@ -1,0 +1,388 @@
+"""First files of a rig with one axis, derived from the coefficients of a BEM file.
+
+The campaign is a grid around the impedance match at one wave frequency; the limits follow from the
+motion and the force of its rows by linear theory, motor and gear from that force. They are values
+to begin with: the texts mark what a laboratory has to choose.
+"""
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from string import Template
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers import impedance
+from rig.config.problems import format_number
+from rig.kinds.modular.displacement import stated_mass
+from rig.kinds.new_files import write_new
+from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
+
+__all__ = ["Options", "Water", "write_rig"]
+
+TEXTS = ("rig", "limits", "plant", "campaign")
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
+_ROTATIONS = ("Roll", "Pitch", "Yaw")
+_MARGIN = 2.0  # of the limits above the expected motion and force
+_STEEPNESS = 0.1  # amplitude times wave number of the waves: linear theory holds
+_BELOW_RESONANCE = 0.75  # wave frequency over the body's, so that the match needs a Ki > 0
+_DAMPING_RATIO = 0.02
+_PEAK_CURRENT = 20.0  # A, of the first motor
+_MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
+_SEA_HZ = (0.05, 2.0)  # the band of all seas
+_COMMENT_COLUMN = 36  # of the written files
+_KI_SHARES = (0.0, 0.25, 0.5)  # of the match
+_KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
+
+# Keys and units of an axis that rotates, in the place of those of one that translates.
+_ROTARY = {
+    "motion: translation": "motion: rotation",
+    "gear_ratio_rad_per_m": "gear_ratio",
+    "per m of the axis": "per rad of the axis",
+    "jerk_density_m2_per_s5": "jerk_density_rad2_per_s5",
+    "_n_s_per_m": "_n_m_s_per_rad",
+    "ki_n_per_m": "ki_n_m_per_rad",
+    "force_slew_n_per_s": "torque_slew_n_m_per_s",
+    "velocity_stop_m_per_s": "velocity_stop_rad_per_s",
+    "position_warn_m": "position_warn_rad",
+    "position_stop_m": "position_stop_rad",
+    "encoder_jump_stop_m": "encoder_jump_stop_rad",
+    "tare_span_stop_m": "tare_span_stop_rad",
+    "N*s2/m2": "N*m*s2/rad2",
+    "N*s/m": "N*m*s/rad",
+    "N/m": "N*m/rad",
+    "# N (": "# N*m (",
+    "kg;": "kg*m2;",
+    "kg, ": "kg*m2, ",
+}
+
+
+class Options(NamedTuple):
+    """What a person gives; None is derived."""
+
+    bem: Path
+    dof: str | None = None  # mode in the BEM file
+    axis: str | None = None  # name of the axis
+    mass: float | None = None  # kg or kg*m2
+    stiffness: float | None = None  # N/m or N*m/rad
+    frequency: float | None = None  # Hz, of the waves
+    amplitude: float | None = None  # m, of the waves
+    torque_constant: float | None = None  # N*m/A
+    gear_ratio: float | None = None  # rad/m or 1
+    direction: float | None = None  # degrees, of the waves
+    water: Water = Water()
+
+
+class Body(NamedTuple):
+    """One mode of a body at one wave frequency."""
+
+    dof: str
+    rotates: bool
+    mass: float
+    mass_source: str
+    stiffness: float
+    stiffness_source: str
+    damping: float  # viscous
+    frequency: float  # Hz
+    band: tuple[float, float]  # Hz, of the BEM file within that of the seas
+    impedance: complex  # force per velocity, e^{+i omega t}
+    excitation: float  # force per metre of wave amplitude
+    wave_number: float  # 1/m
+
+
+class Grid(NamedTuple):
+    """The rows of the first campaign, and their largest motion and force."""
+
+    kp: tuple[float, ...]
+    ki: tuple[float, ...]
+    amplitude: float  # m, of the waves
+    position: float
+    velocity: float
+    force: float
+
+
+def write_rig(name: str, folder: Path, options: Options) -> list[Path]:
+    """Write the four files of a new rig into ``folder/name``, and return their paths.
+
+    Raises ValueError with every reason why they cannot be derived or written; OSError for a BEM
+    file that cannot be read.
+    """
+    folder = folder / name
+    found: dict[Path, str] = {folder / f"{text}.yaml": "" for text in TEXTS}
+    problems = list(_name_problems(name, options))
+    if not problems:
+        body = read_body(options)
+        grid = first_grid(body, options.amplitude)
+        texts = file_texts(name, folder, options, body, grid)
+        found = {folder / f"{file}.yaml": text for file, text in texts.items()}
+    return write_new(found, problems)
+
+
+def _name_problems(name: str, options: Options) -> Iterator[str]:
+    if not _NAME.fullmatch(name):
+        yield (
+            f"{name!r} cannot be the name of a rig and its folder; allowed [A-Za-z][A-Za-z0-9_-]*, "
+            "at most 40 characters"
+        )
+    if options.axis is not None and not re.fullmatch(r"[a-z](_?[a-z0-9])*", options.axis):
+        yield f"--axis {options.axis!r} is no name of a log field; allowed [a-z][a-z0-9_]*"
+    for key in ("mass", "stiffness", "frequency", "amplitude", "torque_constant", "gear_ratio"):
+        value = getattr(options, key)
+        if value is not None and not (value > 0.0 and math.isfinite(value)):
+            yield f"--{key.replace('_', '-')} {value:g}: allowed above 0"
+
+
+def read_body(options: Options) -> Body:
+    """Return the mode that the options choose; ValueError for what cannot be derived."""
+    content = read_modes(options.bem, None, direction=options.direction, water=options.water)
+    if options.dof is None and len(content.modes) > 1:
+        listed = ", ".join(content.modes)
+        raise ValueError(f"{options.bem}: has several modes: {listed}; choose one with --dof")
+    dof = options.dof or content.modes[0]
+    if dof not in content.modes:
+        listed = ", ".join(content.modes)
+        raise ValueError(f"{options.bem}: has no mode {dof!r}; --dof allows {listed}")
+    mode = content.modes.index(dof)
+    mass, mass_source, stiffness, stiffness_source = _rigid_body(content, mode, options)
+    band, omegas = _band(content, options)
+    added = np.interp(omegas, 2.0 * np.pi * content.frequency, content.added_mass[:, mode, mode])
+    resonance = _resonance(omegas, mass + added, stiffness)
+    omega = 2.0 * math.pi * _wave_frequency(options, band, resonance)
+    grid = 2.0 * np.pi * content.frequency
+    inertia = mass + float(np.interp(omega, grid, content.added_mass[:, mode, mode]))
+    radiation = max(float(np.interp(omega, grid, content.damping[:, mode, mode])), 0.0)
+    damping = _rounded(2.0 * _DAMPING_RATIO * math.sqrt(stiffness * inertia))
+    force = float(np.interp(omega, grid, np.abs(content.excitation[:, mode])))
+    if not force > 0.0:
+        raise ValueError(f"{options.bem}: waves of {omega / 6.2832:.3g} Hz do not excite {dof}")
+    return Body(
+        dof, dof.rpartition("__")[2].capitalize() in _ROTATIONS, mass, mass_source, stiffness,
+        stiffness_source, damping, omega / (2.0 * math.pi), band,
+        complex(radiation + damping, omega * inertia - stiffness / omega), force,
+        _wave_number(omega, content.gravity, content.depth),
+    )  # fmt: skip
+
+
+def _rigid_body(content: BemModes, mode: int, options: Options) -> tuple[float, str, float, str]:
+    """Return mass and stiffness of a mode, each with its source."""
+    dof = content.modes[mode]
+    missing, mass, mass_source = [], options.mass, "given"
+    if mass is None:
+        mass, mass_source = stated_mass(options.bem, dof, content.density)
+    if mass is None:
+        missing.append(f"mass or moment of inertia of {dof}: give --mass (kg or kg*m2)")
+    stiffness, source = options.stiffness, "given"
+    if stiffness is None and content.stiffness is not None:
+        stiffness, source = float(content.stiffness[mode, mode]), "hydrostatic, of the BEM file"
+    if stiffness is None or not stiffness > 0.0:
+        missing.append(
+            f"stiffness of {dof}: give --stiffness (N/m or N*m/rad), with that of the mooring"
+        )
+    if mass is None or stiffness is None or missing:
+        raise ValueError("\n".join(f"{options.bem}: does not state the {each}" for each in missing))
+    return _rounded(mass, 5), mass_source, _rounded(stiffness, 5), source
+
+
+def _band(content: BemModes, options: Options) -> tuple[tuple[float, float], Floats]:
+    """Return the file's frequencies within the band of the seas, Hz, and a fine grid, rad/s."""
+    low = max(float(content.frequency[0]), _SEA_HZ[0])
+    high = min(float(content.frequency[-1]), _SEA_HZ[1])
+    if low >= high:
+        raise ValueError(
+            f"{options.bem}: has {content.frequency[0]:.3g} .. {content.frequency[-1]:.3g} Hz, and "
+            f"a sea {_SEA_HZ[0]:g} .. {_SEA_HZ[1]:g} Hz: nothing in common"
+        )
+    return (low, high), 2.0 * np.pi * np.linspace(low, high, 1000)
+
+
+def _resonance(omegas: Floats, inertia: Floats, stiffness: float) -> float | None:
+    """Return the natural frequency, Hz; None if it is outside the band."""
+    reactance = omegas * omegas * inertia - stiffness
+    for at, (before, after) in enumerate(pairwise(reactance.tolist())):
+        if before < 0.0 <= after:
+            return float(omegas[at]) / (2.0 * math.pi)
+    return None
+
+
+def _wave_frequency(options: Options, band: tuple[float, float], resonance: float | None) -> float:
+    """Return the frequency of the waves, Hz: the given one, or one below the resonance."""
+    low, high = band
+    frequency = options.frequency
+    if frequency is None:
+        centre = math.sqrt(low * high) if resonance is None else _BELOW_RESONANCE * resonance
+        rounded = _rounded(centre, 2)  # few digits, so that the sea repeats soon
+        if rounded < low:
+            return math.ceil(1e3 * low) / 1e3
+        return min(rounded, math.floor(1e3 * high) / 1e3)
+    if not low <= frequency <= high:
+        raise ValueError(
+            f"--frequency {frequency:g} Hz is outside the BEM file and the band of the seas; "
+            f"allowed {low:.4g} .. {high:.4g} Hz"
+        )
+    return frequency
+
+
+def _wave_number(omega: float, gravity: float, depth: float) -> float:
+    """Return k of omega^2 = g k tanh(k d), 1/m, by Newton's method."""
+    k = omega * omega / gravity
+    if math.isinf(depth):
+        return k
+    k = max(k, omega / math.sqrt(gravity * depth))
+    for _ in range(50):
+        t = math.tanh(k * depth)
+        k -= (gravity * k * t - omega * omega) / (gravity * (t + k * depth * (1.0 - t * t)))
+    return k
+
+
+def first_grid(body: Body, amplitude: float | None) -> Grid:
+    """Return gains around the impedance match, and the largest motion and force of the rows.
+
+    ValueError if the best damping is beyond the law's range.
+    """
+    omega = 2.0 * math.pi * body.frequency
+    ki_match, passive = -omega * body.impedance.imag, abs(body.impedance)
+    kp = tuple(-_rounded(share * passive, 2) for share in _KP_SHARES)
+    ki = tuple(dict.fromkeys(math.copysign(_rounded(abs(share * ki_match), 2), ki_match) + 0.0
+                             for share in _KI_SHARES))  # fmt: skip
+    columns = {column.name: column for column in impedance.COLUMNS}
+    for name, values in (("kp", kp), ("ki", ki)):
+        low, high = columns[name].low, columns[name].high
+        if not (low <= min(values) and max(values) <= high):
+            worst = max(values, key=abs)
+            raise ValueError(
+                f"the impedance match needs {columns[name].label} = {format_number(worst)}; allowed"
+                f" {format_number(low)} .. {format_number(high)}. The body is larger than one of a "
+                "test rig: scale the BEM data to the size of the model"
+            )
+    velocity = force = 0.0
+    for p in kp:
+        for i in ki:
+            gain = complex(p, -i / omega)
+            speed = body.excitation / abs(body.impedance - gain)
+            velocity, force = max(velocity, speed), max(force, abs(gain) * speed)
+    if amplitude is None:
+        farthest = 0.95 * _MAX_STOP / (_MARGIN * velocity / omega)
+        amplitude = _rounded(min(_STEEPNESS / body.wave_number, farthest), 2)
+    motion = velocity / omega * amplitude
+    if _MARGIN * motion > _MAX_STOP:
+        raise ValueError(
+            f"--amplitude {amplitude:g} m moves the axis by {motion:.3g} (m or rad); allowed up to "
+            f"{_MAX_STOP / _MARGIN * amplitude / motion:.3g} m"
+        )
+    return Grid(kp, ki, amplitude, motion, velocity * amplitude, force * amplitude)
+
+
+def file_texts(name: str, folder: Path, options: Options, body: Body, grid: Grid) -> dict[str, str]:
+    """Return the text of each file in `TEXTS`."""
+    values = _values(name, folder, options, body, grid)
+    templates = Path(str(resources.files("rig"))) / "templates" / "rig"
+    texts = {}
+    for file in TEXTS:
+        text = (templates / f"{file}.yaml").read_text(encoding="utf-8")
+        if body.rotates:
+            for old, new in _ROTARY.items():
+                text = text.replace(old, new)
+        lines = Template(text).substitute(values).splitlines()
+        texts[file] = "\n".join(map(_aligned, lines)) + "\n"
+    return texts
+
+
+def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -> Mapping[str, str]:
+    """Return the texts of the templates' placeholders."""
+    omega, period = 2.0 * math.pi * body.frequency, 1.0 / body.frequency
+    stop, speed = _MARGIN * grid.position, _MARGIN * grid.velocity
+    peak_force = _MARGIN * grid.force
+    torque_constant = options.torque_constant or 1.0
+    gear = options.gear_ratio or _rounded(
+        min(max(peak_force / (torque_constant * _PEAK_CURRENT), 0.1), 1000.0)
+    )
+    per_ampere = torque_constant * gear  # N or N*m
+    peak = peak_force / per_ampere  # A
+    current = grid.force / per_ampere  # A
+    resistance = 0.1 * grid.velocity * grid.force / (current * current)  # a tenth goes into copper
+    jerk = omega * omega * grid.velocity
+    settle, measured = _rounded(8.0 * period), 10.0 * period
+    numbers = {
+        "torque_constant": torque_constant,
+        "gear_ratio": gear,
+        "jerk_density": min(max(0.05 * jerk * jerk, 1e-4), 1e6),
+        "stop_damping": abs(body.impedance),
+        "power_range": _MARGIN * peak_force * speed,
+        "position_warn": 0.8 * stop,
+        "position_stop": stop,
+        "velocity_stop": speed,
+        "current_peak": peak,
+        "current_rms": 0.75 * peak,
+        "force_slew": peak_force / 0.02,
+        "encoder_jump": min(max(0.05 * stop, 0.02 * speed), 1.0),
+        "current_difference": 0.2 * peak,
+        "tare_span": min(0.1 * stop, 0.5),
+        "current_limit": 1.25 * peak,
+        "resistance": resistance,
+        "resistance_z": body.impedance.real,
+        "reactance_z": abs(body.impedance.imag),
+        "kp_match": -body.impedance.real,
+        "ki_match": -omega * body.impedance.imag,
+        "kp_passive": -abs(body.impedance),
+        "lead_in": max(30.0, 12.0 * period),
+        "damping_percent": 100.0 * _DAMPING_RATIO,
+    }
+    exact = {
+        "margin": _MARGIN, "mass": body.mass, "stiffness": body.stiffness, "damping": body.damping,
+        "amplitude": grid.amplitude, "frequency": body.frequency, "settle": settle,
+        "interval": math.ceil(10.0 * (settle + measured)) / 10.0,
+    }  # fmt: skip
+    axis = options.axis or _axis_name(body.dof)
+    return {
+        **{key: format_number(_rounded(value)) for key, value in numbers.items()},
+        **{key: format_number(value) for key, value in exact.items()},
+        "sign_z": "-" if body.impedance.imag < 0.0 else "+",
+        "title": f"{name}, {axis}",
+        "name": name,
+        "campaign": f"{name}-first",
+        "axis": axis,
+        "dof": body.dof,
+        "counts": "20000",
+        "periods": "10",
+        "bem": os.path.relpath(options.bem.resolve(), folder.resolve()),
+        "bem_range": f"{body.band[0]:.3g} .. {body.band[1]:.3g} Hz",
+        "water": _water_text(options),
+        "mass_source": body.mass_source,
+        "stiffness_source": body.stiffness_source,
+        "kp": ", ".join(map(format_number, grid.kp)),
+        "ki": ", ".join(map(format_number, grid.ki)),
+    }
+
+
+def _water_text(options: Options) -> str:
+    """Return the lines of the plant file for what the BEM file does not state."""
+    keys = {
+        "density": "density_kg_per_m3", "gravity": "gravity_m_per_s2", "depth": "depth_m",
+        "length_scale": "length_scale_m",
+    }  # fmt: skip
+    given = {key: getattr(options.water, field) for field, key in keys.items()}
+    given["wave_direction_deg"] = options.direction
+    return "".join(f"\n{key}: {v:g}" for key, v in given.items() if v is not None)
+
+
+def _aligned(line: str) -> str:
+    """Return a line with its comment in the column of the others."""
+    content, mark, comment = line.partition(" # ")
+    return f"{content.rstrip():<{_COMMENT_COLUMN}}{mark}{comment}" if mark and content else line
+
+
+def _axis_name(dof: str) -> str:
+    """Return the name of a log field for a mode: `Heave` and `float__Heave` give `heave`."""
+    name = re.sub(r"[^a-z0-9]+", "_", dof.rpartition("__")[2].lower()).strip("_")
+    return name if name[:1].isalpha() else f"axis_{name}"
+
+
+def _rounded(value: float, digits: int = 3) -> float:
+    """Return a value with some significant digits."""
+    return float(f"{value:.{digits}g}")

@@ -1,0 +1,169 @@
+"""The WaveBot's part of campaigns: spring, stator moves, stable Ki, hoist, surge, drive."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from rig.campaign.files import AnyCampaign
+from rig.campaign.kind import CampaignKind, Wait, points_of_matrix
+from rig.campaign.plan import AnyPlan, order_rows
+from rig.config.law_settings import DEFAULT_LAW, find_law, inherit_law
+from rig.config.limits_file import complete_limits
+from rig.config.problems import Problem
+from rig.config.yaml_source import SourceMap
+from rig.kinds.wavebot.campaign.set_points import (
+    RowSetting,
+    column_defaults,
+    drive_setting_problems,
+    setpoint_table,
+)
+from rig.kinds.wavebot.campaign.stability import (
+    max_stable_ki,
+    set_point_stability_problems,
+    stability_problems,
+)
+from rig.kinds.wavebot.campaign.stator import hoist_points, spring_map_problems, stator_positions
+from rig.kinds.wavebot.campaign.validity import validity_warnings
+from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
+from rig.kinds.wavebot.config.columns import COLUMNS
+from rig.kinds.wavebot.config.limits_file import LATER_LIMITS, LimitsFile
+from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.laws import Law
+from rig.planning.input_files import ConfigSource
+from rig.planning.point import MAX_ROWS, Point
+from rig.planning.windows import RowWindows, calibration_window, row_windows
+from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE
+
+
+def _find_laws(campaign: ConfigSource, rig: ConfigSource | None) -> dict[str, Law]:
+    if rig is not None:
+        inherit_law(campaign.mapping, campaign.locate, rig.mapping, rig.locate)
+    return {"heave": find_law(campaign.mapping, campaign.locate, COLUMNS)}
+
+
+def _points(file: CampaignFile, rig: RigFile | None, locate: SourceMap) -> tuple[Point, ...] | None:
+    """Return the points of the matrix, or the stations of a hoist; None for too many."""
+    if file.hoist is None:
+        return points_of_matrix(file, rig, locate)
+    return None if rig is None else hoist_points(file.hoist, rig.spring, locate, file.heave_law)
+
+
+def _point_problems(
+    file: CampaignFile | None, rig: RigFile, points: tuple[Point, ...], locate: SourceMap
+) -> Iterator[Problem]:
+    outside_map = spring_map_problems(points, rig.spring)
+    yield from outside_map
+    if file is None or file.zc_law is not None:  # the stability is known from Ki only
+        yield from stability_problems(points, rig.stability)
+    yield from drive_setting_problems(file, points, rig, locate)
+    if file and points and not outside_map and file.repeat * len(points) <= MAX_ROWS:
+        first = points[order_rows(file, stator_positions(rig, points))[0].point]
+        yield from set_point_stability_problems(file, first, rig.stability, locate)
+
+
+def _windows(file: CampaignFile) -> RowWindows:
+    if file.device == "absent":
+        return calibration_window(file.sea, file.timing)
+    return row_windows(file.sea, file.timing, file.reference, file.hoist)
+
+
+def _lead_in(file: CampaignFile, first: RowSetting) -> list[tuple[float, RowSetting]]:
+    """Return the set point of the file, else the first row's with Ki 0, and then the first row's.
+
+    A law other than the impedance law has the first row's set point from the start.
+    """
+    start, configured = file.start, file.start.set_point
+    set_point = first
+    if file.zc_law is not None and configured is None:
+        set_point = first._replace(ki=0.0)
+    elif file.zc_law is not None and configured is not None:
+        set_point = first._replace(kp=configured.kp_n_s_per_m, ki=configured.ki_n_per_m)
+    return [(start.set_point_s, set_point), (start.lead_in_s - start.set_point_s, first)]
+
+
+def _prepare(file: CampaignFile, rig: RigFile, setting: RowSetting) -> Wait:
+    # The stator's position before its first move is unknown: Ki must be stable at all positions.
+    return Wait(
+        _with_stable_ki(file, rig, setting, rig.spring.by_rate()[0]),
+        max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
+        WAIT_ARRIVAL | WAIT_DRIVE,
+        max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
+    )
+
+
+def _move(
+    file: CampaignFile, rig: RigFile, before: RowSetting, after: RowSetting, least: float
+) -> Wait | None:
+    if before.spring_rate == after.spring_rate:
+        return None
+    # The gains change at once, but the stator moves for seconds: until then, Ki must be stable
+    # with the old spring rate, too.
+    moving = _with_stable_ki(file, rig, after, (before.spring_rate, after.spring_rate))
+    return Wait(moving, least, WAIT_ARRIVAL, rig.spring.move_timeout_s)
+
+
+def _with_stable_ki(
+    file: CampaignFile, rig: RigFile, setting: RowSetting, spring_rates: Iterable[float]
+) -> RowSetting:
+    """Return a set point whose Ki is stable at all given spring rates (N/m).
+
+    Only the impedance law has a Ki of which this is known.
+    """
+    if file.zc_law is None:
+        return setting
+    return setting._replace(ki=max_stable_ki(rig.stability, spring_rates, setting.ki))
+
+
+def _last(file: CampaignFile, setting: RowSetting) -> RowSetting:
+    return setting if file.zc_law is None else setting._replace(ki=0.0)
+
+
+def _report_lines(campaign: AnyCampaign, plan: AnyPlan) -> list[tuple[str, str]]:
+    hoist = campaign.file.hoist
+    return [
+        *([] if hoist is None else [("hoist", hoist.description())]),
+        *([("power sign", _power_sign_text(campaign))] if plan.rows else []),
+    ]
+
+
+def _power_sign_text(campaign: AnyCampaign) -> str:
+    """Return in how many points energy fed into the body stops the rig (`POWER_SIGN`)."""
+    if campaign.file.zc_law is None:
+        return f"not monitored: the sign of the power is known of the law {DEFAULT_LAW} only"
+    if not campaign.file.uses_gains_only:
+        return "not monitored: Z_c or the reference may feed energy into the body"
+    points = campaign.points
+    absorbing = sum(
+        point.values.get("kp", 0.0) < 0.0 and point.values.get("km", 0.0) == 0.0 for point in points
+    )
+    count = f"{len(points)} point{'s' if len(points) != 1 else ''}"
+    return f"monitored in {absorbing} of {count}: those with Kp < 0 and Km = 0"
+
+
+def _earlier_limits(recorded: dict[str, Any]) -> dict[str, Any]:
+    return complete_limits(recorded, LATER_LIMITS)
+
+
+CAMPAIGNS = CampaignKind(
+    rig_file=RigFile,
+    limits_file=LimitsFile,
+    campaign_file=CampaignFile,
+    axes=lambda rig: ("heave",),
+    find_laws=_find_laws,
+    model=lambda laws, rig: campaign_model(laws["heave"]),
+    gain_ramp=lambda rig, axis: rig.heave.gain_ramp_s,
+    set_points=setpoint_table,
+    defaults=column_defaults,
+    points=_points,
+    point_problems=_point_problems,
+    windows=_windows,
+    places=stator_positions,
+    lead_in=_lead_in,
+    prepare=_prepare,
+    move=_move,
+    last=_last,
+    validity_warnings=validity_warnings,
+    report_lines=_report_lines,
+    earlier_limits=_earlier_limits,
+    rig_parts="spring map",
+    swept_keys=("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare"),
+)

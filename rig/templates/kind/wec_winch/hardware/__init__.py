@@ -1,0 +1,1 @@
+"""The drive of the rig on its CAN bus."""

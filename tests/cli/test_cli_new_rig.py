@@ -1,0 +1,275 @@
+"""`rig new rig`: files derived from a BEM file, against linear theory; and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+from command_here import CompletedCommand, rig
+from ruamel.yaml import YAML
+
+from rig import kinds
+from rig.kinds.modular.config import LimitsFile, RigFile
+from rig.kinds.modular.displacement import stated_mass
+from rig.kinds.modular.new_rig import Options, first_grid, read_body
+from sim_plant.modes.bem import read_modes
+from sim_plant.modes.building import build
+from sim_plant.modes.parameters import Plant
+from sim_plant.modes.world import Actuation, World
+from sim_plant.waves import regular
+
+WAVEBOT = Path(__file__).resolve().parents[2] / "configs" / "plants" / "wavebot_bem.nc"
+STIFFNESS = 24_337.0  # N/m
+MODES = ["Surge", "Heave", "Pitch"]
+OMEGA = np.linspace(0.5, 12.0, 40)  # rad/s
+
+
+def write_bem(folder: Path, scale: float = 1.0, **changed: Any) -> Path:
+    """Write a file as capytaine's, of three uncoupled modes; `scale` enlarges all forces."""
+    bell = np.exp(-(((OMEGA - 4.0) / 2.0) ** 2))[:, None, None]
+    diagonal, matrix = np.eye(3) * scale, ("omega", "influenced_dof", "radiating_dof")
+    force = np.sqrt(np.exp(-OMEGA)[:, None, None]) * np.ones((1, 1, 3)) * 5000.0 * scale
+    fields = {
+        "added_mass": (matrix, (300.0 + 100.0 * bell) * diagonal),
+        "radiation_damping": (matrix, 200.0 * bell * diagonal),
+        "excitation_force": (
+            ("complex", "omega", "wave_direction", "influenced_dof"),
+            np.stack([force, 0.0 * force]),
+        ),
+        "hydrostatic_stiffness": (matrix[1:], np.diag([0.0, 9000.0, 4000.0]) * scale),
+        "inertia_matrix": (matrix[1:], np.diag([500.0, 500.0, 120.0]) * scale),
+    }
+    coordinates = {
+        "omega": OMEGA, "influenced_dof": MODES, "radiating_dof": MODES, "complex": ["re", "im"],
+        "wave_direction": [0.0], "rho": 1000.0, "g": 9.81, "water_depth": np.inf,
+    }  # fmt: skip
+    fields = {name: value for name, value in (fields | changed).items() if value is not None}
+    path = folder / "body.nc"
+    xarray.Dataset(fields, coordinates).to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+def new(folder: Path, *arguments: object) -> CompletedCommand:
+    return rig("new", "rig", "buoy", "--folder", folder, *arguments)
+
+
+def load(path: Path) -> Any:
+    return YAML(typ="safe", pure=True).load(path)
+
+
+def wavebot(folder: Path) -> dict[str, Any]:
+    """Return the files of a rig in heave with the WaveBot's hull."""
+    done = new(folder, "--bem", WAVEBOT, "--stiffness", STIFFNESS, "--json")
+    assert done.returncode == 0, done.stdout
+    written = [Path(name) for name in json.loads(done.stdout)["written"]]
+    assert {path.parent for path in written} == {folder / "buoy"}
+    return {path.stem: load(path) for path in written}
+
+
+def test_body_is_that_of_the_file() -> None:
+    body = read_body(Options(WAVEBOT, stiffness=STIFFNESS))
+    with xarray.open_dataset(WAVEBOT, engine="h5netcdf") as data:
+        mass = 1000.0 * float(data["displaced_volume"])
+    assert body.mass == pytest.approx(mass, rel=1e-4)  # five digits
+    modes = read_modes(WAVEBOT)
+    omega = 2.0 * np.pi * body.frequency
+    added = np.interp(body.frequency, modes.frequency, modes.added_mass[:, 0, 0])
+    damping = np.interp(body.frequency, modes.frequency, modes.damping[:, 0, 0]) + body.damping
+    expected = damping + 1j * (omega * (mass + added) - STIFFNESS / omega)
+    assert body.impedance == pytest.approx(expected, rel=1e-4)
+    assert body.wave_number == pytest.approx(omega**2 / 9.81, rel=1e-3)
+    assert 0.7 < omega / np.sqrt(STIFFNESS / (mass + added)) < 0.8  # below its resonance
+
+
+def test_gains_are_around_the_greatest_power_of_linear_theory() -> None:
+    """P = |Fe|^2 / 8 R at the match, which a brute-force search finds, too."""
+    body = read_body(Options(WAVEBOT, stiffness=STIFFNESS))
+    omega = 2.0 * np.pi * body.frequency
+    kp, ki = np.meshgrid(np.linspace(-9000, -200, 441), np.linspace(-20_000, 20_000, 401))
+    speed = body.excitation / np.abs(body.impedance - (kp - 1j * ki / omega))
+    power = -0.5 * kp * speed**2
+    best = np.unravel_index(power.argmax(), power.shape)
+    assert power.max() == pytest.approx(body.excitation**2 / (8.0 * body.impedance.real), rel=1e-3)
+    grid = first_grid(body, 0.1)
+    assert 2.0 * grid.ki[-1] == pytest.approx(ki[best], abs=200.0)  # the last goes half-way
+    passive = power[200]  # Ki = 0
+    assert ki[200, 0] == 0.0
+    assert grid.kp[1] == pytest.approx(kp[200, passive.argmax()], rel=0.03)  # two digits
+    assert min(grid.kp) < kp[200, passive.argmax()] < max(grid.kp)
+    motions = [
+        0.1 * body.excitation / abs(body.impedance - complex(p, -i / omega)) / omega
+        for p in grid.kp
+        for i in grid.ki
+    ]
+    assert grid.position == pytest.approx(max(motions), rel=1e-9)
+
+
+def test_files_fit_each_other(tmp_path: Path) -> None:
+    files = wavebot(tmp_path)
+    plant = Plant.model_validate(files["plant"])
+    rig_file, limits = files["rig"], files["limits"]["axes"]["heave"]
+    assert (tmp_path / "buoy" / plant.bem).resolve() == WAVEBOT
+    axis = rig_file["axes"]["heave"]
+    RigFile.model_validate(rig_file)
+    LimitsFile.model_validate(files["limits"])
+    pto = plant.axes["heave"]
+    assert axis["torque_constant_n_m_per_a"] == pto.torque_constant_n_m_per_a
+    assert axis["gear_ratio_rad_per_m"] == pto.gear_ratio
+    assert axis["counts_per_revolution"] == pto.counts_per_revolution
+    assert set(rig_file["sensors"]) == set(plant.sensors)
+    assert pto.drive.current_limit_a > limits["current_peak_a"] > limits["current_rms_a"]
+    (grid,) = files["campaign"]["matrix"]["grid"]
+    body = read_body(Options(WAVEBOT, stiffness=STIFFNESS))
+    expected = first_grid(body, files["campaign"]["sea"]["amplitude_m"])
+    assert tuple(grid["kp_n_s_per_m"]) == expected.kp
+    assert tuple(grid["ki_n_per_m"]) == expected.ki
+    assert limits["position_stop_m"] == pytest.approx(2.0 * expected.position, rel=5e-3)
+    peak = pto.torque_constant_n_m_per_a * pto.gear_ratio * limits["current_peak_a"]
+    assert peak == pytest.approx(2.0 * expected.force, rel=1e-2)
+    timing = files["campaign"]["timing"]
+    periods = (timing["interval_s"] - timing["settle_s"]) * body.frequency
+    assert 10.0 <= periods < 10.5
+
+
+@pytest.mark.slow
+def test_simulated_plant_moves_as_the_limits_expect(tmp_path: Path) -> None:
+    """The law's force by itself, on the plant file, in the row that moves most."""
+    files = wavebot(tmp_path)
+    plant = Plant.model_validate(files["plant"])
+    sea = files["campaign"]["sea"]
+    grid = first_grid(read_body(Options(WAVEBOT, stiffness=STIFFNESS)), sea["amplitude_m"])
+    dt = 1e-3
+    model = build(plant, WAVEBOT)
+    world = World(model, regular(sea["amplitude_m"], sea["frequency_hz"]), dt=dt, seed=1)
+    per_ampere = plant.axes["heave"].torque_constant_n_m_per_a * plant.axes["heave"].gear_ratio
+    current, positions, currents = 0.0, [], []
+    for _ in range(round(40.0 / dt)):
+        world.actuate(Actuation((current, 1), 1))
+        world.advance(dt)
+        truth = world.truth()
+        (x,), (v,) = truth.position, truth.velocity
+        current = (max(grid.kp) * v + max(grid.ki) * x) / per_ampere
+        positions.append(x)
+        currents.append(current)
+    last = slice(-round(10.0 / dt), None)
+    assert max(positions[last]) == pytest.approx(grid.position, rel=0.03)  # fit, delay, drive
+    limits = files["limits"]["axes"]["heave"]
+    assert max(map(abs, positions)) < 0.75 * limits["position_stop_m"]
+    assert max(map(abs, currents)) < 0.75 * limits["current_peak_a"]
+
+
+def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
+    bem = write_bem(tmp_path)
+    assert new(tmp_path, "--bem", bem, "--dof", "Pitch", "--axis", "arm").returncode == 0
+    texts = {path.stem: path.read_text() for path in (tmp_path / "buoy").glob("*.yaml")}
+    rig_file, limits = (load(tmp_path / "buoy" / f"{name}.yaml") for name in ("rig", "limits"))
+    arm = rig_file["axes"]["arm"]
+    assert arm["motion"] == "rotation"
+    assert {"gear_ratio", "jerk_density_rad2_per_s5", "stop_damping_n_m_s_per_rad"} <= set(arm)
+    keys = {"position_stop_rad", "velocity_stop_rad_per_s", "torque_slew_n_m_per_s"}
+    assert keys <= set(limits["axes"]["arm"])
+    (grid,) = load(tmp_path / "buoy" / "campaign.yaml")["matrix"]["grid"]
+    assert set(grid) == {"kp_n_m_s_per_rad", "ki_n_m_per_rad"}
+    assert "formula: arm_force * arm_velocity" in texts["rig"]
+    assert "# kg*m2; inertia_matrix of the BEM file" in texts["plant"]
+    all_texts = "".join(texts.values()).replace("amplitude_m: ", "")
+    assert [each for each in ("_per_m:", "N/m", "N*s/m", "_m: ") if each in all_texts] == []
+    assert RigFile.model_validate(rig_file).axes["arm"].motion == "rotation"
+    LimitsFile.model_validate(limits)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reasons"),
+    [
+        ((), ["has several modes: Surge, Heave, Pitch; choose one with --dof"]),
+        (("--dof", "heave"), ["has no mode 'heave'; --dof allows Surge, Heave, Pitch"]),
+        (("--dof", "Surge"), ["does not state the stiffness of Surge: give --stiffness"]),
+        (
+            ("--dof", "Heave", "--frequency", "2.5"),
+            ["--frequency 2.5 Hz is outside", "allowed 0.07958 .. 1.91 Hz"],
+        ),
+        (("--dof", "Heave", "--amplitude", "50"), ["--amplitude 50 m moves", "allowed up to"]),
+        (
+            ("--dof", "Heave", "--mass", "-3", "--axis", "My Axis", "--gear-ratio", "0"),
+            ["--mass -3: allowed above 0", "--axis 'My Axis' is no name", "--gear-ratio 0"],
+        ),
+    ],
+)
+def test_what_cannot_be_derived_is_refused(
+    arguments: tuple[str, ...], reasons: list[str], tmp_path: Path
+) -> None:
+    done = new(tmp_path, "--bem", write_bem(tmp_path), *arguments)
+    assert done.returncode == 2
+    assert [reason for reason in reasons if reason not in done.stderr] == []
+    assert not (tmp_path / "buoy").exists()
+
+
+def test_file_without_mass_needs_one(tmp_path: Path) -> None:
+    bem = write_bem(tmp_path, inertia_matrix=None, hydrostatic_stiffness=None)
+    done = new(tmp_path, "--bem", bem, "--dof", "Heave")
+    assert done.returncode == 2
+    mass, stiffness = done.stderr.splitlines()
+    assert "does not state the mass or moment of inertia of Heave: give --mass" in mass
+    assert "does not state the stiffness of Heave: give --stiffness" in stiffness
+    given = ("--mass", "500", "--stiffness", "9000")
+    assert new(tmp_path, "--bem", bem, "--dof", "Heave", *given).returncode == 0
+
+
+def test_body_of_full_scale_is_refused(tmp_path: Path) -> None:
+    done = new(tmp_path, "--bem", write_bem(tmp_path, scale=1000.0), "--dof", "Heave")
+    assert done.returncode == 2
+    assert "the impedance match needs Kp = " in done.stderr
+    assert "scale the BEM data to the size of the model" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["none.nc", "other.npz"])
+def test_wrong_file_is_refused_by_name(name: str, tmp_path: Path) -> None:
+    (tmp_path / "other.npz").write_bytes(b"x")
+    done = new(tmp_path, "--bem", tmp_path / name, "--json")
+    assert done.returncode == 2
+    assert name in json.loads(done.stdout)["message"]
+
+
+def test_no_file_is_overwritten(tmp_path: Path) -> None:
+    wavebot(tmp_path)
+    before = {path: path.read_bytes() for path in (tmp_path / "buoy").iterdir()}
+    done = new(tmp_path, "--bem", WAVEBOT, "--stiffness", STIFFNESS)
+    assert done.returncode == 2
+    assert done.stderr.count("exists; nothing is overwritten") == 4
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_volume_of_a_wamit_file_gives_the_mass(tmp_path: Path) -> None:
+    path = tmp_path / "float.out"
+    line = " Volumes (VOLX,VOLY,VOLZ):      0.851200  0.851000  0.850900\n"
+    path.write_text(line)
+    mass, source = stated_mass(path, "Heave", 1025.0)
+    assert mass == pytest.approx(1025.0 * 0.851)
+    assert source == "displaced: 1025 kg/m3 * 0.851 m3"
+    assert stated_mass(path, "Pitch", 1025.0) == (None, "")
+    path.write_text(line + line)  # two bodies
+    assert stated_mass(path, "Heave", 1025.0) == (None, "")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("modular" not in kinds.known(), reason="this version has no kind `modular`")
+@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
+def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path) -> None:
+    assert new(tmp_path, "--bem", write_bem(tmp_path), "--dof", dof).returncode == 0
+    campaign = tmp_path / "buoy" / "campaign.yaml"
+    checked = rig("check", campaign)
+    assert checked.returncode == 0, checked.stdout
+    assert "warning" not in checked.stdout
+    ran = rig("run", campaign, "--runs", tmp_path / "runs", "--json")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    report = json.loads(ran.stdout)
+    assert report["status"] == "complete"
+    replayed = rig("replay", report["folder"], "--json")
+    assert json.loads(replayed.stdout)["same"] is True
+    swept = rig("sweep", campaign, "--sweeps", tmp_path / "sweeps", "--json")
+    assert swept.returncode == 0, swept.stdout + swept.stderr
+    assert json.loads(swept.stdout)["rows"] == {"complete": 12}

@@ -1,1 +1,0 @@
-"""A winch has no wired devices."""

@@ -68,7 +68,7 @@ def excitation_at(bem: Bem, frequency: Floats) -> Complexes:
     return coefficient
 
 
-def _open_regular_file(path: Path) -> BinaryIO:
+def open_regular_file(path: Path) -> BinaryIO:
     """Open a regular file. Raises OSError for a FIFO or device, whose reading could block."""
     fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     if not stat.S_ISREG(os.fstat(fd).st_mode):
@@ -78,7 +78,7 @@ def _open_regular_file(path: Path) -> BinaryIO:
 
 
 def _read_npz(path: Path) -> Bem:
-    with _open_regular_file(path) as stream, np.load(stream) as file:
+    with open_regular_file(path) as stream, np.load(stream) as file:
         return Bem(
             np.asarray(file["f_hz"], dtype=np.float64),
             np.asarray(file["A"], dtype=np.float64),
@@ -93,7 +93,7 @@ def _read_npz(path: Path) -> Bem:
 def _read_netcdf(path: Path) -> Bem:
     import h5netcdf  # noqa: PLC0415  (importing HDF5 takes half a second; .npz files do not need it)
 
-    with _open_regular_file(path) as stream, h5netcdf.File(stream, "r") as file:
+    with open_regular_file(path) as stream, h5netcdf.File(stream, "r") as file:
         fields: Any = file.variables
         parts = np.asarray(fields["excitation_force"], dtype=np.float64)[:, :, 0, 0]
         return Bem(

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_plant.bem import Bem, _open_regular_file
+from sim_plant.bem import Bem, open_regular_file
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -74,7 +74,7 @@ def read_modes(
     direction: float | None = None,
     water: Water | None = None,
 ) -> BemModes:
-    """Return the coefficients of some modes (all without `modes`), in the order requested for.
+    """Return the coefficients of some modes (all without `modes`), in the order requested.
 
     `direction` (degrees) chooses one of several wave directions. `water` completes what the file
     does not state. Raises ValueError that names file, field, value and the allowed ones, OSError
@@ -117,7 +117,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     """Open an HDF5 file for reading; ValueError if it is another format."""
     import h5py  # noqa: PLC0415  (importing HDF5 takes half a second; text formats do not need it)
 
-    with _open_regular_file(path) as stream:
+    with open_regular_file(path) as stream:
         try:
             file = h5py.File(stream, "r")
         except OSError as error:

@@ -49,7 +49,11 @@ def read_bem(plant: Plant, path: Path) -> BemModes:
 
 def build(plant: Plant, path: Path) -> PlantModel:
     """Return the model of a plant whose BEM file is at a path; raises as `read_bem`."""
-    found = read_bem(plant, path)
+    return assemble(plant, read_bem(plant, path))
+
+
+def assemble(plant: Plant, found: BemModes) -> PlantModel:
+    """Return the model of a plant with the coefficients of its modes, in the plant's order."""
     memory = radiation.fit(found)
     return PlantModel(plant, found, memory, _params(plant, found, memory))
 

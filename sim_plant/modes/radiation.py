@@ -190,12 +190,15 @@ def _fit_block(omega: Floats, target: Complexes, tolerance: float) -> tuple[Bloc
     for order in range(2, MAX_ORDER + 1):
         poles = _place_poles(omega, target[:, upper[0], upper[1]], order, weight)
         block = _residues(omega, target, poles, weight)
+        if block is None:
+            continue
         error = float(np.abs(_evaluate(block, omega[band]) - target[band]).max())
         if best is None or error < best[1]:
             best = block, error
         if error <= tolerance:
             break
-    assert best is not None
+    if best is None:
+        raise ValueError("no passive fit of the radiation; check the damping in the BEM file")
     return best
 
 
@@ -268,8 +271,8 @@ def _zeros(poles: Sequence[complex], coefficients: Floats, largest: float) -> li
     return sorted(kept, key=lambda p: (p.imag, p.real))
 
 
-def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats) -> Block:
-    """Return the passive least-squares residues for given poles, with K(0) = 0."""
+def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats) -> Block | None:
+    """Return the passive least-squares residues for poles, with K(0) = 0; None if none exist."""
     modes = target.shape[1]
     upper = np.transpose(np.triu_indices(modes))
     basis = _basis(1j * omega, poles)
@@ -291,7 +294,7 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
     weights = np.array([1.0 if i == j else 2.0 for i, j in upper])
     width = order - 1
     solution, cuts, limits = best, [], []
-    for _ in range(CUTS):
+    for attempt in range(CUTS):
         values = np.einsum("gk,uk->gu", real_parts, solution.reshape(len(upper), width))
         matrices = np.zeros((grid.size, modes, modes))
         matrices[:, upper[:, 0], upper[:, 1]] = values
@@ -306,7 +309,7 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
             cuts.append(np.concatenate([
                 weights[u] * v[i] * v[j] * real_parts[g] for u, (i, j) in enumerate(upper)
             ]))  # fmt: skip
-            limits.append(MARGIN * scale)
+            limits.append(MARGIN * scale * 1.2**attempt)
         # An off-diagonal curve counts twice in the norm of the matrix.
         stretch = np.repeat(np.sqrt(weights), width)
         solution = (
@@ -314,6 +317,8 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
             + _least_distance(np.array(cuts) / stretch, np.array(limits) - np.array(cuts) @ best)
             / stretch
         )
+    else:
+        return None
     coefficients = solution.reshape(len(upper), width) @ np.linalg.inv(r).T @ free.T
     residues = np.zeros((order, modes, modes))
     residues[:, upper[:, 0], upper[:, 1]] = coefficients.T
@@ -362,7 +367,7 @@ def _least_distance(matrix: Floats, bound: Floats) -> Floats:
     multipliers, _ = nnls(system, right, maxiter=50 * system.shape[1])
     residual = system @ multipliers - right
     if abs(residual[-1]) < 1.0e-14:
-        return np.zeros(matrix.shape[1])  # no solution; the caller measures the passivity
+        return np.zeros(matrix.shape[1])  # no solution; the caller finds the violation again
     shortest: Floats = -residual[:-1] / residual[-1]
     return shortest
 

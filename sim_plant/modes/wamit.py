@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant.bem import _open_regular_file
+from sim_plant.bem import open_regular_file
 from sim_plant.modes.bem import RIGID_MODES, BemContent, Complexes, Floats, Water, stated
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
@@ -67,7 +67,7 @@ def read_numeric(path: Path, water: Water) -> BemContent:
 
 def read_out(path: Path, water: Water) -> BemContent:
     """Return the content of the formatted output file of one run."""
-    with _open_regular_file(path) as stream:
+    with open_regular_file(path) as stream:
         lines = stream.read().decode("latin-1").splitlines()
     found = Entries({}, {}, {}, {})
     gravity = length = depth = None
@@ -77,7 +77,7 @@ def read_out(path: Path, water: Water) -> BemContent:
         place = f"{path}:{number}"
         numbers = [float(n.replace("D", "E").replace("d", "e")) for n in _tokens(line)]
         if line.strip().startswith("Gravity:"):
-            gravity, length = numbers
+            gravity, length = (*numbers, None, None)[:2]
         elif line.strip().startswith("Water depth:"):
             depth = numbers[0] if numbers else math.inf
         elif line.strip().startswith("C(") and ":" in line:
@@ -100,8 +100,8 @@ def read_out(path: Path, water: Water) -> BemContent:
             section = "haskind" if "HASKIND" in line else "force"
         elif "Wave Heading" in line:
             heading = numbers[-1]
-        elif "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line or "****" in line:
-            section = ""
+        elif "****" in line or re.search("[A-Z]{4}", line):
+            section = ""  # another table
         elif section == "radiation" and len(numbers) in (3, 4) and _starts_with_number(line):
             key = (omega, _index(place, numbers[0]), _index(place, numbers[1]))
             _store(place, found.added_mass, key, numbers[2])
@@ -130,7 +130,7 @@ def _starts_with_number(line: str) -> bool:
 def _rows(path: Path, lengths: tuple[int, ...]) -> list[tuple[str, list[float]]]:
     """Return the rows of numbers of a file, each with its place; a first line of text is left."""
     rows = []
-    with _open_regular_file(path) as stream:
+    with open_regular_file(path) as stream:
         text = stream.read().decode("latin-1")
     for number, line in enumerate(text.splitlines(), 1):
         parts = line.replace("D", "E").split()

@@ -1,0 +1,109 @@
+"""Plant files of coupled modes: units, allowed values, names of modes, axes and signals."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import mode_plants
+import pytest
+from mode_plants import AXIS, CYLINDER, HEAVE, PITCH, SURGE, mapping
+from pydantic import ValidationError
+
+from sim_plant import waves
+from sim_plant.modes import building
+from sim_plant.modes.parameters import Plant
+from sim_plant.modes.world import World
+
+
+def test_a_number_may_have_unit_and_source() -> None:
+    mass = {"value": 3136.0, "unit": "kg", "source": "weighed"}
+    plant = Plant.model_validate(mapping({"heave": {**HEAVE, "mass": mass}}))
+    assert plant.modes["heave"].mass == 3136.0
+
+
+def change(path: str, value: Any) -> dict[str, Any]:
+    given: Any = deepcopy(
+        mapping({"heave": HEAVE, "pitch": PITCH}, sensors={"force": {"signal": "heave.force"}})
+    )
+    inner = given
+    *keys, last = path.split("/")
+    for key in keys:
+        inner = inner[key]
+    inner[last] = value
+    return given  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("modes/heave/mass", -1.0, "greater than 0"),
+        ("modes/heave/mass", {"value": 3.0, "unit": "t"}, "unit 't' is not allowed; allowed: kg"),
+        ("modes/heave/mass", {"amount": 3.0}, "neither a number nor a mapping of value"),
+        ("modes/heave/mass", "heavy", "valid number"),
+        ("modes/heave/colour", "red", "Extra inputs"),
+        ("modes/heave/dof", "Pitch", "modes.pitch.dof: 'Pitch' is already that of heave"),
+        ("modes/heave/end_stop", {"position": 0.0, "stiffness": 1e5}, "greater than 0"),
+        ("axes/heave/moves_with", {"sway": 1.0}, "'sway' is no mode; allowed: heave, pitch"),
+        ("axes/heave/moves_with", {"heave": 0.0}, "all factors are 0"),
+        ("axes/heave/moves_with", {}, "at least 1 item"),
+        ("axes/heave/drive", {"current_limit_a": 3.0}, "Field required"),
+        ("axes/heave/gear_ratio", 0.0, "greater than 0"),
+        ("axes/heave/drive/regeneration_efficiency", 1.5, "less than or equal to 1"),
+        ("sensors/force/signal", "heave.power", "is no signal; allowed: heave.position"),
+        ("sensors/force/noise", -1.0, "greater than or equal to 0"),
+        ("delay_s", -0.1, "greater than or equal to 0"),
+        ("modes", {}, "at least 1 item"),
+    ],
+)  # fmt: skip
+def test_an_invalid_file_is_refused(path: str, value: Any, message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        Plant.model_validate(change(path, value))
+
+
+def test_signals_of_modes_axes_and_waves() -> None:
+    plant = Plant.model_validate(
+        mapping({"float": HEAVE, "spar": PITCH}, {"pto": {"moves_with": {"float": 1, "spar": -1}}})
+    )
+    assert set(plant.signals()) == {
+        "float.position", "float.velocity", "spar.position", "spar.velocity", "wave.elevation",
+        "pto.position", "pto.velocity", "pto.force", "pto.motor_force", "pto.current",
+        "pto.mechanical_power", "pto.electric_power",
+    }  # fmt: skip
+
+
+def test_a_missing_stiffness_is_asked_for_by_name() -> None:
+    plant = Plant.model_validate(mapping({"heave": HEAVE}))
+    path = mode_plants.WAVEBOT
+    with pytest.raises(ValueError, match=r"no hydrostatic stiffness; set modes.heave.stiffness"):
+        building.build(plant, path)
+
+
+def test_the_stated_stiffness_replaces_that_of_the_file() -> None:
+    model = mode_plants.model(mapping({"surge": SURGE, "heave": HEAVE}))
+    stiffness = building.stiffness_matrix(model.plant, model.bem)
+    assert stiffness[0, 0] == 9000.0
+    assert model.bem.stiffness is not None
+    assert stiffness[1, 1] == model.bem.stiffness[1, 1]
+
+
+def test_a_plant_too_fast_for_the_tick_is_refused() -> None:
+    stop = {"position": 0.5, "stiffness": 1e10}
+    model = mode_plants.model(mapping({"heave": {**HEAVE, "end_stop": stop}}))
+    with pytest.raises(ValueError, match=r"fastest motion of the plant, \d+ rad/s, needs a tick"):
+        World(model, waves.calm(), dt=0.001, seed=1)
+
+
+def test_the_delay_is_a_whole_number_of_ticks() -> None:
+    model = mode_plants.model(mapping({"heave": HEAVE}, delay_s=0.0015))
+    with pytest.raises(ValueError, match=r"delay_s is 0.0015 s, no whole number of ticks"):
+        World(model, waves.calm(), dt=0.001, seed=1)
+
+
+def test_factors_couple_inertia() -> None:
+    axis = {**AXIS, "moves_with": {"surge": 1.0, "pitch": 0.5}, "inertia": 40.0}
+    plant = Plant.model_validate(mapping({"surge": SURGE, "pitch": PITCH}, {"pto": axis}))
+    model = building.build(plant, CYLINDER)
+    total = building.inertia_matrix(plant, model.bem)
+    own = total - model.bem.added_mass_infinite
+    assert own.ravel().tolist() == pytest.approx([3176.0, 20.0, 20.0, 1010.0])

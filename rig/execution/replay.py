@@ -261,5 +261,6 @@ def _load_target(run_facts: RunInfo) -> _ReplayTarget:
         text = f"{run_facts.run}: its configuration is not valid today: {error}"
         raise RunError(text) from None
     tick = kind.room("tick")
-    prefixes = {name: tick.SENSE_IN_ROW.get(name, name) for name in tick.Sense._fields}
-    return _ReplayTarget(task, tick.Sense, prefixes)
+    sense = tick.Sense if task.sense is None else task.sense
+    renamed = tick.SENSE_IN_ROW if task.sense_in_row is None else task.sense_in_row
+    return _ReplayTarget(task, sense, {name: renamed.get(name, name) for name in sense._fields})

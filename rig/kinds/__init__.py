@@ -18,7 +18,11 @@ from rig.realtime.reasons import MAX_NUMBER, PLUG_IN_NUMBER
 
 GROUP = "wec_rig.kinds"
 
-OWN_PACKAGES = {"wavebot": "rig.kinds.wavebot", "oswec bench": "rig.kinds.oswec_bench"}
+OWN_PACKAGES = {
+    "wavebot": "rig.kinds.wavebot",
+    "oswec bench": "rig.kinds.oswec_bench",
+    "modular": "rig.kinds.modular",
+}
 """The kinds of this distribution; they are entry points, too."""
 
 REGISTRY = Registry(GROUP, "kind of rig", OWN_PACKAGES)

@@ -32,6 +32,8 @@ class RecordedTask(NamedTuple):
     params: cycle.Params
     dt: float  # s
     notice: str = ""  # how the law of today differs from that of the run; empty: it does not
+    sense: Any = None  # type of the sense where it depends on the rig file; None: the tick's own
+    sense_in_row: dict[str, str] | None = None  # its fields that have another name in a row
 
 
 class ExecutionMode(NamedTuple):

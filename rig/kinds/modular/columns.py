@@ -5,10 +5,8 @@ with the axis. Where the axis rotates, the units of the law are N*m for N and ra
 """
 
 import re
-from collections.abc import Mapping
 
 from controllers.law import Column
-from rig.kinds.modular.config.rig_file import RigFile
 from rig.laws import Law
 
 _ROTARY_UNITS = {
@@ -22,14 +20,9 @@ _ROTARY_KEYS = (
 )  # fmt: skip
 
 
-def law_columns(rig: RigFile, axis_laws: Mapping[str, Law]) -> tuple[Column, ...]:
-    """Return the columns of the laws of all axes, in the order of the rig file."""
-    several = len(rig.axes) > 1
-    return tuple(
-        _of_axis(column, name if several else "", rotates=axis.motion == "rotation")
-        for name, axis in rig.axes.items()
-        for column in axis_laws[name].columns
-    )
+def axis_columns(law: Law, prefix: str, *, rotates: bool) -> tuple[Column, ...]:
+    """Return the columns of an axis's law; ``prefix`` is its name in a rig with several axes."""
+    return tuple(_of_axis(column, prefix, rotates=rotates) for column in law.columns)
 
 
 def _of_axis(column: Column, prefix: str, *, rotates: bool) -> Column:

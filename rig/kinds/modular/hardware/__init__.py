@@ -1,0 +1,1 @@
+"""The wires of a modular rig: there are none yet."""

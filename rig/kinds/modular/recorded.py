@@ -1,0 +1,27 @@
+"""The task of a recorded campaign of a modular rig."""
+
+from rig.campaign import build_plan
+from rig.campaign.record import campaign_from_record, law_notice
+from rig.kinds.modular.campaign import CAMPAIGNS
+from rig.kinds.modular.tasks import campaign_composition, campaign_params
+from rig.kinds.modular.tick import compose
+from rig.processes.run_types import RecordedTask
+from rig.recording.runs import RunInfo
+
+
+def recorded_task(run: RunInfo) -> RecordedTask:
+    """Return the campaign of a run as a task.
+
+    Raises KeyError if the record lacks a part, ValueError if a part is not valid today.
+    """
+    campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
+    plan = build_plan(campaign)
+    composed = compose(campaign_composition(campaign))
+    return RecordedTask(
+        composed.KIND,
+        campaign_params(campaign, plan),
+        plan.dt,
+        law_notice(CAMPAIGNS, run.config),
+        composed.Sense,
+        {axis: f"{axis}.sense" for axis in campaign.rig.axes},
+    )

@@ -1,0 +1,54 @@
+"""A rig of standard parts from one command: files, check, rehearsal, products, replay."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_here import rig as rig_here
+
+from rig.recording.runs import open_run
+
+BEM = Path(__file__).parents[2] / "configs" / "plants" / "cylinder_bem.nc"
+
+
+def run_rig(*arguments: object) -> Any:
+    """Return the JSON of a command that succeeds."""
+    done = rig_here(*arguments, "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
+def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> None:
+    run_rig("new", "rig", "cylinder", "--bem", BEM, "--dof", dof, "--folder", tmp_path)
+    campaign = tmp_path / "cylinder" / "campaign.yaml"
+    lines = campaign.read_text().split("matrix:")[0]
+    gains = {
+        "Heave": ("kp_n_s_per_m", "ki_n_per_m"),
+        "Pitch": ("kp_n_m_s_per_rad", "ki_n_m_per_rad"),
+    }
+    kp, ki = gains[dof]
+    campaign.write_text(
+        lines + f"matrix: {{list: [{{{kp}: -5000, {ki}: 0}}, {{{kp}: -3000, {ki}: 500}}]}}\n"
+    )
+    report = run_rig("check", campaign)
+    assert report["summary"]["rows"] == 2
+    result = run_rig("run", campaign, "--runs", tmp_path)
+    assert (result["status"], result["reason"]) == ("complete", "PLAN_END")
+    folder = Path(result["folder"])
+    with (folder / "rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    absorbed = [float(row["power_mechanical [W]"]) for row in rows]
+    assert all(power < 0.0 for power in absorbed)
+    axis = dof.lower()
+    # The mean of Kp v^2 is that of the recorded force and velocity; Ki x v has none.
+    names = [f"{axis}.estimate.velocity", "plan.row", "plan.phase"]
+    data = open_run(folder, fields=names)
+    measured = data["plan.phase"].values == 5
+    velocity = data[names[0]].values[measured & (data["plan.row"].values == 0)]
+    assert absorbed[0] == pytest.approx(-5000.0 * float((velocity**2).mean()), rel=0.02)
+    assert run_rig("replay", folder)["same"] is True

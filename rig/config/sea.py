@@ -9,6 +9,7 @@ from pydantic import Field
 from rig.config.model import FileModel, RuleViolation, WholeNumber
 from rig.config.problems import format_number
 
+MIN_AMPLITUDE_M, MAX_AMPLITUDE_M = 0.001, 0.5  # of a regular sea
 _NOT_HS = "a regular sea is given by its amplitude (amplitude_m), an irregular one by hs_m"
 _NOT_TP = "a regular sea has frequency_hz or period_s; tp_s belongs to an irregular one"
 _NOT_AMPLITUDE = "an irregular sea is given by hs_m, a regular one by its amplitude"
@@ -40,7 +41,7 @@ class RegularSea(FileModel):
     """One sine, given by its amplitude (not its height) and either its period or frequency."""
 
     kind: Literal["regular"]
-    amplitude_m: float = Field(ge=0.001, le=0.5)
+    amplitude_m: float = Field(ge=MIN_AMPLITUDE_M, le=MAX_AMPLITUDE_M)
     frequency_hz: float | None = Field(default=None, ge=0.05, le=2)
     period_s: float | None = Field(default=None, ge=0.5, le=20)
 

@@ -193,6 +193,7 @@ def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
             ["--frequency 2.5 Hz is outside", "allowed 0.07958 .. 1.91 Hz"],
         ),
         (("--dof", "Heave", "--amplitude", "50"), ["--amplitude 50 m moves", "allowed up to"]),
+        (("--dof", "Heave", "--amplitude", "1e-4"), ["0.0001 m is out of range", "0.001 .. 0.5"]),
         (
             ("--dof", "Heave", "--mass", "-3", "--axis", "My Axis", "--gear-ratio", "0"),
             ["--mass -3: allowed above 0", "--axis 'My Axis' is no name", "--gear-ratio 0"],

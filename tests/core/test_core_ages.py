@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import core_bench
+import core_modular
 import core_wavebot
 import pytest
 from hypothesis import example, given
@@ -14,11 +15,16 @@ from rig import kinds
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.safety import OFF
 
-HOSTS: dict[str, Any] = {"wavebot": core_wavebot, "oswec bench": core_bench}
+HOSTS: dict[str, Any] = {
+    "wavebot": core_wavebot,
+    "oswec bench": core_bench,
+    "modular": core_modular,
+}
 UNCHECKED = {("wavebot", "probes", "age")}  # for the analysis only; no limit uses them
 TOO_OLD = 1e6  # s
 
 KINDS = {name: kinds.find(name).room("tick").find_kind("") for name in kinds.OWN_PACKAGES}
+KINDS["modular"] = core_modular.KIND  # with two axes and sensors
 
 
 def params_state_and_sense(kind: str) -> tuple[Any, Any, Any]:

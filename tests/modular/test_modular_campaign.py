@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from command_here import rig as rig_here
 
+from rig.realtime.sequence import MEASURE
 from rig.recording.runs import open_run
 
 BEM = Path(__file__).parents[2] / "configs" / "plants" / "cylinder_bem.nc"
@@ -36,7 +37,7 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
         lines + f"matrix: {{list: [{{{kp}: -5000, {ki}: 0}}, {{{kp}: -3000, {ki}: 500}}]}}\n"
     )
     report = run_rig("check", campaign)
-    assert report["summary"]["rows"] == 2
+    assert report["rows"] == 2
     result = run_rig("run", campaign, "--runs", tmp_path)
     assert (result["status"], result["reason"]) == ("complete", "PLAN_END")
     folder = Path(result["folder"])
@@ -48,7 +49,7 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
     # The mean of Kp v^2 is that of the recorded force and velocity; Ki x v has none.
     names = [f"{axis}.estimate.velocity", "plan.row", "plan.phase"]
     data = open_run(folder, fields=names)
-    measured = data["plan.phase"].values == 5
+    measured = data["plan.phase"].values == MEASURE
     velocity = data[names[0]].values[measured & (data["plan.row"].values == 0)]
     assert absorbed[0] == pytest.approx(-5000.0 * float((velocity**2).mean()), rel=0.02)
     assert run_rig("replay", folder)["same"] is True

@@ -19,6 +19,7 @@ import numpy as np
 
 from controllers import impedance
 from rig.config.problems import format_number
+from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.new_files import write_new
 from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
@@ -30,6 +31,9 @@ TEXTS = ("rig", "limits", "plant", "campaign")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _ROTATIONS = ("Roll", "Pitch", "Yaw")
 _MARGIN = 2.0  # of the limits above the expected motion and force
+_STANDBY = 10.0  # W, of the drive
+_COUNTS = 20_000  # per revolution of an encoder, or a multiple
+_COUNTS_PER_JUMP = 100  # resolution of the largest allowed jump
 _STEEPNESS = 0.1  # amplitude times wave number of the waves: linear theory holds
 _BELOW_RESONANCE = 0.75  # wave frequency over the body's, so that the match needs a Ki > 0
 _DAMPING_RATIO = 0.02
@@ -268,12 +272,18 @@ def first_grid(body: Body, amplitude: float | None) -> Grid:
             velocity, force = max(velocity, speed), max(force, abs(gain) * speed)
     if amplitude is None:
         farthest = 0.95 * _MAX_STOP / (_MARGIN * velocity / omega)
-        amplitude = _rounded(min(_STEEPNESS / body.wave_number, farthest), 2)
+        amplitude = _rounded(min(_STEEPNESS / body.wave_number, farthest, MAX_AMPLITUDE_M), 2)
+        amplitude = max(amplitude, MIN_AMPLITUDE_M)
     motion = velocity / omega * amplitude
     if _MARGIN * motion > _MAX_STOP:
         raise ValueError(
             f"--amplitude {amplitude:g} m moves the axis by {motion:.3g} (m or rad); allowed up to "
             f"{_MAX_STOP / _MARGIN * amplitude / motion:.3g} m"
+        )
+    if not MIN_AMPLITUDE_M <= amplitude <= MAX_AMPLITUDE_M:
+        raise ValueError(
+            f"--amplitude {amplitude:g} m is out of range; allowed {MIN_AMPLITUDE_M:g} .. "
+            f"{MAX_AMPLITUDE_M:g} m"
         )
     return Grid(kp, ki, amplitude, motion, velocity * amplitude, force * amplitude)
 
@@ -300,7 +310,7 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
     peak_force = _MARGIN * grid.force
     torque_constant = options.torque_constant or 1.0
     gear = options.gear_ratio or _rounded(
-        min(max(peak_force / (torque_constant * _PEAK_CURRENT), 0.1), 1000.0)
+        min(max(peak_force / (torque_constant * _PEAK_CURRENT), 1.0), 1000.0)
     )
     per_ampere = torque_constant * gear  # N or N*m
     peak = peak_force / per_ampere  # A
@@ -308,19 +318,22 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
     resistance = 0.1 * grid.velocity * grid.force / (current * current)  # a tenth goes into copper
     jerk = omega * omega * grid.velocity
     settle, measured = _rounded(8.0 * period), 10.0 * period
+    jump = min(max(0.05 * stop, 0.02 * speed), 1.0)
+    finest = 2.0 * math.pi * _COUNTS_PER_JUMP / (gear * jump)
     numbers = {
         "torque_constant": torque_constant,
         "gear_ratio": gear,
         "jerk_density": min(max(0.05 * jerk * jerk, 1e-4), 1e6),
         "stop_damping": abs(body.impedance),
-        "power_range": _MARGIN * peak_force * speed,
+        "standby": _STANDBY,
+        "power_range": _MARGIN * (peak_force * speed + _STANDBY),
         "position_warn": 0.8 * stop,
         "position_stop": stop,
         "velocity_stop": speed,
         "current_peak": peak,
         "current_rms": 0.75 * peak,
         "force_slew": peak_force / 0.02,
-        "encoder_jump": min(max(0.05 * stop, 0.02 * speed), 1.0),
+        "encoder_jump": jump,
         "current_difference": 0.2 * peak,
         "tare_span": min(0.1 * stop, 0.5),
         "current_limit": 1.25 * peak,
@@ -348,7 +361,7 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
         "campaign": f"{name}-first",
         "axis": axis,
         "dof": body.dof,
-        "counts": "20000",
+        "counts": str(max(_COUNTS, math.ceil(finest / _COUNTS) * _COUNTS)),
         "periods": "10",
         "bem": os.path.relpath(options.bem.resolve(), folder.resolve()),
         "bem_range": f"{body.band[0]:.3g} .. {body.band[1]:.3g} Hz",

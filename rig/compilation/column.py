@@ -54,25 +54,27 @@ class Column:
         self.array[index] = number
 
 
-class _ColumnType(types.Type):
+class ColumnType(types.Type):
+    """The type of a `Column` in compiled code."""
+
     def __init__(self, dtype: Any) -> None:
         self.dtype = dtype
         super().__init__(name=f"Column({dtype})")
 
 
 @typeof_impl.register(Column)
-def _typeof(value: Column, _: Any) -> _ColumnType:
-    return _ColumnType(types.int64 if value.array.dtype == np.int64 else types.float64)
+def _typeof(value: Column, _: Any) -> ColumnType:
+    return ColumnType(types.int64 if value.array.dtype == np.int64 else types.float64)
 
 
-@register_model(_ColumnType)
+@register_model(ColumnType)
 class _ColumnModel(models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         members = [("data", types.CPointer(kind.dtype)), ("length", types.int64)]
         super().__init__(manager, kind, members)
 
 
-@unbox(_ColumnType)
+@unbox(ColumnType)
 def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
     proxy = cgutils.create_struct_proxy(kind)(c.context, c.builder)
     numbers = []
@@ -132,7 +134,7 @@ def _len(column: Any) -> Any:
     def length(column: Any) -> Any:
         return _length(column)
 
-    return length if isinstance(column, _ColumnType) else None
+    return length if isinstance(column, ColumnType) else None
 
 
 @overload(operator.getitem)
@@ -145,7 +147,7 @@ def _getitem(column: Any, index: Any) -> Any:
             raise IndexError("index out of a column's range")
         return _load(column, index)
 
-    if not isinstance(column, _ColumnType):
+    if not isinstance(column, ColumnType):
         return None
     return checked if BOUNDS_CHECKED else at
 
@@ -160,7 +162,7 @@ def _setitem(column: Any, index: Any, number: Any) -> Any:
             raise IndexError("index out of a column's range")
         _store(column, index, number)
 
-    if not isinstance(column, _ColumnType):
+    if not isinstance(column, ColumnType):
         return None
     return checked if BOUNDS_CHECKED else put
 

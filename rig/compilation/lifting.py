@@ -63,6 +63,12 @@ def lift(modules: Iterable[ModuleType]) -> None:
                 register_jitable(forceinline=True)(function)
 
 
+def lift_functions(functions: Iterable[Any]) -> None:
+    """Make functions callable from compiled code."""
+    for function in functions:
+        register_jitable(forceinline=True)(function)
+
+
 def lift_closures(function: Any) -> None:
     """Make a function and the functions that it holds in its closure callable from compiled code.
 

@@ -1,0 +1,21 @@
+"""The compiled execution of a cycle in the loop process."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rig.realtime.object_code import ObjectCode
+from rig.realtime.tick_memory import TickMemory
+
+FILES = ("tick.o", "entry.o")
+"""Object code in a folder of the cache: the tick, and its entry for Python."""
+ENTRY = "tick_entry"
+
+
+def load(folder: Path, memory: TickMemory) -> Callable[[], int]:
+    """Return the function that runs one tick on a memory and returns the mode after it.
+
+    Raises OSError or ObjectCodeError if the code cannot be loaded here.
+    """
+    code = ObjectCode((folder / name).read_bytes() for name in FILES)
+    run: Callable[[], int] = code.function(ENTRY, memory.address.to_bytes(8, "little"))
+    return run

@@ -1,12 +1,19 @@
 """Cache folder of results that can be computed again, and the processor they are valid for."""
 
+import hashlib
+import inspect
 import json
 import os
 import platform
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
+from types import CodeType, ModuleType
 from typing import Any
+
+_COMPILERS = ("lifting.py", "column.py", "memory_access.py")  # compiled code depends on them
 
 
 def cache_root() -> Path:
@@ -55,3 +62,53 @@ def processor_description() -> str:
     except OSError:
         return platform.processor()
     return "".join(line for line in lines[:30] if line.startswith(("model name", "flags")))
+
+
+def code_folder(source: str, modules: Iterable[ModuleType]) -> Path:
+    """Return the folder of code compiled from a source and these modules on this host.
+
+    Its name is a hash of all that the code depends on, numba and the processor included.
+    """
+    # It changes the compiled code, but not numba's own cache key.
+    bounds_check = os.environ.get("NUMBA_BOUNDSCHECK", "")
+    parts = [
+        source,
+        version("numba"),
+        version("numpy"),
+        sys.version,
+        platform.machine(),
+        processor_description(),
+        *(Path(__file__).with_name(name).read_text() for name in _COMPILERS),
+    ]
+    for module in modules:
+        parts += [inspect.getsource(module), *_loaded_definitions(module)]
+    parts.append(bounds_check)
+    return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+
+
+def _loaded_definitions(module: ModuleType) -> Iterator[str]:
+    """Yield the functions and constants of a module as loaded in this process.
+
+    A process that imported the module before an edit of its source still has the old definitions.
+    Processes that import it afterwards must not find the code that the first one compiles.
+    """
+    for name, value in sorted(vars(module).items()):
+        if inspect.isfunction(value) and value.__module__ == module.__name__:
+            yield f"{name} {_code_text(value.__code__)}"
+        elif isinstance(value, type) and issubclass(value, tuple):
+            yield f"{name} {getattr(value, '_fields', ())}"
+        elif not name.startswith("__") and _is_plain(value):
+            yield f"{name} {value!r}"
+
+
+def _code_text(code: CodeType) -> str:
+    """Return the operations of a function as text, without its position in the file."""
+    nested = [_code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
+    constants = [repr(each) for each in code.co_consts if _is_plain(each)]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, int | float | str)

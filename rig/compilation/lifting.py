@@ -10,18 +10,16 @@ more than the step itself; the code that unpacks and packs the arrays is generat
 of the tree.
 """
 
-import hashlib
 import importlib
 import importlib.util
 import inspect
 import os
-import platform
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -32,7 +30,7 @@ os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # SVML functions differ 
 import numba
 from numba.extending import register_jitable
 
-from rig.compilation.cache_folder import cache_root, processor_description, write_atomically
+from rig.compilation.cache_folder import code_folder, write_atomically
 
 Floats = npt.NDArray[np.float64]
 
@@ -88,17 +86,22 @@ _lifted_closures: set[Any] = set()
 
 
 def load(
-    name: str, source: str, modules: Iterable[ModuleType], type_modules: Iterable[ModuleType] = ()
+    name: str,
+    source: str,
+    modules: Iterable[ModuleType],
+    type_modules: Iterable[ModuleType] = (),
+    folder: Path | None = None,
 ) -> ModuleType:
     """Import generated source whose compiled functions are cached on disk.
 
     The folder of the source is named by a hash of all its inputs, so an edit of any lifted module
     or of ``type_modules`` (types and constants in compiled code) leads to a new folder. If it
-    cannot be written, a temporary folder is used and the code is compiled each time.
+    cannot be written, a temporary folder is used and the code is compiled each time. ``folder`` is
+    that of modules which the caller has lifted.
     """
     modules = tuple(modules)
     lift(modules)
-    path = cache_folder(source, (*modules, *type_modules)) / f"{name}.py"
+    path = (folder or code_folder(source, (*modules, *type_modules))) / f"{name}.py"
     if not path.exists():
         try:
             write_atomically(path, source)
@@ -167,52 +170,6 @@ def tuple_types(tree: Any) -> set[type]:
     return types
 
 
-def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
-    """Return the cache folder of a source and these modules, for this numba and this host."""
-    # It changes the compiled code, but not numba's own cache key.
-    bounds_check = os.environ.get("NUMBA_BOUNDSCHECK", "")
-    parts = [
-        source,
-        numba.__version__,
-        np.__version__,
-        sys.version,
-        platform.machine(),
-        processor_description(),
-    ]
-    for module in (sys.modules[__name__], *modules):
-        parts += [inspect.getsource(module), *_loaded_definitions(module)]
-    parts.append(bounds_check)
-    return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
-
-
-def _loaded_definitions(module: ModuleType) -> Iterator[str]:
-    """Yield the functions and constants of a module as loaded in this process.
-
-    A process that imported the module before an edit of its source still has the old definitions.
-    Processes that import it afterwards must not find the code that the first one compiles.
-    """
-    for name, value in sorted(vars(module).items()):
-        if inspect.isfunction(value) and value.__module__ == module.__name__:
-            yield f"{name} {_code_text(value.__code__)}"
-        elif isinstance(value, type) and issubclass(value, tuple):
-            yield f"{name} {getattr(value, '_fields', ())}"
-        elif not name.startswith("__") and _is_plain(value):
-            yield f"{name} {value!r}"
-
-
-def _code_text(code: CodeType) -> str:
-    """Return the operations of a function as text, without its position in the file."""
-    nested = [_code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
-    constants = [repr(each) for each in code.co_consts if _is_plain(each)]
-    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
-
-
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, tuple):
-        return all(map(_is_plain, value))
-    return value is None or isinstance(value, int | float | str)
-
-
 def is_compiled(folder: Path) -> bool:
     """Return whether the folder holds compiled code."""
     return any(folder.glob("**/*.nbi"))
@@ -223,13 +180,13 @@ def compilation_problem(function: Callable[..., Any], *arguments: Any) -> str:
     try:
         numba.njit(error_model="numpy")(function)(*arguments)
     except numba.core.errors.NumbaError as error:
-        return _first_reason(str(error))
+        return first_reason(str(error))
     except Exception as error:  # noqa: BLE001  numba raises errors of its own insides, too
         return f"{type(error).__name__}: {error}".splitlines()[0]
     return ""
 
 
-def _first_reason(text: str) -> str:
+def first_reason(text: str) -> str:
     """Return numba's reason without its stack of candidates, and the place in the source."""
     lines = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines()]
     places = [line for line in lines if line.startswith("File ") and ", line " in line]

@@ -12,7 +12,7 @@ from rig.compilation.column import ColumnType
 _LLVM: Any = vars(cgutils)["ir"]  # llvmlite.ir, with which numba builds its code
 
 
-def _pointer(builder: Any, address: Any, index: Any, number: Any) -> Any:
+def _pointer(builder: Any, number: Any, address: Any, index: Any) -> Any:
     return builder.gep(builder.inttoptr(address, number.as_pointer()), [index])
 
 
@@ -20,7 +20,7 @@ def _loader(kind: Any, number: Any) -> Any:
     @intrinsic
     def load(context: Any, address: Any, index: Any) -> Any:
         def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.load(_pointer(builder, *arguments, number))
+            return builder.load(_pointer(builder, number, *arguments))
 
         return kind(types.int64, types.int64), code
 
@@ -35,7 +35,7 @@ def _storer(kind: Any, number: Any, allowed: tuple[type, ...]) -> Any:
 
         def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             where, at, given = arguments
-            builder.store(given, _pointer(builder, where, at, number))
+            builder.store(given, _pointer(builder, number, where, at))
 
         return types.void(types.int64, types.int64, kind), code
 

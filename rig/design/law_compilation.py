@@ -4,7 +4,7 @@ from typing import Any
 
 from controllers.signals import Demand, Estimate
 from rig.compilation import lifting
-from rig.compilation.cache_folder import cached_json
+from rig.compilation.cache_folder import cached_json, code_folder
 from rig.design.law_params import law_params
 from rig.laws import Law, helper_modules
 
@@ -17,7 +17,7 @@ def compilation_problem(law: Law, settings: Any, dt: float) -> str:
     The answer is kept for the law's source, because compiling takes seconds. ``dt``: s.
     """
     source = repr((law.sha256, law.module.SetPoint._fields))
-    path = lifting.cache_folder(source, helper_modules(law)) / "compilation.json"
+    path = code_folder(source, helper_modules(law)) / "compilation.json"
     answer = cached_json(
         path, lambda: {"problem": _compile(law, settings, dt)}, lambda answer: "problem" in answer
     )

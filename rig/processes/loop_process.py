@@ -15,6 +15,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 from rig import laws
@@ -108,6 +109,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             mailbox,
             external_request,
             measure_work=job.real_clock,
+            code=Path(job.code) if job.code else None,
         )
         report(end)
     finally:

@@ -48,6 +48,7 @@ class LoopJob(NamedTuple):
     supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
     law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
     logger: tuple[LoggerJob, ...] = ()  # the present logger's; none: unsaved rows are lost
+    code: str = ""  # folder where the compiled tick is or will be; empty: it stays interpreted
 
 
 MessageFields = tuple[tuple[str, ...], ...]

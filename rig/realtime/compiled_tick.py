@@ -1,6 +1,6 @@
-"""The compiled execution of a cycle in the loop process."""
+"""The object code of a compiled tick: its files, and the function that it becomes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 from rig.realtime.object_code import ObjectCode
@@ -11,11 +11,13 @@ FILES = ("tick.o", "entry.o")
 ENTRY = "tick_entry"
 
 
-def load(folder: Path, memory: TickMemory) -> Callable[[], int]:
-    """Return the function that runs one tick on a memory and returns the mode after it.
+def load(folder: Path, memory: TickMemory) -> Generator[None, None, Callable[[], int]]:
+    """Load the code in steps of less than a tick each.
 
-    Raises OSError or ObjectCodeError if the code cannot be loaded here.
+    Return the function that runs one tick on a memory and returns the mode after it. Raises OSError
+    or ObjectCodeError if the code cannot be loaded here.
     """
-    code = ObjectCode((folder / name).read_bytes() for name in FILES)
+    code = ObjectCode([(folder / name).read_bytes() for name in FILES])
+    yield from code.load()
     run: Callable[[], int] = code.function(ENTRY, memory.address.to_bytes(8, "little"))
     return run

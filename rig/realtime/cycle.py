@@ -74,6 +74,7 @@ class Kind(NamedTuple):
     any_types: tuple[tuple[str, Any], ...] = ()  # of the fields of Params
     reasons: tuple[TripReason, ...] = ()  # the kind's own
     late_reason: int = Reason.DRIVE_NOT_ON.value  # moved parts have not arrived in time
+    sense_type: Any = None  # of the readings; None: the cycle is not compiled
 
     @property
     def reason_table(self) -> ReasonTable:

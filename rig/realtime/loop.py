@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.realtime import cycle
@@ -10,22 +11,11 @@ from rig.realtime.clock import Clock
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0
+from rig.realtime.tick import Changeover, InterpretedTick, RowSink, Tick
 
 STOP_REPEATS = 5  # repetitions of the stop at the end, so that one lost frame does not matter
 LINGER_TICKS = 20  # ticks logged after power was removed, so that the record shows it
 EXTERNAL_REQUEST_INTERVAL = 0.05  # s of ticks between calls of ``external_request``
-
-
-class RowSink(Protocol):
-    """Where the rows of the ticks go."""
-
-    def put(self, row: Any) -> None:
-        """Take the row of a tick; never block on the real clock."""
-        ...
-
-    def finish(self) -> None:
-        """Mark the end of the rows."""
-        ...
 
 
 class RequestSource(Protocol):
@@ -42,6 +32,7 @@ class LoopResult(NamedTuple):
     ticks: int  # executed
     skipped: int  # periods lost
     reason: int  # `rig.realtime.reasons`
+    compiled_from: int = -1  # first tick that ran compiled; -1: all ran interpreted
 
 
 def run(
@@ -54,6 +45,7 @@ def run(
     external_request: Callable[[], int],
     *,
     measure_work: bool,
+    code: Path | None = None,
 ) -> LoopResult:
     """Run ticks until the safety machine has removed the power, then `LINGER_TICKS` more.
 
@@ -61,14 +53,17 @@ def run(
     raises, the last command to every device is a stop. The loop calls ``external_request`` every
     `EXTERNAL_REQUEST_INTERVAL` for a request that does not come by mailbox (supervisor lost,
     process terminated). ``measure_work``: log how long each tick took (real clock only, so that
-    rehearsals repeat bit for bit).
+    rehearsals repeat bit for bit). ``code``: folder where the code of the compiled tick is or will
+    be; without one the tick stays interpreted.
     """
-    step = cycle.make(kind)
     reason = Reason.EXCEPTION.value
     try:
-        state = cycle.start(kind, params, 0)
-        ticks = skipped = linger = external = 0
         work, dt = 0.0, clock.dt
+        interpreted = InterpretedTick(kind, params, dt, ring)
+        execution: Tick = interpreted
+        changeover = code and Changeover(code, kind, params, dt, ring, interpreted)
+        ticks = skipped = linger = external = 0
+        compiled_from = -1
         timing = cycle.Timing(0.0, 0.0, 0)
         request_ticks = max(1, round(EXTERNAL_REQUEST_INTERVAL / dt))
         while linger < LINGER_TICKS:
@@ -84,15 +79,16 @@ def run(
             sense = devices.read(now)
             if measure_work or periods != 1:  # otherwise the timing has not changed
                 timing = cycle.Timing(lateness, work, skipped)
-            state, command, row = step(params, state, sense, request, tick, timing, periods, dt)
-            devices.write(command)
-            ring.put(row)
+            devices.write(execution.step(sense, request, tick, timing, periods))
 
-            if state.safety.mode == STOP_0:
+            if execution.mode == STOP_0:
                 linger += 1
+            elif changeover and (found := changeover.advance()) is not None:
+                compiled_from = -1 if changeover.problem else tick + 1
+                execution, changeover = found, None
             work = time.perf_counter() - began if measure_work else 0.0
-        reason = state.safety.reason
-        return LoopResult(ticks, skipped, reason)
+        reason = execution.reason
+        return LoopResult(ticks, skipped, reason, compiled_from)
     finally:
         try:
             for _ in range(STOP_REPEATS):

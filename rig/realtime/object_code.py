@@ -10,7 +10,7 @@ import ctypes
 import mmap
 import platform
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 MACHINE = "x86_64"
@@ -21,6 +21,7 @@ _RELOCATIONS, _SYMBOLS, _ZEROS = 4, 2, 8  # sh_type
 _ABSOLUTE_64, _RELATIVE_64 = 1, 24  # relocation types
 _UNDEFINED, _ABSOLUTE, _COMMON = 0, 0xFFF1, 0xFFF2  # st_shndx
 _NO_ARGUMENTS = 0x0004  # METH_NOARGS
+_REFERENCES_PER_STEP = 20
 _HEADER = struct.Struct("<4sBB10xHHIQQQIHHHHHH")
 _SECTION = struct.Struct("<IIQQQQIIQQ")
 _SYMBOL = struct.Struct("<IBBHQQ")
@@ -60,24 +61,34 @@ class ObjectCode:
     """Objects in memory, ready to run; they stay there until the process ends."""
 
     def __init__(self, objects: Iterable[bytes]) -> None:
-        """Place the objects and resolve their references to each other, Python and libm.
-
-        Raises ObjectCodeError for another processor, damaged bytes or an unknown reference.
-        """
+        """Raise ObjectCodeError for another processor."""
         if platform.machine() != MACHINE:
             raise ObjectCodeError(f"compiled for {MACHINE}, this is {platform.machine()}")
-        self.symbols: dict[str, int] = {}
+        self._contents = tuple(objects)
+        self._symbols: dict[str, int] = {}
         self._memory: list[mmap.mmap] = []
         self._definitions: list[_MethodDefinition] = []
+
+    def load(self) -> Iterator[None]:
+        """Place the objects and resolve their references to each other, Python and libm.
+
+        The work is done in steps of well below a millisecond. Raises ObjectCodeError for damaged
+        bytes or an unknown reference.
+        """
         try:
-            placed = [_Object(content) for content in objects]
+            placed = []
+            for content in self._contents:
+                placed.append(_Object(content))
+                yield
+                placed[-1].place()
+                self._symbols.update(placed[-1].exported())
+                yield
             for each in placed:
-                each.place()
-                self.symbols.update(each.exported())
-            for each in placed:
-                each.resolve(self.symbols)
+                yield from each.resolve(self._symbols)
                 self._memory.append(each.protect())
-        except (struct.error, IndexError, UnicodeDecodeError) as error:
+        except ObjectCodeError:
+            raise
+        except (struct.error, IndexError, ValueError) as error:
             raise ObjectCodeError(f"damaged object code: {error}") from error
         _LOADED.append(self)
 
@@ -86,7 +97,7 @@ class ObjectCode:
 
         ``own`` is its first argument, `self`.
         """
-        address = self.symbols[symbol]
+        address = self._symbols[symbol]
         definition = _MethodDefinition(b"compiled", address, _NO_ARGUMENTS, None)
         self._definitions.append(definition)  # the function refers to it
         create = ctypes.pythonapi.PyCFunction_NewEx
@@ -110,7 +121,9 @@ class _Object:
         self._sections = [
             _Section(*_SECTION.unpack_from(content, table + i * size)) for i in range(count)
         ]
-        symbols = next(each for each in self._sections if each.kind == _SYMBOLS)
+        symbols = next((each for each in self._sections if each.kind == _SYMBOLS), None)
+        if symbols is None:
+            raise ObjectCodeError("damaged object code: no symbols")
         names = self._sections[symbols.link]
         self._symbols = []
         for at in range(symbols.offset, symbols.offset + symbols.size, _SYMBOL.size):
@@ -151,8 +164,8 @@ class _Object:
             if binding != 0 and section in self._starts
         }
 
-    def resolve(self, symbols: dict[str, int]) -> None:
-        """Write the address of every reference."""
+    def resolve(self, symbols: dict[str, int]) -> Iterator[None]:
+        """Write the address of every reference, some at each step."""
         for table in self._sections:
             if table.kind != _RELOCATIONS or table.info not in self._starts:
                 continue
@@ -166,6 +179,8 @@ class _Object:
                 elif kind != _ABSOLUTE_64:
                     raise ObjectCodeError(f"relocation of type {kind}; allowed 1 and 24")
                 struct.pack_into("<Q", self._map, start + offset, value & 0xFFFFFFFFFFFFFFFF)
+                if (at - table.offset) % (_REFERENCES_PER_STEP * _RELOCATION.size) == 0:
+                    yield
 
     def _symbol_address(self, index: int, symbols: dict[str, int]) -> int:
         name, _, section, value, _ = self._symbols[index]

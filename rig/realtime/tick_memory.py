@@ -3,7 +3,7 @@
 Every number takes 8 bytes, int64 or float64, in the order of its tree of NamedTuples. Tables
 (``tuple[float, ...]`` or ``tuple[int, ...]``) stand in memory of their own; the parameters hold
 their address and length, so the code of a tick does not depend on the length of a plan.
-`rig.compilation.tick_code` generates the code for the same layout.
+`rig.compilation.tick_source` generates code for this layout.
 """
 
 import ctypes
@@ -13,6 +13,8 @@ from array import array
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from rig.realtime import cycle
 
 
 class Table(NamedTuple):
@@ -24,7 +26,7 @@ class Table(NamedTuple):
 
 
 class Header(NamedTuple):
-    """The numbers of a tick besides those of the kind of rig."""
+    """The inputs of a tick besides parameters, state and readings."""
 
     request: int = 0
     tick: int = 0
@@ -36,91 +38,109 @@ class Header(NamedTuple):
     row: int = 0  # address to which the tick writes its row
 
 
-class Sections(NamedTuple):
-    """The parts of a tick's memory, each a tree of numbers and tables."""
-
-    header: Any
-    params: Any
-    state: Any
-    sense: Any
-    command: Any
+_SECTIONS = ("header", "params", "state", "sense", "command")
+_NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
-def is_law(kind: type) -> bool:
-    """Return whether a type belongs to the module of a control law."""
-    return hasattr(sys.modules.get(kind.__module__), "COLUMNS")
+class TickMemory:
+    """The memory of one tick."""
+
+    def __init__(self, params: Any, state: Any, sense: Any, command: Any, dt: float) -> None:
+        """Store parameters and state; ``sense`` and ``command`` are examples, ``dt`` is in s."""
+        self._tables: list[Any] = []  # their memory must stay
+        trees = (Header(dt=dt), _with_tables(params, self._tables), state, sense, command)
+        layouts = [_layout(tree) for tree in trees]
+        starts = [sum(each.size for each in layouts[:i]) for i in range(len(layouts))]
+        self._sections = tuple(zip(_SECTIONS, trees, starts, strict=True))
+        self._buffer = bytearray(sum(each.size for each in layouts))
+        self.address = ctypes.addressof(ctypes.c_char.from_buffer(self._buffer))
+        for start, layout, tree in zip(starts, layouts, trees, strict=True):
+            layout.pack_into(self._buffer, start, *_numbers(tree))
+        _, _, self._state_at, self._sense_at, self._command_at = starts
+        header, _, self._state_layout, _, self._command_layout = layouts
+        self._pack_header, self._pack_sense = header.pack_into, packer(sense)
+        self._build_state, self._build_command = builder(state), builder(command)
+
+    def named_sections(self) -> tuple[tuple[str, Any, int], ...]:
+        """Return name, tree and first byte of each section."""
+        return self._sections
+
+    def set_header(
+        self,
+        request: int,
+        tick: int,
+        timing: cycle.Timing,
+        periods: int,
+        dt: float,
+        row: int,
+    ) -> None:
+        """Store the inputs of the next tick, as of `Header`."""
+        self._pack_header(self._buffer, 0, request, tick, *timing, periods, dt, row)
+
+    def set_sense(self, sense: Any) -> None:
+        """Store the readings of the next tick."""
+        self._pack_sense(self._buffer, self._sense_at, sense)
+
+    def set_state(self, state: Any) -> None:
+        """Store the state before the next tick."""
+        self._state_layout.pack_into(self._buffer, self._state_at, *_numbers(state))
+
+    def state(self) -> Any:
+        """Return the state after the last tick."""
+        return self._build_state(self._state_layout.unpack_from(self._buffer, self._state_at))
+
+    def command(self) -> Any:
+        """Return the command of the last tick."""
+        return self._build_command(self._command_layout.unpack_from(self._buffer, self._command_at))
+
+
+def of_kind(kind: cycle.Kind, params: cycle.Params, state: cycle.State, dt: float) -> TickMemory:
+    """Return the memory for the ticks of a kind of rig from a state on.
+
+    Its ``sense_type`` must be known.
+    """
+    sense = example(kind.sense_type)
+    start = cycle.start(kind, params, 0)
+    _, command, _ = cycle.make(kind)(params, start, sense, 0, 0, _NO_TIMING, 1, dt)
+    return TickMemory(params, state, sense, command, dt)
 
 
 def is_named(tree: Any) -> bool:
-    """Return whether a tree is a NamedTuple that has fields."""
+    """Return whether a tree is a NamedTuple."""
     return isinstance(tree, tuple) and hasattr(tree, "_fields")
 
 
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind, include_extras=True)
-
-
-def _number_type(hint: Any) -> Any:
-    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
-
-
-def _is_table(hint: Any) -> bool:
-    items = get_args(hint) if get_origin(hint) is tuple else ()
-    return len(items) == 2 and items[1] is ... and _number_type(items[0]) in (float, int)
-
-
-def with_tables(tree: Any, arrays: "list[array[Any]]", hint: Any = None) -> Any:
-    """Return a tree with its tables replaced by `Table`; their numbers are added to ``arrays``.
-
-    The parameters of a law keep their tuples: a law may iterate over them.
-    """
-    if is_named(tree):
-        if is_law(type(tree)):
-            return tree
-        hints = _hints(type(tree))
-        parts = zip(tree._fields, tree, strict=True)
-        return type(tree)(*(with_tables(part, arrays, hints[name]) for name, part in parts))
-    if not isinstance(tree, tuple):
-        return tree
-    if _is_table(hint):
-        code = "q" if _number_type(get_args(hint)[0]) is int else "d"
-        arrays.append(array(code, tree))
-        return Table(*arrays[-1].buffer_info(), code)
-    items = get_args(hint)
-    item = items[0] if len(items) == 2 and items[1] is ... else None
-    return tuple(with_tables(part, arrays, item) for part in tree)
-
-
-def numbers(tree: Any) -> Iterator[float]:
-    """Yield the numbers of a tree in order: address and length of a table."""
-    if isinstance(tree, Table):
-        yield from tree[:2]
-    elif isinstance(tree, tuple):
-        for part in tree:
-            yield from numbers(part)
-    else:
-        yield tree
-
-
-def layout(tree: Any) -> struct.Struct:
-    """Return the layout of a tree."""
-    codes = ("q" if isinstance(number, int) else "d" for number in numbers(tree))
-    return struct.Struct("=" + "".join(codes))
-
-
 def example(kind: Any) -> Any:
-    """Return a NamedTuple whose numbers are all zero."""
+    """Return a NamedTuple of a type whose numbers are all zero."""
     hints = (_number_type(hint) for hint in _hints(kind).values())
     return kind(*(hint() if hint in (int, float) else example(hint) for hint in hints))
 
 
-def builder(tree: Any) -> Callable[[Any], Any]:
-    """Return ``build(numbers)``, which gives a tree of the same types from a sequence of numbers.
+def packer(tree: Any) -> Callable[[Any, int, Any], None]:
+    """Return ``pack(buffer, at, tree)``, which stores the numbers of such trees at byte ``at``.
 
-    The code is generated as one expression: a loop over the fields would take longer than a tick.
+    The code is generated as one call of `struct.Struct.pack_into`: unpacking sub-tuples costs a few
+    nanoseconds a number, while visiting the fields by name would cost as much as the cycle.
     """
-    types: dict[str, type] = {}
+
+    def parts(part: Any, text: str) -> Iterator[str]:
+        if not any(isinstance(member, tuple) for member in part):
+            yield f"*{text}"
+            return
+        for i, member in enumerate(part):
+            here = f"{text}[{i}]"
+            yield from parts(member, here) if isinstance(member, tuple) else [here]
+
+    source = f"lambda buffer, at, tree: pack_into(buffer, at, {', '.join(parts(tree, 'tree'))})"
+    pack: Callable[[Any, int, Any], None] = eval(
+        source, {"__builtins__": {}, "pack_into": _layout(tree).pack_into}
+    )
+    return pack
+
+
+def builder(tree: Any) -> Callable[[Any], Any]:
+    """Return ``build(numbers)``, which returns a tree of the same types; code as of `packer`."""
+    types: dict[str, Any] = {"new": tuple.__new__}
     at = iter(range(sys.maxsize))
 
     def text(part: Any) -> str:
@@ -131,47 +151,60 @@ def builder(tree: Any) -> Callable[[Any], Any]:
             return f"({inside})"
         name = f"T{len(types)}"
         types[name] = type(part)
-        return f"{name}({inside})"
+        return f"new({name}, ({inside}))"
 
-    made: Callable[[Any], Any] = eval(f"lambda n: {text(tree)}", {"__builtins__": {}, **types})
-    return made
+    build: Callable[[Any], Any] = eval(f"lambda n: {text(tree)}", {"__builtins__": {}, **types})
+    return build
 
 
-class TickMemory:
-    """The memory of one tick, and access to its sections."""
+def _with_tables(tree: Any, tables: list[Any], hint: Any = None) -> Any:
+    """Return a tree with `Table` in place of its tables, whose numbers are added to ``tables``.
 
-    def __init__(self, params: Any, state: Any, sense: Any, command: Any, dt: float) -> None:
-        """Store parameters and state; ``sense`` and ``command`` are examples."""
-        self._arrays: list[Any] = []
-        given = with_tables(params, self._arrays)
-        self.sections = Sections(Header(dt=dt), given, state, sense, command)
-        layouts = [layout(section) for section in self.sections]
-        self.starts = []
-        total = 0
-        for each in layouts:
-            self.starts.append(total)
-            total += each.size
-        self._buffer = bytearray(total)
-        self.address = ctypes.addressof(ctypes.c_char.from_buffer(self._buffer))
-        for at, form, section in zip(self.starts, layouts, self.sections, strict=True):
-            form.pack_into(self._buffer, at, *numbers(section))
-        header, self._params, self._state, self._sense, self._command = layouts
-        self._build_command = builder(command)
-        self._build_state = builder(state)
-        self._header = header
+    The parameters of a law keep their tuples: a law may iterate over them.
+    """
+    if is_named(tree):
+        if hasattr(sys.modules.get(type(tree).__module__), "COLUMNS"):  # the module is a law
+            return tree
+        kind: Any = type(tree)
+        hints = _hints(kind)
+        parts = zip(tree._fields, tree, strict=True)
+        return kind(*(_with_tables(part, tables, hints[name]) for name, part in parts))
+    if not isinstance(tree, tuple):
+        return tree
+    item = _item_type(hint)
+    if item in (float, int):
+        tables.append(array("q" if item is int else "d", tree))
+        address, length = tables[-1].buffer_info()
+        return Table(address, length, tables[-1].typecode)
+    return tuple(_with_tables(part, tables, item) for part in tree)
 
-    def set_header(self, header: Header) -> None:
-        """Store the numbers of the next tick."""
-        self._header.pack_into(self._buffer, 0, *header)
 
-    def set_sense(self, sense: Any) -> None:
-        """Store the readings of the next tick."""
-        self._sense.pack_into(self._buffer, self.starts[3], *numbers(sense))
+def _item_type(hint: Any) -> Any:
+    """Return the type of the items of ``tuple[item, ...]``; None for another hint."""
+    items = get_args(hint) if get_origin(hint) is tuple else ()
+    return _number_type(items[0]) if len(items) == 2 and items[1] is ... else None
 
-    def state(self) -> Any:
-        """Return the state after the last tick."""
-        return self._build_state(self._state.unpack_from(self._buffer, self.starts[2]))
 
-    def command(self) -> Any:
-        """Return the command of the last tick."""
-        return self._build_command(self._command.unpack_from(self._buffer, self.starts[4]))
+def _number_type(hint: Any) -> Any:
+    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
+
+
+def _numbers(tree: Any) -> Iterator[float]:
+    """Yield the numbers of a tree in order; of a table its address and its length."""
+    if isinstance(tree, Table):
+        yield from tree[:2]
+    elif isinstance(tree, tuple):
+        for part in tree:
+            yield from _numbers(part)
+    else:
+        yield tree
+
+
+def _layout(tree: Any) -> struct.Struct:
+    codes = ("q" if isinstance(number, int) else "d" for number in _numbers(tree))
+    return struct.Struct("@" + "".join(codes))

@@ -5,6 +5,7 @@ long as any of them does, and a killed process loses none of its rows. The consu
 only when rows are safe on disk; a restarted logger continues from there.
 """
 
+import ctypes
 import fcntl
 import mmap
 import os
@@ -129,6 +130,10 @@ class RingWriter(_Ring):
         if row_struct.size != self.row_size:
             raise ValueError(f"ring holds rows of {self.row_size} bytes, not {row_struct.size}")
         self._pack = packer(row_type)
+        self._address = ctypes.addressof(ctypes.c_char.from_buffer(self._map))
+        self._spare = bytearray(self.row_size)  # for rows that a full ring drops
+        self._spare_address = ctypes.addressof(ctypes.c_char.from_buffer(self._spare))
+        self._dropping = False
         self._wait = wait
         self._stop_requested = stop_requested
         self._next = self.head
@@ -140,13 +145,26 @@ class RingWriter(_Ring):
 
     def put(self, row: Any) -> None:
         """Store a row, then publish it by moving the head."""
-        header, head, capacity = self._header, self._next, self.capacity
-        if head - header[_TAIL] >= capacity and not self._wait_for_space(head):
-            header[_DROPPED] += 1
-            return
-        self._pack(self._map, _HEADER + (head % capacity) * self.row_size, row)
-        self._next = head + 1
-        header[_HEAD] = head + 1
+        address = self.reserve()
+        if not self._dropping:
+            self._pack(self._map, address - self._address, row)
+        self.publish()
+
+    def reserve(self) -> int:
+        """Return the address for the next row; in a full ring one whose row will be dropped."""
+        head, capacity = self._next, self.capacity
+        self._dropping = head - self._header[_TAIL] >= capacity and not self._wait_for_space(head)
+        if self._dropping:
+            return self._spare_address
+        return self._address + _HEADER + (head % capacity) * self.row_size
+
+    def publish(self) -> None:
+        """Publish the row at the reserved address by moving the head, or count it as dropped."""
+        if self._dropping:
+            self._header[_DROPPED] += 1
+        else:
+            self._next += 1
+            self._header[_HEAD] = self._next
 
     def _wait_for_space(self, head: int) -> bool:
         deadline = time.monotonic() + _FULL_RING_TIMEOUT

@@ -318,7 +318,7 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
     }  # packages that only re-export
     # `sim_plant.units` has nothing but types.
     assert imported_modules(LIFTED) - parts <= passing | {"sim_plant.units"}
-    now = lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES))
+    now = code_folder("x", (*LIFTED, *TYPE_MODULES))
     getsource = inspect.getsource
     for edited in (*LIFTED, *TYPE_MODULES, lifting):
 
@@ -326,11 +326,11 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
             return getsource(module) + ("# edited" if module is edited else "")
 
         monkeypatch.setattr(inspect, "getsource", read)
-        assert lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)) != now, edited.__name__
+        assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now, edited.__name__
     monkeypatch.setattr(inspect, "getsource", getsource)
-    assert lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)) == now
+    assert code_folder("x", (*LIFTED, *TYPE_MODULES)) == now
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
-    assert lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)) != now
+    assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now
 
 
 PRINT_CACHE_FOLDER = """
@@ -338,7 +338,7 @@ from rig.compilation import lifting
 from rig.config.law_settings import IMPEDANCE
 from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
 LIFTED = lifted_modules(IMPEDANCE)
-print(lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)))
+print(code_folder("x", (*LIFTED, *TYPE_MODULES)))
 """
 
 
@@ -371,7 +371,7 @@ def test_edited_law_is_recompiled_and_no_index_leaves_its_table(tmp_path: Path) 
     for name in ("controllers", "rig", "sim_plant"):
         shutil.copytree(root / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
     assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) == str(
-        lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES))
+        code_folder("x", (*LIFTED, *TYPE_MODULES))
     )
     law = tree / "controllers" / "impedance.py"
     text = law.read_text()
@@ -379,7 +379,7 @@ def test_edited_law_is_recompiled_and_no_index_leaves_its_table(tmp_path: Path) 
     assert edited != text
     law.write_text(edited)
     assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) != str(
-        lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES))
+        code_folder("x", (*LIFTED, *TYPE_MODULES))
     )
     program = str(Path(__file__).with_name("both_ways.py"))
     compiled_result, interpreted_result = json.loads(

@@ -73,6 +73,7 @@ def compose(composition: Composition) -> Any:
         composed.control,
         composed.row,
         reasons=own_reasons(composition),
+        sense_type=composed.Sense,
     )
     return composed
 

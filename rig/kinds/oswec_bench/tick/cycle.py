@@ -344,7 +344,18 @@ def row(
     )
 
 
-KIND = cycle.Kind(BenchRow, Params, start, observe, ready, check, control, row, reasons=REASONS)
+KIND = cycle.Kind(
+    BenchRow,
+    Params,
+    start,
+    observe,
+    ready,
+    check,
+    control,
+    row,
+    reasons=REASONS,
+    sense_type=Sense,
+)
 
 
 def find_kind(law: str) -> cycle.Kind:

@@ -24,6 +24,7 @@ from controllers import (
 )
 from rig import stations as station_table
 from rig.compilation import column, lifting, pages
+from rig.compilation.cache_folder import code_folder
 from rig.compilation.pages import PAGE_TICKS
 from rig.kinds.wavebot.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
 from rig.kinds.wavebot.simulation import noise, plant_coupling
@@ -145,7 +146,7 @@ def lifted_modules(law: Law) -> tuple[ModuleType, ...]:
 def is_compiled(fields: tuple[str, ...], law: Law) -> bool:
     """Return whether this host has already compiled ``advance`` for these fields and this law."""
     modules = (*lifted_modules(law), *TYPE_MODULES)
-    return lifting.is_compiled(lifting.cache_folder(_source(fields, law), modules))
+    return lifting.is_compiled(code_folder(_source(fields, law), modules))
 
 
 def _source(fields: tuple[str, ...], law: Law) -> str:

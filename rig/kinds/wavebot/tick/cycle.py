@@ -302,6 +302,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
         (("heave_law", module.Params),),
         REASONS,
         WaveBotReason.STATOR_LATE.value,
+        Sense,
     )
 
 

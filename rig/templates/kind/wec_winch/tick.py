@@ -109,7 +109,9 @@ def row(tick, time, timing, plan, guard, sense, command, signals):  # type: igno
     return Row(tick, time, timing, plan, guard, record, goal, tick)
 
 
-KIND = cycle.Kind(Row, Params, start, observe, ready, check, control, row, reasons=REASONS)
+KIND = cycle.Kind(
+    Row, Params, start, observe, ready, check, control, row, reasons=REASONS, sense_type=Sense
+)
 
 
 def find_kind(law: str) -> cycle.Kind:

@@ -1,0 +1,172 @@
+"""The source of a rig's compiled tick, and the folder that holds its code; without the compiler.
+
+The tick is `rig.realtime.cycle.make` of the kind with all the functions that it calls, which stay
+plain Python. The generated function reads parameters, state and readings from the memory of a tick
+(`rig.realtime.tick_memory`), and stores state, command and row there.
+"""
+
+import hashlib
+import importlib
+import inspect
+import marshal
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+from rig.compilation.cache_folder import code_folder
+from rig.realtime import cycle, tick_memory
+from rig.realtime.tick_memory import Table
+from rig.recording.row_layout import leaves
+
+_SOURCE = '''"""Generated: one tick of a rig on its memory.
+
+{generated}
+"""
+
+import importlib
+
+from numba import njit
+from numba.extending import register_jitable
+
+{imports}
+from rig.compilation.memory_access import *
+from rig.realtime import cycle
+
+find_kind = importlib.import_module("{tick}").find_kind
+step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
+
+
+@njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def tick(m):
+    header = {header}
+    params = {params}
+    state = {state}
+    sense = {sense}
+    timing = cycle.Timing(header.lateness, header.work, header.skipped)
+    state, command, row = step(
+        params, state, sense, header.request, header.tick, timing, header.periods, header.dt
+    )
+    out = header.row
+    {stores}
+    return state.safety.mode
+'''
+
+
+class TickSource(NamedTuple):
+    """What the code of a tick is compiled from."""
+
+    text: str
+    functions: tuple[FunctionType, ...]  # plain functions that it calls
+    modules: tuple[ModuleType, ...]  # that it depends on
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the code on this host, which exists once it is compiled."""
+        return code_folder(self.text, self.modules)
+
+
+def tick_source(tick: str, law: str, params: cycle.Params, dt: float) -> TickSource:
+    """Return the source for the package of a kind's tick, its law, and parameters.
+
+    Raises ValueError for a kind that cannot be compiled because its ``sense_type`` is not known.
+    """
+    kind: cycle.Kind = importlib.import_module(tick).find_kind(law)
+    if kind.sense_type is None:
+        raise ValueError(f"{tick} does not give the type of its readings (Kind.sense_type)")
+    memory = tick_memory.of_kind(kind, params, cycle.start(kind, params, 0), dt)
+    names: dict[type, str] = {}
+    loads = {
+        name: _load(tree, start // 8, names)[0] for name, tree, start in memory.named_sections()
+    }
+    stores = [
+        line
+        for name, tree, start in memory.named_sections()
+        if name in ("state", "command")
+        for line in _stores(tree, name, start // 8)
+    ] + [
+        f"store_{'int' if leaf.code == 'q' else 'float'}(out, {i}, row.{leaf.name})"
+        for i, leaf in enumerate(leaves(kind.row_type))
+    ]
+    step, *functions = reachable(cycle.make(kind))
+    owners = {each.__module__ for each in (step, *functions, *names)} & sys.modules.keys()
+    modules = [sys.modules[name] for name in sorted(owners)]
+    without_source = [each for each in functions if each.__module__ not in sys.modules]
+    text = _SOURCE.format(
+        imports="\n".join(
+            f"from {each.__module__} import {each.__qualname__} as {name}"
+            for each, name in names.items()
+        ),
+        generated=f"Byte code of its functions without a source: {_digest(without_source)}",
+        tick=tick,
+        law=law,
+        stores="\n    ".join(stores),
+        **loads,
+    )
+    own = (tick_memory, sys.modules[__name__])
+    return TickSource(text, tuple(functions), (*own, *modules))
+
+
+def _load(tree: Any, at: int, names: dict[type, str]) -> tuple[str, int]:
+    """Return the expression that reads a tree from number ``at`` on, and the number after it."""
+    if isinstance(tree, Table):
+        kind = "int" if tree.code == "q" else "float"
+        return f"{kind}_column(load_int(m, {at}), load_int(m, {at + 1}))", at + 2
+    if not isinstance(tree, tuple):
+        return f"load_{'int' if isinstance(tree, int) else 'float'}(m, {at})", at + 1
+    parts = []
+    for member in tree:
+        part, at = _load(member, at, names)
+        parts.append(part)
+    if not tick_memory.is_named(tree):
+        return f"({''.join(f'{part}, ' for part in parts)})", at
+    name = names.setdefault(type(tree), f"T{len(names)}")
+    return f"{name}({', '.join(parts)})", at
+
+
+def _stores(tree: Any, name: str, at: int) -> Iterator[str]:
+    """Yield the statements that store a tree from number ``at`` on."""
+    places = iter(range(at, sys.maxsize))
+
+    def visit(part: Any, text: str) -> Iterator[str]:
+        if isinstance(part, tuple):
+            for i, member in enumerate(part):
+                yield from visit(member, f"{text}[{i}]")
+        else:
+            yield f"store_{'int' if isinstance(part, int) else 'float'}(m, {next(places)}, {text})"
+
+    return visit(tree, name)
+
+
+def reachable(function: Any) -> Iterator[FunctionType]:
+    """Yield a function and all plain functions that it may call, each once."""
+    seen: set[Any] = set()
+    waiting = [function]
+    while waiting:
+        each = waiting.pop()
+        if not inspect.isfunction(each) or each in seen:
+            continue
+        seen.add(each)
+        yield each
+        waiting += [cell.cell_contents for cell in each.__closure__ or ()]
+        names = set(_names(each.__code__))
+        for name in names:
+            value = each.__globals__.get(name)
+            if isinstance(value, ModuleType):
+                waiting += [getattr(value, attribute, None) for attribute in names]
+            else:
+                waiting.append(value)
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)
+
+
+def _digest(functions: Iterable[FunctionType]) -> str:
+    """Return a hash of functions by their byte code."""
+    codes = sorted(marshal.dumps(each.__code__) for each in functions)
+    return hashlib.sha256(b"".join(codes)).hexdigest()

@@ -1,0 +1,142 @@
+"""The two executions of a tick: interpreted, the reference, and compiled, with the same bits.
+
+The loop starts with the interpreted tick. As soon as the code of the compiled one is there, a
+`Changeover` loads it and hands over the state between two ticks.
+"""
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any, Protocol
+
+from rig.realtime import cycle, tick_memory
+from rig.realtime.compiled_tick import FILES, load
+from rig.realtime.object_code import ObjectCodeError
+
+_TICKS_BETWEEN_LOOKS = 100
+
+
+class RowSink(Protocol):
+    """Where the rows of the ticks go."""
+
+    def put(self, row: Any) -> None:
+        """Take the row of a tick; never block on the real clock."""
+        ...
+
+    def reserve(self) -> int:
+        """Return the address where the next row may be written; never block on the real clock."""
+        ...
+
+    def publish(self) -> None:
+        """Take the row at the reserved address."""
+        ...
+
+    def finish(self) -> None:
+        """Mark the end of the rows."""
+        ...
+
+
+class Tick(Protocol):
+    """An execution of the cycle of a rig; every step hands its row over."""
+
+    @property
+    def mode(self) -> int:
+        """Mode of the safety machine after the last step."""
+        ...
+
+    @property
+    def reason(self) -> int:
+        """Reason of a stop, as of the safety machine."""
+        ...
+
+    def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+        """Return the command for the readings of a tick (arguments as of `cycle.make`)."""
+        ...
+
+
+class InterpretedTick:
+    """The cycle as it stands."""
+
+    def __init__(self, kind: cycle.Kind, params: cycle.Params, dt: float, rows: RowSink) -> None:
+        self._step, self._params, self._dt, self._rows = cycle.make(kind), params, dt, rows
+        self.state = cycle.start(kind, params, 0)
+
+    @property
+    def mode(self) -> int:
+        return self.state.safety.mode
+
+    @property
+    def reason(self) -> int:
+        return self.state.safety.reason
+
+    def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+        self.state, command, row = self._step(
+            self._params, self.state, sense, request, tick, timing, periods, self._dt
+        )
+        self._rows.put(row)
+        return command
+
+
+class CompiledTick:
+    """The same cycle compiled; it works on a `TickMemory` and writes rows in their place."""
+
+    def __init__(self, memory: tick_memory.TickMemory, code: Any, dt: float, rows: RowSink) -> None:
+        """``code`` is the function of `rig.realtime.compiled_tick.load`."""
+        self._memory, self._code, self._dt, self._rows = memory, code, dt, rows
+        self._mode: int = memory.state().safety.mode
+
+    @property
+    def mode(self) -> int:
+        return self._mode
+
+    @property
+    def reason(self) -> int:
+        state: cycle.State = self._memory.state()
+        return state.safety.reason
+
+    def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+        memory, rows = self._memory, self._rows
+        memory.set_header(request, tick, timing, periods, self._dt, rows.reserve())
+        memory.set_sense(sense)
+        self._mode = self._code()
+        rows.publish()
+        return memory.command()
+
+
+class Changeover:
+    """The way from the interpreted tick to the compiled one, a little at a time."""
+
+    def __init__(
+        self,
+        folder: Path,
+        kind: cycle.Kind,
+        params: cycle.Params,
+        dt: float,
+        rows: RowSink,
+        interpreted: InterpretedTick,
+    ) -> None:
+        self._folder, self._kind, self._params, self._dt = folder, kind, params, dt
+        self._rows, self._interpreted = rows, interpreted
+        self._work = self._load()
+        self.problem = ""  # why the code cannot be used
+
+    def advance(self) -> Tick | None:
+        """Do the work of less than a tick; return the tick to go on with, None if not yet."""
+        try:
+            next(self._work)
+        except StopIteration as end:
+            found: Tick = end.value
+            return found
+        except (OSError, ObjectCodeError) as error:
+            self.problem = str(error)
+            return self._interpreted
+        return None
+
+    def _load(self) -> Generator[None, None, Tick]:
+        while not all((self._folder / name).exists() for name in FILES):
+            for _ in range(_TICKS_BETWEEN_LOOKS):
+                yield
+        memory = tick_memory.of_kind(self._kind, self._params, self._interpreted.state, self._dt)
+        yield
+        code = yield from load(self._folder, memory)
+        memory.set_state(self._interpreted.state)
+        return CompiledTick(memory, code, self._dt, self._rows)

@@ -111,6 +111,7 @@ def _close_folder(
         "died": outcome.died,
         "messages": list(outcome.messages),
         "moved": outcome.moved,
+        "compiled_from": outcome.compiled_from,
         "record": record,
         "ended_utc": datetime.now(UTC).isoformat(),
     }

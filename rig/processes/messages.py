@@ -51,6 +51,14 @@ class LoopJob(NamedTuple):
     code: str = ""  # folder where the compiled tick is or will be; empty: it stays interpreted
 
 
+class CompileJob(NamedTuple):
+    """The supervisor's request to the compiler of a tick."""
+
+    params: cycle.Params
+    dt: float  # s
+    law: str  # as of `LoopJob`
+
+
 MessageFields = tuple[tuple[str, ...], ...]
 """Name and unit of each field of a message."""
 

@@ -45,6 +45,7 @@ class ExecutionMode(NamedTuple):
     devices: dict[str, Any]  # JSON values for connect()
     io_processes: tuple[IoProcess, ...] = ()
     wires: tuple[Wire, ...] = ()  # on which its processes send
+    interpreted: bool = False  # never run the tick compiled
 
 
 class Snapshot(NamedTuple):
@@ -71,3 +72,4 @@ class Outcome(NamedTuple):
     died: str = ""  # the I/O process that died, with its last message; empty: none
     messages: tuple[str, ...] = ()  # of the I/O processes
     moved: str = ""  # why and where the record was moved during the run; empty: it was not
+    compiled_from: int = -1  # first tick that ran compiled; -1: all ran interpreted

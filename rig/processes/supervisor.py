@@ -32,6 +32,7 @@ from rig.processes.messages import (
     Refused,
 )
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
+from rig.processes.tick_compiler import TickCompiler
 from rig.realtime import safety
 from rig.realtime.loop import LoopResult
 from rig.realtime.reasons import NO_REASON
@@ -79,6 +80,7 @@ class SupervisedRun:
         self._layout = layout(task.kind.row_type)
         self._names = [leaf.name for leaf in leaves(task.kind.row_type)]
         self._io_processes = IoProcesses(mode.io_processes, folder, wire_locks)
+        self._compiler: TickCompiler | None = None
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
@@ -122,6 +124,8 @@ class SupervisedRun:
         logger: Child | None = None
         try:
             self._io_processes.start()
+            if not self._mode.interpreted:
+                self._compiler = TickCompiler(self._task, self.folder / "compiler.stderr")
             logger = self._start_logger()  # first: all rows then outlive this process
             self._post()
             loop = self._start_loop()
@@ -222,6 +226,8 @@ class SupervisedRun:
 
     def _shut_down(self, loop: Child | None, logger: Child | None) -> None:
         """End every process and close every descriptor; in a good run all have ended already."""
+        if self._compiler is not None:
+            self._compiler.end()
         if loop is not None:
             if loop.alive():
                 loop.process.terminate()  # the loop treats it as an abort
@@ -278,6 +284,7 @@ class SupervisedRun:
             supervisor_timeout=task.supervisor_timeout,
             law=task.law,
             logger=(self._logger_job(),),
+            code=self._compiler.folder if self._compiler else "",
         )
         slots = (slot.fd for slot in self._io_processes.slots.values())
         locks = (self._folder_lock, *self._wire_locks)
@@ -349,6 +356,7 @@ class SupervisedRun:
             died=self._died,
             messages=tuple(self._io_processes.messages),
             moved=self._whereabouts.problem,
+            compiled_from=end.compiled_from if end else -1,
         )
 
 

@@ -80,6 +80,7 @@ def run(
             if measure_work or periods != 1:  # otherwise the timing has not changed
                 timing = cycle.Timing(lateness, work, skipped)
             devices.write(execution.step(sense, request, tick, timing, periods))
+            execution.log()
 
             if execution.mode == STOP_0:
                 linger += 1

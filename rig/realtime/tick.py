@@ -36,7 +36,7 @@ class RowSink(Protocol):
 
 
 class Tick(Protocol):
-    """An execution of the cycle of a rig; every step hands its row over."""
+    """An execution of the cycle of a rig."""
 
     @property
     def mode(self) -> int:
@@ -50,6 +50,10 @@ class Tick(Protocol):
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
         """Return the command for the readings of a tick (arguments as of `cycle.make`)."""
+        ...
+
+    def log(self) -> None:
+        """Hand over the row of the last step, whose command has been sent."""
         ...
 
 
@@ -69,11 +73,13 @@ class InterpretedTick:
         return self.state.safety.reason
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
-        self.state, command, row = self._step(
+        self.state, command, self._row = self._step(
             self._params, self.state, sense, request, tick, timing, periods, self._dt
         )
-        self._rows.put(row)
         return command
+
+    def log(self) -> None:
+        self._rows.put(self._row)
 
 
 class CompiledTick:
@@ -94,12 +100,14 @@ class CompiledTick:
         return state.safety.reason
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
-        memory, rows = self._memory, self._rows
-        memory.set_header(request, tick, timing, periods, self._dt, rows.reserve())
+        memory = self._memory
+        memory.set_header(request, tick, timing, periods, self._dt, self._rows.reserve())
         memory.set_sense(sense)
         self._mode = self._code()
-        rows.publish()
         return memory.command()
+
+    def log(self) -> None:
+        self._rows.publish()
 
 
 class Changeover:

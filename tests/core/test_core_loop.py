@@ -162,7 +162,7 @@ def test_a_stop_request_damps_then_ends() -> None:
     assert got[149] == RUN
     assert got[150 : 150 + SAFETY.stop_ticks] == [STOP_1] * SAFETY.stop_ticks
     assert got[150 + SAFETY.stop_ticks :] == [STOP_0] * loop.LINGER_TICKS
-    assert result.end == (150 + SAFETY.stop_ticks + loop.LINGER_TICKS, 0, Reason.OPERATOR_STOP)
+    assert result.end[:3] == (150 + SAFETY.stop_ticks + loop.LINGER_TICKS, 0, Reason.OPERATOR_STOP)
 
 
 def test_an_abort_request_cuts_power_in_the_same_tick() -> None:
@@ -170,7 +170,7 @@ def test_an_abort_request_cuts_power_in_the_same_tick() -> None:
     assert modes(result)[149:] == [RUN] + [STOP_0] * loop.LINGER_TICKS
     assert result.rows[149].axis.command.force != 0.0
     assert result.rows[150].axis.command[:3] == (0.0, 0.0, 0)
-    assert result.end == (150 + loop.LINGER_TICKS, 0, Reason.OPERATOR_ABORT)
+    assert result.end[:3] == (150 + loop.LINGER_TICKS, 0, Reason.OPERATOR_ABORT)
 
 
 def test_an_abort_during_a_controlled_stop_for_a_lasting_fault_cuts_power() -> None:

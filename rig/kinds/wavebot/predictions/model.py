@@ -133,8 +133,7 @@ def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetti
         for one in realisations
     ]
     scales = np.array([one.reference_scale for one in settings])
-    forces: Complexes = scales[:, None] * reference.spectra[indices]
-    return forces
+    return scales[:, None] * reference.spectra[indices]
 
 
 def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:

@@ -20,27 +20,23 @@ def spring_force(spring: SpringParams, rates: Floats, x: Floats) -> Floats:
     """Return the spring force on the body, N (`sim_plant.magnetic_spring.force`)."""
     if spring.sine == 0:
         return -rates * x
-    force: Floats = -rates * spring.force_per_rate * np.sin(2.0 * spring.angle_per_metre * x)
-    return force
+    return -rates * spring.force_per_rate * np.sin(2.0 * spring.angle_per_metre * x)
 
 
 def spring_stiffness(spring: SpringParams, rates: Floats) -> Floats:
     """Return the spring's stiffness at rest, N/m, one value per row."""
     factor = 2.0 * spring.force_per_rate * spring.angle_per_metre if spring.sine == 1 else 1.0
-    stiffness: Floats = rates[:, 0] * factor
-    return stiffness
+    return rates[:, 0] * factor
 
 
 def friction_size(pto: PtoParams, lateral_force: Floats) -> Floats:
     """Return the drivetrain's Coulomb friction under a lateral force in the guide, N."""
-    size: Floats = pto.coulomb + pto.guide_friction * np.abs(lateral_force)
-    return size
+    return pto.coulomb + pto.guide_friction * np.abs(lateral_force)
 
 
 def friction_force(pto: PtoParams, size: Floats, v: Floats) -> Floats:
     """Return Coulomb friction of a ``size`` (N) on the body, N (`sim_plant.pto.friction`)."""
-    force: Floats = -size * np.tanh(v / pto.coulomb_velocity)
-    return force
+    return -size * np.tanh(v / pto.coulomb_velocity)
 
 
 def guide_force(
@@ -57,5 +53,4 @@ def soft_stop_force(station_keeping: StationKeeping, x: Floats, v: Floats) -> Fl
     inward = depth * (
         station_keeping.soft_stop_n_per_m + station_keeping.soft_stop_n_s_per_m2 * side * v
     )
-    force: Floats = -side * np.maximum(inward, 0.0)
-    return force
+    return -side * np.maximum(inward, 0.0)

@@ -14,7 +14,6 @@ from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.campaign.stability import total_stiffness
 from rig.kinds.wavebot.predictions import bus
 from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
-from rig.kinds.wavebot.predictions.limits import compute_margins
 from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, heave_law, row_gains
 from rig.kinds.wavebot.predictions.motion import (
     Columns,
@@ -24,7 +23,7 @@ from rig.kinds.wavebot.predictions.motion import (
 )
 from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
 from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
-from rig.kinds.wavebot.predictions.verdict import judge
+from rig.kinds.wavebot.predictions.verdict import compute_margins, judge
 from rig.realtime.sequence import NO_ROW, Phase
 from sim_plant.bus import BusParams
 

@@ -1,13 +1,15 @@
 """Output of a recommendation: campaign file, JSON and text tables."""
 
 import json
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rig.config.problems import display_path
-from rig.kinds.wavebot.recommend.matrix import campaign_text
+from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
-from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, SetPointPrediction
+from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, Gains, SetPointPrediction
 from rig.stations import Station
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
@@ -169,3 +171,55 @@ def _align(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _is_number(cell: str) -> bool:
     return cell.replace("-", "").replace("+", "").replace(".", "").isdigit()
+
+
+FORMS = ("grid", "csv", "list")
+_KEYS = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
+
+
+def campaign_text(
+    path: Path,
+    base: Path,
+    name: str,
+    header: Sequence[str],
+    comments: Mapping[Gains, str],
+) -> str:
+    """Return the text of a campaign file that extends ``base`` with another matrix.
+
+    ``path`` is the path of the new file, ``header`` its comment lines at the top. The matrix has
+    the gains of ``comments``, each with its comment.
+    """
+    mapping, _ = load_mapping(base, inline=("sea",))
+    inherited = mapping.get("matrix") or {}
+    text_lines = [f"# {line}" for line in header]
+    text_lines += [
+        f"extends: {os.path.relpath(base.resolve(), path.resolve().parent)}",
+        f"name: {name}",
+        "repeat: 1",
+        "order: fewest spring moves",
+        "matrix:",
+        *(f"  {form}:" for form in FORMS[:2] if form in inherited),
+        "  list:",
+    ]
+    settings = {_flow_mapping(gains, inherited): text for gains, text in comments.items()}
+    widest = max(map(len, settings))
+    text_lines += [f"    - {text:<{widest}}  # {comment}" for text, comment in settings.items()]
+    return "\n".join(text_lines) + "\n"
+
+
+def _flow_mapping(gains: Gains, inherited: dict[str, Any]) -> str:
+    values = (gains.spring_rate, gains.kp, gains.ki)
+    pairs = dict(zip(_KEYS, values, strict=True)) | _other_columns(inherited)
+    return "{" + ", ".join(f"{key}: {value:.10g}" for key, value in pairs.items()) + "}"
+
+
+def _other_columns(inherited: dict[str, Any]) -> dict[str, float]:
+    """Return the columns other than gains and spring, with the values of the base's first row."""
+    rows = inherited.get("list") or inherited.get("grid") or [{}]
+    columns: dict[str, float] = {}
+    for key, value in rows[0].items():
+        if key in _KEYS:
+            continue
+        first = value["from"] if isinstance(value, dict) else value
+        columns[key] = float(first[0] if isinstance(first, list) else first)
+    return columns

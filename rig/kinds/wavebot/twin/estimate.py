@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.config.yaml_source import load_mapping
 from rig.identification.identify import IdentificationOptions, identify
-from rig.kinds.wavebot.twin import drivetrain, electrics, seas
+from rig.kinds.wavebot.twin import drivetrain, seas
 from rig.kinds.wavebot.twin.group import Group
 from rig.kinds.wavebot.twin.hull import Hull, identify_hull
 from rig.kinds.wavebot.twin.records import Record, read_records
@@ -84,8 +84,8 @@ def identify_twin(
     try:
         hull = identify_hull(records)
         mechanics = drivetrain.identify_drivetrain(records, drivetrain.read_shape(template.plant))
-        motor = electrics.identify_winding(records)
-        loss = electrics.identify_drive_loss(records, _rated(template.plant))
+        motor = drivetrain.identify_winding(records)
+        loss = drivetrain.identify_drive_loss(records, _rated(template.plant))
     except ValueError as error:
         raise RunError(f"{', '.join(item.facts.run for item in runs_read)}: {error}") from None
     if not any(item.sea is not None for item in records):

@@ -7,7 +7,7 @@ from rig.config.law_settings import DEFAULT_LAW
 from rig.design.twoport.network import Motor, linear_drivetrain
 from rig.design.twoport.pictures import Case, TakeOff, vary, write_effects, write_transfer
 from rig.identification.identify import identify
-from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
+from rig.kinds.wavebot.twin.drivetrain import RESISTANCE, identify_winding
 from rig.kinds.wavebot.twin.records import read_records
 from rig.recording.runs import RunError
 

@@ -1,6 +1,7 @@
 """Conversion of validated files to the loop's parameters, with all changes of names and units."""
 
 from collections.abc import Iterable, Sequence
+from enum import IntEnum
 
 from controllers import (
     drive_gating,
@@ -24,21 +25,10 @@ from rig.planning.reference import ReferenceRecord, force_table
 from rig.realtime import average, cycle, safety
 from rig.realtime.sequence import Segments
 
-MODULATIONS = {
-    "svpwm": Modulation.SVPWM,
-    "sine-triangle": Modulation.SINE_TRIANGLE,
-    "dpwm": Modulation.DPWM,
-    "hysteresis": Modulation.HYSTERESIS,
-}
 
-
-_SURGE_USES = {
-    "off": SurgeUse.OFF,
-    "station keeping": SurgeUse.STATION_KEEPING,
-    "hold": SurgeUse.HOLD,
-}
-
-_AXES = {"heave": ReferenceAxis.HEAVE, "surge": ReferenceAxis.SURGE}
+def number_of(choice: str, numbers: type[IntEnum]) -> int:
+    """Return the loop's number of a choice in a file, which is its name there in lower case."""
+    return int(numbers[choice.upper().replace(" ", "_").replace("-", "_")])
 
 
 def reference_table(
@@ -99,11 +89,13 @@ def wavebot_params(
             heave=axis_params(rig.heave, bounds.heave, *stop, dt),
             heave_law=law_params(campaign.heave_law, campaign.law, rig.heave.gain_ramp_s, dt),
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
-            reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
+            reference_axis=number_of(
+                campaign.reference.axis if campaign.reference else "heave", ReferenceAxis
+            ),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
-            modulation=int(MODULATIONS[drive.modulation]) if drive else 0,
+            modulation=number_of(drive.modulation, Modulation) if drive else 0,
             surge=axis_params(rig.surge, bounds.surge, *stop, dt),
-            surge_use=int(_SURGE_USES[campaign.surge.use]),
+            surge_use=number_of(campaign.surge.use, SurgeUse),
             station_keeping=station_keeping.Params(
                 ramp=rig.surge.gain_ramp_s,
                 station=0.0,

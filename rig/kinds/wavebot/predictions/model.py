@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.signals import Gains
+from controllers.signals import Gains, Modulation
 from rig.campaign.set_points import row_setting
 from rig.design.axis import Axis, Body, Law, Timing, reference_spectrum
 from rig.design.axis_params import estimator_params, newtons_per_ampere
@@ -16,7 +16,7 @@ from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from
 from rig.design.law_params import law_params, zc_sections
 from rig.design.linear_form import linear_gains
 from rig.emulation.sea import build_sea
-from rig.kinds.wavebot.build import MODULATIONS, list_realisations, reference_table
+from rig.kinds.wavebot.build import list_realisations, number_of, reference_table
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
 from rig.kinds.wavebot.predictions.drive import electrics_at
@@ -106,7 +106,7 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
             realisations,
             np.array(spectra),
         ),
-        int(MODULATIONS[drive.modulation]) if drive else 0,
+        number_of(drive.modulation, Modulation) if drive else 0,
         drive.current_threshold_a if drive else 0.0,
     )
 

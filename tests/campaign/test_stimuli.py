@@ -13,7 +13,7 @@ from rehearsing import CONFIGS, write_campaign
 from rig.config.reference import AnyStimulus, Reference
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.predictions import predict
+from rig.kinds.wavebot.predictions.rows import predict
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.multisine import design_multisine, odd_lines, random_odd_lines
 from rig.planning.reference import ReferenceRecord, force_table, repeat_ticks

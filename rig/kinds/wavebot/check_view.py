@@ -13,13 +13,13 @@ from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
 from rig.config.problems import Problem
 from rig.design.margin import tightest
-from rig.kinds.wavebot.predictions import (
+from rig.kinds.wavebot.predictions.prediction import (
     PREDICTED_STATIONS,
     Prediction,
     RowPrediction,
-    Travel,
 )
-from rig.presentation.console import WIDTH, table_console
+from rig.kinds.wavebot.predictions.travel import Travel
+from rig.presentation.console import WIDTH, plain_table, table_console
 from rig.presentation.phrases import format_duration
 from rig.stations import shown
 
@@ -86,16 +86,16 @@ class CheckView:
         """Print a line for each spring rate, and return the points that are refused."""
         refused = {row.row.point for row in forecast.rows if any(row.blocking())}
         columns = _law_columns(forecast)
+        stations = shown(PREDICTED_STATIONS)
+        stations = stations if self._console.width >= WIDTH else stations[1:]
         table = _table(
             "Predicted, by spring rate",
             f"mean W at {'/'.join(c.label for c in columns)} or row; negative power is absorbed",
+            (
+                *(("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")),
+                *((f"best {station.heading}", "") for station in stations),
+            ),
         )
-        for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
-            table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        stations = shown(PREDICTED_STATIONS)
-        stations = stations if self._console.width >= WIDTH else stations[1:]
-        for station in stations:
-            table.add_column(f"best {station.heading}\n", justify="right", no_wrap=True)
         groups = _by_spring_rate(forecast.rows)
         for rate, rows in groups[:MAX_SPRING_RATES]:
             allowed = [row for row in rows if row.row.point not in refused]
@@ -132,11 +132,8 @@ class CheckView:
         shown_rows = [*(lead_in if self._every_row else []), *rows]
 
         def build_table(left_out: Sequence[str]) -> Table:
-            table = _table(title, caption)
             kept = [(name, unit) for name, unit in columns if name not in left_out]
-            for name, unit in kept:
-                table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-            table.add_column("most used\n", no_wrap=True)
+            table = _table(title, caption, kept, "most used\n")
             for row in shown_rows:
                 cells = _cells(row, law)
                 style = "red" if row.row.point in refused else ""
@@ -173,19 +170,14 @@ class CheckView:
             self._console.print("the campaign can be run", style="bold green")
 
 
-def _table(title: str, caption: str) -> Table:
+def _table(title: str, caption: str, columns: Iterable[tuple[str, str]], *last: str) -> Table:
+    """Return a table of columns with name and unit, aligned to the right, and of the last ones."""
     text = Text(title, style="bold")
     if caption:
         text.append(f"   {caption}", style="dim not bold")
-    return Table(
-        title=text,
-        title_justify="left",
-        box=None,
-        padding=(0, 1, 0, 0),
-        header_style="dim",
-        title_style="",
-        pad_edge=False,
-    )
+    headings = (f">{name}\n{unit}" for name, unit in columns)
+    style = {"title_justify": "left", "title_style": "", "header_style": "dim"}
+    return plain_table(*headings, *last, title=text, padding=(0, 1, 0, 0), **style)
 
 
 def _law_columns(forecast: Prediction) -> list[LawColumn]:

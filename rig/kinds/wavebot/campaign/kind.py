@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
-from typing import Any
 
 from controllers import magnetic_spring
 from rig.campaign.files import AnyCampaign
@@ -185,10 +184,6 @@ def _with_stable_ki(
     return setting._replace(ki=max_stable_ki(rig.stability, spring_rates, setting.ki))
 
 
-def _last(file: CampaignFile, setting: RowSetting) -> RowSetting:
-    return setting if file.zc_law is None else setting._replace(ki=0.0)
-
-
 def _report_lines(campaign: AnyCampaign, plan: AnyPlan) -> list[tuple[str, str]]:
     hoist = campaign.file.hoist
     return [
@@ -211,10 +206,6 @@ def _power_sign_text(campaign: AnyCampaign) -> str:
     return f"monitored in {absorbing} of {count}: those with Kp < 0 and Km = 0"
 
 
-def _earlier_limits(recorded: dict[str, Any]) -> dict[str, Any]:
-    return complete_limits(recorded, LATER_LIMITS)
-
-
 CAMPAIGNS = CampaignKind(
     rig_file=RigFile,
     limits_file=LimitsFile,
@@ -232,10 +223,10 @@ CAMPAIGNS = CampaignKind(
     lead_in=_lead_in,
     prepare=_prepare,
     move=_move,
-    last=_last,
+    last=lambda file, setting: setting if file.zc_law is None else setting._replace(ki=0.0),
     validity_warnings=validity_warnings,
     report_lines=_report_lines,
-    earlier_limits=_earlier_limits,
+    earlier_limits=lambda recorded: complete_limits(recorded, LATER_LIMITS),
     rig_parts="spring map",
     swept_keys=("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare"),
 )

@@ -52,11 +52,10 @@ class Hoist(FileModel):
                 yield RuleViolation(("stations_percent", i), message, station)
         max_speed = 0.25 * (self.high_m - self.low_m) / TURNAROUND_S
         if self.speed_m_per_s > max_speed:
-            yield RuleViolation(
-                ("speed_m_per_s",),
+            yield self.violation(
+                "speed_m_per_s",
                 f"{format_number(self.speed_m_per_s)} leaves no travel at constant speed; "
                 f"allowed up to {format_number(max_speed)} m/s for this travel",
-                self.speed_m_per_s,
             )
 
     @property
@@ -94,11 +93,10 @@ class Start(BaseStart):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the set point's time is part of the lead-in."""
         if self.set_point_s > self.lead_in_s:
-            yield RuleViolation(
-                ("set_point_s",),
+            yield self.violation(
+                "set_point_s",
                 f"{format_number(self.set_point_s)} is longer than the lead-in it is part of; "
                 f"allowed up to lead_in_s = {format_number(self.lead_in_s)} s",
-                self.set_point_s,
             )
 
 
@@ -197,9 +195,7 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
     def _hoist_rules(self) -> Iterator[RuleViolation]:
         """Check that only the hoist moves the body and that its cycles define a row's duration."""
         if self.device == "absent":
-            yield RuleViolation(
-                ("device",), "a hoist needs a body to move; allowed present", "absent"
-            )
+            yield self.violation("device", "a hoist needs a body to move; allowed present")
         if not isinstance(self.sea, CalmSea):
             yield RuleViolation(
                 ("sea", "kind"), "a hoist needs calm water; allowed calm", self.sea.kind

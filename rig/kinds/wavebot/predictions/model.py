@@ -173,7 +173,8 @@ def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod
     if calm:
         return _CommonPeriod(len(table) * dt, Fraction(1), 1)
     sea_ticks = Fraction(round(sea.repeat / dt), cycles_divisor)
-    common_ticks = sea_ticks * len(table) / _fraction_gcd(sea_ticks, Fraction(len(table)))
+    common_multiple = math.lcm(sea_ticks.numerator, len(table) * sea_ticks.denominator)
+    common_ticks = Fraction(common_multiple, sea_ticks.denominator)
     if common_ticks * dt <= MAX_PERIOD:
         return _CommonPeriod(
             float(common_ticks) * dt,
@@ -185,12 +186,6 @@ def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod
     return _CommonPeriod(
         sea_periods * float(sea_ticks) * dt, Fraction(sea_periods, cycles_divisor), repeats
     )
-
-
-def _fraction_gcd(a: Fraction, b: Fraction) -> Fraction:
-    """Return the greatest common divisor of two fractions."""
-    denominator = math.lcm(a.denominator, b.denominator)
-    return Fraction(math.gcd(int(a * denominator), int(b * denominator)), denominator)
 
 
 def _excitation_spectrum(grid: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> Complexes:

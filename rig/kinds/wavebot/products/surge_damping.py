@@ -10,7 +10,7 @@ import csv
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +26,6 @@ from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
-from rig.row_contents import Column
 from rig.spectra.periods import Floats
 
 KEPT_POWER_SHARE = 0.98
@@ -97,7 +96,9 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     planned = {row["row"]: row for row in run_facts.plan["rows"]}
     if not all("surge_kp" in row for row in planned.values()):
         raise RunError(f"{run}: no surge damping campaign (its rows have no surge_kp)")
-    _check_other_columns(planned, run_facts.row_contents.columns, run)
+    for name in (column.name for column in run_facts.row_contents.columns):
+        if name != "surge_kp" and len({row.get(name) for row in planned.values()}) > 1:
+            raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
     ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
     rows: dict[float, DampingRow] = {}
     reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
@@ -112,14 +113,6 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
         reason = f"{len(rows)} surge dampings have a complete window; at least 3 needed"
         raise RunError(f"{run}: {'; '.join([reason, *messages])}")
     return DampingRows(tuple(rows[damping] for damping in sorted(rows)), messages)
-
-
-def _check_other_columns(
-    planned: dict[int, dict[str, Any]], columns: Iterable[Column], run: object
-) -> None:
-    for name in (column.name for column in columns if column.name != "surge_kp"):
-        if len({row.get(name) for row in planned.values()}) > 1:
-            raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
 
 
 def _measure_row(window: Window, damping: float, period: float) -> DampingRow:
@@ -248,7 +241,7 @@ def recommendation(choice: DampingChoice) -> str:
 def as_dict(choice: DampingChoice) -> dict[str, Any]:
     """Return the choice as JSON data; NaN becomes null."""
     stroke, force, power = choice.predicted
-    values = {
+    values: dict[str, Any] = {
         "surge_kp_n_s_per_m": choice.kp,
         "bound_by": choice.bound,
         "allowed_stroke_m": choice.stroke,
@@ -257,7 +250,7 @@ def as_dict(choice: DampingChoice) -> dict[str, Any]:
         "rows": choice.rows,
         "notes": choice.notes,
     }
-    return {name: json_value(value) for name, value in values.items()}
+    return dict(json_value(values))
 
 
 def write_results(choice: DampingChoice, folder: Path) -> list[Path]:

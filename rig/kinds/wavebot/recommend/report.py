@@ -201,16 +201,18 @@ def campaign_text(
         *(f"  {form}:" for form in FORMS[:2] if form in inherited),
         "  list:",
     ]
-    settings = {_flow_mapping(gains, inherited): text for gains, text in comments.items()}
-    widest = max(map(len, settings))
-    text_lines += [f"    - {text:<{widest}}  # {comment}" for text, comment in settings.items()]
+    others = _other_columns(inherited)
+    rows = [
+        dict(zip(_KEYS, (gains.spring_rate, gains.kp, gains.ki), strict=True)) | others
+        for gains in comments
+    ]
+    texts = [", ".join(f"{key}: {value:.10g}" for key, value in row.items()) for row in rows]
+    widest = max(map(len, texts))
+    text_lines += [
+        f"    - {f'{{{text}}}':<{widest + 2}}  # {comment}"
+        for text, comment in zip(texts, comments.values(), strict=True)
+    ]
     return "\n".join(text_lines) + "\n"
-
-
-def _flow_mapping(gains: Gains, inherited: dict[str, Any]) -> str:
-    values = (gains.spring_rate, gains.kp, gains.ki)
-    pairs = dict(zip(_KEYS, values, strict=True)) | _other_columns(inherited)
-    return "{" + ", ".join(f"{key}: {value:.10g}" for key, value in pairs.items()) + "}"
 
 
 def _other_columns(inherited: dict[str, Any]) -> dict[str, float]:

@@ -86,8 +86,12 @@ def find_optima(predictor: SetPointPredictor, space: SearchSpace) -> list[Optimu
     grid = predictor.quick.predict(_grid(space, spring_rate))
     optima = []
     for law in LAWS:
+        candidates = grid
+        if law != "PI and spring":
+            candidates = [one for one in grid if one.gains.spring_rate == spring_rate]
+        if law == "P":
+            candidates = [one for one in candidates if one.gains.ki == 0.0]
         for station in STATIONS:
-            candidates = [one for one in grid if _has_law(one.gains, law, spring_rate)]
             start = min(candidates, key=lambda one: cost(one, station))
             optima.append((station, law, _descend(predictor.quick, space, start, station, law)))
     predictions = predictor.predict([gains for *_, gains in optima])
@@ -115,12 +119,6 @@ def _grid(space: SearchSpace, spring_rate: float) -> list[Gains]:
     ]
     points += [Gains(-float(np.exp(log_kp)), 0.0, spring_rate) for log_kp in log_kps]
     return list(dict.fromkeys(points))
-
-
-def _has_law(gains: Gains, law: Law, spring_rate: float) -> bool:
-    if law == "PI and spring":
-        return True
-    return gains.spring_rate == spring_rate and (law == "PI" or gains.ki == 0.0)
 
 
 def _descend(

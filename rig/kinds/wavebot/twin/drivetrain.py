@@ -80,7 +80,7 @@ def identify_drivetrain(records: Sequence[Record], shape: DrivetrainShape) -> Gr
     )
     friction = {VISCOUS: viscous}
     if calm.any():
-        friction[CALM] = dry * calm
+        friction[WAVES if calm.all() else CALM] = dry * calm
     if not calm.all():
         friction[WAVES] = dry * ~calm
     source = f"{len(records)} rows, torque sensor minus load cell"
@@ -88,8 +88,6 @@ def identify_drivetrain(records: Sequence[Record], shape: DrivetrainShape) -> Gr
     if not (0.0 < group.deviation(EFFECT) < MAX_DEVIATION and group.by_name[EFFECT] > 0.0):
         group = least_squares(friction, measured - spring, source)
         group = group.with_value(EFFECT, 1.0, MAX_DEVIATION)
-    if calm.all():  # the only dry friction is that of calm water
-        return group._replace(names=tuple(WAVES if name == CALM else name for name in group.names))
     return group.without(CALM)
 
 

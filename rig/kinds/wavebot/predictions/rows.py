@@ -47,7 +47,7 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     model = build_model(campaign)
     rows = [*_lead_in(planned), *planned.rows]
     predictions = [
-        RowPrediction(row, values, _margins(model, row.setting, values))
+        RowPrediction(row, values, compute_margins(model, row.setting, values))
         for row, values in zip(rows, predict_rows(model, planned, rows), strict=True)
     ]
     lead_in = predictions[0] if predictions[0].row.row == NO_ROW else None
@@ -146,7 +146,7 @@ def predict_set_points(
         columns, _ = batches.predict(np.zeros(len(rows)))
         predictions = [RowPredictions(**each) for each in columns]
     return [
-        (one, _margins(model, setting, one))
+        (one, compute_margins(model, setting, one))
         for one, (setting, _) in zip(predictions, rows, strict=True)
     ]
 
@@ -166,16 +166,6 @@ def _with_voltage(columns: dict[str, Any], voltage: bus.BusVoltage) -> RowPredic
         "dump_power": voltage.dump_power,
     }
     return RowPredictions(**columns | simulated)
-
-
-def _margins(
-    model: CampaignModel, setting: RowSetting, values: RowPredictions
-) -> tuple[Margin, ...]:
-    bounds, rig = model.campaign.limits, model.campaign.rig
-    electrics = model.electrics(setting)
-    if electrics.custom == 0:
-        return compute_margins(bounds, rig, setting, values, None, electrics.cots.bus_voltage)
-    return compute_margins(bounds, rig, setting, values, electrics.bus, setting.bus_voltage)
 
 
 class _Batch(NamedTuple):

@@ -11,12 +11,10 @@ from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
 from rig.design.margin import Effect, Limit, Margin, Role
 from rig.kinds.wavebot.campaign import Campaign, CampaignRow
 from rig.kinds.wavebot.campaign.set_points import RowSetting
-from rig.kinds.wavebot.config.limits_file import LimitsFile
-from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.predictions.model import CampaignModel
 from rig.kinds.wavebot.predictions.prediction import RowPrediction, RowPredictions
 from rig.planning.windows import row_windows
 from rig.realtime.sequence import NO_ROW
-from sim_plant.bus import BusParams
 
 
 def _limit(
@@ -71,17 +69,11 @@ LIMITS = (
 
 
 def compute_margins(
-    bounds: LimitsFile,
-    rig: RigFile,
-    setting: RowSetting,
-    predictions: RowPredictions,
-    bus: BusParams | None,
-    bus_at_rest: float,
+    model: CampaignModel, setting: RowSetting, predictions: RowPredictions
 ) -> tuple[Margin, ...]:
-    """Return a row's use of each limit.
-
-    ``bus`` is that of the custom drive, ``bus_at_rest`` its voltage before any motion (V).
-    """
+    """Return a row's use of each limit."""
+    rig, electrics = model.campaign.rig, model.electrics(setting)
+    bus_at_rest = setting.bus_voltage if electrics.custom else electrics.cots.bus_voltage
 
     def allowed(limit: Limit) -> float | None:
         if limit is STROKE:
@@ -89,11 +81,12 @@ def compute_margins(
         if limit.of_own_gains:
             return 1.0
         if limit.role != "plant":
-            return float(reduce(getattr, limit.key, rig if limit.role == "rig" else bounds))  # type: ignore[arg-type]
-        if bus is None or predictions.voltage_available is None:
+            return float(reduce(getattr, limit.key, getattr(model.campaign, limit.role)))  # type: ignore[arg-type]
+        if not electrics.custom or predictions.voltage_available is None:
             return None
         if limit is MODULATION:
             return predictions.voltage_available
+        bus = electrics.bus
         return bus.overvoltage if limit is OVERVOLTAGE else bus.undervoltage
 
     margins = []

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend.search import (
     Optimum,
     SearchSpace,
@@ -51,34 +50,28 @@ class RecommendedRow(NamedTuple):
 
 
 def choose_rows(
-    predictor: SetPointPredictor,
-    space: SearchSpace,
-    optima: Sequence[Optimum],
-    station: Station,
-    max_rows: int,
+    space: SearchSpace, optima: Sequence[Optimum], station: Station, max_rows: int
 ) -> list[RecommendedRow]:
     """Return the rows for a station, the best first; the optima must have intervals."""
     candidates: dict[Gains, str] = {}
-    for gains, reason in _candidates(predictor.quick, space, optima, station):
+    for gains, reason in _candidates(space, optima, station):
         rounded = _rounded(gains, space)
-        if not any(_is_same_row(rounded, other) for other in candidates):
+        distances = (np.abs(np.subtract(rounded, other)) for other in candidates)
+        if not any(np.all(distance < MIN_SPACING) for distance in distances):
             candidates[rounded] = reason
-    pairs = zip(predictor.predict(list(candidates)), candidates.values(), strict=True)
+    pairs = zip(space.predictor.predict(list(candidates)), candidates.values(), strict=True)
     rows = [RecommendedRow(prediction, reason) for prediction, reason in pairs]
     return [row for row in rows if row.prediction.allowed][:max_rows]
 
 
 def _candidates(
-    predictor: SetPointPredictor,
-    space: SearchSpace,
-    optima: Sequence[Optimum],
-    station: Station,
+    space: SearchSpace, optima: Sequence[Optimum], station: Station
 ) -> Iterator[tuple[Gains, str]]:
     best = best_with_spring(optima, station)
     name = f"{station.name_in_text} power"
     yield best.gains, f"best {name}"
     rise = min(max(best.half_width[station.name], MIN_RISE), MAX_RISE)
-    distances = [_distance(predictor, space, best.gains, station, axis, rise) for axis in range(3)]
+    distances = [_distance(space, best.gains, station, axis, rise) for axis in range(3)]
     middle = space.to_coordinates(best.gains)
     for axis, step in enumerate(np.diag(distances)):
         for sign, more in ((1.0, "more"), (-1.0, "less")):
@@ -94,19 +87,12 @@ def _candidates(
         yield space.to_gains(middle + offset), "corner around the best"
 
 
-def _distance(
-    predictor: SetPointPredictor,
-    space: SearchSpace,
-    best: Gains,
-    station: Station,
-    axis: int,
-    rise: float,
-) -> float:
+def _distance(space: SearchSpace, best: Gains, station: Station, axis: int, rise: float) -> float:
     """Return the distance along an axis at which a station's power is worse by ``rise`` (W)."""
     middle, step = space.to_coordinates(best), np.zeros(3)
     step[axis] = 0.5 * _MAX_DISTANCE[axis]
     places = [space.to_gains(middle + sign * step) for sign in (0.0, 1.0, -1.0)]
-    centre, *sides = (one.power(station) for one in predictor.predict(places))
+    centre, *sides = (one.power(station) for one in space.predictor.quick.predict(places))
     curvature = max(float(np.mean(sides)) - centre, 1e-3) / (0.25 * _MAX_DISTANCE[axis] ** 2)
     return min(float(np.sqrt(rise / curvature)), _MAX_DISTANCE[axis])
 
@@ -116,13 +102,8 @@ def _rounded(gains: Gains, space: SearchSpace) -> Gains:
     kp, ki, rate = (_RESOLUTION * round(each / _RESOLUTION) for each in gains)
     low, high = space.spring
     rate = min(max(rate, low), high)
-    max_ki = largest_ki(space.rig.stability, rate)
-    return Gains(kp, min(ki, _RESOLUTION * float(np.floor(max_ki / _RESOLUTION))), rate)
-
-
-def _is_same_row(one: Gains, other: Gains) -> bool:
-    differences = zip(one, other, MIN_SPACING, strict=True)
-    return all(abs(a - b) < spacing for a, b, spacing in differences)
+    max_ki = _RESOLUTION * float(np.floor(space.largest_ki(rate) / _RESOLUTION))
+    return Gains(kp, min(ki, max_ki), rate)
 
 
 class RecommendOptions(NamedTuple):
@@ -175,13 +156,13 @@ def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> 
     plant, *_ = plant_file.write(twin, folder / plant_file.FOLDER)
     predictor = SetPointPredictor(open_on_twin(base, plant), twin)
     space = search_space(predictor, options.spring)
-    optima = find_optima(predictor, space)
+    optima = find_optima(space)
     measured = predictor.compare_rows()
     with_intervals = predictor.with_intervals([optimum.best for optimum in optima], measured)
     optima = [
         optimum._replace(best=best) for optimum, best in zip(optima, with_intervals, strict=True)
     ]
-    rows = choose_rows(predictor, space, optima, options.station, options.rows)
+    rows = choose_rows(space, optima, options.station, options.rows)
     if not rows:
         raise RunError("no setting near the best is allowed by the limits of the rig")
     with_intervals = predictor.with_intervals([row.prediction for row in rows], measured)

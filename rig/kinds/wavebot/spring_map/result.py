@@ -86,11 +86,25 @@ def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) ->
     if not is_hoisted(run_facts.plan):
         raise RunError(f"{run}: no spring map (its campaign has no hoist)")
     rig = _rig_constants(run_facts)
-    balance = _balance_angle(source)
-    stations_found, excluded = _measure_stations(
-        run, source, run_facts, rig, balance, incomplete_rows
-    )
-    stations = sorted(stations_found, key=lambda station: station.values["station"])
+    balance, speed = _balance_angle(source), float(run_facts.plan["hoist"]["speed_m_per_s"])
+    point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
+    by_point: dict[int, list[Window]] = {}  # repetitions of a station are combined
+    reading, rows = RecordCheck(source.contents, source.damage), ExcludedRows()
+    for window in read_windows(
+        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
+    ):
+        if rows.accept(window):
+            by_point.setdefault(point_of_row[window.row], []).append(window)
+    stations = []
+    for windows in by_point.values():
+        parts = [
+            _window_samples(window, rig, balance, _MIN_SPEED_SHARE * speed) for window in windows
+        ]
+        samples = Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        stator = np.mean([window.data["spring_sense.position"].mean() for window in windows])
+        stations.append(_evaluate_station(float(stator), samples, rig))
+    stations.sort(key=lambda station: station.values["station"])
+    excluded = rows.messages(run_facts.plan, reading.state(run))
     if not stations:
         reason = "; ".join(["no stator position was completed", *excluded])
         raise RunError(f"{run}: {reason}")
@@ -130,38 +144,6 @@ def _balance_angle(source: reader.RunFiles) -> float:
         if count and not in_tare.any():
             break
     return total / count if count else 0.0
-
-
-def _measure_stations(
-    run: str | os.PathLike[str],
-    source: reader.RunFiles,
-    run_facts: RunInfo,
-    rig: _RigConstants,
-    balance: float,
-    incomplete_rows: bool,
-) -> tuple[list[_Station], tuple[str, ...]]:
-    """Return the result of each stator position, and messages about excluded rows.
-
-    Repetitions of a station are combined.
-    """
-    point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
-    by_point: dict[int, list[Window]] = {}
-    reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
-    for window in read_windows(
-        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
-    ):
-        if excluded.accept(window):
-            by_point.setdefault(point_of_row[window.row], []).append(window)
-    speed = float(run_facts.plan["hoist"]["speed_m_per_s"])
-    stations = []
-    for windows_ in by_point.values():
-        parts = [
-            _window_samples(window, rig, balance, _MIN_SPEED_SHARE * speed) for window in windows_
-        ]
-        samples = Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        stator = np.mean([window.data["spring_sense.position"].mean() for window in windows_])
-        stations.append(_evaluate_station(float(stator), samples, rig))
-    return stations, excluded.messages(run_facts.plan, reading.state(run))
 
 
 def _window_samples(

@@ -152,9 +152,7 @@ def test_rows_measure_whole_repeat_periods_and_play_their_realisation(tmp_path: 
     assert report.campaign is not None
     assert [(row.periods, row.measure) for row in report.plan.rows] == [(3, 60.0)] * 2
     checked = report.campaign
-    params = wavebot_params(
-        checked.file, checked.rig, checked.limits, report.plan.segments, report.plan.setpoints
-    ).rig
+    params = wavebot_params(checked, report.plan.segments, report.plan.setpoints).rig
     assert params.reference.realisations == 2
     assert set(params.setpoints.realisation) == {0, 1}
     expected = force_table(stimulus(**reference), FACTOR, RATE, 1, (2, 5))

@@ -69,7 +69,7 @@ def execution_task(campaign: Campaign, plan: Plan) -> Task:
         rig.kind,
         "rig.kinds.wavebot.tick",
         kind_with_law(file.heave_law.module),
-        wavebot_params(file, rig, campaign.limits, plan.segments, plan.setpoints, campaign.record),
+        wavebot_params(campaign, plan.segments, plan.setpoints),
         plan.dt,
         len(plan.rows),
         rig.realtime == "required",
@@ -84,8 +84,7 @@ def execution_task(campaign: Campaign, plan: Plan) -> Task:
 def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     file = campaign.file
     record = plan_record(campaign, plan, row_contents(file.law_columns()))
-    on_surge = file.reference is not None and file.reference.axis == "surge"
-    motor = campaign.rig.surge if on_surge else campaign.rig.heave
+    motor = getattr(campaign.rig, file.excited_axis)
     record["reference"] = reference_record(file.reference, newtons_per_ampere(motor))
     record["hoist"] = hoist = file.hoist
     if hoist is not None:  # as the spring map's analysis needs it

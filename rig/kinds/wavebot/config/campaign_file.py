@@ -213,6 +213,11 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
             )
 
     @property
+    def excited_axis(self) -> str:
+        """The axis that the open-loop reference excites; heave without one."""
+        return "heave" if self.reference is None else self.reference.axis
+
+    @property
     def uses_gains_only(self) -> bool:
         """Whether the force of heave depends on Kp, Ki and Km only: no Z_c and no reference."""
         has_excitation = self.reference is not None and self.reference.axis == "heave"

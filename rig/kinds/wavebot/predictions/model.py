@@ -76,7 +76,7 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
     sea = build_sea(devices["sea"])
     settings = (row_setting(campaign.kind, campaign.file, rig, point) for point in campaign.points)
     realisations = list_realisations(one.realisation for one in settings)
-    tables = [reference_table(campaign.file, rig, (one,), campaign.record) for one in realisations]
+    tables = [reference_table(campaign, (one,)) for one in realisations]
     common = _common_period(sea, tables[0], dt)
     grid = build_grid(common.period, rate)
     spectra = [reference_spectrum(grid, common.reference, table) for table in tables]
@@ -102,7 +102,7 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
         axis(params.body, params.pto.viscous, params.electrics.drive, "heave", bem),
         axis(params.surge.body, 0.0, params.surge.drive, "surge", bem.with_name(plant.surge.bem)),
         Reference(
-            campaign.file.reference.axis if campaign.file.reference else "heave",
+            campaign.file.excited_axis,
             realisations,
             np.array(spectra),
         ),

@@ -24,6 +24,16 @@ Columns = dict[str, Floats]
 """Fields of `RowPredictions`, one value per row."""
 
 
+class Batch(NamedTuple):
+    """Some rows, and their results that do not depend on the bus."""
+
+    settings: list[RowSetting]
+    stator: list[float]  # %
+    law: Law
+    columns: Columns
+    lateral_force: Floats  # N, on the heave guide
+
+
 class HeaveMotion(NamedTuple):
     """Heave of every row."""
 
@@ -39,22 +49,12 @@ class SurgeMotion(NamedTuple):
     lateral_force: Floats  # N, on the heave guide, rows by samples
 
 
-def predict_heave(
-    model: CampaignModel,
-    settings: Sequence[RowSetting],
-    stator: Sequence[float],
-    law: Law,
-    lateral_force: Floats,
-    voltage: Floats,
-) -> HeaveMotion:
-    """Predict heave of each setting at its stator position (%).
-
-    ``lateral_force`` (N, rows by samples) acts on the guide; ``voltage`` (V, one per row) is the
-    custom drive's bus voltage.
-    """
+def predict_heave(model: CampaignModel, batch: Batch, voltage: Floats) -> HeaveMotion:
+    """Predict heave of a batch; ``voltage`` (V, one per row) is that of the custom drive's bus."""
+    settings = batch.settings
     grid, axis, spring, pto = model.grid, model.heave, model.params.spring, model.params.pto
-    rates = spring_rates(spring, stator)
-    friction = friction_size(pto, lateral_force)
+    rates = spring_rates(spring, batch.stator)
+    friction = friction_size(pto, batch.lateral_force)
     drive = drives.build_drive(
         model.plant, settings, model.scheme, axis.current_limit, model.gating_current, voltage
     )
@@ -68,7 +68,7 @@ def predict_heave(
     motion = solve_axis(
         grid,
         axis,
-        law,
+        batch.law,
         open_loop_force(model, "heave", settings),
         passive_force,
         lambda demand, x, v: drives.voltage_limited_force(drive, command_force(demand, v), v),

@@ -1,11 +1,10 @@
 """Prediction of every row of a campaign in its sea, in the order of the plan."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from rig.design.axis import Law
 from rig.design.grid import Floats
 from rig.design.linear_form import NotLinearError
 from rig.design.margin import Margin
@@ -16,7 +15,7 @@ from rig.kinds.wavebot.predictions import bus
 from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
 from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, heave_law, row_gains
 from rig.kinds.wavebot.predictions.motion import (
-    Columns,
+    Batch,
     heave_poles,
     predict_heave,
     predict_surge,
@@ -168,16 +167,6 @@ def _with_voltage(columns: dict[str, Any], voltage: bus.BusVoltage) -> RowPredic
     return RowPredictions(**columns | simulated)
 
 
-class _Batch(NamedTuple):
-    """Some rows, and their results that do not depend on the bus."""
-
-    settings: list[RowSetting]
-    stator: list[float]  # %
-    law: Law
-    columns: Columns
-    lateral_force: Floats  # N, on the heave guide
-
-
 class _Batches:
     """Rows in batches; each may be predicted repeatedly at other voltages of the bus."""
 
@@ -186,11 +175,11 @@ class _Batches:
         size = max(1, MAX_SAMPLES // model.grid.samples)
         self._batches = [self._batch(rows[i : i + size]) for i in range(0, len(rows), size)]
 
-    def _batch(self, rows: Sequence[SettingAndStator]) -> _Batch:
+    def _batch(self, rows: Sequence[SettingAndStator]) -> Batch:
         settings, stator = [one for one, _ in rows], [position for _, position in rows]
         law, surge = heave_law(self._model, settings), predict_surge(self._model, settings)
         columns = surge.columns | heave_poles(self._model, stator, law)
-        return _Batch(settings, stator, law, columns, surge.lateral_force)
+        return Batch(settings, stator, law, columns, surge.lateral_force)
 
     def predict(self, voltage: Floats) -> tuple[list[dict[str, Any]], list[_Power]]:
         """Return the fields of `RowPredictions` before the bus simulation, and the power.
@@ -205,12 +194,10 @@ class _Batches:
         return fields, powers
 
     def _predict_batch(
-        self, batch: _Batch, voltage: Floats, powers: list[_Power]
+        self, batch: Batch, voltage: Floats, powers: list[_Power]
     ) -> list[dict[str, Any]]:
         model, stability = self._model, self._model.campaign.rig.stability
-        heave = predict_heave(
-            model, batch.settings, batch.stator, batch.law, batch.lateral_force, voltage
-        )
+        heave = predict_heave(model, batch, voltage)
         columns = heave.columns | batch.columns
         if model.has_custom_drive:
             powers += [bus.block_means(model.grid, power) for power in heave.dc_power]

@@ -2,14 +2,13 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rig.config.problems import display_path
 from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
-from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, Gains, SetPointPrediction
+from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, SetPointPrediction
 from rig.stations import Station
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
@@ -21,15 +20,7 @@ def write(recommendation: Recommendation, folder: Path, output: Path | None = No
     folder.mkdir(parents=True, exist_ok=True)
     campaign, numbers = output or folder / CAMPAIGN, folder / NUMBERS
     campaign.parent.mkdir(parents=True, exist_ok=True)
-    comments = {
-        row.prediction.gains: f"{row.reason}: {_power_text(row.prediction)}"
-        for row in recommendation.rows
-    }
-    name = recommendation.campaign.file.name
-    name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
-    header = _header(recommendation)
-    text = campaign_text(campaign, recommendation.base, name, header, comments)
-    campaign.write_text(text, encoding="utf-8")
+    campaign.write_text(_campaign_text(recommendation, campaign), encoding="utf-8")
     numbers.write_text(json.dumps(as_dict(recommendation), indent=1) + "\n", encoding="utf-8")
     return [campaign, numbers]
 
@@ -177,21 +168,13 @@ FORMS = ("grid", "csv", "list")
 _KEYS = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
 
 
-def campaign_text(
-    path: Path,
-    base: Path,
-    name: str,
-    header: Sequence[str],
-    comments: Mapping[Gains, str],
-) -> str:
-    """Return the text of a campaign file that extends ``base`` with another matrix.
-
-    ``path`` is the path of the new file, ``header`` its comment lines at the top. The matrix has
-    the gains of ``comments``, each with its comment.
-    """
+def _campaign_text(recommendation: Recommendation, path: Path) -> str:
+    """Return the text of the file at ``path``: the base campaign with the recommended matrix."""
+    base, name = recommendation.base, recommendation.campaign.file.name
+    name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
     mapping, _ = load_mapping(base, inline=("sea",))
     inherited = mapping.get("matrix") or {}
-    text_lines = [f"# {line}" for line in header]
+    text_lines = [f"# {line}" for line in _header(recommendation)]
     text_lines += [
         f"extends: {os.path.relpath(base.resolve(), path.resolve().parent)}",
         f"name: {name}",
@@ -202,16 +185,14 @@ def campaign_text(
         "  list:",
     ]
     others = _other_columns(inherited)
-    rows = [
-        dict(zip(_KEYS, (gains.spring_rate, gains.kp, gains.ki), strict=True)) | others
-        for gains in comments
-    ]
-    texts = [", ".join(f"{key}: {value:.10g}" for key, value in row.items()) for row in rows]
-    widest = max(map(len, texts))
-    text_lines += [
-        f"    - {f'{{{text}}}':<{widest + 2}}  # {comment}"
-        for text, comment in zip(texts, comments.values(), strict=True)
-    ]
+    settings = {}
+    for row in recommendation.rows:
+        kp, ki, spring_rate = row.prediction.gains
+        values = dict(zip(_KEYS, (spring_rate, kp, ki), strict=True)) | others
+        text = ", ".join(f"{key}: {value:.10g}" for key, value in values.items())
+        settings[f"{{{text}}}"] = f"{row.reason}: {_power_text(row.prediction)}"
+    widest = max(map(len, settings))
+    text_lines += [f"    - {text:<{widest}}  # {comment}" for text, comment in settings.items()]
     return "\n".join(text_lines) + "\n"
 
 

@@ -75,7 +75,9 @@ class CheckView:
             if label == "campaign":
                 value.stylize("bold")
             table.add_row(label, value)
-        table.add_row("stator", _stator_text(planned))
+        moves = f"{_moves_text(planned.moves)} between rows"
+        time = f"{planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
+        table.add_row("stator", Text(f"{moves}; {time}"))
         for saving in _order_texts(planned, forecast.travel[1:]):
             table.add_row("order", saving)
         files = ", ".join(f"{role} {path}" for role, path in report.input_files())
@@ -246,46 +248,27 @@ def _best_text(rows: list[RowPrediction], field: str, law: list[LawColumn]) -> s
 
 
 def _duration_text(planned: Travel, forecast: Prediction) -> Text:
-    waiting = (
-        f", {planned.waiting_time:.3g} s of it waits for the stator"
-        if planned.waiting_time > 0.05
-        else ""
-    )
-    return Text(
-        f"{format_duration(planned.duration)}{waiting}; "
-        f"wave clock {forecast.plan.wave_seconds:.6g} s"
-    )
-
-
-def _stator_text(planned: Travel) -> Text:
-    moves = f"{planned.moves} move{'s' if planned.moves != 1 else ''} between rows"
-    return Text(
-        f"{moves}; {planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
-    )
+    text = format_duration(planned.duration)
+    if planned.waiting_time > 0.05:
+        text += f", {planned.waiting_time:.3g} s of it waits for the stator"
+    return Text(f"{text}; wave clock {forecast.plan.wave_seconds:.6g} s")
 
 
 def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:
     """Return a line for each other order with its saving; orders that save nothing share one."""
-    equal = [
-        travel
-        for travel in alternatives
-        if travel.moves == planned.moves and abs(_time_saved(planned, travel)) < 0.05
-    ]
-    texts = [_order_text(planned, travel) for travel in alternatives if travel not in equal]
+    texts, equal = [], []
+    for travel in alternatives:
+        moves, seconds = planned.moves - travel.moves, planned.duration - travel.duration
+        if moves == 0 and abs(seconds) < 0.05:
+            equal.append(travel.order)
+            continue
+        verb, style = ("saves", "yellow") if seconds > 0.0 or moves > 0 else ("costs", "")
+        saving = f"{_moves_text(abs(moves))} and {format_duration(abs(seconds))}"
+        texts.append(Text(f"{travel.order}: {verb} {saving}", style=style))
     if equal:
-        texts.append(Text(f"{', '.join(travel.order for travel in equal)}: nothing to save"))
+        texts.append(Text(f"{', '.join(equal)}: nothing to save"))
     return texts
 
 
-def _time_saved(planned: Travel, alternative: Travel) -> float:
-    return planned.duration - alternative.duration
-
-
-def _order_text(planned: Travel, alternative: Travel) -> Text:
-    moves, seconds = planned.moves - alternative.moves, _time_saved(planned, alternative)
-    verb = "saves" if seconds > 0.0 or moves > 0 else "costs"
-    return Text(
-        f"{alternative.order}: {verb} {abs(moves)} move{'s' if abs(moves) != 1 else ''} and "
-        f"{format_duration(abs(seconds))}",
-        style="yellow" if verb == "saves" else "",
-    )
+def _moves_text(count: int) -> str:
+    return f"{count} move{'s' if count != 1 else ''}"

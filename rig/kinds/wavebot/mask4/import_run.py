@@ -304,7 +304,22 @@ def import_file(
         "remarks": remarks,
     }
     plan = {"dt": dt, "rows": plan_rows, "repeat_s": description.repeat, "sea": description.sea}
-    _write_folder(folder, log_rows, plan, _config(signals, description, source), description)
+    drive_config = {"kind": signals.drive}
+    if signals.drive == "custom":
+        drive_config["modulation"] = "not recorded"
+    heave = {"torque_constant_n_m_per_a": 6.1745, "gear_ratio_rad_per_m": 12.4666}
+    config = {
+        "name": description.name,
+        "rig": {
+            "name": "WaveBot (MASK4)",
+            "kind": "wavebot",
+            "drive": drive_config,
+            "heave": heave,
+        },
+        "campaign": {"name": description.name},
+        "imported": source,
+    }
+    _write_folder(folder, log_rows, plan, config, description)
     written = [folder, *_write_sync(signals, folder)]
     if waves := _write_waves(signals, folder):
         merged = merge(folder, [MergeSource("waves", waves, "m", 0.0)], SyncChannels())
@@ -397,22 +412,6 @@ def _plan_rows(
         stator = float(window["spring_sense.position"].mean())
         rows.append(entry | ({"stator": stator} if np.isfinite(stator) else {}))
     return rows
-
-
-def _config(
-    signals: Mask4Signals, description: FileDescription, source: dict[str, Any]
-) -> dict[str, Any]:
-    drive = {"kind": signals.drive}
-    if signals.drive == "custom":
-        drive["modulation"] = "not recorded"
-    heave = {"torque_constant_n_m_per_a": 6.1745, "gear_ratio_rad_per_m": 12.4666}
-    rig = {"name": "WaveBot (MASK4)", "kind": "wavebot", "drive": drive, "heave": heave}
-    return {
-        "name": description.name,
-        "rig": rig,
-        "campaign": {"name": description.name},
-        "imported": source,
-    }
 
 
 def _write_folder(

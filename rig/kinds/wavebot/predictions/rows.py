@@ -21,7 +21,7 @@ from rig.kinds.wavebot.predictions.motion import (
     predict_surge,
 )
 from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
-from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
+from rig.kinds.wavebot.predictions.travel import compare_orders
 from rig.kinds.wavebot.predictions.verdict import compute_margins, judge
 from rig.realtime.sequence import NO_ROW, Phase
 from sim_plant.bus import BusParams
@@ -234,18 +234,19 @@ def _simulate_bus(
     ``loads`` are the bus and the power into the drive of each row.
     """
     segments = plan.segments
-    seconds: dict[int, float] = {}
+    seconds: dict[int, float] = {}  # in waves
+    first_move = 0  # ticks, planned for the stator's move to the first row
     for row_number, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
-        without_waves = phase in (Phase.TARE, Phase.DONE) or (
-            row_number == NO_ROW and phase == Phase.MOVING
-        )
-        if not without_waves:
+        if row_number == NO_ROW and phase == Phase.MOVING:
+            first_move += ticks
+        elif phase not in (Phase.TARE, Phase.DONE):
             seconds[row_number] = seconds.get(row_number, 0.0) + ticks * plan.dt
+    distance = abs(plan.rows[0].place - model.plant.stator.start.value)
+    move_seconds = max(first_move * plan.dt, distance / model.params.spring.speed)
     first, (first_bus, first_power) = rows[0], loads[0]
     # Standby: the drive is on at rest, at the set voltage.
     fixed, active, *_ = losses(model.electrics(first.setting), first_bus.set_voltage)
     standby = fixed if first.setting.velocity_threshold > 0.0 else fixed + active
-    move_seconds = time_to_first_row(plan, model)
     intervals = [
         bus.BusInterval(first_bus, (fixed,), bus.STEP, plan.phases.tare),
         bus.BusInterval(first_bus, (standby,), bus.STEP, move_seconds),

@@ -29,7 +29,7 @@ from rig.realtime.sequence import Segments
 
 
 def number_of(choice: str, numbers: type[IntEnum]) -> int:
-    """Return the loop's number of a choice in a file, which is its name there in lower case."""
+    """Return the loop's number of a choice in a file: the choice is its name in lower case."""
     return int(numbers[choice.upper().replace(" ", "_").replace("-", "_")])
 
 

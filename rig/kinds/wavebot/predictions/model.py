@@ -101,11 +101,7 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
         grid,
         axis(params.body, params.pto.viscous, params.electrics.drive, "heave", bem),
         axis(params.surge.body, 0.0, params.surge.drive, "surge", bem.with_name(plant.surge.bem)),
-        Reference(
-            campaign.file.excited_axis,
-            realisations,
-            np.array(spectra),
-        ),
+        Reference(campaign.file.excited_axis, realisations, np.array(spectra)),
         number_of(drive.modulation, Modulation) if drive else 0,
         drive.current_threshold_a if drive else 0.0,
     )

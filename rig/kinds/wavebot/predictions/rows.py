@@ -44,7 +44,7 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     if not _has_free_body(campaign, planned) or unpredicted_reason(campaign, planned):
         return None
     model = build_model(campaign)
-    rows = [*_lead_in(planned), *planned.rows]
+    rows = [*_lead_in(campaign, planned), *planned.rows]
     predictions = [
         RowPrediction(row, values, compute_margins(model, row.setting, values))
         for row, values in zip(rows, predict_rows(model, planned, rows), strict=True)
@@ -76,20 +76,13 @@ def _has_free_body(campaign: Campaign, planned: Plan) -> bool:
     return bool(planned.rows) and campaign.file.hoist is None
 
 
-def _lead_in(planned: Plan) -> list[CampaignRow]:
+def _lead_in(campaign: Campaign, planned: Plan) -> list[CampaignRow]:
     """Return the lead-in's set point as a row, or no row if it equals the first row's."""
-    segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
-    for phase, index in zip(segments.phase, segments.setpoint, strict=True):
-        if phase == Phase.LEAD_IN:
-            law = zip(
-                planned.axis_laws["heave"].law.module.SetPoint._fields, table.law, strict=True
-            )
-            columns = table._asdict() | dict(law)
-            setting = type(first.setting)(
-                *(float(columns[name][index]) for name in first.setting._fields)
-            )
-            return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
-    return []
+    first = planned.rows[0]
+    parts = campaign.kind.lead_in(campaign.file, first.setting)
+    settings = (setting for seconds, setting in parts if seconds > 0.5 * planned.dt)
+    setting = next(settings, first.setting)
+    return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
 
 
 def predict_rows(

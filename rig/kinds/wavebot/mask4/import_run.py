@@ -46,6 +46,25 @@ from rig.recording.runs.mcap_file import Records, row_dtype
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 from rig.spectra.periods import Floats, Ticks
 
+ZeroReference = Literal["window", "run", "none"]
+
+IMPORTED_MODE = "imported"
+_DATE = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
+WAVES_FILE = "waves.csv"
+# The first present channel is used; files with lag 0 lack syncTimeSine.
+_TIME_CHANNELS = ("syncTimeSine", "syncTimeTTL")
+_CLOCK_CHANNELS = (
+    *("time", "elapsedtime", "utctime", "taitime"),
+    *("synctimettl", "synctimesine", "synctimegps"),
+)
+_SETTING_FIELDS = {
+    "kp": "heave.demand.kp",
+    "ki": "heave.demand.ki",
+    "spring_rate": "spring_command.rate",
+    "bus_voltage": "drive_command.settings.bus_voltage",
+    "switching_period": "drive_command.settings.switching_period",
+    "velocity_threshold": "drive_command.settings.velocity_threshold",
+}
 DRIVE_BY_CHANNEL = {"hbmSignals.heaveDriveInP": "cots", "hbmSignals.expDriveInP": "custom"}
 """Drive of each channel of DC power: the custom drive has its own channel."""
 
@@ -90,19 +109,15 @@ def read_signals(path: Path, drive: str | None = None) -> Mask4Signals:
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
         raise file_error(path, "heaveSignals.time does not rise")
     log_fields: dict[str, Floats] = {}
-    for field in FIELDS:
-        if (
-            field.path in variables
-            and field.drive in ("", kind)
-            and field.log_field not in log_fields
-        ):
+    expected = [field for field in FIELDS if field.drive in ("", kind)]
+    for field in expected:
+        if field.path in variables and field.log_field not in log_fields:
             value, field_problems = _at_heave_time(field, variables, time)
             problems += field_problems
             log_fields[field.log_field] = (value - field.offset) / field.factor
     if problems:
         raise file_error(path, *problems)
-    expected = [field.path for field in FIELDS if field.drive in ("", kind)]
-    missing = tuple(name for name in expected if name not in variables)
+    missing = tuple(field.path for field in expected if field.path not in variables)
     return Mask4Signals(time, log_fields, variables, kind, missing)
 
 
@@ -220,27 +235,6 @@ def _sample_index(time: Floats, moments: Floats) -> Ticks:
     """Return the index of the first sample at or after each moment (half a sample tolerance)."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     return np.searchsorted(time, moments - 0.5 * step).astype(np.int64)
-
-
-ZeroReference = Literal["window", "run", "none"]
-
-IMPORTED_MODE = "imported"
-_DATE = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
-WAVES_FILE = "waves.csv"
-# The first present channel is used; files with lag 0 lack syncTimeSine.
-_TIME_CHANNELS = ("syncTimeSine", "syncTimeTTL")
-_CLOCK_CHANNELS = (
-    *("time", "elapsedtime", "utctime", "taitime"),
-    *("synctimettl", "synctimesine", "synctimegps"),
-)
-_SETTING_FIELDS = {
-    "kp": "heave.demand.kp",
-    "ki": "heave.demand.ki",
-    "spring_rate": "spring_command.rate",
-    "bus_voltage": "drive_command.settings.bus_voltage",
-    "switching_period": "drive_command.settings.switching_period",
-    "velocity_threshold": "drive_command.settings.velocity_threshold",
-}
 
 
 class FileDescription(NamedTuple):

@@ -16,6 +16,10 @@ from rig.kinds.wavebot.predictions.prediction import RowPrediction, RowPredictio
 from rig.planning.windows import row_windows
 from rig.realtime.sequence import NO_ROW
 
+# Residue of a change of gains in the mean over the measurement above which there is a warning.
+MAX_RESIDUE = 0.01
+_EFFECTS = {"cut": ", force is cut there", "warn": " before a warning", "stop": ", a stop is near"}
+
 
 def _limit(
     name: str, field: str, key: str, unit: str, effect: Effect = "stop", role: Role = "limits",
@@ -96,11 +100,6 @@ def compute_margins(
             at_rest = bus_at_rest if limit.quantity == "bus voltage" else 0.0
             margins.append(Margin(limit, predicted, bound, at_rest))
     return tuple(margins)
-
-
-# Residue of a change of gains in the mean over the measurement above which there is a warning.
-MAX_RESIDUE = 0.01
-_EFFECTS = {"cut": ", force is cut there", "warn": " before a warning", "stop": ", a stop is near"}
 
 
 class LimitLocations:

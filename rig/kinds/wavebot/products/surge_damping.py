@@ -35,6 +35,8 @@ STROKE_SHARE = 0.5
 """Allowed stroke as a share of the rig's lowest surge bound. Surge is linear in the wave, and the
 crests of the largest sea of the test (Hs 0.254 m) are twice the 0.127 m of this one."""
 
+_LINE_COLOUR = "#0b6e99"
+_LOSS_COLOUR = "#8d5a97"
 _STEP = 50.0  # N s/m, resolution of a damping setting
 _MAX_DRIFT = 0.02  # of the amplitude; halves of a steady window differ by less
 _FIELDS = (
@@ -263,10 +265,6 @@ def write_results(choice: DampingChoice, folder: Path) -> list[Path]:
         writer.writerows([*row[:-1], int(row.settled)] for row in choice.rows)
     data.write_text(json.dumps(as_dict(choice), indent=2), encoding="utf-8")
     return [text, data]
-
-
-_LINE_COLOUR = "#0b6e99"
-_LOSS_COLOUR = "#8d5a97"
 
 
 def write_picture(choice: DampingChoice, attributes: Mapping[Any, Any], path: Path) -> Path:

@@ -12,6 +12,7 @@ from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, SetPointPre
 from rig.stations import Station
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
+_KEYS = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
 _HEADINGS = [station.heading for station in STATIONS]
 
 
@@ -164,10 +165,6 @@ def _is_number(cell: str) -> bool:
     return cell.replace("-", "").replace("+", "").replace(".", "").isdigit()
 
 
-FORMS = ("grid", "csv", "list")
-_KEYS = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
-
-
 def _campaign_text(recommendation: Recommendation, path: Path) -> str:
     """Return the text of the file at ``path``: the base campaign with the recommended matrix."""
     base, name = recommendation.base, recommendation.campaign.file.name
@@ -181,7 +178,7 @@ def _campaign_text(recommendation: Recommendation, path: Path) -> str:
         "repeat: 1",
         "order: fewest spring moves",
         "matrix:",
-        *(f"  {form}:" for form in FORMS[:2] if form in inherited),
+        *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
         "  list:",
     ]
     others = _other_columns(inherited)

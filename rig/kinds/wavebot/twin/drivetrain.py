@@ -34,6 +34,13 @@ from rig.spectra.periods import Complexes, Floats, analyse, synthesise
 
 VISCOUS, CALM, WAVES, EFFECT = "drivetrain_viscous", "coulomb_calm", "coulomb", "spring_effect"
 MAX_DEVIATION = 0.05  # largest standard deviation at which the estimated spring share is used
+RESISTANCE = "winding_resistance"
+COTS = ("fixed_loss", "linear_loss", "square_loss")
+FIXED, SWITCHED, CONDUCTION, SWITCHED_LINEAR, SQUARE = CUSTOM = (
+    "fixed_loss", "switched_loss", "conduction_loss", "switched_linear_loss", "square_loss",
+)  # fmt: skip
+MIN_VOLTAGE_SPREAD = 0.02  # relative standard deviation of the voltage that shows its effect
+SINGLE_VOLTAGE_UNCERTAINTY = 0.1  # relative, at other voltages than the only measured one
 
 
 class DrivetrainShape(NamedTuple):
@@ -106,15 +113,6 @@ def _regressors(record: Record, shape: DrivetrainShape) -> tuple[Floats, Floats,
 def _real_and_imaginary(lines: Complexes) -> Floats:
     """Return the real parts followed by the imaginary parts."""
     return np.concatenate([lines.real, lines.imag])
-
-
-RESISTANCE = "winding_resistance"
-COTS = ("fixed_loss", "linear_loss", "square_loss")
-FIXED, SWITCHED, CONDUCTION, SWITCHED_LINEAR, SQUARE = CUSTOM = (
-    "fixed_loss", "switched_loss", "conduction_loss", "switched_linear_loss", "square_loss",
-)  # fmt: skip
-MIN_VOLTAGE_SPREAD = 0.02  # relative standard deviation of the voltage that shows its effect
-SINGLE_VOLTAGE_UNCERTAINTY = 0.1  # relative, at other voltages than the only measured one
 
 
 def identify_winding(records: Sequence[Record]) -> Group:

@@ -203,8 +203,13 @@ def _to_si(name: str, run_facts: RunInfo, axis: str, omega: Floats) -> Complexes
         return unity * float(run_facts.plan["reference"]["newtons_per_ampere"])
     if name != VELOCITY:
         return unity
+    return velocity_per_count(run_facts, axis, omega)
+
+
+def velocity_per_count(run_facts: RunInfo, axis: str, omega: Floats) -> Complexes:
+    """Return the factor from encoder counts to velocity (m/s) of an axis, by line."""
     ratio = run_facts.config_number("rig", axis, "gear_ratio_rad_per_m")
     counts = run_facts.config_number("rig", axis, "counts_per_revolution")
     if ratio is None or counts is None:
         raise ValueError("its configuration has no gear ratio or encoder resolution")
-    return unity * 1j * omega * (2.0 * np.pi / ratio / counts)
+    return np.asarray(1j * omega * (2.0 * np.pi / ratio / counts), dtype=np.complex128)

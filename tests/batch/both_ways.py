@@ -68,10 +68,7 @@ def compiled(path: Path) -> LoopResult:
 def interpreted(path: Path) -> LoopResult:
     """Run a campaign in this process, without compiled code."""
     campaign, plan = open_campaign_plan(path)
-    params = wavebot_params(
-        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
-        campaign.record,
-    )  # fmt: skip
+    params = wavebot_params(campaign, plan.segments, plan.setpoints)
     devices = connect(
         json.loads(json.dumps(job.plant_settings(campaign))) | {"compiled": False}, plan.dt
     )

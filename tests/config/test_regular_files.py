@@ -22,7 +22,7 @@ from rig.kinds.oswec_bench.sessions.files import open_session
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.config.columns import COLUMNS
-from rig.kinds.wavebot.mask4.signals import read_signals
+from rig.kinds.wavebot.mask4.import_run import read_signals
 from rig.planning import matrix_csv
 from rig.recording.calibration import open_calibration
 from rig.recording.channel_file import read_recording

@@ -1,5 +1,6 @@
-"""The rig file of a WaveBot: its components and their scales."""
+"""The rig file of a WaveBot: its components and their scales, and its wiring."""
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
@@ -11,6 +12,15 @@ from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number
 from rig.config.rig_file import BaseRigFile, Rate, StopTiming
+from rig.config.wiring import (
+    PANEL_INPUTS,
+    Actuator,
+    BlockContent,
+    CanBus,
+    Registers,
+    TorqueDrive,
+    Wiring,
+)
 from rig.kinds.wavebot.config.columns import (
     BusVoltage,
     CurrentThreshold,
@@ -22,7 +32,53 @@ from rig.kinds.wavebot.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.kinds.wavebot.config.wiring import WaveBotWiring
+
+
+class WaveBotWiring(Wiring):
+    """The wiring of the WaveBot.
+
+    The heave drive's first two analog inputs read the column load cell and the shaft torque
+    sensor; those of the surge drive read the string pot and the rotor angle. Slew and stator
+    cells, wave probes, power analyser and digital inputs are read over Modbus.
+    """
+
+    can: CanBus
+    heave: TorqueDrive
+    surge: TorqueDrive
+    stator: Actuator
+    analyser: Annotated[
+        Registers, BlockContent("power analyser", {"ac": "W", "dc": "W", "bus_voltage": "V"})
+    ]
+    cells: Annotated[
+        Registers,
+        BlockContent(
+            "strain-gauge amplifier: load cells", {"slew": "N", "stator_a": "N", "stator_b": "N"}
+        ),
+    ]
+    probes: Annotated[
+        Registers,
+        BlockContent(
+            "strain-gauge amplifier: wave probes", {"probe_1": "m", "probe_2": "m", "probe_3": "m"}
+        ),
+    ]
+    inputs: Annotated[Registers, PANEL_INPUTS]
+    outputs: Annotated[
+        Registers,
+        BlockContent("I/O coupler: digital outputs", {"wave_trigger": "flag"}, written=True),
+    ]
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the register blocks, the scales of the analog inputs and the node numbers."""
+        yield from super().check_rules()
+        for name in ("heave", "surge"):
+            scales: tuple[float, ...] = getattr(self, name).analog_per_v
+            if len(scales) != 2 or not all(scales) or not all(map(math.isfinite, scales)):
+                yield RuleViolation(
+                    (name, "analog_per_v"), "must be two scales other than 0", scales
+                )
+        nodes = [self.can.own_node, *(drive.node for drive in self.drives().values())]
+        if len(set(nodes)) != len(nodes):
+            yield RuleViolation(("can", "own_node"), "two nodes have the same number", nodes)
 
 
 class SpringPoint(FileModel):

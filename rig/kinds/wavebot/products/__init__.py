@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-import xarray
-
 from rig.analysis import campaign_products, report
 from rig.analysis.campaign_products import NO_PRODUCTS, PROGRESS
 from rig.analysis.report import Analysis
@@ -47,16 +45,14 @@ def analyse(
     summary = summary._replace(
         optima=(), effects=(), findings_of=SPRING_MAP, findings=tuple(findings)
     )
-    return Analysis(summary, partial(_write_results, table, spring_map))
 
-
-def _write_results(
-    table: xarray.Dataset, spring_map: xarray.Dataset | None, folder: Path
-) -> list[Path]:
-    paths = write_rows(table, folder)
-    if spring_map is None:
+    def write(folder: Path) -> list[Path]:
+        paths = write_rows(table, folder)
+        if spring_map is not None:
+            paths += [*write_map(spring_map, folder), *write_pictures(spring_map, folder)]
         return paths
-    return [*paths, *write_map(spring_map, folder), *write_pictures(spring_map, folder)]
+
+    return Analysis(summary, write)
 
 
 after_run = partial(campaign_products.after_run, analyse=analyse)

@@ -20,8 +20,7 @@ from rig.design.axis_params import estimator_params
 from rig.emulation.campaign_sea import requested_sea as sea_lines
 from rig.emulation.campaign_sea import sea_problems, sea_settings
 from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.config.hoist import TURNAROUND_S
+from rig.kinds.wavebot.config.campaign_file import TURNAROUND_S, CampaignFile
 from rig.planning.input_files import ConfigSource
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
 from sim_plant import waves

@@ -63,10 +63,7 @@ class CampaignSimulator:
         self.begin = begin = build_world(
             devices | {"compiled": False}, plan.dt
         ).initial_conditions()
-        self.params = wavebot_params(
-            campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
-            campaign.record,
-        )  # fmt: skip
+        self.params = wavebot_params(campaign, plan.segments, plan.setpoints)
         self._realisations = list_realisations(plan.setpoints.realisation)
         elevation, heave, surge, onset, onset_ticks = begin.tables
         waves: Any = [Column(table) for table in (elevation, heave, surge)]

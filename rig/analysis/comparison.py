@@ -20,7 +20,6 @@ import numpy as np
 import xarray
 
 from rig.analysis import labels
-from rig.analysis.alarms import format_rows
 from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea, shorten
 from rig.analysis.points import (
     Matrix,
@@ -32,6 +31,7 @@ from rig.analysis.points import (
     varied_columns,
 )
 from rig.analysis.rows import INCOMPLETE, row_table
+from rig.analysis.summary import format_rows
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo, run_info

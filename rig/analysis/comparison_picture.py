@@ -24,9 +24,8 @@ from rig.analysis.comparison import (
     mean_difference,
     power_difference,
 )
-from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, varied_columns
-from rig.analysis.slices import Slice, slice_matrix
+from rig.analysis.slices import XY, Slice, slice_matrix, spans_surface
 from rig.analysis.surfaces import View, default_view
 from rig.presentation import picture
 from rig.presentation.picture import ACCENT, DARK

@@ -9,7 +9,7 @@ import typer
 
 from rig.analysis import comparison
 from rig.analysis.comparison_picture import write_comparison
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result
 from rig.config.problems import error_text

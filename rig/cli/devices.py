@@ -19,11 +19,18 @@ from rig.presentation.console import plain_table, table_console
 from rig.presentation.json_values import json_value
 from rig.processes import wire_locks
 from rig.recording.runs.create import BusyError
-from rig.wires.can_survey import BusSurvey, NodeSurvey, error_register_text
-from rig.wires.line_survey import LineSurvey, SurveyedValue, UnitSurvey
-from rig.wires.listen import BusActivity, listen
-from rig.wires.stream_survey import StreamSurvey
-from rig.wires.survey import RigSurvey, survey
+from rig.wires.scan import BusActivity, listen
+from rig.wires.survey import (
+    BusSurvey,
+    LineSurvey,
+    NodeSurvey,
+    RigSurvey,
+    StreamSurvey,
+    SurveyedValue,
+    UnitSurvey,
+    error_register_text,
+    survey,
+)
 
 EXIT_CODES = """\
 Exit codes: 0 all devices answer and agree with the rig file; 1 a device does not, or one of the \

@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
 from rig.cli.output import FAILED, input_errors, print_result
 from rig.interop.basin.align import format_alignment
-from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json
-from rig.interop.basin.products import write_products
+from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json, write_products
 from rig.recording.channel_file import METRES_PER_UNIT
 
 EXIT_CODES = """\

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from rig.cli.find_run import find_run
+from rig.cli.input_files import find_run
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import FAILED, LOST, OK, fail
 from rig.recording.runs import RunError, create
@@ -203,8 +203,8 @@ def _missing_lines(recovery: Recovery) -> list[tuple[str, str]]:
 
 
 def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[tuple[str, str]]:
-    from rig.analysis.alarms import format_rows
     from rig.analysis.rows import COMPLETE, NOT_RUN
+    from rig.analysis.summary import format_rows
 
     if rows is None:
         return []

@@ -11,8 +11,7 @@ from rich.table import Table
 
 from rig.analysis.rows import COMPLETE
 from rig.campaign import AnyCampaign, open_campaign
-from rig.cli.find_run import find_run
-from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.cli.input_files import CAMPAIGNS, find_run, input_file
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.execution.replay import ReplayReport, replay

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, create_model
 from controllers.law import Column as LawColumn
 from controllers.law import Parameter, Settings
 from rig import laws
-from rig.config.columns import KindColumns
+from rig.config.matrix import KindColumns
 from rig.config.model import FileModel, TupleOf
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import KeyPath, SourceMap

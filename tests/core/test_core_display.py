@@ -8,7 +8,7 @@ import time
 import pytest
 
 from rig.processes import display
-from rig.processes.display import drawing_thread
+from rig.processes.supervisor import drawing_thread
 
 
 def test_the_last_value_is_drawn_before_the_end() -> None:

@@ -13,8 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
-from rig.interop.basin.products import write_products
+from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge, write_products
 from rig.interop.tables import write_columns
 from rig.kinds.wavebot.mask4.signals import Mask4Signals, read_signals
 from rig.kinds.wavebot.mask4.windows import RowTiming, RowWindows, find_by_time, from_labels

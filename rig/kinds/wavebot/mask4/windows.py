@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.config.columns import END_MARK
+from rig.config.matrix import END_MARK
 from rig.interop.legacy.mask4 import RowRoles, classify_rows
 from rig.kinds.wavebot.mask4.fields import RIG_BUS
 from rig.realtime.sequence import NO_ROW, Phase

@@ -132,6 +132,19 @@ class Slice(NamedTuple):
         return [p.power[self.station.name] for p in self.points]
 
 
+def points_over(
+    matrix: Matrix, name: str, axes: tuple[Column, Column], fixed: Setting
+) -> list[Point]:
+    """Return the measured points with both axes, these values, and a finite power of a station."""
+    return [
+        p
+        for p in matrix.points
+        if agrees(p.setting, fixed)
+        and np.isfinite(p.power[name])
+        and all(axis.name in p.setting for axis in axes)
+    ]
+
+
 def slice_matrix(
     matrix: Matrix, name: str, x: Column, y: Column, fixed: Setting | None = None
 ) -> Slice:
@@ -141,14 +154,7 @@ def slice_matrix(
     """
     station = find(matrix.stations, name)
     fixed = {n: _campaign_value(matrix, n, v) for n, v in (fixed or {}).items() if np.isfinite(v)}
-    points = [
-        p
-        for p in matrix.points
-        if agrees(p.setting, fixed)
-        and np.isfinite(p.power[name])
-        and x.name in p.setting
-        and y.name in p.setting
-    ]
+    points = points_over(matrix, name, (x, y), fixed)
     if not points:
         return Slice(station, x, y, fixed, {}, (), (), None, matrix.columns)
     best_point = min(points, key=lambda point: point.power[name])
@@ -186,14 +192,8 @@ def project_matrix(matrix: Matrix, name: str, x: Column, y: Column) -> Slice:
 
     The best point is that of the whole matrix.
     """
-    best_slice = slice_matrix(matrix, name, x, y)
-    names = (x.name, y.name)
-    points = tuple(
-        p
-        for p in matrix.points
-        if np.isfinite(p.power[name]) and all(n in p.setting for n in names)
-    )
-    return best_slice._replace(sliced={}, points=points, missing=())
+    points = tuple(points_over(matrix, name, (x, y), {}))
+    return slice_matrix(matrix, name, x, y)._replace(sliced={}, points=points, missing=())
 
 
 class Panel(NamedTuple):

@@ -13,6 +13,7 @@ from rig.analysis.points import error_source, gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE, INCOMPLETE, INTERRUPTED
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
+from rig.config.problems import number_ranges
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo
@@ -22,16 +23,11 @@ from rig.row_contents import PANEL, Column, X, Y, main_columns, with_role
 
 def format_rows(rows: Any) -> str:
     """Return row ids as short text: ``rows 1-5, 9``."""
-    parts: list[list[int]] = []
-    for row in sorted(int(r) for r in rows):
-        if parts and row == parts[-1][1] + 1:
-            parts[-1][1] = row
-        else:
-            parts.append([row, row])
-    texts = [str(a) if a == b else f"{a}-{b}" for a, b in parts]
+    numbers = sorted(map(int, rows))
+    texts = number_ranges(numbers)
     if len(texts) > 12:
         texts = [*texts[:12], f"and {len(texts) - 12} more"]
-    return ("row " if texts == [str(parts[0][0])] else "rows ") + ", ".join(texts)
+    return ("row " if len(numbers) == 1 else "rows ") + ", ".join(texts)
 
 
 def _flag_alarms(table: xarray.Dataset, name: str, template: str) -> list[str]:

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -13,7 +13,7 @@ from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import NmtState
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
-from rig.cli.output import FAILED, OK, fail, input_errors, print_json
+from rig.cli.output import FAILED, OK, fail, input_errors, print_json, waiting
 from rig.kinds.rig_file import load_rig
 from rig.presentation.console import plain_table, table_console
 from rig.presentation.json_values import json_value
@@ -35,7 +35,7 @@ from rig.wires.survey import (
 EXIT_CODES = """\
 Exit codes: 0 all devices answer and agree with the rig file; 1 a device does not, or one of the \
 rig's wires is in use; 2 bad input."""
-T = TypeVar("T")
+_SURVEYING = "surveying the rig's wires ..."
 
 
 def command(
@@ -54,12 +54,16 @@ def command(
         job = kind.room("hardware.job").build_job(rig)
     console = table_console()
     if only_listen:
-        heard = _with_status(console, lambda: listen(rig), as_json=as_json)
+        with waiting(console, _SURVEYING, quiet=as_json):
+            heard = listen(rig)
         data, rendered = heard_as_dict(rig.name, heard), render_heard(rig.name, heard)
     else:
         try:
-            with wire_locks.acquire(wire_locks.wires_in(rig), "rig devices"):
-                found = _with_status(console, lambda: survey(job), as_json=as_json)
+            with (
+                wire_locks.acquire(wire_locks.wires_in(rig), "rig devices"),
+                waiting(console, _SURVEYING, quiet=as_json),
+            ):
+                found = survey(job)
         except BusyError as error:
             text = f"{error}\n--listen sends nothing: it shows what nodes on the CAN bus send"
             return fail("devices", RuntimeError(text), as_json=as_json, code=FAILED)
@@ -70,14 +74,6 @@ def command(
     else:
         console.print(rendered)
     return FAILED if data["trouble"] else OK
-
-
-def _with_status(console: Console, survey_wires: Callable[[], T], *, as_json: bool) -> T:
-    """Return a survey; show on a terminal that it is going on."""
-    if as_json or not console.is_terminal:
-        return survey_wires()
-    with console.status("surveying the rig's wires ..."):
-        return survey_wires()
 
 
 BAD_STYLE, NOTE_STYLE = "bold red", "dim"

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import FAILED, OK, input_errors, print_json
+from rig.cli.output import FAILED, OK, input_errors, print_json, waiting
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import UNPRIVILEGED_S
 from rig.kinds.rig_file import load_rig
@@ -60,11 +60,9 @@ def command(
             rig_config, _, _ = load_rig(input_file(rig, RIGS))
     rate = rate or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
     options = DoctorOptions(runs, seconds, rate, hours, rig_config)
-    if not as_json and console.is_terminal:
-        duration = seconds + min(seconds, UNPRIVILEGED_S)
-        with console.status(f"measuring wake-ups for {duration:g} s, then the other checks ..."):
-            examination = examine(options)
-    else:
+    duration = seconds + min(seconds, UNPRIVILEGED_S)
+    text = f"measuring wake-ups for {duration:g} s, then the other checks ..."
+    with waiting(console, text, quiet=as_json):
         examination = examine(options)
     if as_json:
         print_json(examination.as_dict())

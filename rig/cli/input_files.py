@@ -79,9 +79,9 @@ def products_of(run: Path) -> "Products":
     """
     kind = run_info(run).kind
     if not kind:
-        from rig.analysis import campaign_products
+        from rig.analysis import report
 
-        return campaign_products
+        return report
     products: Products = find(kind).room("products")
     return products
 

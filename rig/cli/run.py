@@ -5,7 +5,6 @@ import sys
 import time
 from enum import IntEnum, IntFlag
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
@@ -75,12 +74,7 @@ class RunPanel:
             self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._live_display:
             self._live.stop()
 

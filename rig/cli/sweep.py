@@ -10,7 +10,6 @@ import sys
 import time
 from pathlib import Path
 from threading import Timer
-from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -29,10 +28,10 @@ from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
 from rig.row_contents import LAW, PANEL, X, Y
 from rig.stations import Station, find
-from rig.sweep import executors, result_cache, sweep
+from rig.sweep import executors, sweep
 from rig.sweep import result as results
 from rig.sweep.cases import LEAD_IN, Outcome
-from rig.sweep.journal import JOURNAL_FILE as CASES
+from rig.sweep.journal import JOURNAL_FILE, load_report, store_report
 from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
@@ -121,11 +120,11 @@ def command(
         with sweep.lock_folder(opened):
             remaining, damaged = sweep.count_remaining(opened)
             if damaged and not as_json:
+                journal = f"{opened.folder}/{JOURNAL_FILE}"
                 print(
-                    f"left out {damaged} bytes of {opened.folder}/{CASES}: not a complete case",
-                    file=sys.stderr,
+                    f"left out {damaged} bytes of {journal}: not a complete case", file=sys.stderr
                 )
-            result = result_cache.load(opened.folder, out) if not (remaining or measured) else None
+            result = load_report(opened.folder, out) if not (remaining or measured) else None
             if result is not None:
                 view.begin(len(opened.cases))
             else:
@@ -147,7 +146,7 @@ def command(
             with input_errors("sweep", as_json=as_json):
                 pictures = _draw(table, opened.folder, measured, quiet=as_json)
                 result = _result_as_dict(opened, out, pictures, table)
-                result_cache.store(opened.folder, out, measured, [out, *pictures], result)
+                store_report(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
             return _report_interrupt(opened.folder, as_json=as_json)
     result = (result or {}) | {
@@ -323,12 +322,7 @@ class SweepProgress:
         self._bar.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
     def begin(self, already_finished: int) -> None:

@@ -164,12 +164,16 @@ def _expand_range(value: dict[str, Any]) -> tuple[float, ...]:
 ExpandValues = BeforeValidator(expand_values)
 
 
-class MatrixColumns(FileModel):
-    """Values that may change from row to row; a missing column takes the campaign's value."""
+class GivenKeys(FileModel):
+    """A mapping that is written with the given keys alone, so that it can be read again."""
 
     @model_serializer(mode="wrap")
     def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {key: value for key, value in dump(self).items() if value is not None}
+
+
+class MatrixColumns(GivenKeys):
+    """Values that may change from row to row; a missing column takes the campaign's value."""
 
 
 @cache
@@ -216,7 +220,7 @@ MATRIX_FORMS = ("grid", "list", "csv")
 _ALLOWED_FORMS = "allowed exactly one of " + ", ".join(MATRIX_FORMS)
 
 
-class Matrix(FileModel):
+class Matrix(GivenKeys):
     """The gain matrix, given in exactly one of three forms; `matrix_model` adds the columns."""
 
     grid: TupleOf[MatrixColumns] | None = Field(default=None, min_length=1, strict=False)
@@ -241,11 +245,6 @@ class Matrix(FileModel):
         """Check that a form is given; `_one_form` has already refused more than one."""
         if self.grid is None and self.combinations is None and self.csv is None:
             yield RuleViolation((), f"nothing given; {_ALLOWED_FORMS}")
-
-    @model_serializer(mode="wrap")
-    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # Write only the form that is given, so that the written file can be read again.
-        return {key: value for key, value in dump(self).items() if value is not None}
 
 
 def tuple_of(kind: Any) -> Any:

@@ -110,9 +110,8 @@ def _translate(
         elif not fault:
             message = f"{format_value(value)}: {item['msg']}"
         else:
-            message = f"{format_value(value)} {fault}{_allowed_text(model, loc)}"
-            if kind.startswith(("greater", "less")):
-                message += _reason_text(model, loc)
+            with_reason = kind.startswith(("greater", "less"))
+            message = f"{format_value(value)} {fault}{_allowed_text(model, loc, with_reason)}"
             if kind == "string_type" and not isinstance(value, (dict, list)):
                 message += "; put it in quotes if it is meant as text"
     yield locate(key), locate.problem(key, value, message)
@@ -129,17 +128,13 @@ def _key_in_file(loc: Iterable[str | int], locate: SourceMap, kind: str) -> KeyP
     return key
 
 
-def _allowed_text(model: type[BaseModel] | None, loc: KeyPath) -> str:
+def _allowed_text(model: type[BaseModel] | None, loc: KeyPath, with_reason: bool = False) -> str:
     allowed = ranges.allowed_values(model, loc) if model is not None else None
     if allowed is None:
         return ""
     text = allowed.description(ranges.last_named_part(loc))
-    return f"; allowed {text}" if text else ""
-
-
-def _reason_text(model: type[BaseModel] | None, loc: KeyPath) -> str:
-    allowed = ranges.allowed_values(model, loc) if model is not None else None
-    return f" ({allowed.reason()})" if allowed is not None and allowed.reason() else ""
+    reason = f" ({allowed.reason()})" if with_reason and allowed.reason() else ""
+    return (f"; allowed {text}" if text else "") + reason
 
 
 def _expected_tags(expected: str | None, model: type[BaseModel] | None, loc: KeyPath) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.rig_file import BaseRigFile
-from rig.host import clocks, disk, memory, privileges, processor, rig_wires, software, timing, wires
+from rig.host import clocks, disk, memory, privileges, processor, software, timing, wires
 from rig.host.finding import REALTIME, Finding, Host, Use, Verdict
 from rig.realtime import scheduling
 
@@ -97,7 +97,7 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
 def _rig_checks(host: Host, rig: BaseRigFile | None) -> list[AreaCheck]:
     if rig is None:
         return []
-    return [(rig_wires.area(rig), lambda: rig_wires.findings(host, rig))]
+    return [(wires.rig_area(rig), lambda: wires.rig_findings(host, rig))]
 
 
 def _run_check(area: str, check: Callable[[], list[Finding]]) -> list[Finding]:

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import xarray
 
-from rig.analysis import campaign_products, report
-from rig.analysis.campaign_products import NO_PRODUCTS, PROGRESS
-from rig.analysis.report import Analysis
+from rig.analysis import report
+from rig.analysis.report import NO_PRODUCTS, PROGRESS, Analysis
 from rig.analysis.rows import write_rows
 from rig.kinds.wavebot.spring_map import result
 from rig.kinds.wavebot.spring_map.files import write_map
@@ -59,6 +58,6 @@ def _write_results(
     return [*paths, *write_map(spring_map, folder), *write_pictures(spring_map, folder)]
 
 
-after_run = partial(campaign_products.after_run, analyse=analyse)
-draw = partial(campaign_products.draw, analyse=analyse)
-summarise = partial(campaign_products.summarise, analyse=analyse)
+after_run = partial(report.after_run, analyse=analyse)
+draw = partial(report.draw, analyse=analyse)
+summarise = partial(report.summarise, analyse=analyse)

@@ -229,7 +229,8 @@ def _draw_lines(
             picture.style_axes(axes)
             axes.grid(alpha=0.3)
             if i == len(runs.stations) - 1:
-                axes.set_xlabel(_axis_text(column), fontsize=8)
+                rows_text = "matched points, row of A | row of B"
+                axes.set_xlabel(labels.axis_label(column) if column else rows_text, fontsize=8)
     if column is None:
         rows = [f"{runs.pairs[n].a.rows[0]}|{runs.pairs[n].b.rows[0]}" for n in indices]
         rotation = 90 if len(rows) > 12 else 0
@@ -242,7 +243,3 @@ def _position(runs: _MatchedRuns, i: int, number: int, column: Column | None) ->
     if column is None:
         return float(number)
     return runs.settings[i][column.name] * labels.display_factor(column)
-
-
-def _axis_text(column: Column | None) -> str:
-    return "matched points, row of A | row of B" if column is None else labels.axis_label(column)

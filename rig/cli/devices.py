@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from drivers.canopen import arming, emcy, statusword
+from drivers.canopen import emcy, statusword
 from drivers.canopen.heartbeat import NmtState
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
@@ -193,14 +193,10 @@ def _nmt_text(node: NodeSurvey) -> Text:
 
 
 def _heartbeat_text(node: NodeSurvey) -> Text:
+    every = node.heartbeat_every
     if node.heartbeat_age is not None:
-        interval = f" (every {node.heartbeat_every:g} s)" if node.heartbeat_every else ""
-        return Text(f"{node.heartbeat_age:.2f} s ago{interval}")
-    return (
-        Text("none received", BAD_STYLE)
-        if node.heartbeat_every
-        else Text("off until a run", NOTE_STYLE)
-    )
+        return Text(f"{node.heartbeat_age:.2f} s ago" + (f" (every {every:g} s)" if every else ""))
+    return Text("none received", BAD_STYLE) if every else Text("off until a run", NOTE_STYLE)
 
 
 def _status_text(node: NodeSurvey) -> Text:
@@ -220,7 +216,8 @@ def _error_register_text(node: NodeSurvey) -> Text:
     return Text(text, BAD_STYLE)
 
 
-def _error_code_text(code: int | None) -> Text:
+def _error_code_text(node: NodeSurvey) -> Text:
+    code = node.error_code
     if not code:
         return _text_or_dash("none" if code == 0 else None)
     return Text(f"{code:#06x} {emcy.meaning(code)}", BAD_STYLE)
@@ -233,9 +230,8 @@ def _settings_text(node: NodeSurvey) -> Text:
 
 
 def _unset_text(node: NodeSurvey) -> Text:
-    return Text(
-        f"{len(node.unset)} of {node.checked} objects" if node.unset else "nothing", NOTE_STYLE
-    )
+    count = f"{len(node.unset)} of {node.checked} objects"
+    return Text(count if node.unset else "nothing", NOTE_STYLE)
 
 
 # Label and text function of each row of the node table.
@@ -250,7 +246,7 @@ _ROWS: tuple[tuple[str, Callable[[NodeSurvey], Text]], ...] = (
     ("heartbeat", _heartbeat_text),
     ("statusword", _status_text),
     ("error register", _error_register_text),
-    ("error code", lambda node: _error_code_text(node.error_code)),
+    ("error code", _error_code_text),
     ("fixed settings", _settings_text),
     ("a run will set", _unset_text),
 )
@@ -258,13 +254,12 @@ _ROWS: tuple[tuple[str, Callable[[NodeSurvey], Text]], ...] = (
 
 def _unset_objects_text(node: NodeSurvey) -> Text:
     heading = f"{node.name} (node {node.node}): objects that a run will set before it arms\n"
-    return Text.assemble((heading, "bold"), *map(_unset_object_text, node.unset))
-
-
-def _unset_object_text(mismatch: arming.Mismatch) -> str:
-    actual = "no answer" if mismatch.actual is None else f"is {_count_text(mismatch.actual)}"
-    index = f"{mismatch.object:#06x}:{mismatch.sub:02x}"
-    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.expected)}, {actual}\n"
+    text = Text.assemble((heading, "bold"))
+    for each in node.unset:
+        actual = "no answer" if each.actual is None else f"is {_count_text(each.actual)}"
+        index, expected = f"{each.object:#06x}:{each.sub:02x}", _count_text(each.expected)
+        text.append(f"  {index} {each.name}: set to {expected}, {actual}\n")
+    return text
 
 
 def _count_text(value: int) -> str:

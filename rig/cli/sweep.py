@@ -29,7 +29,6 @@ from rig.recording.runs.create import BusyError
 from rig.row_contents import LAW, PANEL, X, Y
 from rig.stations import Station, find
 from rig.sweep import executors, sweep
-from rig.sweep import result as results
 from rig.sweep.cases import LEAD_IN, Outcome
 from rig.sweep.journal import JOURNAL_FILE, load_report, store_report
 from rig.sweep.simulator import simulation_of
@@ -233,7 +232,7 @@ def _result_as_dict(
 ) -> dict[str, Any]:
     state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
-    reasons = sorted({str(text) for text in reasons_of_cases[state == results.FAILED]})
+    reasons = sorted({str(text) for text in reasons_of_cases[state == sweep.FAILED]})
     return {
         "status": "failed cases" if reasons else "complete",
         "folder": str(opened.folder),

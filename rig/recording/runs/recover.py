@@ -388,18 +388,14 @@ def _outcome(
     )
     status_text = str(last_status.get("status") or "crashed")
     reason = str(last_status.get("reason") or KILLED)
-    loop_reason = _loop_reason(progress, reasons)
+    loop_reason = progress.get("reason")
+    if not isinstance(loop_reason, int):  # loops before 2027 wrote its name
+        loop_reason = reasons.number(str(loop_reason))
     if report is not None and report.source == LOOP and loop_reason is not None:
         return f"{create.end_status(loop_reason)}: {reasons.name(loop_reason)}"
     if (report is None or not report.final) and last_status is not status:
         return f"crashed: {KILLED}"
     return f"{status_text}: {LOOP_KILLED if reason == 'NONE' else reason}"
-
-
-def _loop_reason(progress: dict[str, Any], reasons: ReasonTable) -> int | None:
-    """Return the number of the loop's last reason; loops before 2027 wrote its name."""
-    reason = progress.get("reason")
-    return reason if isinstance(reason, int) else reasons.number(str(reason))
 
 
 def _update_status(run: Path, status: dict[str, Any], recovery: Recovery, now: datetime) -> None:

@@ -18,13 +18,7 @@ from scipy.stats import t as student
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
-from rig.identification.incident_waves import (
-    ELEVATION,
-    FORCES,
-    RecoveredWaves,
-    recover_waves,
-    wave_maker_lines,
-)
+from rig.identification.incident_waves import RecoveredWaves, recover_waves, wave_maker_lines
 from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
@@ -32,18 +26,6 @@ from rig.row_contents import RowContents
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
-
-__all__ = [
-    "ELEVATION",
-    "FORCES",
-    "AmplitudeRange",
-    "CounterfactualResult",
-    "MeasuredRun",
-    "RecoveredWaves",
-    "RowPrediction",
-    "counterfactual_for_run",
-    "counterfactual_rows",
-]
 
 CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by

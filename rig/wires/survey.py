@@ -57,8 +57,8 @@ class UnitSurvey(NamedTuple):
     answered_in_s: float  # from request to answer
     age: float | None  # s, from the request to the end of the line's survey; None: no answer
     written_by_run: bool  # so its content is no measurement
-    values: tuple[SurveyedValue, ...]
-    trouble: str
+    values: tuple[SurveyedValue, ...] = ()
+    trouble: str = ""
 
 
 class LineSurvey(NamedTuple):
@@ -69,16 +69,6 @@ class LineSurvey(NamedTuple):
     address: str
     trouble: str  # why the line is out of reach; empty: it is not
     units: tuple[UnitSurvey, ...]
-
-
-def unit_troubles(line: LineSurvey) -> Iterator[str]:
-    """Yield the problems of a line and of its units."""
-    if line.trouble:
-        yield f"line {line.name} at {line.address}: {line.trouble}"
-        return
-    for unit in line.units:
-        if unit.trouble:
-            yield f"{unit.name} (unit {unit.unit} on {line.name}): {unit.trouble}"
 
 
 def survey_line(name: str, config: dict[str, Any]) -> LineSurvey:
@@ -118,7 +108,7 @@ def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
     last = block.first + block.size - 1
     where = f"{block.table} {block.first}" + (f"-{last}" if block.size > 1 else "")
     written = polled_block.written
-    survey = UnitSurvey(polled_block.name, block.unit, where, False, 0.0, None, written, (), "")
+    survey = UnitSurvey(polled_block.name, block.unit, where, False, 0.0, None, written)
     try:
         raw = _read_block(line, block)
     except LineError as error:
@@ -167,10 +157,10 @@ class StreamSurvey(NamedTuple):
     name: str
     address: str
     answers: bool
-    identity: str  # as the device reports it; empty: it reports none
-    age: float | None  # s, of the values
-    values: tuple[SurveyedValue, ...]
-    trouble: str
+    identity: str = ""  # as the device reports it; empty: it reports none
+    age: float | None = None  # s, of the values
+    values: tuple[SurveyedValue, ...] = ()
+    trouble: str = ""
 
 
 class _ServoIdentity(NamedTuple):
@@ -243,7 +233,7 @@ class _ServoIdentification:
 def survey_stream(kind: str, settings: dict[str, Any]) -> StreamSurvey:
     """Survey a device of its own wire; a wire out of reach is reported, no error is raised."""
     address = f"{settings['host']}:{settings['port']}" if "host" in settings else settings["port"]
-    survey = StreamSurvey(kind, address, False, "", None, (), "")
+    survey = StreamSurvey(kind, address, False)
     if "host" not in settings and (why := port_problem(address)):
         return survey._replace(trouble=why)
     stream = streams.create_stream(kind, settings, {})
@@ -324,18 +314,18 @@ class NodeSurvey(NamedTuple):
 
     name: str
     node: int
-    answers: bool
-    identity: NodeIdentity
-    nmt: int | None  # `heartbeat.Nmt` in its heartbeat; None: none came
-    heartbeat_age: float | None  # s
-    heartbeat_every: float | None  # s, 0x1017; 0: it sends none
-    error_code: int | None  # 0x603F
-    statusword: int | None  # 0x6041
-    emergency: int  # code of the last emergency during the survey
-    checked: int  # number of compared objects
-    wrong: tuple[Mismatch, ...]  # objects that no run writes: a run would be refused
-    unset: tuple[Mismatch, ...]  # objects that every run writes before it arms
-    trouble: tuple[str, ...]
+    answers: bool = False
+    identity: NodeIdentity = NodeIdentity(None, None, None, None, None, None, None)
+    nmt: int | None = None  # `heartbeat.Nmt` in its heartbeat; None: none came
+    heartbeat_age: float | None = None  # s
+    heartbeat_every: float | None = None  # s, 0x1017; 0: it sends none
+    error_code: int | None = None  # 0x603F
+    statusword: int | None = None  # 0x6041
+    emergency: int = 0  # code of the last emergency during the survey
+    checked: int = 0  # number of compared objects
+    wrong: tuple[Mismatch, ...] = ()  # objects that no run writes: a run would be refused
+    unset: tuple[Mismatch, ...] = ()  # objects that every run writes before it arms
+    trouble: tuple[str, ...] = ("does not answer",)
 
     @property
     def waits_for_master(self) -> bool:
@@ -356,20 +346,10 @@ class BusSurvey(NamedTuple):
     unlisted_nodes: tuple[int, ...]  # on the bus, but not in the rig file
 
 
-def bus_troubles(can: BusSurvey) -> Iterator[str]:
-    """Yield the problems of a bus that is out of reach, or those of its nodes."""
-    if can.trouble:
-        yield f"CAN: {can.trouble}"
-        return
-    for node in can.nodes:
-        for text in node.trouble:
-            yield f"{node.name} (node {node.node}) {text}"
-
-
 def survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
     """Survey a CAN bus; ``config`` is that of its service process, ``load`` that of a run."""
     bus, nodes = BusSettings.from_json(config["bus"]), config["nodes"]
-    absent = tuple(_silent_node(node_settings) for node_settings in nodes)
+    absent = tuple(NodeSurvey(each["name"], each["node"]) for each in nodes)
     survey = BusSurvey(bus.interface, bus.channel, bus.bit_rate, load, "", absent, ())
     if why := bus_problem(bus):
         return survey._replace(trouble=why)
@@ -389,17 +369,9 @@ def survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
     return survey._replace(nodes=tuple(found), unlisted_nodes=tuple(sorted(unlisted)))
 
 
-def _silent_node(settings: dict[str, Any]) -> NodeSurvey:
-    unknown = NodeIdentity(None, None, None, None, None, None, None)
-    return NodeSurvey(
-        settings["name"], settings["node"], False, unknown, None, None, None, None, None, 0, 0,
-        (), (), ("does not answer",),
-    )  # fmt: skip
-
-
 def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
     """Read all objects of one node; its heartbeat is added later."""
-    node, found = settings["node"], _silent_node(settings)
+    node, found = settings["node"], NodeSurvey(settings["name"], settings["node"])
     if service.read(node, 0x1000, 0, "u32") is None:
         return found
     steps = tuple(SetupStep(*step) for step in settings["steps"])
@@ -498,13 +470,21 @@ class RigSurvey(NamedTuple):
         return tuple(self._trouble())
 
     def _trouble(self) -> Iterator[str]:
-        if self.can is not None:
-            yield from bus_troubles(self.can)
+        if self.can is not None and self.can.trouble:
+            yield f"CAN: {self.can.trouble}"
+        elif self.can is not None:
+            for node in self.can.nodes:
+                yield from (f"{node.name} (node {node.node}) {text}" for text in node.trouble)
         for stream in self.streams:
             if stream.trouble:
                 yield f"{stream.name} at {stream.address}: {stream.trouble}"
         for line in self.lines:
-            yield from unit_troubles(line)
+            if line.trouble:
+                yield f"line {line.name} at {line.address}: {line.trouble}"
+                continue
+            for unit in line.units:
+                if unit.trouble:
+                    yield f"{unit.name} (unit {unit.unit} on {line.name}): {unit.trouble}"
 
 
 def survey(job: WiredJob) -> RigSurvey:

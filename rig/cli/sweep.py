@@ -143,7 +143,11 @@ def command(
     if table is not None:
         try:
             with input_errors("sweep", as_json=as_json):
-                pictures = _draw(table, opened.folder, measured, quiet=as_json)
+                from rig.sweep.pictures import write_pictures
+
+                if not as_json:
+                    print("drawing ...", file=sys.stderr, flush=True)
+                pictures = write_pictures(table, opened.folder, measured)
                 result = _result_as_dict(opened, out, pictures, table)
                 store_report(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
@@ -206,16 +210,6 @@ def _compile(opened: sweep.Sweep) -> None:
         opened.cases.prepare()
     finally:
         timer.cancel()
-
-
-def _draw(
-    table: "xarray.Dataset", folder: Path, measured: Path | None, *, quiet: bool
-) -> list[Path]:
-    from rig.sweep.pictures import write_pictures
-
-    if not quiet:
-        print("drawing ...", file=sys.stderr, flush=True)
-    return write_pictures(table, folder, measured)
 
 
 def _report_interrupt(folder: Path, *, as_json: bool) -> int:

@@ -178,9 +178,9 @@ class RecordState(NamedTuple):
     state: str  # complete, recovered, unfinished, incomplete, damaged
     lost: int  # executed ticks known to have no row
     ticks: int  # executed ticks, as far as known
-    missing: tuple[tuple[int, int], ...]  # first and last tick of each gap with lost rows
-    damage: tuple[str, ...]
     at_least: bool  # the end was not observed: more rows may be lost
+    missing_ticks: tuple[tuple[int, int], ...]  # first and last of each gap with lost rows
+    damage: tuple[str, ...]
 
     @property
     def complete(self) -> bool:
@@ -210,8 +210,10 @@ class RecordState(NamedTuple):
     @property
     def spans(self) -> str:
         """The missing ticks as text."""
-        shown = [f"{a} to {b}" if b > a else str(a) for a, b in self.missing[:_MAX_SHOWN_GAPS]]
-        more = len(self.missing) - len(shown)
+        shown = [
+            f"{a} to {b}" if b > a else str(a) for a, b in self.missing_ticks[:_MAX_SHOWN_GAPS]
+        ]
+        more = len(self.missing_ticks) - len(shown)
         return ", ".join([*shown, *([f"and {more} more gaps"] if more > 0 else [])])
 
     def attributes(self) -> dict[str, str]:
@@ -223,22 +225,13 @@ class RecordState(NamedTuple):
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "RecordState":
         """Return the state from its plain data."""
-        missing = tuple((int(a), int(b)) for a, b in data["missing_ticks"])
-        damage = tuple(map(str, data["damage"]))
-        count = int(data["lost"]), int(data["ticks"])
-        return cls(str(data["state"]), *count, missing, damage, bool(data["at_least"]))
+        values = {name: data[name] for name in cls._fields}
+        values |= {"missing_ticks": tuple(map(tuple, data["missing_ticks"]))}
+        return cls(**values | {"damage": tuple(data["damage"])})
 
     def as_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
-        return {
-            "state": self.state,
-            "description": self.description,
-            "lost": self.lost,
-            "ticks": self.ticks,
-            "at_least": self.at_least,
-            "missing_ticks": [list(gap) for gap in self.missing],
-            "damage": list(self.damage),
-        }
+        return {"state": self.state, "description": self.description} | self._asdict()
 
 
 class RecordCheck:
@@ -303,9 +296,9 @@ def state_of(
         state,
         account.lost,
         account.rows + account.lost,
+        open_end and not running,
         tuple((gap.first, gap.last) for gap in account.gaps if gap.lost),
         damage,
-        open_end and not running,
     )
 
 

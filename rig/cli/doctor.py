@@ -1,5 +1,6 @@
 """`rig doctor`."""
 
+import itertools
 from pathlib import Path
 from typing import Annotated
 
@@ -78,15 +79,11 @@ def render(examination: Examination, width: int) -> Group:
     shows only the limits that are exceeded.
     """
     parts: list[Table | Text] = []
-    area = ""
-    for finding in examination.findings:
-        if finding.area != area:
-            area = finding.area
-            parts.append(Text(f"\n{area}", style="bold"))
-            parts.append(_table(width))
-        table = parts[-1]
-        assert isinstance(table, Table)
-        _add_finding(table, finding)
+    for area, findings in itertools.groupby(examination.findings, lambda each: each.area):
+        table = _table(width)
+        for finding in findings:
+            _add_finding(table, finding)
+        parts += [Text(f"\n{area}", style="bold"), table]
     fit = examination.fit(Use.REALTIME)
     style = "bold green" if fit else "bold yellow" if examination.fit(Use.REHEARSAL) else "bold red"
     parts += [Text(""), Text(examination.verdict, style=style)]

@@ -1,7 +1,7 @@
 """The gain matrix of a campaign file: its columns, and a grid, a list or the name of a CSV file."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
@@ -177,43 +177,25 @@ class MatrixColumns(GivenKeys):
 
 
 @cache
-def grid_model(
-    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]
-) -> type[MatrixColumns]:
-    """Return the model of all combinations of given values, for a kind's and a law's columns."""
-
-    def values(kind: Any, required: bool) -> Any:
-        listed = tuple_of(kind) if required else tuple_of(kind) | None
-        return (Annotated[listed, ExpandValues], ... if required else None)
-
-    fields = _fields(kind_columns, law_columns, values)
-    return create_model("Grid", __base__=MatrixColumns, **fields)
-
-
-@cache
 def combination_model(
-    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]
+    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...], *, grid: bool = False
 ) -> type[MatrixColumns]:
-    """Return the model of one combination of the gain matrix, for a kind's and a law's columns."""
+    """Return the model of one combination of the gain matrix, for a kind's and a law's columns.
 
-    def value(kind: Any, required: bool) -> Any:
-        return (kind, ...) if required else (kind | None, None)
+    With ``grid`` that of all combinations of given values; the last given column changes fastest.
+    """
 
-    fields = _fields(kind_columns, law_columns, value)
-    return create_model("Combination", __base__=MatrixColumns, **fields)
+    def field(kind: Any, required: bool) -> Any:
+        values = tuple_of(kind) if grid else kind
+        values = values if required else values | None
+        return (Annotated[values, ExpandValues] if grid else values, ... if required else None)
 
-
-def _fields(
-    kind_columns: KindColumns,
-    law_columns: tuple[LawColumn, ...],
-    field: Callable[[Any, bool], Any],
-) -> dict[str, Any]:
-    """Return the fields of a model by key; in a grid the last given column changes fastest."""
     types, first = kind_columns.types, kind_columns.first
     fields = {} if first is None else {first.key: field(types[first.key], True)}
     for column in law_columns:
         fields[column.key] = field(law_column_type(column), column.default is None)
-    return fields | {c.key: field(types[c.key], False) for c in kind_columns.others}
+    fields |= {each.key: field(types[each.key], False) for each in kind_columns.others}
+    return create_model("Grid" if grid else "Combination", __base__=MatrixColumns, **fields)
 
 
 MATRIX_FORMS = ("grid", "list", "csv")
@@ -255,7 +237,7 @@ def tuple_of(kind: Any) -> Any:
 @cache
 def matrix_model(kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
     """Return the model of the gain matrix with a kind's and a law's columns."""
-    grid = tuple_of(grid_model(kind_columns, law_columns))
+    grid = tuple_of(combination_model(kind_columns, law_columns, grid=True))
     combination = tuple_of(combination_model(kind_columns, law_columns))
     fields: dict[str, Any] = {
         "grid": (grid | None, Field(default=None, min_length=1, strict=False)),

@@ -198,15 +198,6 @@ def create_stream(kind: str, settings: dict[str, Any], slots: dict[str, Mailbox]
 
 
 def _serial_link(device: str, settings: dict[str, Any]) -> SerialLink:
-    return SerialLink(
-        SerialSettings(
-            device,
-            settings["port"],
-            settings["baud"],
-            settings["parity"],
-            settings["stop_bits"],
-            int(settings["rts_cts"]),
-            int(settings["echo"]),
-            int(settings["low_latency"]),
-        )
-    )
+    line = (settings[key] for key in ("port", "baud", "parity", "stop_bits"))
+    flags = (int(settings[key]) for key in ("rts_cts", "echo", "low_latency"))
+    return SerialLink(SerialSettings(device, *line, *flags))

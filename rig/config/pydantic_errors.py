@@ -156,7 +156,7 @@ def _unknown_key_message(model: type[BaseModel] | None, loc: KeyPath) -> str:
     for owner in ranges.models_at(model, loc[:-1]):
         if issubclass(owner, FileModel) and key in owner.foreign_keys:
             return f"unknown key; {owner.foreign_keys[key]}"
-        known += ranges.known_keys(owner)
+        known += [info.alias or name for name, info in owner.model_fields.items()]
     suggestion = _suggestion(key, known)
     if suggestion or not known:
         return f"unknown key{suggestion}"

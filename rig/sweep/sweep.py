@@ -31,7 +31,6 @@ from rig.sweep.journal import Journal
 from rig.sweep.parameters import (
     OPTION,
     CampaignFiles,
-    campaign_inputs,
     check_values,
     parameter_unit,
     parse_parameters,
@@ -283,17 +282,10 @@ def lock_folder(sweep: Sweep) -> Iterator[None]:
         yield
 
 
-class Remaining(NamedTuple):
-    """State of a sweep's journal before it runs."""
-
-    cases: int  # unfinished
-    damaged_bytes: int  # unreadable part of the journal
-
-
-def count_remaining(sweep: Sweep) -> Remaining:
-    """Return the number of unfinished cases; cut off the damaged end of the journal."""
+def count_remaining(sweep: Sweep) -> tuple[int, int]:
+    """Return the number of unfinished cases, and of bytes cut off the journal's damaged end."""
     with Journal(sweep.folder) as journal:
-        return Remaining(len(sweep.cases) - len(journal.finished), journal.damaged_bytes)
+        return len(sweep.cases) - len(journal.finished), journal.damaged_bytes
 
 
 def run(
@@ -342,7 +334,8 @@ def _digest(request: SweepRequest, campaigns: Iterable[AnyCampaign]) -> str:
     )
     for campaign in campaigns:  # separately: two files may have been swapped
         laws = [(law.name, law.sha256) for law, _ in campaign.axis_laws.values()]
-        files = [(file.role, file.sha256) for file in campaign_inputs(campaign)]
+        inputs = (*campaign.files, *simulation_of(campaign).plant_data(campaign))
+        files = [(file.role, file.sha256) for file in inputs]
         digest.update(json.dumps([files, *laws]).encode())
     digest.update(_code_digest())
     return digest.hexdigest()[:12]

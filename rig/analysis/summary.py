@@ -16,6 +16,7 @@ from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
 from rig.config.problems import number_ranges
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
+from rig.recording.runs.create import replace_text
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
 from rig.row_contents import PANEL, Column, X, Y, main_columns, with_role
@@ -329,12 +330,6 @@ def write_texts(summary: Summary, folder: Path) -> list[Path]:
     """Write ``summary.txt`` and ``summary.json``, each completely or not at all; raises OSError."""
     text, data = folder / "summary.txt", folder / "summary.json"
     json_text = json.dumps(as_json(summary), indent=2, ensure_ascii=False)
-    for path, content in ((text, as_text(summary)), (data, json_text)):
-        temporary = path.with_name(f".{path.name}.new")
-        try:
-            temporary.write_text(content, encoding="utf-8")
-        except OSError:  # full disk: leave no partial file behind
-            temporary.unlink(missing_ok=True)
-            raise
-        temporary.replace(path)
+    replace_text(text, as_text(summary))
+    replace_text(data, json_text)
     return [text, data]

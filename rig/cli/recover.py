@@ -60,9 +60,8 @@ def command(
         return fail("recover", _with_advice(error), as_json=as_json, code=FAILED)
     rows = _read_rows(recovery.output)
     if rows is not None and output is None and run.is_dir():
-        with suppress(
-            OSError, ValueError
-        ):  # the record is complete; only the status may be missing
+        # The record is complete; only the status may be missing.
+        with suppress(OSError, ValueError):
             create.write_rows_done(run, sum(row.state == "complete" for row in rows))
     print(json.dumps(_as_dict(recovery, rows)) if as_json else "\n".join(_lines(recovery, rows)))
     return OK if recovery.complete else LOST

@@ -198,9 +198,8 @@ def _compile(opened: sweep.Sweep) -> None:
     def print_notice() -> None:
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
 
-    timer = Timer(
-        _COMPILE_NOTICE_DELAY_S, print_notice
-    )  # a law of another structure is compiled even with a cache
+    # A law of another structure is compiled even with a cache.
+    timer = Timer(_COMPILE_NOTICE_DELAY_S, print_notice)
     timer.daemon = True
     if simulation_of(opened.campaign).is_compiled(opened.campaign):
         timer.start()

@@ -19,9 +19,7 @@ from scipy import fft
 
 from rig.recording.channel_file import Floats, Recording
 
-UNKNOWN_DRIFT_ERROR = (
-    50e-6  # standard deviation of an unknown drift: the tolerance of quartz clocks
-)
+UNKNOWN_DRIFT_ERROR = 50e-6  # standard deviation of an unknown drift: tolerance of quartz clocks
 MIN_SIGNIFICANCE = 6.0  # standard errors; noise does not reach it at any of 1000 candidates
 MIN_SLIP = 2e-3  # s; temperature makes clocks wander by as much
 _END_CYCLES = 5  # cycles at either end that are no candidates for a step
@@ -262,9 +260,8 @@ def _peak_lag(lag: Floats, coefficient: Floats, best: int, reach: int) -> float:
     return middle + half * float(peaks[np.argmax(curve(peaks))])
 
 
-MAX_EDGE_DIFFERENCE = (
-    0.025  # s, between edge and sine; half a step at 50 Hz on both sides explains 20 ms
-)
+# s, between edge and sine; half a step at 50 Hz on both sides explains 20 ms
+MAX_EDGE_DIFFERENCE = 0.025
 MAX_LAG_DIFFERENCE = 0.005  # s, between correlation lag and fit at the middle of the record
 MAX_DRIFT = 200e-6  # a larger drift means that the stated rate of the file is wrong
 MIN_SNR_DB = 10.0  # signal to noise of a usable sine

@@ -43,9 +43,8 @@ from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 TTL_NAMES = ("ttltrigger", "ttl", "trigger")
 SINE_NAMES = ("sinesignal", "syncsine", "sine")
-SYNC_FILE = (
-    "sync.csv"  # in a run's folder: trigger and sine recorded on the run's side, in run time
-)
+# In a run's folder: trigger and sine recorded on the run's side, in run time.
+SYNC_FILE = "sync.csv"
 RUN_CLOCK = "clock"  # instead of a log field: a sine that was generated from the run's clock
 SINE_FREQUENCY = 1.0  # Hz, of the common sine
 

@@ -55,11 +55,7 @@ class ImpedanceSettings(LawSettings):
     zc: TransferFunction | None = None  # Z_c(s), N*s/m; adds the force Z_c v on the body
 
 
-def _expand_name(value: Any) -> Any:
-    return {"use": value} if isinstance(value, str) else value
-
-
-ExpandName = BeforeValidator(_expand_name)
+ExpandName = BeforeValidator(lambda value: {"use": value} if isinstance(value, str) else value)
 """Turns the short form ``law: NAME`` into a mapping."""
 
 

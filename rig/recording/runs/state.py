@@ -98,10 +98,12 @@ class TickCounter:
             return
         if self._first is None:
             self._first = int(block["tick"][0]), float(block["time"][0])
-        self._gaps += _gaps(block, self._tick, self._skipped)
+        has_counts = SKIPPED in (block.dtype.names or ())
+        counts: Any = block[SKIPPED] if has_counts else np.zeros(len(block), np.int64)
+        self._gaps += _gaps(block["tick"], counts, self._tick, self._skipped)
         self._rows += len(block)
         self._tick = int(block["tick"][-1])
-        self._skipped = _last_skipped(block, self._skipped)
+        self._skipped = int(counts[-1])
         self._latest = self._tick, float(block["time"][-1])
 
     def result(self, end_report: EndReport | None) -> TickAccount:
@@ -142,15 +144,10 @@ def _period(first: tuple[int, float] | None, latest: tuple[int, float]) -> float
     return (latest[1] - first[1]) / (latest[0] - first[0])
 
 
-def _last_skipped(block: Records, before: int) -> int:
-    return int(block[SKIPPED][-1]) if SKIPPED in (block.dtype.names or ()) else before
-
-
-def _gaps(block: Records, tick: int, skipped: int) -> list[Gap]:
-    ticks = np.concatenate(([tick], block["tick"].astype(np.int64)))
-    counted: Any = np.zeros(len(ticks), np.int64)
-    if SKIPPED in (block.dtype.names or ()):
-        counted = np.concatenate(([skipped], block[SKIPPED].astype(np.int64)))
+def _gaps(ticks_read: Any, counts_read: Any, tick: int, skipped: int) -> list[Gap]:
+    """Return the gaps between consecutive rows, the last row before them included."""
+    ticks = np.concatenate(([tick], ticks_read.astype(np.int64)))
+    counted = np.concatenate(([skipped], counts_read.astype(np.int64)))
     missing = np.diff(ticks) - 1
     return [
         Gap(

@@ -42,11 +42,8 @@ class LawSettings(FileModel):
 
     def values(self, parameters: tuple[Parameter, ...]) -> Settings:
         """Return the values of a law's parameters by key."""
-        given = {each.key: getattr(self, each.key) for each in parameters}
-        return {
-            key: tuple(value) if isinstance(value, tuple) else (value,)
-            for key, value in given.items()
-        }
+        given = ((each.key, getattr(self, each.key)) for each in parameters)
+        return {key: value if isinstance(value, tuple) else (value,) for key, value in given}
 
 
 class ImpedanceSettings(LawSettings):

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rig.analysis.rows import columns_of
-from rig.cli import check
+from rig.cli import calibration_dates
 from rig.cli.input_files import CAMPAIGNS, find_run, input_file
 from rig.cli.options import CAMPAIGN_HELP, RUNS, Json, Runs
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
@@ -111,7 +111,7 @@ def command(
             lead_in=LEAD_IN if lead_in is None else lead_in,
         )
     began = time.monotonic()
-    warnings = check.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
+    warnings = calibration_dates.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, jobs, scheduler)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
     out, table = out or opened.folder / sweep.RESULT_FILE, None

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.check import warn_of_expired
+from rig.cli.calibration_dates import warn_of_expired
 from rig.cli.input_files import CAMPAIGNS, find_run, input_file, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result

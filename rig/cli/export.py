@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
 from rig.cli.output import OK, input_errors, print_json
 from rig.interop import tables

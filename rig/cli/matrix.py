@@ -14,8 +14,7 @@ from rig.cli.options import CALIBRATIONS, Calibrations, Json
 from rig.cli.output import OK, input_errors, print_json
 from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, matrix, stepped
-from rig.interop.legacy.columns import SPRING
-from rig.interop.legacy.matrix import GainMatrix
+from rig.interop.legacy.matrix import SPRING, GainMatrix
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.recording.calibration import apply_calibration
 

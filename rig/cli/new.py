@@ -14,11 +14,7 @@ _EXIT_CODES = "Exit codes: 0 written; 2 bad input, and nothing is written."
 
 Folder = Annotated[Path, typer.Option("--folder", help="Folder to write to.")]
 
-command = typer.Typer(
-    name="new",
-    no_args_is_help=True,
-    help="Write a new kind of rig as a package, or the files of a new rig.",
-)
+command = typer.Typer(no_args_is_help=True)
 
 
 @command.command(epilog=_EXIT_CODES)

@@ -3,8 +3,7 @@
 import itertools
 import math
 
-from rig.config.columns import KindColumns, LawColumns
-from rig.config.matrix import Matrix
+from rig.config.matrix import KindColumns, LawColumns, Matrix
 from rig.config.problems import Problem, format_key
 from rig.config.yaml_source import KeyPath, SourceMap
 from rig.planning import matrix_csv

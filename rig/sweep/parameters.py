@@ -17,7 +17,6 @@ from rig.campaign import AnyCampaign, open_campaign
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.planning.input_files import InputFile
 from rig.sweep.simulator import campaign_kind, problems, simulation_of, simulation_of_rig
 
 OPTION = "--over"
@@ -137,11 +136,6 @@ class CampaignFiles:
             if self._data.setdefault(path.resolve(), sha256) != sha256:
                 raise ValueError(f"{display_path(path)} was changed since the sweep began")
         return campaign
-
-
-def campaign_inputs(campaign: AnyCampaign) -> tuple[InputFile, ...]:
-    """Return every file of a campaign with its sha256, including the data of its plant."""
-    return (*campaign.files, *simulation_of(campaign).plant_data(campaign))
 
 
 def _set_rig_twin(

@@ -11,8 +11,8 @@ from rig.campaign.law_checks import law_problems
 from rig.campaign.record import campaign_from_record, law_notice, law_source, plan_record
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
-from rig.config.columns import KindColumns
 from rig.config.law_settings import AxisLaw, find_law
+from rig.config.matrix import KindColumns
 from rig.config.model import FileModel
 from rig.config.problems import ConfigError
 from rig.config.rig_file import BaseRigFile

@@ -19,9 +19,7 @@ def commands(command: object, name: str) -> Iterator[tuple[str, TyperCommand]]:
 
 
 LISTED = (*COMMANDS, *kinds.commands())
-ALL = dict(
-    pair for each in LISTED for pair in commands(load(each.name, each.module), f"rig {each.name}")
-)
+ALL = dict(pair for each in LISTED for pair in commands(load(each), f"rig {each.name}"))
 
 
 def test_all_commands_are_listed() -> None:

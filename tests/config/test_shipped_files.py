@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rig.config.shipped_copy import copy_files, referenced_files
 from rig.config.shipped_files import (
     CAMPAIGNS,
     KINDS,
@@ -15,9 +14,11 @@ from rig.config.shipped_files import (
     SESSIONS,
     ShippedFile,
     UnknownNameError,
+    copy_files,
     find_file,
     find_shipped,
     local_copies,
+    referenced_files,
     shipped_files,
     shipped_folder,
     title,

@@ -18,7 +18,8 @@ import pytest
 import record_files as files
 from mcap.reader import make_reader
 
-from rig.recording import process_identity, runs
+from rig import module_process
+from rig.recording import runs
 from rig.recording.runs import RunError, create, folder
 from rig.recording.runs.mcap_file import scan
 from rig.recording.runs.recover import Recovery, recover
@@ -199,7 +200,7 @@ def test_a_running_run_is_refused(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 100))
     with create.lock_run(run), pytest.raises(create.BusyError, match="still being written"):
         recover_again(run)
-    me = {"pid": os.getpid(), "pid_started": process_identity.start_ticks(os.getpid())}
+    me = {"pid": os.getpid(), "pid_started": module_process.start_ticks(os.getpid())}
     other = left_behind(tmp_path / "b", (0, 100), **me)
     with pytest.raises(create.BusyError, match=f"process {os.getpid()}"):
         recover_again(other)

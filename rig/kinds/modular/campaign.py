@@ -8,8 +8,8 @@ from pydantic import Field
 from rig.campaign import CampaignKind
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
-from rig.config.columns import KindColumns
 from rig.config.law_settings import IMPEDANCE, AxisLaw, find_law
+from rig.config.matrix import KindColumns
 from rig.config.model import WholeNumber
 from rig.kinds.modular.build import composition
 from rig.kinds.modular.columns import axis_columns

@@ -15,10 +15,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig import row_contents
+from rig import module_process, row_contents
 from rig.realtime import reasons
 from rig.realtime.reasons import ReasonTable
-from rig.recording import process_identity
 from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
 from rig.recording.runs.mcap_records import RunError
@@ -225,7 +224,7 @@ def is_supervised(status: dict[str, Any]) -> bool | None:
     pid, started = status.get("pid"), status.get("pid_started")
     if not isinstance(pid, int) or not isinstance(started, int):
         return None
-    return process_identity.start_ticks(pid) == started
+    return module_process.start_ticks(pid) == started
 
 
 def _is_abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from rig.config.axis import Axis, RotaryAxis
 from rig.config.model import FileModel, RuleViolation, TupleOf
 from rig.config.problems import format_number
-from rig.config.rig_file import BaseRigFile, Rate, StopTiming
+from rig.config.rig_file import Axis, BaseRigFile, Rate, RotaryAxis, StopTiming
 from rig.kinds.modular.tick.compose import reserved_names
 from rig.kinds.modular.tick.composition import AXIS_SIGNALS, default_stations, signal_names
 from rig.kinds.modular.tick.reasons import MAX_AXES, MAX_SENSORS

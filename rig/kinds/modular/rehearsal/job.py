@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem
 from rig.config.pydantic_errors import problems_from
+from rig.config.rig_file import SharedValue, mismatches
 from rig.config.yaml_source import SourceMap
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick import Composition

@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem, display_path
 from rig.config.pydantic_errors import problems_from
+from rig.config.rig_file import SharedValue, mismatches
 from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
 from rig.kinds.oswec_bench.sessions.flume import session_seas

@@ -7,11 +7,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from rig.config.axis import Axis
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number
-from rig.config.rig_file import BaseRigFile, Rate, StopTiming
+from rig.config.rig_file import Axis, BaseRigFile, Rate, StopTiming
 from rig.config.wiring import (
     PANEL_INPUTS,
     Actuator,

@@ -19,9 +19,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rig.config.columns import END_MARK
-from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
-from rig.interop.basin.products import write_products
+from rig.config.matrix import END_MARK
+from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge, write_products
 from rig.interop.legacy import matlab
 from rig.interop.legacy.mask4 import RowRoles, classify_rows
 from rig.interop.legacy.table import file_error

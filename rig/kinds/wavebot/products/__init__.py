@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from rig.analysis import campaign_products, report
-from rig.analysis.campaign_products import NO_PRODUCTS, PROGRESS
-from rig.analysis.report import Analysis
+from rig.analysis import report
+from rig.analysis.report import NO_PRODUCTS, PROGRESS, Analysis
 from rig.analysis.rows import write_rows
 from rig.kinds.wavebot.spring_map import result
 from rig.kinds.wavebot.spring_map.files import write_map
@@ -55,6 +54,6 @@ def analyse(
     return Analysis(summary, write)
 
 
-after_run = partial(campaign_products.after_run, analyse=analyse)
-draw = partial(campaign_products.draw, analyse=analyse)
-summarise = partial(campaign_products.summarise, analyse=analyse)
+after_run = partial(report.after_run, analyse=analyse)
+draw = partial(report.draw, analyse=analyse)
+summarise = partial(report.summarise, analyse=analyse)

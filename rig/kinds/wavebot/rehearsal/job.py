@@ -11,10 +11,9 @@ from pydantic import TypeAdapter, ValidationError
 from rig.campaign import CampaignParts
 from rig.campaign.files import valid_key
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
-from rig.config.axis import Axis
-from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem, format_number
 from rig.config.pydantic_errors import problems_from
+from rig.config.rig_file import Axis, SharedValue, mismatches
 from rig.config.yaml_source import KeyPath
 from rig.design.axis_params import estimator_params
 from rig.emulation.campaign_sea import requested_sea as sea_lines

@@ -22,10 +22,10 @@ from rig_command import rig_here
 from rig.execution import replay as replays
 from rig.execution.replay import replay
 from rig.kinds.oswec_bench import recorded
+from rig.kinds.oswec_bench.recorded import resolved_session, session_as_logged
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.check import check_session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
-from rig.kinds.oswec_bench.sessions.recorded import resolved_session, session_as_logged
 from rig.kinds.oswec_bench.tick import stations
 from rig.recording.runs import RunError, open_run, run_info
 

@@ -8,9 +8,9 @@ from pydantic import ValidationError
 from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem, display_path
 from rig.config.pydantic_errors import problems_from
-from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
+from rig.kinds.oswec_bench.config.session_file import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
-from rig.kinds.oswec_bench.sessions.flume import session_seas
+from rig.kinds.oswec_bench.sessions.plan import session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
-from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
+from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SESSION_KINDS, SessionFile
 from rig.kinds.oswec_bench.sessions.files import (
     FurtherCheck,
     Session,

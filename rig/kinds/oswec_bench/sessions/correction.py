@@ -28,7 +28,7 @@ from rig.kinds.oswec_bench.config.session_file import (
     OnlineCorrection,
     SessionFile,
 )
-from rig.kinds.oswec_bench.sessions.rows import SessionPoint
+from rig.planning.point import Point
 
 MIN_POINTS = 3
 """Minimum number of other rows for a line."""
@@ -53,20 +53,9 @@ class Correction(NamedTuple):
     runs: dict[str, str]  # sources: key of the file -> run
 
 
-class Line(NamedTuple):
-    """y = offset + slope x."""
-
-    offset: float
-    slope: float
-
-    def value_at(self, x: float) -> float:
-        """Return y at x."""
-        return self.offset + self.slope * x
-
-
 def session_correction(
     file: SessionFile,
-    points: tuple[SessionPoint, ...],
+    points: tuple[Point, ...],
     constants_files: dict[str, ConstantsFile | None],
     locate: SourceMap,
 ) -> Correction:
@@ -94,7 +83,7 @@ def session_correction(
 def _online_corrections(
     file: SessionFile,
     settings: OnlineCorrection,
-    points: tuple[SessionPoint, ...],
+    points: tuple[Point, ...],
     constants_files: dict[str, ConstantsFile | None],
     locate: SourceMap,
 ) -> tuple[RowCorrection, ...]:
@@ -137,27 +126,27 @@ def row_correction(
     velocities = [other.rms_velocity_rad_per_s for other in others]
     delays = [0.01 * other.phase_shift_percent * other.period_s for other in others]
     amplitude_losses = [other.amplitude_difference_deg for other in others]
-    extra_amplitude = math.radians(fit_line(torques, amplitude_losses).value_at(torque))
+    extra_amplitude = math.radians(_predict(torques, amplitude_losses, torque))
     if phase_over == "torque":
-        advance = fit_line(torques, delays).value_at(torque)
+        advance = _predict(torques, delays, torque)
     elif phase_over == "velocity":
-        advance = fit_line(velocities, delays).value_at(velocity)
+        advance = _predict(velocities, delays, velocity)
     else:
         # rad, at rms velocity
         trailing_angles = [t * v for t, v in zip(delays, velocities, strict=True)]
-        advance = fit_line(torques, trailing_angles).value_at(torque) / velocity
+        advance = _predict(torques, trailing_angles, torque) / velocity
     return RowCorrection(extra_amplitude, advance)
 
 
-def fit_line(x: list[float], y: list[float]) -> Line:
-    """Return the line of least squares; horizontal through the mean if all x are equal."""
+def _predict(x: list[float], y: list[float], at: float) -> float:
+    """Return the line of least squares at an x; the mean of y if all x are equal."""
     if len(set(x)) < 2:
-        return Line(float(np.mean(y)), 0.0)
+        return float(np.mean(y))
     slope, offset = np.polyfit(x, y, 1)
-    return Line(float(offset), float(slope))
+    return float(offset) + float(slope) * at
 
 
-def _is_same_setpoint(row: DrivelinePoint, point: SessionPoint, repeat_period: float) -> bool:
+def _is_same_setpoint(row: DrivelinePoint, point: Point, repeat_period: float) -> bool:
     """Return whether an earlier row was run at this set point."""
     values = point.values
     period = values.get("period", repeat_period)

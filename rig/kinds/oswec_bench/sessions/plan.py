@@ -12,12 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.oswec_position import PI, Component
-from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
+from rig.kinds.oswec_bench.config.session_file import (
+    SESSION_COLUMNS,
+    SESSION_KINDS,
+    IrregularReference,
+    SessionFile,
+)
 from rig.kinds.oswec_bench.sessions.correction import RowCorrection
 from rig.kinds.oswec_bench.sessions.files import Session
-from rig.kinds.oswec_bench.sessions.flume import irregular_signal, row_flume
-from rig.kinds.oswec_bench.sessions.rows import SessionPoint
 from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoints
+from rig.planning.multisine import Multisine, design_multisine, scale_to_peak
+from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 
@@ -105,12 +110,12 @@ def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
     return rows
 
 
-def _period(file: SessionFile, point: SessionPoint) -> float:
+def _period(file: SessionFile, point: Point) -> float:
     return point.values["period"] if file.irregular is None else file.irregular.repeat_s
 
 
 def row_components(
-    session: Session, point: SessionPoint, row_correction: RowCorrection
+    session: Session, point: Point, row_correction: RowCorrection
 ) -> tuple[Component, ...]:
     """Return the cosines of a row's reference, each with its share of the correction.
 
@@ -151,3 +156,55 @@ def _assemble_plan(
     setpoints = Setpoints(*zip(*setpoint_table, strict=True))
     duration = sum(segments.ticks) / rate
     return SessionPlan(rows, segments, setpoints, 1.0 / rate, duration, phases)
+
+
+class Sea(NamedTuple):
+    """A sea as the wave maker receives it: elevation at the flap's position, without the flap."""
+
+    repeat_s: float
+    cycles: tuple[int, ...]
+    amplitude_m: tuple[float, ...]
+    phase_rad: tuple[float, ...]  # at time zero of the wave clock
+
+
+def irregular_signal(settings: IrregularReference) -> Multisine:
+    """Return an irregular signal of unit peak."""
+    multisine = design_multisine(
+        settings.low_hz,
+        settings.high_hz,
+        settings.repeat_s,
+        rms=1.0,
+        seed=settings.seed,
+        draws=settings.draws,
+    )
+    return scale_to_peak(multisine, 1.0)
+
+
+def row_sea(file: SessionFile, point: Point) -> Sea:
+    """Return the sea of a row: one cosine, or an irregular sea with the given highest elevation."""
+    amplitude = point.values["wave_amplitude"]
+    if file.irregular is None:
+        return Sea(point.values["period"], (1,), (amplitude,), (0.0,))
+    repeat, cycles, shares, phases = irregular_signal(file.irregular)
+    amplitudes = (amplitude * shares).tolist()
+    return Sea(repeat, tuple(cycles.tolist()), tuple(amplitudes), tuple(phases.tolist()))
+
+
+def session_seas(file: SessionFile, points: tuple[Point, ...]) -> tuple[Sea, ...]:
+    """Return one sea per point of the file; empty if the session makes no waves."""
+    if not SESSION_KINDS[file.session].needs_waves:
+        return ()
+    return tuple(row_sea(file, point) for point in points)
+
+
+def row_flume(file: SessionFile, point: Point, index: int) -> Flume:
+    """Return the requests of a row to flap and flume; ``index`` is that of its sea."""
+    demand = SESSION_KINDS[file.session]
+    if not demand.flap_coupling:
+        return NO_FLUME
+    return Flume(
+        index if demand.needs_waves else -1,
+        1 if "release" in point.values else 0,
+        math.radians(point.values.get("release", 0.0)),
+        point.values.get("pto_damping", 0.0),
+    )

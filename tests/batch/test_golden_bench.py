@@ -96,10 +96,10 @@ def test_record_of_a_session_reproduces_its_parameters(name: str, tmp_path: Path
     else:
         path = CONFIGS / "sessions" / f"{name}.yaml"
     report = check_session(path)
-    assert report.session is not None, report.text()
-    from_record = session_as_logged(json.loads(resolved_session(report.session)))
-    plan, plan_from_record = plan_session(report.session), plan_session(from_record)
-    assert bench_params(from_record, plan_from_record) == bench_params(report.session, plan)
+    assert report.checked is not None, report.text()
+    from_record = session_as_logged(json.loads(resolved_session(report.checked)))
+    plan, plan_from_record = plan_session(report.checked), plan_session(from_record)
+    assert bench_params(from_record, plan_from_record) == bench_params(report.checked, plan)
 
 
 NEWER_LIMITS = ("motor.current_difference_", "motor.velocity_difference_", "power.")

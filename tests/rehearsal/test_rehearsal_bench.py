@@ -49,8 +49,8 @@ def load_session(folder: Path, **keys: Any) -> Session:
     }
     report = check_session(write_yaml(folder / f"{content['name']}.yaml", content))
     assert report.ok, report.text()
-    assert report.session is not None
-    return report.session
+    assert report.checked is not None
+    return report.checked
 
 
 def measure_rows(session: Session) -> Rows:
@@ -217,7 +217,7 @@ def test_closed_torque_loop_reduces_the_effect_of_wrong_constants(tmp_path: Path
 
 def test_the_plan_of_table_2_1() -> None:
     report = check_session(CONFIGS / "sessions" / "driveline.yaml")
-    assert report.session is not None
+    assert report.checked is not None
     assert report.plan is not None
     rows, plan = report.plan.rows, report.plan
     assert [(r.values["amplitude_deg"], r.values["damping_n_m_s_per_rad"]) for r in rows][-4:] == [

@@ -91,25 +91,18 @@ def mean(values: Any, unit: str, method: str) -> Estimate:
     return Estimate(float(samples.mean()), half_width, unit, method)
 
 
-def jackknife(estimates: Floats, left_out: Floats) -> Floats:
-    """Return half widths of estimates, from the same estimates with one independent group left out
-    each.
+def jackknifed(
+    values: Any, left_out: Sequence[Any], units: Sequence[str], method: str
+) -> list[Estimate]:
+    """Return ``values`` (n,) as estimates, from the same values with one independent group left out
+    each, ``left_out`` (groups, n).
 
-    ``estimates`` (n,), ``left_out`` (groups, n). Efron & Stein (1981), Student's t with groups - 1.
+    Efron & Stein (1981), Student's t with groups - 1. The intervals of one group are NaN.
     """
-    group_count = len(left_out)
-    if group_count < 2:
-        return np.full(np.shape(estimates), np.nan)
-    deviations = left_out - left_out.mean(axis=0)
-    half_widths: Floats = coverage_factor(group_count - 1) * np.sqrt(
-        (group_count - 1) / group_count * (deviations * deviations).sum(axis=0)
-    )
-    return half_widths
-
-
-def jackknifed(values: Floats, left_out: Any, units: Sequence[str], method: str) -> list[Estimate]:
-    """Return ``values`` (n,) as estimates, with intervals by the jackknife over ``left_out``."""
-    half_widths = jackknife(values, np.array(left_out))
+    count = len(left_out)
+    deviations = np.array(left_out) - np.mean(left_out, axis=0)
+    errors = np.sqrt((count - 1) / count * (deviations * deviations).sum(axis=0))
+    half_widths = coverage_factor(count - 1) * errors
     return [
         Estimate(float(value), float(half_width), unit, method)
         for value, half_width, unit in zip(values, half_widths, units, strict=True)

@@ -172,8 +172,13 @@ def write_page(
     body = [
         f"<header><span class=stamp>{_escape(mode_stamp(metadata.mode))}</span>"
         f"<h1>Session {_escape(session.name)}</h1><p>{_escape(subtitle)}</p></header>",
-        _status_line(ending.description, ending.title == ENDINGS["complete"]),
-        _status_line(session.record.sentence, session.record.state in (COMPLETE, RECOVERED)),
+        *(
+            f"<p{'' if good else ' class=no'}>{_escape(sentence)}.</p>"
+            for sentence, good in (
+                (ending.description, ending.title == ENDINGS["complete"]),
+                (session.record.sentence, session.record.state in (COMPLETE, RECOVERED)),
+            )
+        ),
         _comparison_table(result),
         _constants_table(result),
         f"<h2>Notes</h2><ul>{''.join(notes)}</ul>",
@@ -203,10 +208,6 @@ def page_notes(result: Result, session: SessionRun) -> list[str]:
     }
     reasons |= dict.fromkeys(session.missing_rows, ALL_TICKS_MISSING)
     return [*lines, *(f"Row {row} is left out: {reasons[row]}." for row in sorted(reasons))]
-
-
-def _status_line(sentence: str, good: bool) -> str:
-    return f"<p>{_escape(sentence)}.</p>" if good else f"<p class=no>{_escape(sentence)}.</p>"
 
 
 def _escape(value: Any) -> str:

@@ -34,7 +34,6 @@ class TorqueMap(NamedTuple):
     soft_zone: Estimate  # rad
     knee: Estimate  # N*m
     stiffness: Estimate  # N*m/rad
-    r_squared: float
     residual: float  # rad, rms
 
 
@@ -96,16 +95,13 @@ def fit_map(points: list[BinnedDeflection]) -> TorqueMap:
     method = f"map of {len(points)} set points, jackknife over them"
     units = ("rad", "rad", "N*m", "N*m/rad")
     gap, soft, knee, stiffness = jackknifed(values, left_out, units, method)
-    deflections = np.concatenate([each.deflection for each in points])
-    weight = np.concatenate([each.weight for each in points])
-    deviation = deflections - np.average(deflections, weights=weight)
+    weight = sum(float(each.weight.sum()) for each in points)
     return TorqueMap(
         gap,
         soft,
         knee.with_cell_error(),
         stiffness.with_cell_error(),
-        1.0 - searched.residual_squares / float((weight * deviation * deviation).sum()),
-        float(np.sqrt(max(0.0, searched.residual_squares) / weight.sum())),
+        float(np.sqrt(max(0.0, searched.residual_squares) / weight)),
     )
 
 

@@ -78,6 +78,11 @@ class Deceleration(NamedTuple):
     rms_velocity: float  # rad/s
     voltage_amplitude: float  # V
 
+    @property
+    def slopes(self) -> list[float]:
+        """Slopes of the thesis's lines, rad/s/V."""
+        return [each.line.slope for each in self.thesis_fits]
+
 
 def fit_decelerations(
     angle: Floats, volts: Floats, torque: Floats, cut: PeriodCut, window: float = 0.02
@@ -111,38 +116,23 @@ def fit_decelerations(
     )
 
 
-class VelocityConstants(NamedTuple):
-    """Results of the session."""
+def velocity_constants(points: list[Deceleration]) -> dict[str, Estimate]:
+    """Return means over set points, each with the interval by the scatter between set points.
 
-    constant: Estimate  # of the motor following its command, without droop and lag
-    lag: Estimate  # s
-    droop: Estimate  # rad/s
-    thesis: Estimate  # by the thesis's lines, all set points
-    fastest: Estimate  # by the thesis's lines, three fastest set points
-    spread: float  # (largest - smallest) / mean of single lines of the three fastest
-    smallest: float  # rad/s/V, of all lines
-    largest: float
-
-
-def velocity_constants(points: list[Deceleration]) -> VelocityConstants:
-    """Return means over set points, each with the interval by the scatter between set points."""
+    The constant proper, lag and droop are those of the motor following its command; `deceleration`
+    and `fastest` are the means of the thesis's lines, of all and of the three fastest set points.
+    """
     ordered = sorted(points, key=lambda each: each.rms_velocity)
-    slopes_by_point = [np.array([d.line.slope for d in each.thesis_fits]) for each in ordered]
-    fastest_slopes = np.concatenate(slopes_by_point[-3:])
-    all_slopes = np.concatenate(slopes_by_point)
-    means = [each.mean() for each in slopes_by_point]
+    means = [np.mean(each.slopes) for each in ordered]
     method = "lines of deceleration, mean of {} set points, by their scatter"
     constant, lag, droop = _fit_constant_lag_droop(points)
-    return VelocityConstants(
-        constant,
-        lag,
-        droop,
-        mean(means, UNIT, method.format(len(points))),
-        mean(means[-3:], UNIT, method.format("the 3")),
-        float(np.ptp(fastest_slopes) / fastest_slopes.mean()),
-        float(all_slopes.min()),
-        float(all_slopes.max()),
-    )
+    return {
+        "velocity_constant": constant,
+        "velocity_constant_deceleration": mean(means, UNIT, method.format(len(points))),
+        "velocity_constant_fastest": mean(means[-3:], UNIT, method.format("the 3")),
+        "velocity_lag": lag,
+        "velocity_droop": droop,
+    }
 
 
 def _fit_constant_lag_droop(points: list[Deceleration]) -> list[Estimate]:
@@ -217,19 +207,12 @@ def analyse_session(session: SessionRun) -> Result:
     return Result(
         (table("velocity_constants", title, points, COLUMNS),),
         tuple(_comparisons(fitted, amplitude_loss, points)),
-        {
-            "velocity_constant": fitted.constant,
-            "velocity_constant_deceleration": fitted.thesis,
-            "velocity_constant_fastest": fitted.fastest,
-            "velocity_lag": fitted.lag,
-            "velocity_droop": fitted.droop,
-            "amplitude_difference_unloaded": amplitude_loss,
-        },
+        fitted | {"amplitude_difference_unloaded": amplitude_loss},
         (
             fig_2_6(points),
-            fig_3_5((points[0], points[-1]), fitted.constant.value),
+            fig_3_5((points[0], points[-1]), fitted["velocity_constant"].value),
             fig_3_6(points[-1]),
-            fig_3_7(points, fitted.constant.value),
+            fig_3_7(points, fitted["velocity_constant"].value),
             fig_3_8(points),
         ),
         (
@@ -262,19 +245,24 @@ COLUMNS: Columns[UnloadedPoint] = {
 
 
 def _comparisons(
-    constants: VelocityConstants, amplitude_loss: Estimate, points: list[UnloadedPoint]
+    fitted: dict[str, Estimate], amplitude_loss: Estimate, points: list[UnloadedPoint]
 ) -> Iterator[Comparison]:
-    yield Comparison.of_constant("velocity constant, mean", constants.thesis, THESIS_CONSTANT)
-    yield Comparison.of_constant("mean of the three fastest", constants.fastest, THESIS_FASTEST)
-    spread, thesis_spread = (f"{100 * each:.1f} %" for each in (constants.spread, THESIS_SPREAD))
-    yield compare("spread of the three fastest", spread, thesis_spread)
+    lines, fastest = fitted["velocity_constant_deceleration"], fitted["velocity_constant_fastest"]
+    yield Comparison.of_constant("velocity constant, mean", lines, THESIS_CONSTANT)
+    yield Comparison.of_constant("mean of the three fastest", fastest, THESIS_FASTEST)
+    slopes = [each.deceleration.slopes for each in points]
+    fast = np.concatenate(slopes[-3:])
+    spread = np.ptp(fast) / fast.mean()
+    measured, thesis = (f"{100 * each:.1f} %" for each in (spread, THESIS_SPREAD))
+    yield compare("spread of the three fastest", measured, thesis)
     low, high = THESIS_RANGE
-    lines = f"{constants.smallest:.2f} to {constants.largest:.2f} rad/s/V"
-    yield compare("single lines", lines, f"{low} to {high} rad/s/V")
-    slowest = float(np.mean([d.line.slope for d in points[0].fits]))
-    biased, target = slowest < 0.99 * constants.fastest.value, "low-amplitude bias visible"
+    text = f"{min(map(min, slopes)):.2f} to {max(map(max, slopes)):.2f} rad/s/V"
+    yield compare("single lines", text, f"{low} to {high} rad/s/V")
+    slowest = float(np.mean(slopes[0]))
+    biased, target = slowest < 0.99 * fastest.value, "low-amplitude bias visible"
     yield compare("slowest set point", f"{slowest:.3f} rad/s/V", "lower", target, biased)
-    yield compare("motor following its command", constants.constant, "trends towards 1.5 rad/s/V")
+    constant = fitted["velocity_constant"]
+    yield compare("motor following its command", constant, "trends towards 1.5 rad/s/V")
     mid, half_width = UNLOADED_DIFFERENCE
     thesis, met = f"{mid} ± {half_width} deg", abs(amplitude_loss.value - mid) <= half_width
     yield compare("amplitude difference, unloaded", amplitude_loss, thesis, "within", met)

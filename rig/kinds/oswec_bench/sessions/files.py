@@ -76,15 +76,6 @@ FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
 """A further check of a session; it runs even if the session has other problems."""
 
 
-def is_session(path: Path) -> bool:
-    """Return whether a file is a session file, not a campaign; False for an unreadable file."""
-    try:
-        mapping, _ = load_mapping(Path(path))
-    except ConfigError:
-        return False
-    return "session" in mapping
-
-
 class _FileReader:
     """Reads file after file and collects the problems of each."""
 

@@ -26,18 +26,13 @@ from matplotlib.axes import Axes
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
-from rig.kinds.oswec_bench.products import figures, periods, quarters
+from rig.kinds.oswec_bench.products import estimate, figures, periods, quarters
 from rig.kinds.oswec_bench.products.deflection import DEGREE, Motion, ShaftLag, shaft_lag
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, jackknifed, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.quarters import FitDomain
 from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
-from rig.kinds.oswec_bench.products.separable_fit import (
-    NormalEquations,
-    normal_equations,
-    search_grid,
-)
 
 NOMINAL = 37.5 * 2.0 * np.pi / 10.0 / 15.0  # rad/s/V, equation 3.2
 DECELERATION = (0.03, 1.0)
@@ -52,6 +47,7 @@ ITERATIONS = 5
 The last fit changes the lag by less than 1 us.
 """
 UNIT = "rad/s/V"
+WINDOW = 0.02  # s, of the moving-window differentiator
 
 # Values of the OSWEC thesis (University of Washington).
 VOLTS = (0.23, 0.35, 0.47, 0.58, 0.70, 0.81, 0.93)
@@ -72,7 +68,6 @@ class Deceleration(NamedTuple):
     volts: Floats  # V
     torque: float  # N*m, mean torque of the load cell along the motion
     dt: float  # s
-    window: float  # s, of the differentiator
     thesis_fits: list[FitDomain]  # lines as in the thesis
     following: list[slice]  # samples at which the motor follows its command
     rms_velocity: float  # rad/s
@@ -84,15 +79,11 @@ class Deceleration(NamedTuple):
         return [each.line.slope for each in self.thesis_fits]
 
 
-def fit_decelerations(
-    angle: Floats, volts: Floats, torque: Floats, cut: PeriodCut, window: float = 0.02
-) -> Deceleration:
+def fit_decelerations(angle: Floats, volts: Floats, torque: Floats, cut: PeriodCut) -> Deceleration:
     """Return the domains of a set point; ``angle``, ``volts``, ``torque`` (samples,) are as
     measured.
-
-    ``window`` (s) is that of the moving-window differentiator.
     """
-    velocity = periods.velocity(periods.detrend(angle, cut), cut.dt, window)
+    velocity = periods.velocity(periods.detrend(angle, cut), cut.dt, WINDOW)
     command = cut.trim(volts)
     # Over whole periods both directions last equally long, so an error of the cell's zero cancels.
     mean_torque = float(np.mean(cut.trim(torque) * np.sign(velocity)))
@@ -108,7 +99,6 @@ def fit_decelerations(
         command,
         mean_torque,
         cut.dt,
-        window,
         thesis_fits,
         [each.samples for each in following],
         periods.rms(velocity),
@@ -146,7 +136,7 @@ def _fit_constant_lag_droop(points: list[Deceleration]) -> list[Estimate]:
     command_delay = lag = 0.0
     for _ in range(ITERATIONS):
         command_delay = lag
-        searched = search_grid(
+        searched = estimate.search_grid(
             [_normal_equations(each, command_delay) for each in following_points], SCALES
         )
         values = _fit_parameters(searched.parameters, command_delay)
@@ -155,20 +145,22 @@ def _fit_constant_lag_droop(points: list[Deceleration]) -> list[Estimate]:
     return jackknifed(values, left_out, units, method)
 
 
-def _normal_equations(point: Deceleration, lag: float) -> NormalEquations:
+def _normal_equations(point: Deceleration, lag: float) -> estimate.NormalEquations:
     """Return a set point's contribution, with its command delayed by ``lag`` (s)."""
     t = point.dt * np.arange(len(point.volts))
     delayed = np.interp(t - lag, t, point.volts)
     integrated = cumulative_trapezoid(delayed, dx=point.dt, initial=0.0)
     # Neighbours share most of their window: four samples per window carry all the information.
-    stride = max(1, round(0.25 * point.window / point.dt))
+    stride = max(1, round(0.25 * WINDOW / point.dt))
     samples = np.concatenate([np.arange(each.start, each.stop, stride) for each in point.following])
-    volts = periods.velocity(integrated, point.dt, point.window)[samples]
-    command_rate = periods.velocity(delayed, point.dt, point.window)[samples]
+    volts = periods.velocity(integrated, point.dt, WINDOW)[samples]
+    command_rate = periods.velocity(delayed, point.dt, WINDOW)[samples]
     ones = np.ones((len(SCALES), len(samples)))
     saturated = np.tanh(volts[None, :] / SCALES[:, None])
     columns = [volts * ones, command_rate * ones, saturated, point.torque * saturated, ones]
-    return normal_equations(np.stack(columns, axis=2), point.velocity[samples] + point.drift)
+    return estimate.normal_equations(
+        np.stack(columns, axis=2), point.velocity[samples] + point.drift
+    )
 
 
 def _fit_parameters(parameters: Floats, command_delay: float) -> Floats:

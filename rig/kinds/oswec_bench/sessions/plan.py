@@ -98,7 +98,15 @@ def plan_session(session: Session) -> SessionPlan:
             PlanSegment(row_number, Phase.TAIL, rise, released),
         ]  # fmt: skip
     pieces.append(PlanSegment(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
-    return _assemble_plan(tuple(rows), pieces, float(rig.rate_hz))
+    rate = float(rig.rate_hz)
+    table = cut_into_ticks(pieces, rate)
+    segments, _, setpoint_table = table
+    seconds = phase_seconds(table, rate)
+    timed = (Phase.TARE, Phase.MOVING, Phase.SETTLE, Phase.MEASURE, Phase.TAIL)
+    phases = {phase.name.lower(): seconds[phase] for phase in timed}
+    setpoints = Setpoints(*zip(*setpoint_table, strict=True))
+    duration = sum(segments.ticks) / rate
+    return SessionPlan(tuple(rows), segments, setpoints, 1.0 / rate, duration, phases)
 
 
 def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
@@ -145,19 +153,6 @@ def row_components(
     return tuple(Component(a, w, phase, gain, advance) for a, w, phase in cosines)
 
 
-def _assemble_plan(
-    rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetpoint]], rate: float
-) -> SessionPlan:
-    table = cut_into_ticks(pieces, rate)
-    segments, _, setpoint_table = table
-    seconds = phase_seconds(table, rate)
-    timed = (Phase.TARE, Phase.MOVING, Phase.SETTLE, Phase.MEASURE, Phase.TAIL)
-    phases = {phase.name.lower(): seconds[phase] for phase in timed}
-    setpoints = Setpoints(*zip(*setpoint_table, strict=True))
-    duration = sum(segments.ticks) / rate
-    return SessionPlan(rows, segments, setpoints, 1.0 / rate, duration, phases)
-
-
 class Sea(NamedTuple):
     """A sea as the wave maker receives it: elevation at the flap's position, without the flap."""
 
@@ -180,21 +175,20 @@ def irregular_signal(settings: IrregularReference) -> Multisine:
     return scale_to_peak(multisine, 1.0)
 
 
-def row_sea(file: SessionFile, point: Point) -> Sea:
-    """Return the sea of a row: one cosine, or an irregular sea with the given highest elevation."""
-    amplitude = point.values["wave_amplitude"]
-    if file.irregular is None:
-        return Sea(point.values["period"], (1,), (amplitude,), (0.0,))
-    repeat, cycles, shares, phases = irregular_signal(file.irregular)
-    amplitudes = (amplitude * shares).tolist()
-    return Sea(repeat, tuple(cycles.tolist()), tuple(amplitudes), tuple(phases.tolist()))
-
-
 def session_seas(file: SessionFile, points: tuple[Point, ...]) -> tuple[Sea, ...]:
-    """Return one sea per point of the file; empty if the session makes no waves."""
+    """Return one sea per point of the file; empty if the session makes no waves.
+
+    A sea is one cosine, or an irregular sea with the given highest elevation.
+    """
     if not SESSION_KINDS[file.session].needs_waves:
         return ()
-    return tuple(row_sea(file, point) for point in points)
+    amplitudes = [point.values["wave_amplitude"] for point in points]
+    if file.irregular is None:
+        pairs = zip(points, amplitudes, strict=True)
+        return tuple(Sea(p.values["period"], (1,), (a,), (0.0,)) for p, a in pairs)
+    repeat, cycles, shares, phases = irregular_signal(file.irregular)
+    lines, angles = tuple(cycles.tolist()), tuple(phases.tolist())
+    return tuple(Sea(repeat, lines, tuple((a * shares).tolist()), angles) for a in amplitudes)
 
 
 def row_flume(file: SessionFile, point: Point, index: int) -> Flume:

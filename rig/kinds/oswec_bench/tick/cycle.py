@@ -82,8 +82,7 @@ def control(
 
     The set point becomes a velocity or a torque within limits, and a current of the brake.
     """
-    motor, laws, brake, tare_state = state.motor, state.laws, state.brake, state.tare
-    active_setpoint = state.active_setpoint
+    brake, tare_state, active_setpoint = state.brake, state.tare, state.active_setpoint
     motor_motion, shaft_motion = motion
     encoders, servo, load, brake_sense, _ = sense
     _, phase, _, clock = plan
@@ -93,15 +92,7 @@ def control(
     torque = load.tz - tare_state.zeros.torque
     if mode == RUN:
         laws, reference, correction, demand = _step_laws(
-            params,
-            laws,
-            active_setpoint,
-            motion,
-            brake.command.velocity,
-            torque,
-            motor.saturation_deficit,
-            clock,
-            dt,
+            params, state, active_setpoint, motion, torque, clock, dt
         )
     else:  # the laws are reset while they do not act
         laws, correction = LAWS_AT_REST, _NO_CORRECTION
@@ -111,9 +102,7 @@ def control(
     if servo.enabled == 1 and RUN <= mode <= STOP_1:
         max_difference = params.limits.velocity_difference_stop
         mismatch = limits.count_mismatch(state.mismatch, deviation, max_difference)
-    motor, speed_state, drive = _command_drive(
-        params, motor, state.speed, sense, motor_motion, demand, mode, dt
-    )
+    motor, speed_state, drive = _command_drive(params, state, sense, motor_motion, demand, mode, dt)
     damps_only = (
         mode == RUN
         and active_setpoint.flume.pto_damping > 0.0
@@ -171,29 +160,28 @@ def control(
 
 def _step_laws(
     params: Params,
-    laws: Laws,
+    state: State,
     active_setpoint: ActiveSetpoint,
     motion: Motion,
-    filtered_velocity: float,
     torque: float,
-    saturation_deficit: float,
     clock: float,
     dt: float,
 ) -> tuple[Laws, Reference, Turning, LoopDemand]:
     """Return the laws' state, the shaft's reference, the correction and the demand on the drive.
 
-    ``filtered_velocity`` is the shaft's velocity as the brake's law filters it, rad/s. The motor's
-    own velocity would close a loop over the resonance of the coupling.
+    Damping by the motor uses the shaft's velocity as the brake's law filters it. The motor's own
+    velocity would close a loop over the resonance of the coupling.
     """
+    laws = state.laws
     _, components, span, _, _, flume = active_setpoint
     if params.mode == TORQUE:
         torque_reference = oswec_position.reference(components, span, clock).angle
         if flume.pto_damping > 0.0:
             torque_reference += brake_damping.motor_damping_torque(
-                flume.pto_damping, filtered_velocity
+                flume.pto_damping, state.brake.command.velocity
             )
         tracking, tracking_output = torque_tracking.step(
-            params.torque, laws.torque, torque_reference, torque, saturation_deficit, dt
+            params.torque, laws.torque, torque_reference, torque, state.motor.saturation_deficit, dt
         )
         reference = Reference(0.0, 0.0, torque_reference)
         demand = LoopDemand(tracking_output.torque, 0.0)
@@ -219,8 +207,7 @@ DriveFields = tuple[int, float, float, float, float, int, int]
 
 def _command_drive(
     params: Params,
-    motor: axis.State,
-    speed_state: speed.State,
+    state: State,
     sense: Sense,
     motion: Estimate,
     demand: LoopDemand,
@@ -238,7 +225,7 @@ def _command_drive(
     nominal = scale * torque_tracking.current(params.torque, demand.torque)
     motor, record = axis.control(
         params.motor,
-        motor,
+        state.motor,
         motor_sense(sense),
         motion,
         Demand(0.0, 0.0, 0.0, nominal),
@@ -250,9 +237,9 @@ def _command_drive(
     if in_torque_loop:
         _, current, enable, limited = record.command
         torque = torque_tracking.torque(params.torque, current)
-        return motor, speed_state, (TORQUE, 0.0, 0.0, torque, current, enable, limited)
+        return motor, state.speed, (TORQUE, 0.0, 0.0, torque, current, enable, limited)
     speed_state, (velocity, volts, enable, limited) = speed.limit_command(
-        params.speed, speed_state, demand.velocity, mode, dt
+        params.speed, state.speed, demand.velocity, mode, dt
     )
     return motor, speed_state, (VELOCITY, velocity, volts, 0.0, 0.0, enable, limited)
 

@@ -185,7 +185,7 @@ def test_an_irregular_motion_is_corrected_component_by_component(
         "conditions": "conditions.yaml",
     }
     session = load_session(folder, name="irregular_online", correction=correction, **keys)
-    parts = plan_session(session).setpoints.components[1]
+    parts = plan_session(session).setpoints[1].components
     assert len(parts) == 7  # 0.4 .. 1 Hz
     assert len({one.gain for one in parts}) == len({one.advance for one in parts}) == 1
     assert parts[0].gain > 1.0
@@ -231,7 +231,7 @@ def test_the_plan_of_table_2_1() -> None:
     assert phases == ["MOVING", "SETTLE", "MEASURE", "TAIL"]
     assert plan.segments.waves[first : first + 4] == (0, 1, 1, 1)
     assert set(plan.segments.restart[first : first + 4]) == {first}
-    (one,) = plan.setpoints.components[plan.segments.setpoint[first]]
+    (one,) = plan.setpoints[plan.segments.setpoint[first]].components
     assert one == (5.0 * DEGREE, pytest.approx(2.0 * math.pi / 1.5), 0.0, 1.0, 0.0)
 
 

@@ -78,16 +78,13 @@ def session_as_logged(config: dict[str, Any]) -> Session:
     The locations of its values in files are unknown. Raises KeyError if the record lacks a part,
     ValueError if a part does not fit today's models.
     """
-    no_location = SourceMap(Path("config.json"), {}, ())
     file = SessionFile.model_validate(config["session"])
     return Session(
         file,
-        no_location,
         BenchRigFile.model_validate(config["rig"]),
         BenchLimitsFile.model_validate(complete_limits(config["limits"], LATER_LIMITS)),
         config["plant"],
-        no_location,
-        session_points(file, no_location),
+        session_points(file, SourceMap(Path("config.json"), {}, ())),
         _CONSTANTS.validate_python(config["constants"]),
         _CORRECTION.validate_python(config["correction"]),
         (),

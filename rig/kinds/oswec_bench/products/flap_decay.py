@@ -46,8 +46,7 @@ class Release(NamedTuple):
     @property
     def time(self) -> Floats:
         """Time since the release, s."""
-        seconds: Floats = np.float64(self.dt) * np.arange(len(self.angle), dtype=np.float64)
-        return seconds
+        return self.dt * np.arange(len(self.angle), dtype=np.float64)
 
 
 class Fit(NamedTuple):

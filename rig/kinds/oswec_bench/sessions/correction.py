@@ -96,22 +96,15 @@ def _online_corrections(
     rows, problems = [], []
     period = file.irregular.repeat_s if file.irregular is not None else 0.0
     for point in points:
-        row = next(
-            (d for d in conditions_file.driveline if _is_same_setpoint(d, point, period)), None
-        )
+        same = [d for d in conditions_file.driveline if _is_same_setpoint(d, point, period)]
         others = [d for d in regressions_file.driveline if not _is_same_setpoint(d, point, period)]
-        message = ""
-        if row is None:
-            message = f"no uncorrected row of these conditions in {conditions_file.run}"
-        elif len(others) < MIN_POINTS:
-            message = (
-                f"{len(others)} other rows in {regressions_file.run}; a line needs {MIN_POINTS}"
-            )
-        if message or row is None:
-            location = next(iter(point.locations.values()))
-            problems.append(location.problem(None, message))
+        if same and len(others) >= MIN_POINTS:
+            rows.append(row_correction(same[0], others, settings.phase_over))
             continue
-        rows.append(row_correction(row, others, settings.phase_over))
+        message = f"{len(others)} other rows in {regressions_file.run}; a line needs {MIN_POINTS}"
+        if not same:
+            message = f"no uncorrected row of these conditions in {conditions_file.run}"
+        problems.append(next(iter(point.locations.values())).problem(None, message))
     if problems:
         raise ConfigError(list(dict.fromkeys(problems)))
     return tuple(rows)
@@ -149,15 +142,10 @@ def _predict(x: list[float], y: list[float], at: float) -> float:
 def _is_same_setpoint(row: DrivelinePoint, point: Point, repeat_period: float) -> bool:
     """Return whether an earlier row was run at this set point."""
     values = point.values
-    period = values.get("period", repeat_period)
-    pairs = (
-        (row.amplitude_deg, values["amplitude"]),
-        (row.period_s, period),
-        (row.damping_n_m_s_per_rad, values.get("damping", 0.0)),
-    )
-    return all(
-        abs(recorded - requested) <= 1e-6 * max(abs(recorded), 1.0) for recorded, requested in pairs
-    )
+    period, damping = values.get("period", repeat_period), values.get("damping", 0.0)
+    recorded = row.amplitude_deg, row.period_s, row.damping_n_m_s_per_rad
+    pairs = zip(recorded, (values["amplitude"], period, damping), strict=True)
+    return all(abs(a - b) <= 1e-6 * max(abs(a), 1.0) for a, b in pairs)
 
 
 def _missing_part(locate: SourceMap, key: str, value: object, part: str) -> Problem:

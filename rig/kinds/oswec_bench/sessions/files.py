@@ -61,11 +61,9 @@ class Session(NamedTuple):
     """A session whose files passed every check that needs no plant."""
 
     file: SessionFile
-    locate: SourceMap  # file and line of each value of the session file
     rig: BenchRigFile
     limits: BenchLimitsFile
     plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
-    plant_locate: SourceMap
     points: tuple[Point, ...]
     constants: Constants
     correction: Correction
@@ -179,15 +177,11 @@ def open_session(
     assert computed_correction is not None
     return Session(
         file,
-        session_source.locate,
         rig,
         limits,
         plant.mapping,
-        plant.locate,
         expanded_points,
-        select_constants(
-            rig, file, [*(one for one in correction_files.values() if one is not None), *measured]
-        ),
+        select_constants(rig, file, [*filter(None, correction_files.values()), *measured]),
         computed_correction,
         tuple(reader.files),
     )

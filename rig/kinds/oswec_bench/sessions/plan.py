@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.oswec_position import PI, Component
+from controllers.oswec_position import PI, Component, EnvelopeTimes
 from rig.kinds.oswec_bench.config.session_file import (
     SESSION_COLUMNS,
     SESSION_KINDS,
@@ -20,7 +20,7 @@ from rig.kinds.oswec_bench.config.session_file import (
 )
 from rig.kinds.oswec_bench.sessions.correction import RowCorrection
 from rig.kinds.oswec_bench.sessions.files import Session
-from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoints
+from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoint
 from rig.planning.multisine import Multisine, design_multisine, scale_to_peak
 from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
@@ -38,29 +38,18 @@ class SessionRow(NamedTuple):
     measure: float  # s
 
 
-class BenchSetpoint(NamedTuple):
-    """One set point of the plan."""
-
-    components: tuple[Component, ...]
-    damping: float  # N*m*s/rad
-    brake_current: float  # A
-    rise: float  # s
-    until: float  # s
-    flume: Flume
-
-
 class SessionPlan(NamedTuple):
     """A planned session, ready for `rig.realtime.sequence.step`."""
 
     rows: tuple[SessionRow, ...]
     segments: Segments
-    setpoints: Setpoints
+    setpoints: tuple[Setpoint, ...]
     dt: float  # s, length of a tick
     duration: float  # s, planned; waiting for the drive may extend it
     phases: dict[str, float]  # planned duration of each phase, s, by its name
 
 
-REST = BenchSetpoint((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
+REST = Setpoint((), EnvelopeTimes(0.1, 0.0), 0.0, 0.0, NO_FLUME)
 """The set point at rest: no demand on motor and brake."""
 
 
@@ -75,12 +64,11 @@ def plan_session(session: Session) -> SessionPlan:
         rise = file.timing.rise_s
         settle_periods = math.ceil(rise / period - 1e-9) + file.timing.settle_periods
         settle, measure = settle_periods * period, file.timing.periods * period
-        setpoint = BenchSetpoint(
+        setpoint = Setpoint(
             row_components(session, point, session.correction.rows[index]),
+            EnvelopeTimes(rise, settle + measure),
             point.values.get("damping", 0.0),
             point.values.get("brake_current", 0.0),
-            rise,
-            settle + measure,
             row_flume(file, point, index),
         )
         # The flap is released when its measurement starts.
@@ -100,11 +88,10 @@ def plan_session(session: Session) -> SessionPlan:
     pieces.append(PlanSegment(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
     rate = float(rig.rate_hz)
     table = cut_into_ticks(pieces, rate)
-    segments, _, setpoint_table = table
+    segments, _, setpoints = table
     seconds = phase_seconds(table, rate)
     timed = (Phase.TARE, Phase.MOVING, Phase.SETTLE, Phase.MEASURE, Phase.TAIL)
     phases = {phase.name.lower(): seconds[phase] for phase in timed}
-    setpoints = Setpoints(*zip(*setpoint_table, strict=True))
     duration = sum(segments.ticks) / rate
     return SessionPlan(tuple(rows), segments, setpoints, 1.0 / rate, duration, phases)
 

@@ -16,17 +16,16 @@ from rig.kinds.oswec_bench.tick.signals import (
     Reference,
     Rotation,
     Sense,
+    Setpoint,
     TickSignals,
 )
 from rig.kinds.oswec_bench.tick.state import (
     LAWS_AT_REST,
-    ActiveSetpoint,
     BrakeState,
     Laws,
     Params,
     ShaftState,
     State,
-    activate_setpoint,
     encoder_angles,
     start,
     zeros_in_use,
@@ -82,17 +81,15 @@ def control(
 
     The set point becomes a velocity or a torque within limits, and a current of the brake.
     """
-    brake, tare_state, active_setpoint = state.brake, state.tare, state.active_setpoint
+    brake, tare_state, active = state.brake, state.tare, params.setpoints[setpoint]
     motor_motion, shaft_motion = motion
     encoders, servo, load, brake_sense, _ = sense
     _, phase, _, clock = plan
     mode = guard.mode
-    if setpoint != active_setpoint.setpoint:
-        active_setpoint = activate_setpoint(params.setpoints, setpoint)
     torque = load.tz - tare_state.zeros.torque
     if mode == RUN:
         laws, reference, correction, demand = _step_laws(
-            params, state, active_setpoint, motion, torque, clock, dt
+            params, state, active, motion, torque, clock, dt
         )
     else:  # the laws are reset while they do not act
         laws, correction = LAWS_AT_REST, _NO_CORRECTION
@@ -103,11 +100,7 @@ def control(
         max_difference = params.limits.velocity_difference_stop
         mismatch = limits.count_mismatch(state.mismatch, deviation, max_difference)
     motor, speed_state, drive = _command_drive(params, state, sense, motor_motion, demand, mode, dt)
-    damps_only = (
-        mode == RUN
-        and active_setpoint.flume.pto_damping > 0.0
-        and len(active_setpoint.components) == 0
-    )
+    damps_only = mode == RUN and active.flume.pto_damping > 0.0 and len(active.components) == 0
     power = stations.step(
         state.power,
         cell_torque=torque,
@@ -122,7 +115,7 @@ def control(
     )
     brake_command = brake_damping.start()
     if RUN <= mode <= STOP_1:  # the brake acts during a controlled stop, too
-        _, _, _, damping, brake_current, _ = active_setpoint
+        _, _, damping, brake_current, _ = active
         brake_command = brake_damping.step(
             params.brake, brake.command, damping, brake_current, shaft_motion.velocity, dt
         )
@@ -144,9 +137,8 @@ def control(
         power,
         checked,
         tare_state,
-        active_setpoint,
     )
-    sea, flap_held, hold_angle, _ = active_setpoint.flume
+    sea, flap_held, hold_angle, _ = active.flume
     command = Command(
         *drive,
         brake_command.torque,
@@ -161,7 +153,7 @@ def control(
 def _step_laws(
     params: Params,
     state: State,
-    active_setpoint: ActiveSetpoint,
+    active: Setpoint,
     motion: Motion,
     torque: float,
     clock: float,
@@ -173,7 +165,7 @@ def _step_laws(
     velocity would close a loop over the resonance of the coupling.
     """
     laws = state.laws
-    _, components, span, _, _, flume = active_setpoint
+    components, span, _, _, flume = active
     if params.mode == TORQUE:
         torque_reference = oswec_position.reference(components, span, clock).angle
         if flume.pto_damping > 0.0:

@@ -223,8 +223,9 @@ def _campaign_problems(
     except WindowError as error:
         problems.append(locate.problem(error.key, error.value, error.message))
     matrix: Any = file.matrix
-    # Without points there are too many to build: the lengths of the matrix give their number.
-    count = count_points(matrix) if points is None and matrix is not None else len(points or ())
+    count = len(points or ())
+    if points is None and matrix is not None:  # too many to build: its lengths give their number
+        count = count_points(matrix.grid, matrix.combinations)
     rows = file.repeat * count
     if rows > MAX_ROWS:
         key = ("repeat",) if file.repeat > 1 else ("matrix",)

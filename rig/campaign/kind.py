@@ -59,7 +59,7 @@ def points_of_matrix(file: File, rig: Rig | None, locate: SourceMap) -> tuple[Po
     """
     if file.matrix is None:
         return ()
-    if count_points(file.matrix) > MAX_ROWS:
+    if count_points(file.matrix.grid, file.matrix.combinations) > MAX_ROWS:
         return None
     return matrix_points(file.matrix, locate, file.kind_columns, file.law_columns())
 

@@ -113,7 +113,7 @@ def test_copy_holds_every_input_file(shipped: ShippedFile) -> None:
         files = report.campaign.files if report.campaign else ()
     else:
         session_report = check_session(copied.main)
-        files = session_report.session.files if session_report.session else ()
+        files = session_report.checked.files if session_report.checked else ()
     assert files
     for file in files:
         inside = file.path.resolve().relative_to(Path("copy").resolve())

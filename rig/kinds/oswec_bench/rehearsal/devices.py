@@ -49,16 +49,8 @@ class BenchPlantDevices(PlantDevices):
         )
 
     def write(self, command: Command) -> None:
-        self._world.actuate(
-            Actuation(
-                command.enable,
-                command.mode,
-                command.volts,
-                command.current,
-                command.brake_current,
-                command.locked,
-            )
-        )
+        mode, _, volts, _, current, enable, _, _, brake_current, locked, _, _ = command
+        self._world.actuate(Actuation(enable, mode, volts, current, brake_current, locked))
 
 
 class FlapDevices(BenchPlantDevices):

@@ -3,6 +3,7 @@
 import asyncio
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from rig.config.pydantic_errors import validate
@@ -91,13 +92,6 @@ def _emulated_bench(
     )
 
 
-class _AnalogTerminal:
-    """The servo drive's analog input, to which the coupler's output is wired."""
-
-    def __init__(self) -> None:
-        self.volts = 0.0
-
-
 class _DrivelineFaults:
     """Faults of the bench's driveline."""
 
@@ -125,13 +119,17 @@ def _build_devices(
 
     world = SharedBench(create_world(), dt, loop.time)
     world.actuate(mode=mode, locked=config["locked"])
-    driveline, terminal = _DrivelineFaults(), _AnalogTerminal()
+    # The terminal is the servo drive's analog input, to which the coupler's output is wired.
+    driveline, terminal = _DrivelineFaults(), SimpleNamespace(volts=0.0)
     bridge = _create_bridge(rig, wiring.encoders, world)
     servo = _create_servo(wiring.servo, world, terminal, mode)
     cell = _create_load_cell(wiring.load_cell, world)
     units: dict[str, ModbusUnit] = {
         **_create_couplers(wiring, world, terminal),
-        "brake": _create_brake_amplifier(world),
+        # The measuring amplifier at the brake's shunt.
+        "brake": StrainAmplifier(
+            lambda: (world.sense().brake_current_a,), AmplifierSettings(_SHUNT, _SHUNT_RATE)
+        ),
     }
     placed = {"outputs": wiring.analog, "inputs": wiring.inputs, "brake": wiring.brake}
 
@@ -201,7 +199,7 @@ def _encoder(wiring: EncoderChannel, scale: EncoderScale) -> Encoder:
 
 
 def _create_servo(
-    wiring: ServoDrive, world: SharedBench, terminal: _AnalogTerminal, mode: int
+    wiring: ServoDrive, world: SharedBench, terminal: SimpleNamespace, mode: int
 ) -> Compax3:
     """Return the servo drive, set up for the session's control loop.
 
@@ -250,7 +248,7 @@ def _create_load_cell(wiring: LoadCell, world: SharedBench) -> NetFt:
 
 
 def _create_couplers(
-    wiring: BenchWiring, world: SharedBench, terminal: _AnalogTerminal
+    wiring: BenchWiring, world: SharedBench, terminal: SimpleNamespace
 ) -> dict[str, IoCoupler]:
     """Return the I/O couplers: one with the outputs to servo and brake, one with the inputs.
 
@@ -278,12 +276,6 @@ def _create_couplers(
         "outputs": IoCoupler(CouplerSettings(outputs), write=write),
         "inputs": IoCoupler(CouplerSettings((), inputs), read=levels),
     }
-
-
-def _create_brake_amplifier(world: SharedBench) -> StrainAmplifier:
-    """Return the measuring amplifier at the brake's shunt."""
-    settings = AmplifierSettings(_SHUNT, _SHUNT_RATE)
-    return StrainAmplifier(lambda: (world.sense().brake_current_a,), settings)
 
 
 if __name__ == "__main__":

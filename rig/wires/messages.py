@@ -80,7 +80,8 @@ class WriteAcknowledgement(NamedTuple):
 ACKNOWLEDGEMENT_SUFFIX = "_done"
 HEALTH_SUFFIX = "_health"  # ends the name of the mailbox of a CANopen node's health
 
-_WHOLE_NUMBERS = ("flag", "index", "count")  # units whose values are ints
+WHOLE_NUMBERS = ("flag", "index", "count")
+"""Units whose values are ints in mailboxes."""
 
 
 def block_message(values: Iterable[tuple[str, str]]) -> MessageFields:
@@ -104,7 +105,7 @@ def open_mailboxes(slots: Mapping[str, Sequence[Any]]) -> dict[str, Mailbox]:
 
 def _message_type(fields: Sequence[Sequence[str]]) -> type:
     hints = [
-        (name, Annotated[int if unit in _WHOLE_NUMBERS else float, unit]) for name, unit in fields
+        (name, Annotated[int if unit in WHOLE_NUMBERS else float, unit]) for name, unit in fields
     ]
     make: Any = NamedTuple  # its static type wants literal fields
     message: type = make("Message", hints)

@@ -258,10 +258,10 @@ class Registers(FileModel):
                 message = f"{value.kind} is not in a table {self.table}; allowed {', '.join(kinds)}"
                 yield RuleViolation((*key, "kind"), message, value.kind)
             elif value.at > self.size - count:
-                last = (
-                    f"allowed up to {self.size - count}" if count <= self.size else "size is less"
+                message = (
+                    f"{value.at} is beyond the block: {value.kind} takes {count} of its size = "
+                    f"{self.size}; allowed at + {count} <= size"
                 )
-                message = f"{value.at} leaves no {count} of size = {self.size}; {last}"
                 yield RuleViolation((*key, "at"), message, value.at)
             if value.name in [each.name for each in self.values[:at]]:
                 message = f"{value.name} is the name of an earlier value; allowed any other"

@@ -73,13 +73,21 @@ class EmulatedBus:
         self._schedule = schedule
 
     def add_torque_drive(
-        self, name: str, wiring: TorqueDrive, motor: Motor, analog: tuple[AnalogInput, ...] = ()
+        self,
+        name: str,
+        wiring: TorqueDrive,
+        motor: Motor,
+        analog: tuple[AnalogInput, ...] = (),
+        encoder_increments: int = 0,
     ) -> EmulatedDrive:
-        """Return the drive of a motor, a new node; ``analog``: the sensors on its inputs."""
+        """Return the drive of a motor, a new node; ``analog``: the sensors on its inputs.
+
+        ``encoder_increments`` 0: those of the drive's object dictionary.
+        """
         eds, scaling = RATED_EDS, Scaling.RATED
         if wiring.scaling == "amc":
             eds, scaling = AMC_EDS, Scaling.AMC
-        params = TorqueDriveParams(scaling, analog=analog)
+        params = TorqueDriveParams(scaling, analog=analog, encoder_increments=encoder_increments)
         drive = EmulatedDrive(
             NodeParams(wiring.node, eds), params, self.hub, self._schedule, self._world, motor
         )

@@ -10,6 +10,7 @@ from rig.config.axis import Axis, RotaryAxis
 from rig.config.model import FileModel, RuleViolation, TupleOf
 from rig.config.problems import format_number
 from rig.config.rig_file import BaseRigFile, Rate, StopTiming
+from rig.config.wiring import TorqueDrive
 from rig.kinds.modular.config.wiring import ModularWiring
 from rig.kinds.modular.tick.compose import reserved_names
 from rig.kinds.modular.tick.composition import AXIS_SIGNALS, default_stations, signal_names
@@ -136,6 +137,16 @@ class RigFile(BaseRigFile):
                 message = f"the rig has no axis {name}; allowed {known}"
                 yield RuleViolation(("wiring", "axes", name), message)
 
+        for name, drive in wiring.axes.items():
+            counts = _drive_counts(drive)
+            axis = self.axes.get(name)
+            if counts and axis and counts != axis.counts_per_revolution:
+                message = (
+                    f"feed and gear give {format_number(counts)} counts per revolution of the "
+                    f"motor; allowed {axis.counts_per_revolution}, as axes.{name} has"
+                )
+                yield RuleViolation(("wiring", "axes", name, "objects", "feed"), message)
+
     def _source_rules(self, wiring: ModularWiring) -> Iterator[RuleViolation]:
         """Check that sensors and values of the wiring belong to each other one by one."""
         sources = wiring.sources()
@@ -164,6 +175,19 @@ class RigFile(BaseRigFile):
         """The table of power stations; without any in the file, that of the commanded forces."""
         listed = tuple(station.as_station(name) for name, station in self.stations.items())
         return listed or default_stations(self.axes)
+
+
+def _drive_counts(drive: TorqueDrive) -> float | None:
+    """Return a drive's position steps per revolution of the motor (CiA 402-2, factor group).
+
+    None if the drive lacks one of the objects, or the file does not set it.
+    """
+    names = ("feed", "gear_shaft_revolutions", "gear_motor_revolutions", "feed_shaft_revolutions")
+    values = [drive.objects.get(name) for name in names]
+    if not all(values):
+        return None
+    feed, gear_shaft, gear_motor, feed_shaft = (float(value) for value in values if value)
+    return feed * gear_shaft / (gear_motor * feed_shaft)
 
 
 _DERIVED = ("law", "span_stop", "low", "high")  # fields that the composed types add to an axis's

@@ -5,7 +5,6 @@ messages of the drivers become the composed `Sense`, by tables that are written 
 """
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -13,8 +12,8 @@ from controllers.signals import PanelSense
 from rig.kinds.modular.tick import Composition, WaveSense, compose
 from rig.processes.mailbox import Mailbox
 from rig.wires import can_axes
-from rig.wires.can_axes import WARM_UP_TIMEOUT_S, CanAxes
-from rig.wires.messages import open_mailboxes
+from rig.wires.can_axes import CanAxes
+from rig.wires.messages import open_mailboxes, wait_for_values
 
 _UNKNOWN_ELEVATION = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
 
@@ -65,12 +64,7 @@ class ModularDevices:
 
         OSError names those without one.
         """
-        until = time.monotonic() + WARM_UP_TIMEOUT_S
-        # A mailbox that its writer is filling at this moment has no value yet.
-        while silent := [name for name, slot in self._inputs.items() if slot.read() is None]:
-            if time.monotonic() > until:
-                raise OSError(f"no value from {', '.join(silent)} in {WARM_UP_TIMEOUT_S:g} s")
-            time.sleep(dt)
+        wait_for_values(self._inputs, dt)
         self._can.warm_up(dt)
 
     def read(self, now: float) -> Any:

@@ -106,7 +106,9 @@ def _build_devices(
     }
     bus = EmulatedBus(wiring.can, world, loop)
     for name, drive in wiring.axes.items():
-        bus.add_torque_drive(name, drive, axis_motor(world, name), _analog(name, drive, reads))
+        increments = first.model.plant.axes[name].counts_per_revolution
+        motor, analog = axis_motor(world, name), _analog(name, drive, reads)
+        bus.add_torque_drive(name, drive, motor, analog, increments)
     units = _modbus_units(wiring, world, reads)
     cells = {name: load_cell(cell, partial(_wrench, name, reads))
              for name, cell in wiring.load_cells.items()}  # fmt: skip

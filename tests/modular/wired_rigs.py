@@ -149,7 +149,7 @@ PLANT_SENSORS = {
 def write_files(folder: Path, **rig: Any) -> Path:
     """Write rig, limits, plant and campaign of the wired rig; return the campaign's path."""
     shutil.copy(CYLINDER, folder)
-    slow = {"encoder_age_stop_s": 0.25, "drive_age_stop_s": 0.25, "current_difference_time_s": 0.5}
+    slow = {"encoder_age_stop_s": 0.15, "drive_age_stop_s": 0.15, "current_difference_time_s": 0.5}
     limits = {
         "axes": {"heave": HEAVE_LIMITS | slow, "pitch": PITCH_LIMITS | slow},
         "loop": LOOP_LIMITS | {"lost_ticks_stop": 200},

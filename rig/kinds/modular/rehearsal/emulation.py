@@ -112,7 +112,8 @@ def _build_devices(
     units = _modbus_units(wiring, world, reads)
     cells = {name: load_cell(cell, partial(_wrench, name, reads))
              for name, cell in wiring.load_cells.items()}  # fmt: skip
-    wires: dict[str, Emulator] = {"can": bus, **cells}
+    wires: dict[str, Emulator] = {"can": bus}
+    wires |= {f"network {name}": cell for name, cell in cells.items()}
     return EmulatedDevices(
         world,
         wires | modbus_lines(wiring.lines, ((wiring.blocks()[n], u) for n, u in units.items())),

@@ -36,7 +36,7 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
         lines + f"matrix: {{list: [{{{kp}: -5000, {ki}: 0}}, {{{kp}: -3000, {ki}: 500}}]}}\n"
     )
     report = run_rig("check", campaign)
-    assert report["rows"] == 2
+    assert report["summary"]["rows"] == 2
     result = run_rig("run", campaign, "--runs", tmp_path)
     assert (result["status"], result["reason"]) == ("complete", "PLAN_END")
     folder = Path(result["folder"])

@@ -13,7 +13,6 @@ from typing import Literal, NamedTuple
 
 from sim_plant.emulators.modbus_pdu import Table
 from sim_plant.emulators.modbus_unit import ModbusUnit, WordOrder
-from sim_plant.units import Flag
 
 Kind = Literal["bit", "u16", "i16", "u32", "i32", "f32"]
 
@@ -31,8 +30,7 @@ class MappedValue(NamedTuple):
     kind: Kind
     read: Callable[[], float]
     step: float = 1.0  # of the value per step of the registers
-    fault: str = ""  # of a bit: the fault that sets it to `fault_level`
-    fault_level: Flag = 1
+    fault: str = ""  # the fault that sets a switch to 1
 
 
 class RegisterMap(NamedTuple):
@@ -50,7 +48,7 @@ class RegisterMapUnit(ModbusUnit):
 
     def __init__(self, registers: RegisterMap, *, word_order: WordOrder = "upper first") -> None:
         faults = {
-            value.fault: f"its bit reads {value.fault_level}"
+            value.fault: f"register {value.address} reads 1"
             for value in registers.values
             if value.fault
         }
@@ -80,11 +78,10 @@ class RegisterMapUnit(ModbusUnit):
             output(value)
 
     def _put_value(self, value: MappedValue) -> None:
-        table, address, kind, read, step, fault, fault_level = value
-        number = read() / step
+        table, address, kind, read, step, fault = value
+        number = 1.0 if fault and self.faults.is_on(fault) else read() / step
         if kind == "bit":
-            forced = fault and self.faults.is_on(fault)
-            self.put(table, address, fault_level if forced else int(number != 0.0))
+            self.put(table, address, int(number != 0.0))
         elif kind == "f32":
             self.put_float(table, address, number)
         else:

@@ -94,6 +94,10 @@ def test_both_run_to_the_end_with_the_same_powers(pair: Pair) -> None:
 # Steps of the wires: 10 V over 8192 of an analog input, 1e-4 m of a 16-bit register.
 STEPS = {"pto_force": 2 * 10.0 * 100.0 * 10 / 8192, "elevation": 2 * 10.0 / 8192, "height": 2e-4}
 
+# Percentiles of the power: the square of a current, whose noise on wires has the jitter of the
+# ticks, too (2.5 % measured). Its mean, the station `dc`, is compared above.
+SHARE_DC = 0.05
+
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_a_sensor_measures_the_same_on_wires(sensor: str, pair: Pair) -> None:
@@ -103,7 +107,8 @@ def test_a_sensor_measures_the_same_on_wires(sensor: str, pair: Pair) -> None:
     assert span > 0.0
     for name in (low, high):
         before, after = float(rehearsed[name].values[0]), float(wired[name].values[0])
-        assert abs(after - before) <= SHARE * span + STEPS.get(sensor, 0.0), (name, before, after)
+        share = SHARE_DC if sensor == "dc_power" else SHARE
+        assert abs(after - before) <= share * span + STEPS.get(sensor, 0.0), (name, before, after)
     data = open_run(pair.wired.folder, fields=[f"{sensor}.value", f"{sensor}.age"])
     assert data[f"{sensor}.value"].attrs["units"] == SENSORS[sensor]["unit"]
     assert float(data[f"{sensor}.age"].min()) >= 0.0

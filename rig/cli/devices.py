@@ -310,7 +310,8 @@ def _render_values(values: tuple[SurveyedValue, ...]) -> Table:
     for value in values:
         table.add_column(no_wrap=True, overflow="fold")
         digits = ".0f" if value.unit == "count" else ".4g"
-        number = f"{value.value:{digits}}" + (f" {value.unit}" if value.unit != "flag" else "")
+        unit = "" if value.unit in ("flag", "1") else f" {value.unit}"
+        number = f"{value.value:{digits}}{unit}"
         style = "" if value.plausible else BAD_STYLE
         cells.append(Text.assemble((f"{value.name} ", NOTE_STYLE), (number, style)))
     table.add_row(*cells)

@@ -497,7 +497,9 @@ def survey(job: WiredJob) -> RigSurvey:
             case "can_service":
                 can = survey_bus(process.config, job.bus_load.total if job.bus_load else 0.0)
             case "stream_poller":
-                streams.append(survey_stream(process.config["kind"], process.config["settings"]))
+                config = process.config
+                found = survey_stream(config["kind"], config["settings"])
+                streams.append(found._replace(name=config["name"]))
             case "modbus_poller":
                 lines.append(survey_line(process.name.removeprefix("line "), process.config))
     return RigSurvey(can, tuple(streams), tuple(lines))

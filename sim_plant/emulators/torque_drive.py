@@ -76,6 +76,7 @@ class TorqueDriveParams(NamedTuple):
     scaling: Scaling
     drive: Cia402Params = Cia402Params()
     analog: tuple[AnalogInput, ...] = ()  # in the order of 201A:01, :02
+    encoder_increments: Count = 0  # 608F:01; 0: that of the object dictionary
 
 
 TORQUE_FAULTS = (
@@ -115,6 +116,9 @@ class TorqueDrive(Cia402Node):
         self._reversal_counts = 0  # counts at which the encoder was reversed
         self._creep_start: Second = 0.0
         super().__init__(params, torque.drive, hub, schedule, world)
+        if torque.encoder_increments:
+            self.storage.defaults[0x608F, 1] = torque.encoder_increments
+            self.objects.put(0x608F, torque.encoder_increments, 1)
         self.fault_list.add(*TORQUE_FAULTS)
 
     # ---- scaling --------------------------------------------------------------------------------

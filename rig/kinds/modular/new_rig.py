@@ -26,7 +26,7 @@ from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
 
 __all__ = ["Options", "Water", "write_rig"]
 
-TEXTS = ("rig", "limits", "plant", "campaign")
+TEXTS = ("rig", "limits", "plant", "campaign", "rig_hil", "limits_hil")
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _ROTATIONS = ("Roll", "Pitch", "Yaw")
@@ -112,7 +112,7 @@ class Grid(NamedTuple):
 
 
 def write_rig(name: str, folder: Path, options: Options) -> list[Path]:
-    """Write the four files of a new rig into ``folder/name``, and return their paths.
+    """Write the files of a new rig into ``folder/name``, and return their paths.
 
     Raises ValueError with every reason why they cannot be derived or written; OSError for a BEM
     file that cannot be read.

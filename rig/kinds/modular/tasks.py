@@ -32,12 +32,14 @@ from rig.kinds.modular.campaign import CAMPAIGNS, CampaignFile
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.hardware.job import build_job
 from rig.kinds.modular.rehearsal import job
+from rig.kinds.modular.rehearsal.emulation import emulator_process
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.tick import Composition, find_kind
 from rig.planning.input_files import ConfigSource
 from rig.planning.reference import force_table
 from rig.processes.run_types import ExecutionMode, Task
 from rig.realtime import cycle
+from rig.wires import job as wires
 
 TaskFile = CampaignFile
 _INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
@@ -173,5 +175,12 @@ def rehearsal_mode(campaign: AnyCampaign, *, real_clock: bool) -> ExecutionMode:
 
 
 def wired_mode(campaign: AnyCampaign, *, emulated: bool) -> ExecutionMode:
-    """Raise WiringError: a modular rig has no wires yet."""
-    build_job(campaign.rig)
+    """Return the mode with the devices on the rig's wires, or with emulated ones on the far end.
+
+    WiringError lists all reasons why these wires must not be powered.
+    """
+    wired = build_job(campaign.rig)
+    composition_text = campaign_composition(campaign).to_text()
+    wired = wired._replace(devices=wired.devices | {"composition": composition_text})
+    devices = emulator_process(campaign) if emulated else None
+    return wires.wired_mode(wired, campaign.rig, "rig.kinds.modular.hardware.devices", devices)

@@ -29,13 +29,15 @@ def plant_settings(
 ) -> dict[str, Any]:
     """Return the configuration of `devices.connect`, as JSON values; ``sea``: of `build_sea`."""
     return {
-        "plant": plant.mapping,
-        "bem": str(bem_path(plant)),
-        "sea": sea,
-        "seed": seed,
+        **world_settings(plant, sea, seed),
         "composition": composition.to_text(),
         "sensors": [[name, each.scale, each.offset] for name, each in rig.sensors.items()],
     }
+
+
+def world_settings(plant: ConfigSource, sea: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return the configuration of `devices.build_world`, as JSON values."""
+    return {"plant": plant.mapping, "bem": str(bem_path(plant)), "sea": sea, "seed": seed}
 
 
 def bem_path(plant: ConfigSource) -> Path:

@@ -8,14 +8,13 @@ from typing import Any
 
 from rig.config.pydantic_errors import validate
 from rig.config.yaml_source import SourceMap
-from rig.emulation.devices import EmulatedDevices, modbus_lines, serial_line
+from rig.emulation.devices import EmulatedDevices, load_cell, modbus_lines, serial_line
 from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.rig_file import Encoder as EncoderScale
 from rig.kinds.oswec_bench.config.wiring import (
     BenchWiring,
     EncoderChannel,
-    LoadCell,
     ServoDrive,
 )
 from rig.kinds.oswec_bench.config.wiring import EncoderBridge as BridgeWiring
@@ -34,10 +33,9 @@ from sim_plant.emulators.compax3_objects import Compax3Settings
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.encoder_bridge import BridgeSettings, EncoderBridge, ShaftAngles
 from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
-from sim_plant.emulators.ft_calibration import Calibration, Wrench
+from sim_plant.emulators.ft_calibration import Wrench
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.net_ft import NetFt, NetFtSettings
 from sim_plant.emulators.shared_world import SharedBench
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -123,7 +121,7 @@ def _build_devices(
     driveline, terminal = _DrivelineFaults(), SimpleNamespace(volts=0.0)
     bridge = _create_bridge(rig, wiring.encoders, world)
     servo = _create_servo(wiring.servo, world, terminal, mode)
-    cell = _create_load_cell(wiring.load_cell, world)
+    cell = load_cell(wiring.load_cell, lambda: _wrench(world), _CELL_RATINGS)
     units: dict[str, ModbusUnit] = {
         **_create_couplers(wiring, world, terminal),
         # The measuring amplifier at the brake's shunt.
@@ -228,23 +226,9 @@ def _create_servo(
     return Compax3(serial_line(wiring), read, write, settings)
 
 
-def _create_load_cell(wiring: LoadCell, world: SharedBench) -> NetFt:
-    """Return the load cell behind its box; all its ports except the stream's are free ones."""
-    sign = -1.0 if wiring.turned_over else 1.0
-
-    def read() -> Wrench:
-        sense = world.sense()
-        return Wrench(
-            sense.fx, sign * sense.fy, sign * sense.fz, sense.tx, sign * sense.ty, sign * sense.tz
-        )
-
-    calibration = Calibration(
-        counts_per_force=round(wiring.counts_per_force),
-        counts_per_torque=round(wiring.counts_per_torque),
-        ratings=_CELL_RATINGS,
-    )
-    settings = NetFtSettings(wiring.host, wiring.port, 0, 0, calibration=calibration)
-    return NetFt(read, settings)
+def _wrench(world: SharedBench) -> Wrench:
+    sense = world.sense()
+    return Wrench(sense.fx, sense.fy, sense.fz, sense.tx, sense.ty, sense.tz)
 
 
 def _create_couplers(

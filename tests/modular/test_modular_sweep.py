@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from both_ways import open_campaign_plan
 from command_here import rig as rig_here
 from mode_plants import CYLINDER
 from test_modular_simulation import LAWS_PAGE, make_campaign
 
 from rig.analysis.rows import row_table
+from rig.kinds.modular.simulation import check_model
 from rig.recording.runs import open_run
 
 GAINS = """\
@@ -90,11 +92,14 @@ def test_parameters_of_plant_rig_and_campaign(campaign: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["elevation", "forces"])
 def test_other_gains_in_the_waves_of_a_run(method: str, campaign: Path, run: Path) -> None:
-    """The model of the run is the plant of the run, so the error is that of the waves alone."""
+    """The model of the run is the plant of the run, so the error is that of the waves alone.
+
+    The period of 0.3 Hz ends on a tick of 1 ms only after three periods.
+    """
     data = run_rig("replay", run, "--with", campaign, "--waves", method)
     assert data["waves"]["by"] == method
     text = campaign.read_text()
-    (amplitude,) = re.findall(r"kind: regular, amplitude_m: ([^,]+),", text)
+    (amplitude,) = re.findall(r"kind: regular, amplitude_m: ([^,]+), frequency_hz: 0.3}", text)
     tolerance = 1e-3 if method == "elevation" else 0.02  # end of the transient, Coulomb and noise
     assert data["waves"]["amplitude_m"] == pytest.approx([float(amplitude)], rel=tolerance)
     for row in data["checked"]:
@@ -116,6 +121,15 @@ def test_waves_of_several_modes_are_not_recovered_from_forces(tmp_path: Path) ->
     )
     found = run_rig("replay", folder, "--with", path)
     assert found["waves"]["by"] == "elevation"
+
+
+def test_a_run_with_another_device_than_the_model_is_refused(tmp_path: Path) -> None:
+    """A plant without the rig's sensor cannot stand for the device of the run."""
+    logged, _ = open_campaign_plan(make_campaign(tmp_path, "regular"))
+    check_model("RUN", logged, logged)
+    model = logged._replace(plant=logged.plant | {"sensors": {"pto_force": {}}})
+    with pytest.raises(ValueError, match="RUN: its rig has the sensors dc_power, which the plant"):
+        check_model("RUN", logged, model)
 
 
 # --- laws

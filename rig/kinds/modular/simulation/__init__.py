@@ -79,11 +79,11 @@ def sweep_problems(campaign: Any) -> Iterator[Problem]:
 def check_model(run: str, logged: Any, model: Any) -> None:
     """Raise ValueError if a run's rig has an axis or a sensor that the model's plant lacks."""
     for kind in ("axes", "sensors"):
-        simulated = model.plant.get(kind) or {}
-        if missing := [name for name in getattr(logged.rig, kind) if name not in simulated]:
+        parts = model.plant.get(kind) or {}
+        if missing := [name for name in getattr(logged.rig, kind) if name not in parts]:
             raise ValueError(
                 f"{run}: its rig has the {kind} {', '.join(missing)}, which the plant of the model "
-                f"lacks; it has {', '.join(simulated) or 'none'}: name the campaign of the run as "
+                f"lacks; it has {', '.join(parts) or 'none'}: name the campaign of the run as "
                 "its model"
             )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,34 @@ def test_sequential_sweep_has_the_rows_of_a_rehearsal(campaign: Path, run: Path)
         for name in ("power_mechanical", "power_dc", "stroke", "velocity_rms", "dc_power_p98"):
             assert rows[name].values.tobytes() == logged[name].values.tobytes(), name
     assert Path(swept["pictures"][0]).stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_check_simulates_the_rows_where_the_loop_is_compiled(
+    campaign: Path, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulated rows have the bits of the run; a trip is a warning; else a reason is given."""
+    run_rig("sweep", campaign, "--sequential", "--sweeps", campaign.parent / "sweeps")
+    report = run_rig("check", campaign)
+    logged = row_table(run)["power_dc"].values.tolist()
+    assert [row["power_dc"] for row in report["simulated"]] == logged
+    assert report["warnings"] == []
+    text = rig_here("check", campaign).stdout
+    (line,) = [each for each in text.splitlines() if each.startswith("    1 Kp -3000")]
+    assert f"mechanical {report['simulated'][1]['power_mechanical']:.4g} W" in line
+    tight = shutil.copytree(campaign.parent, tmp_path / "tight")
+    peak = max(row["position_peak"] for row in report["simulated"])
+    limits = (tight / "limits.yaml").read_text()
+    for name, share in (("warn", 0.7), ("stop", 0.8)):
+        limits = re.sub(rf"position_{name}_m: \S+", f"position_{name}_m: {share * peak}", limits)
+    (tight / "limits.yaml").write_text(limits)
+    report = run_rig("check", tight / "campaign.yaml")
+    assert report["ok"]
+    assert "simulated, the run stops with POSITION in row" in report["warnings"][0]["message"]
+    assert report["simulated"][-1]["state"] == "not run"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    report = run_rig("check", campaign)
+    assert "not compiled on this host yet" in report["not_predicted"]
 
 
 @pytest.mark.slow

@@ -36,6 +36,7 @@ _DAMPING_RATIO = 0.02
 _PEAK_CURRENT = 20.0  # A, of the first motor
 _MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 _SEA_HZ = (0.05, 2.0)  # the band of all seas
+_MAX_AMPLITUDE = 0.5  # m, of a campaign's regular sea
 _COMMENT_COLUMN = 36  # of the written files
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match
 _KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
@@ -268,7 +269,7 @@ def first_grid(body: Body, amplitude: float | None) -> Grid:
             velocity, force = max(velocity, speed), max(force, abs(gain) * speed)
     if amplitude is None:
         farthest = 0.95 * _MAX_STOP / (_MARGIN * velocity / omega)
-        amplitude = _rounded(min(_STEEPNESS / body.wave_number, farthest), 2)
+        amplitude = _rounded(min(_STEEPNESS / body.wave_number, farthest, _MAX_AMPLITUDE), 2)
     motion = velocity / omega * amplitude
     if _MARGIN * motion > _MAX_STOP:
         raise ValueError(

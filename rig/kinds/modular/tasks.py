@@ -50,7 +50,8 @@ def examine(
 ) -> CheckReport:
     """Check a campaign and all its input files; ``rig`` replaces the rig that it names.
 
-    ``predict`` adds the simulated plant, and whether the laws can be compiled.
+    ``predict`` adds the simulated plant, whether the laws can be compiled, and, where the loop is
+    compiled, the simulated rows.
     """
     extra_check = problems if predict else no_extra_check
     report = check_campaign(CAMPAIGNS, path, extra_check, rig=rig, day=day)
@@ -61,8 +62,13 @@ def examine(
         return CheckReport(path, unlike, None, None)
     if not predict:
         return report
+    from rig.kinds.modular.predictions import simulate  # noqa: PLC0415  (it needs this module)
+
+    prediction, reason = simulate(campaign, report.plan)
     return report._replace(
-        law_warnings=tuple(compilation_problems(campaign, report.plan.dt, _INTERPRETED))
+        prediction=prediction,
+        not_predicted=reason,
+        law_warnings=tuple(compilation_problems(campaign, report.plan.dt, _INTERPRETED)),
     )
 
 

@@ -23,6 +23,12 @@ from sim_plant.waves import regular
 
 PLANTS = Path(__file__).resolve().parents[2] / "configs" / "plants"
 WAVEBOT, CYLINDER = PLANTS / "wavebot_bem.nc", PLANTS / "cylinder_bem.nc"
+PITCH = pytest.param(
+    "Pitch",
+    marks=pytest.mark.xfail(
+        strict=True, reason="the first limits of a pitching cylinder are too tight: ENCODER_JUMP"
+    ),
+)
 STIFFNESS = 24_337.0  # N/m
 MODES = ["Surge", "Heave", "Pitch"]
 OMEGA = np.linspace(0.5, 12.0, 40)  # rad/s
@@ -256,7 +262,7 @@ def test_volume_of_a_wamit_file_gives_the_mass(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
+@pytest.mark.parametrize("dof", ["Heave", PITCH])
 def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path) -> None:
     """The coefficients are those of a real body: `write_bem` has none that can be simulated."""
     assert new(tmp_path, "--bem", CYLINDER, "--dof", dof).returncode == 0

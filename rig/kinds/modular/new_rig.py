@@ -36,6 +36,7 @@ _DAMPING_RATIO = 0.02
 _PEAK_CURRENT = 20.0  # A, of the first motor
 _MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 _SEA_HZ = (0.05, 2.0)  # the band of all seas
+_STANDBY = 10.0  # W, of the drive in the plant file
 _MAX_AMPLITUDE = 0.5  # m, of a campaign's regular sea
 _COMMENT_COLUMN = 36  # of the written files
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match
@@ -314,7 +315,7 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
         "gear_ratio": gear,
         "jerk_density": min(max(0.05 * jerk * jerk, 1e-4), 1e6),
         "stop_damping": abs(body.impedance),
-        "power_range": _MARGIN * peak_force * speed,
+        "power_range": _MARGIN * (peak_force * speed + _STANDBY),
         "position_warn": 0.8 * stop,
         "position_stop": stop,
         "velocity_stop": speed,
@@ -333,6 +334,7 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
         "kp_passive": -abs(body.impedance),
         "lead_in": max(30.0, 12.0 * period),
         "damping_percent": 100.0 * _DAMPING_RATIO,
+        "standby": _STANDBY,
     }
     exact = {
         "margin": _MARGIN, "mass": body.mass, "stiffness": body.stiffness, "damping": body.damping,

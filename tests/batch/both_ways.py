@@ -23,7 +23,7 @@ from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import MEASURE
-from rig.sweep.simulator import campaign_kind, problems, simulation_of
+from rig.sweep.simulator import campaign_kind, simulation_of
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
 
@@ -57,7 +57,7 @@ def differing_fields(one: LoopResult, other: LoopResult) -> list[str]:
 
 def open_campaign_plan(path: Path) -> tuple[AnyCampaign, AnyPlan]:
     """Return a campaign and its plan."""
-    campaign = open_campaign(campaign_kind(path), path, problems)
+    campaign = open_campaign(campaign_kind(path), path)
     return campaign, build_plan(campaign)
 
 

@@ -23,6 +23,7 @@ from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
+from rig.spectra.periods import common_period_ticks
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
@@ -30,6 +31,7 @@ from rig.sweep.simulator import simulation_of
 CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
 AMPLITUDE_MARGIN = 1.1  # of the greatest logged amplitude; predictions beyond it are flagged
+MAX_REPEAT_S = 3600  # of a simulated sea
 AMPLITUDE_UNITS = {"velocity_rms": "m/s", "stroke": "m"}  # quantities of a row's amplitude
 
 OnProgress = Callable[[int, int], None]  # finished rows, all rows
@@ -168,7 +170,7 @@ def counterfactual_rows(
         waves = recover_waves(measured.windows, generated, device, dt, method)
     except ValueError as error:
         raise RunError(f"{measured.run}: {error}") from None
-    sea = waves.description()
+    sea = _on_whole_ticks(waves.description(), dt)
     total = len(logged_campaign.points) + len(campaign.points)
     modelled = {}
     for point, result in _simulate_points(logged_campaign, sea, lead_in):
@@ -221,6 +223,19 @@ def counterfactual_rows(
         identified_ranges,
         tuple(rows),
     )
+
+
+def _on_whole_ticks(sea: dict[str, Any], dt: float) -> dict[str, Any]:
+    """Return a sea of components with as many of its repeat periods as end on a tick.
+
+    A regular sea of 0.3 Hz, for example, ends on a tick of 1 ms after three periods only.
+    """
+    repeat = sea["repeat_s"]
+    seconds = common_period_ticks([repeat], dt, round(MAX_REPEAT_S / dt)) * dt
+    times = round(seconds / repeat)
+    if times == 1:
+        return sea
+    return sea | {"repeat_s": seconds, "cycles": [times * n for n in sea["cycles"]]}
 
 
 def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:

@@ -147,7 +147,7 @@ def _set_rig_twin(
 ) -> None:
     """Set the rig's own value of a plant parameter too, unless the sweep sets it separately."""
     simulation = simulation_of_rig(mapping)
-    for twin, theirs in simulation.MATCHING_KEYS.items() if simulation else ():
+    for twin, theirs in simulation.matching_keys(mapping).items() if simulation else ():
         is_set = any(other.file == "rig" and other.path == twin for other, _ in values)
         if theirs == parameter.path and not is_set:
             _set_value(mapping, locate, parameter, twin, value)

@@ -1,5 +1,6 @@
 """A modular rig's campaign: its check, the task to run, and the modes in which it runs."""
 
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ from rig.kinds.modular.rehearsal.emulation import emulator_process
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.tick import Composition, find_kind
 from rig.planning.input_files import ConfigSource
-from rig.planning.reference import force_table
+from rig.planning.reference import force_table, index_realisations, list_realisations
 from rig.processes.run_types import ExecutionMode, Task
 from rig.realtime import cycle
 from rig.wires import job as wires
@@ -51,24 +52,33 @@ def examine(
 ) -> CheckReport:
     """Check a campaign and all its input files; ``rig`` replaces the rig that it names.
 
-    ``predict`` adds the simulated plant, and whether the laws can be compiled.
+    ``predict`` adds the simulated plant, whether the laws can be compiled, and, where the loop is
+    compiled, the simulated rows.
     """
     extra_check = problems if predict else no_extra_check
     report = check_campaign(CAMPAIGNS, path, extra_check, rig=rig, day=day)
     if report.campaign is None or report.plan is None:
         return report
     campaign = report.campaign
-    unlike = tuple(
-        campaign.rig_locate.problem(("limits",), campaign.rig.limits, f"{'.'.join(key)}: {message}")
-        for key, message in limits_problems(campaign.rig, campaign.limits)
-    )
-    if unlike:
+    if unlike := tuple(limits_of_other_axes(campaign)):
         return CheckReport(path, unlike, None, None)
     if not predict:
         return report
+    from rig.kinds.modular.predictions import simulate  # noqa: PLC0415  (it needs this module)
+
+    prediction, reason = simulate(campaign, report.plan)
     return report._replace(
-        law_warnings=tuple(compilation_problems(campaign, report.plan.dt, _INTERPRETED))
+        prediction=prediction,
+        not_predicted=reason,
+        law_warnings=tuple(compilation_problems(campaign, report.plan.dt, _INTERPRETED)),
     )
+
+
+def limits_of_other_axes(campaign: AnyCampaign) -> Iterator[Problem]:
+    """Yield a problem for each axis that rig file and limits file of a campaign do not share."""
+    for key, message in limits_problems(campaign.rig, campaign.limits):
+        text = f"{'.'.join(key)}: {message}"
+        yield campaign.rig_locate.problem(("limits",), campaign.rig.limits, text)
 
 
 def problems(parts: CampaignParts) -> tuple[Problem, ...]:
@@ -105,7 +115,7 @@ def campaign_params(campaign: Any, plan: AnyPlan) -> cycle.Params:
     file, rig = campaign.file, campaign.rig
     reference = file.reference
     axis = reference.axis if reference is not None else next(iter(rig.axes))
-    realisations = tuple(sorted({int(n) for n in plan.setpoints.realisation if n >= 1})) or (1,)
+    realisations = list_realisations(plan.setpoints.realisation)
     table = force_table(
         reference,
         newtons_per_ampere(rig.axes[axis]),
@@ -115,15 +125,12 @@ def campaign_params(campaign: Any, plan: AnyPlan) -> cycle.Params:
         campaign.record,
     )
     count = len(realisations) if isinstance(reference, MultisineReference) else 1
-    index = {number: at for at, number in enumerate(realisations)}
     return modular_params(
         rig,
         campaign.limits,
         {name: (each.law, file.law_settings(name)) for name, each in file.axis_laws.items()},
         plan.segments,
-        plan.setpoints._replace(
-            realisation=tuple(index.get(number, 0) for number in plan.setpoints.realisation)
-        ),
+        index_realisations(plan.setpoints, realisations),
         open_loop.Params(table, rig.axes[axis].gain_ramp_s, count),
         axis,
     )

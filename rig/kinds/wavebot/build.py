@@ -1,6 +1,6 @@
 """Conversion of validated files to the loop's parameters, with all changes of names and units."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
 
 from controllers import (
@@ -23,7 +23,7 @@ from rig.kinds.wavebot.config.limits_file import LimitsFile, PowerLimits
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
-from rig.planning.reference import force_table
+from rig.planning.reference import force_table, index_realisations, list_realisations
 from rig.realtime import average, cycle, safety
 from rig.realtime.sequence import Segments
 
@@ -43,21 +43,6 @@ def reference_table(
     file, rig = campaign.file, campaign.rig
     scale = newtons_per_ampere(getattr(rig, file.excited_axis))
     return force_table(file.reference, scale, rig.rate_hz, file.seed, realisations, campaign.record)
-
-
-def list_realisations(numbers: Iterable[float]) -> tuple[int, ...]:
-    """Return the realisations in a campaign's set points, in the order of the reference table."""
-    return tuple(sorted({int(number) for number in numbers if number >= 1.0})) or (1,)
-
-
-def index_realisations(
-    setpoints: wavebot.Setpoints, realisations: Sequence[int]
-) -> wavebot.Setpoints:
-    """Return the set points with each realisation as its index in ``realisations``."""
-    index = {number: at for at, number in enumerate(realisations)}
-    return setpoints._replace(
-        realisation=tuple(index.get(int(number), 0) for number in setpoints.realisation)
-    )
 
 
 def wavebot_params(

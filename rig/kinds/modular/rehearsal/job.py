@@ -9,9 +9,10 @@ from pydantic import ValidationError
 from rig.config.problems import Problem
 from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import SharedValue, mismatches
-from rig.config.yaml_source import SourceMap
+from rig.config.yaml_source import KeyPath, SourceMap
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick import Composition
+from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
 from sim_plant import waves
 from sim_plant.bem import Bem
@@ -101,15 +102,20 @@ def _shared(plant: Plant, rig: RigFile) -> Iterator[SharedValue]:
         if name not in plant.axes:
             continue
         other = plant.axes[name]
-        gear = "gear_ratio_rad_per_m" if axis.motion == "translation" else "gear_ratio"
-        for own, key in (
-            ("torque_constant_n_m_per_a", "torque_constant_n_m_per_a"),
-            (gear, "gear_ratio"),
-            ("counts_per_revolution", "counts_per_revolution"),
-        ):
-            yield SharedValue(
-                ("axes", name, own),
-                float(getattr(axis, own)),
-                ("axes", name, key),
-                float(getattr(other, key)),
+        for own, of_plant in matching_keys(name, axis.motion):
+            one, theirs = (
+                float(getattr(axis, str(own[-1]))),
+                float(getattr(other, str(of_plant[-1]))),
             )
+            yield SharedValue(own, one, of_plant, theirs)
+
+
+def matching_keys(axis: str, motion: str) -> Iterator[tuple[KeyPath, KeyPath]]:
+    """Yield the keys of an axis in the rig file and in the plant that must have the same value."""
+    gear = "gear_ratio" if motion == ROTATION else "gear_ratio_rad_per_m"
+    for own, of_plant in (
+        ("torque_constant_n_m_per_a", "torque_constant_n_m_per_a"),
+        (gear, "gear_ratio"),
+        ("counts_per_revolution", "counts_per_revolution"),
+    ):
+        yield ("axes", axis, own), ("axes", axis, of_plant)

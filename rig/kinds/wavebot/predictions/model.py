@@ -16,11 +16,12 @@ from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from
 from rig.design.law_params import law_params, zc_sections
 from rig.design.linear_form import linear_gains
 from rig.emulation.sea import build_sea
-from rig.kinds.wavebot.build import list_realisations, number_of, reference_table
+from rig.kinds.wavebot.build import number_of, reference_table
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.job import plant_settings
+from rig.planning.reference import list_realisations
 from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.body import BodyParams

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -235,6 +235,83 @@ def test_import_contracts_are_complete() -> None:
     assert forbidden["drivers"] >= {"controllers", "rig", "sim_plant"}
     assert forbidden["sim_plant"] >= {"controllers", "drivers", "rig"}
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
+
+
+def module_name(path: Path, root: Path) -> str:
+    """Return the dotted name of a module or package from its file."""
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def import_graph(files: Iterable[Path], root: Path) -> dict[str, set[str]]:
+    """Return the modules that each module imports anywhere: in functions and for types, too.
+
+    An import from a package is one of the submodule, if the name is one.
+    """
+    modules = {module_name(path, root): path for path in files}
+    graph: dict[str, set[str]] = {}
+    for module, path in modules.items():
+        names: set[str] = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                parent = node.module or ""
+                several = {f"{parent}.{alias.name}" for alias in node.names}
+                names |= {name if name in modules else parent for name in several}
+        graph[module] = (names & modules.keys()) - {module}
+    return graph
+
+
+def import_cycles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Return the sets of modules that import each other, by Tarjan's algorithm."""
+    number: dict[str, int] = {}
+    lowest: dict[str, int] = {}
+    stack: list[str] = []
+    cycles: list[list[str]] = []
+
+    def visit(module: str) -> None:
+        number[module] = lowest[module] = len(number)
+        stack.append(module)
+        for imported in sorted(graph[module]):
+            if imported not in number:
+                visit(imported)
+                lowest[module] = min(lowest[module], lowest[imported])
+            elif imported in stack:
+                lowest[module] = min(lowest[module], number[imported])
+        if lowest[module] == number[module]:
+            component = stack[stack.index(module) :]
+            del stack[-len(component) :]
+            if len(component) > 1:
+                cycles.append(sorted(component))
+
+    for module in sorted(graph):
+        if module not in number:
+            visit(module)
+    return cycles
+
+
+def test_no_modules_import_each_other() -> None:
+    graph = import_graph(SOURCES, ROOT)
+    assert graph["rig.campaign.plan"] >= {"rig.campaign.kind", "rig.campaign.set_points"}
+    assert import_cycles(graph) == []
+
+
+def test_import_cycles_are_found(tmp_path: Path) -> None:
+    """One over three modules, of which two imports are in a function and for types only."""
+    texts = {
+        "made/__init__.py": "from made.first import a\n",
+        "made/first.py": "from made import second\na = 1\n",
+        "made/second.py": "def f():\n    from made.part.third import b\n    return b\n",
+        "made/part/__init__.py": "",
+        "made/part/third.py": "if TYPE_CHECKING:\n    import made.first\nb = 2\n",
+        "made/fourth.py": "import made.first, made.second, json\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    cycles = import_cycles(import_graph(sorted(tmp_path.rglob("*.py")), tmp_path))
+    assert cycles == [["made.first", "made.part.third", "made.second"]]
 
 
 def test_only_listed_packages_import_the_simulated_plant() -> None:

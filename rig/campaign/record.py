@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import laws
-from rig.campaign.files import AnyCampaign
-from rig.campaign.kind import CampaignKind
-from rig.campaign.plan import AnyPlan
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
 from rig.config.problems import display_path

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_plant.bem import open_regular_file
-from sim_plant.modes.bem import RIGID_MODES, BemContent, Complexes, Floats, Water, stated
+from sim_plant.modes.bem_content import RIGID_MODES, BemContent, Complexes, Floats, Water, stated
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 

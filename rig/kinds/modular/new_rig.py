@@ -21,7 +21,8 @@ from controllers import impedance
 from rig.config.problems import format_number
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.new_files import write_new
-from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
+from sim_plant.modes.bem import BemModes, read_modes
+from sim_plant.modes.bem_content import Floats, Water
 
 __all__ = ["Options", "Water", "write_rig"]
 

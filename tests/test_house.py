@@ -330,20 +330,12 @@ KIND_NAMES = re.compile(
     r"wavebot|oswec|(?<![a-z])(heave|surge|stator|flap|lcb|trs|string_pot)(?![a-z])", re.IGNORECASE
 )
 FILES_WITH_KIND_NAMES = {
-    "analysis/differences.py",
-    "cli/export.py",
-    "cli/matrix.py",
-    "cli/testlog.py",
-    "config/calibration_file.py",
     "identification/drag.py",
     "identification/excitation.py",
     "identification/experiments.py",
     "identification/identify.py",
     "identification/impedances.py",
     "identification/pictures.py",
-    "interop/tables.py",
-    "recording/calibration_changes.py",
-    "recording/runs/mcap_file.py",
 }
 
 

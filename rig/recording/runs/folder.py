@@ -128,6 +128,14 @@ class RunInfo(NamedTuple):
             value = value.get(key) if isinstance(value, dict) else None
         return float(value) if isinstance(value, int | float) else None
 
+    def axis_number(self, axis: str, key: str) -> float | None:
+        """Return a number of an axis's settings in the rig file; None without one.
+
+        A kind with fixed axes has a section for each, others a section `axes`.
+        """
+        own = self.config_number("rig", axis, key)
+        return self.config_number("rig", "axes", axis, key) if own is None else own
+
     def attributes(self) -> dict[str, Any]:
         """Return the description as flat attributes of a dataset."""
         flat = {"run": self.run, "mode": self.mode, "campaign": self.campaign}

@@ -9,6 +9,11 @@ COMMANDS = (
         "Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`.",
     ),
     Command(
+        "matrix",
+        "rig.kinds.wavebot.commands.matrix",
+        "Read a gain matrix of an earlier rig, and convert it for wec-rig.",
+    ),
+    Command(
         "recommend",
         "rig.kinds.wavebot.commands.recommend",
         "Recommend gains: best settings for a sea, and a campaign file of the rows to run next.",
@@ -22,6 +27,11 @@ COMMANDS = (
         "surge-damping",
         "rig.kinds.wavebot.commands.surge_damping",
         "Determine the surge damping: the least drive force that keeps stroke and heave power.",
+    ),
+    Command(
+        "testlog",
+        "rig.kinds.wavebot.commands.testlog",
+        "Read the log of a test: its runs, their links, and every irregularity.",
     ),
     Command(
         "twin",

@@ -9,7 +9,7 @@ import numpy as np
 from rig.identification.bem import Bem
 from rig.identification.drag import identify_drag
 from rig.identification.excitation import Excitation, Sea, excitation, is_same_sea
-from rig.identification.experiments import Experiment, read_experiments
+from rig.identification.experiments import BODY, Experiment, read_experiments
 from rig.identification.families import Member, family
 from rig.identification.fit import ORDERS, FittedImpedance, fit
 from rig.identification.impedances import Model, models
@@ -136,7 +136,7 @@ def _identify_excitations(
     """Return one excitation for each spring rate with rows in waves."""
     pairs: dict[float, list[tuple[Experiment, Sea]]] = {}
     for experiment in (each for each in experiments if each.sea is not None):
-        if experiment.axis != "heave":
+        if BODY not in experiment.channels:
             notes.append(
                 f"{experiment.row_label}: no load cell between drive and hull in {experiment.axis}"
             )

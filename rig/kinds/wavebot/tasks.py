@@ -13,6 +13,7 @@ from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware
+from rig.kinds.wavebot.identification import axis_channels
 from rig.kinds.wavebot.predictions import predict as predict_rows
 from rig.kinds.wavebot.predictions import unpredicted_reason
 from rig.kinds.wavebot.rehearsal import emulation, job
@@ -104,4 +105,7 @@ def _reference_record(campaign: Campaign) -> dict[str, Any] | None:
     reference = campaign.file.reference
     on_surge = reference is not None and reference.axis == "surge"
     motor = campaign.rig.surge if on_surge else campaign.rig.heave
-    return reference_record(reference, newtons_per_ampere(motor))
+    columns = campaign.file.heave_law.columns
+    return reference_record(
+        reference, newtons_per_ampere(motor), lambda axis: axis_channels(axis, columns)
+    )

@@ -119,7 +119,7 @@ def _group(key: str, control: set[str]) -> str:
         return "control"
     if rest == "drive" or rest.startswith("drive."):
         return "drive"
-    if first == "rig" and any(word in rest for word in _CALIBRATION):
+    if first == "rig" and any(each in rest for each in _CALIBRATION):
         return "calibration"
     if first == "campaign" and rest.startswith(("timing", "start", "tare")):
         return "timing"

@@ -115,7 +115,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         )
     probe_table = table.sel(probe=name)
     amplitude, phase = probe_table["amplitude"].values, probe_table["phase"].values
-    asked_amplitude, asked_phase = table["asked_amplitude"].values, table["asked_phase"].values
+    commanded = table["asked_amplitude"].values, table["asked_phase"].values
     return Sea(
         str(table.attrs.get("run", run.name)),
         name,
@@ -123,7 +123,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         tuple(int(k) for k in table["cycles"].values),
         np.asarray(amplitude * np.exp(1j * phase), dtype=np.complex128),
         np.asarray(probe_table["weak"].values == 1, dtype=np.bool_),
-        (tuple(asked_amplitude.tolist()), tuple(asked_phase.tolist())),
+        (tuple(commanded[0].tolist()), tuple(commanded[1].tolist())),
     )
 
 

@@ -5,8 +5,8 @@ import re
 from rig.interop.legacy.testlog.entry import Bias, Cell, Remark, RemarkKind
 
 _PATTERNS = tuple(
-    (kind, re.compile(words, re.IGNORECASE))
-    for kind, words in (
+    (kind, re.compile(pattern, re.IGNORECASE))
+    for kind, pattern in (
         (RemarkKind.TIME_SYNC, r"\bPTP\b"),
         (
             RemarkKind.WAVE_MAKER,
@@ -37,8 +37,8 @@ _PATTERNS = tuple(
 _SENTENCE = re.compile(r"(?<=[.;])\s+")
 
 _BIAS_PATTERNS = tuple(
-    (done, re.compile(words, re.IGNORECASE))
-    for done, words in (
+    (done, re.compile(pattern, re.IGNORECASE))
+    for done, pattern in (
         ("attempted", r"correction attempted"),
         ("lost", r"bias corrections aren't good"),
         ("corrected", r"bias (?:corrected|adjusted)"),

@@ -105,7 +105,7 @@ def _frequencies(text: str, period: re.Match[str]) -> tuple[float, ...]:
     range_match = _RANGE.search(text)
     if range_match is None:
         return (float(period[1]),)
-    first, step, last = (float(word) for word in range_match.groups())
+    first, step, last = (float(number) for number in range_match.groups())
     count = round((last - first) / step) if step > 0.0 else 0
     return tuple(round(first + i * step, 9) for i in range(count + 1))
 

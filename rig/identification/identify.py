@@ -115,7 +115,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         )
     probe_table = table.sel(probe=name)
     amplitude, phase = probe_table["amplitude"].values, probe_table["phase"].values
-    commanded = table["asked_amplitude"].values, table["asked_phase"].values
+    commanded = table["commanded_amplitude"].values, table["commanded_phase"].values
     return Sea(
         str(table.attrs.get("run", run.name)),
         name,

@@ -89,7 +89,7 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     record["reference"] = _reference_record(campaign)
     record["hoist"] = _hoist_record(campaign)
     if file.sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
-        record["asked_sea"] = job.requested_sea(campaign)
+        record["requested_sea"] = job.requested_sea(campaign)
     return record
 
 

@@ -175,6 +175,11 @@ def _campaign(config: dict[str, Any]) -> str:
     return str(config.get("name") or inner or "")
 
 
+def _with_current_keys(plan: dict[str, Any]) -> dict[str, Any]:
+    """Return a plan with the keys of today; runs before 2027 have ``asked_sea``."""
+    return {{"asked_sea": "requested_sea"}.get(key, key): value for key, value in plan.items()}
+
+
 def run_info(
     run: str | os.PathLike[str], contents: Iterable[FileContents] | None = None
 ) -> RunInfo:
@@ -198,7 +203,7 @@ def run_info(
         campaign=str(status.get("campaign") or _campaign(config)),
         status=status,
         config=config,
-        plan=read("plan.json"),
+        plan=_with_current_keys(read("plan.json")),
         code=read("code.json"),
         host=read("host.json"),
         timing=read("timing.json"),

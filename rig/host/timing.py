@@ -45,8 +45,8 @@ def measure(dt: float, seconds: float) -> WakeupMeasurements:
     """
     unprivileged, _ = _measure_wakeups(dt, min(seconds, UNPRIVILEGED_S), privileged=False)
     try:
-        with acquire((REALTIME_WIRE,), "rig doctor") as held:
-            privileged, trouble = _measure_wakeups(dt, seconds, privileged=True, locks=held.fds)
+        with acquire((REALTIME_WIRE,), "rig doctor") as acquired:
+            privileged, trouble = _measure_wakeups(dt, seconds, privileged=True, locks=acquired.fds)
     except (BusyError, OSError) as error:
         return WakeupMeasurements(unprivileged, None, str(error))
     return WakeupMeasurements(unprivileged, privileged, trouble)

@@ -101,7 +101,7 @@ class RecoveredWaves(NamedTuple):
 
 
 def wave_maker_lines(sea: dict[str, Any]) -> WaveMakerLines:
-    """Return the lines of a plan's ``asked_sea``; raise ValueError for calm water."""
+    """Return the lines of a plan's ``requested_sea``; raise ValueError for calm water."""
     cycles = tuple(int(n) for n in sea["cycles"])
     if not cycles:
         raise ValueError("the run had no waves")

@@ -273,8 +273,8 @@ class TorqueDrive(Cia402Node):
         put(0x200F, round_or_zero(min(65535.0, max(0.0, volts) * 16384.0 / (1.05 * kov))), 1)
         put(0x2010, self.objects.get(0x6077), 1)
         put(0x2010, self.raw_current(self.current), 2)
-        words = self._status_words() if self.errors.active else NO_STATUS_BITS
-        for sub, word in enumerate(words, start=1):
+        status_bits = self._status_words() if self.errors.active else NO_STATUS_BITS
+        for sub, word in enumerate(status_bits, start=1):
             put(0x2002, word, sub)
             put(0x2003, self.objects.get(0x2003, sub) | word, sub)
 

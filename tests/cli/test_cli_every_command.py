@@ -12,8 +12,8 @@ from rig.cli.app import COMMANDS, app, load
 
 def commands(command: object, name: str) -> Iterator[tuple[str, TyperCommand]]:
     if isinstance(command, TyperGroup):
-        for word, each in command.commands.items():
-            yield from commands(each, f"{name} {word}")
+        for subcommand, each in command.commands.items():
+            yield from commands(each, f"{name} {subcommand}")
     elif isinstance(command, TyperCommand):
         yield name, command
 

@@ -157,6 +157,6 @@ def test_copy_overwrites_nothing() -> None:
 def test_copy_twice_keeps_identical_files() -> None:
     path = find_shipped("quick", CAMPAIGNS).path
     first = copy_files(path, Path())
-    again = copy_files(path, Path())
-    assert again.written == []
-    assert again.kept == first.written
+    repeated = copy_files(path, Path())
+    assert repeated.written == []
+    assert repeated.kept == first.written

@@ -117,7 +117,7 @@ def name_columns(
     """
     header = table.header
     if given is not None:
-        labels = [word.strip() for word in given.split(",")]
+        labels = [name.strip() for name in given.split(",")]
         names, problems = _resolve_names(table, 1, labels, known, needed)
         if header is not None and not problems:
             problems = _disagreements(table, header, names, known)

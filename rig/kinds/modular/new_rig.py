@@ -22,7 +22,8 @@ from rig.config.problems import format_number
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.new_files import write_new
-from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
+from sim_plant.modes.bem import BemModes, read_modes
+from sim_plant.modes.bem_content import Floats, Water
 
 __all__ = ["Options", "Water", "write_rig"]
 

@@ -32,6 +32,7 @@ from rig.kinds.modular.build import composition, limits_problems, modular_params
 from rig.kinds.modular.campaign import CAMPAIGNS, CampaignFile
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.hardware.job import build_job
+from rig.kinds.modular.identification import axis_channels
 from rig.kinds.modular.rehearsal import job
 from rig.kinds.modular.rehearsal.emulation import emulator_process
 from rig.kinds.modular.row_contents import row_contents
@@ -162,9 +163,13 @@ def _plan_record(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, Any]:
     record = plan_record(campaign, plan, row_contents(rig, file.columns()))
     reference = file.reference
     motor = rig.axes[reference.axis if reference is not None else next(iter(rig.axes))]
-    record["reference"] = reference_record(reference, newtons_per_ampere(motor))
+    record["reference"] = reference_record(
+        reference,
+        newtons_per_ampere(motor),
+        lambda axis: axis_channels(rig, axis, file.axis_laws.values()),
+    )
     if file.sea.kind != "calm":
-        record["asked_sea"] = requested_sea(file.sea, file.sea_seed, campaign.elevation)
+        record["requested_sea"] = requested_sea(file.sea, file.sea_seed, campaign.elevation)
     return record
 
 

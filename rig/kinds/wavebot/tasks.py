@@ -13,6 +13,7 @@ from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware
+from rig.kinds.wavebot.identification import axis_channels
 from rig.kinds.wavebot.predictions import rows
 from rig.kinds.wavebot.rehearsal import emulation, job
 from rig.kinds.wavebot.row_contents import row_contents
@@ -85,11 +86,14 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     file = campaign.file
     record = plan_record(campaign, plan, row_contents(file.law_columns()))
     motor = getattr(campaign.rig, file.excited_axis)
-    record["reference"] = reference_record(file.reference, newtons_per_ampere(motor))
+    columns = file.heave_law.columns
+    record["reference"] = reference_record(
+        file.reference, newtons_per_ampere(motor), lambda axis: axis_channels(axis, columns)
+    )
     record["hoist"] = hoist = file.hoist
     if hoist is not None:  # as the spring map's analysis needs it
         motion = {"period_s": hoist.period, "words": hoist.description()}
         record["hoist"] = hoist.model_dump(mode="json") | motion
     if file.sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
-        record["asked_sea"] = job.requested_sea(campaign)
+        record["requested_sea"] = job.requested_sea(campaign)
     return record

@@ -127,6 +127,14 @@ class RunInfo(NamedTuple):
             value = value.get(key) if isinstance(value, dict) else None
         return float(value) if isinstance(value, int | float) else None
 
+    def axis_number(self, axis: str, key: str) -> float | None:
+        """Return a number of an axis's settings in the rig file; None without one.
+
+        A kind with fixed axes has a section for each, others a section `axes`.
+        """
+        own = self.config_number("rig", axis, key)
+        return self.config_number("rig", "axes", axis, key) if own is None else own
+
     def attributes(self) -> dict[str, Any]:
         """Return the description as flat attributes of a dataset."""
         flat = {"run": self.run, "mode": self.mode, "campaign": self.campaign}
@@ -166,6 +174,11 @@ def _campaign(config: dict[str, Any]) -> str:
     return str(config.get("name") or inner or "")
 
 
+def _with_current_keys(plan: dict[str, Any]) -> dict[str, Any]:
+    """Return a plan with the keys of today; runs before 2027 have ``asked_sea``."""
+    return {{"asked_sea": "requested_sea"}.get(key, key): value for key, value in plan.items()}
+
+
 def run_info(
     run: str | os.PathLike[str], contents: Iterable[FileContents] | None = None
 ) -> RunInfo:
@@ -189,7 +202,7 @@ def run_info(
         campaign=str(status.get("campaign") or _campaign(config)),
         status=status,
         config=config,
-        plan=read("plan.json"),
+        plan=_with_current_keys(read("plan.json")),
         code=read("code.json"),
         host=read("host.json"),
         timing=read("timing.json"),

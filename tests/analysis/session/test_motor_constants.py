@@ -24,10 +24,10 @@ def locked_torque(current: Any, constant: Any, share: Any, dry: float) -> Any:
     is the share of the load that the gearbox takes in each.
     """
     torque = np.zeros(current.shape)
-    held_torque = np.zeros(current.shape[1:])
+    static_torque = np.zeros(current.shape[1:])
     period_samples = len(current) // len(share)
     for i, amperes in enumerate(current):
-        forward = (held_torque > 0.0) | ((held_torque == 0.0) & (amperes > 0.0))
+        forward = (static_torque > 0.0) | ((static_torque == 0.0) & (amperes > 0.0))
         loss_share = np.where(forward, share[i // period_samples][1], share[i // period_samples][0])
         motor_torque = constant * amperes
         rising = np.where(
@@ -36,17 +36,17 @@ def locked_torque(current: Any, constant: Any, share: Any, dry: float) -> Any:
             (motor_torque - np.sign(motor_torque) * dry) / (1.0 + loss_share),
         )
         falling = (
-            np.sign(held_torque)
-            * np.maximum(np.sign(held_torque) * motor_torque + dry, 0.0)
+            np.sign(static_torque)
+            * np.maximum(np.sign(static_torque) * motor_torque + dry, 0.0)
             / (1.0 - loss_share)
         )
-        grows = (held_torque == 0.0) | (
-            (rising * held_torque > 0.0) & (np.abs(rising) > np.abs(held_torque))
+        grows = (static_torque == 0.0) | (
+            (rising * static_torque > 0.0) & (np.abs(rising) > np.abs(static_torque))
         )
-        held_torque = np.where(
-            grows, rising, np.where(np.abs(falling) < np.abs(held_torque), falling, held_torque)
+        static_torque = np.where(
+            grows, rising, np.where(np.abs(falling) < np.abs(static_torque), falling, static_torque)
         )
-        torque[i] = held_torque
+        torque[i] = static_torque
     return torque
 
 

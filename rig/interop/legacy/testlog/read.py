@@ -289,12 +289,12 @@ def _parse_series(series: Cell, remarks: list[Remark], *, has_waves: bool) -> tu
             remarks.append(series.remark(RemarkKind.SERIES_MISSING))
         return ()
     parts = [part.strip() for part in series.text.split(",")]
-    if not all(word.isdecimal() for word in parts):
+    if not all(part.isdecimal() for part in parts):
         remarks.append(series.remark(RemarkKind.SERIES_UNREADABLE, series.text))
         return ()
     if len(parts) > 1:
         remarks.append(series.remark(RemarkKind.SERIES_SEVERAL, series.text))
-    return tuple(int(word) for word in parts)
+    return tuple(int(part) for part in parts)
 
 
 def _add_comparisons(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:

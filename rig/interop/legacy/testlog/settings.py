@@ -116,7 +116,7 @@ def _frequencies(text: str, period: re.Match[str]) -> tuple[float, ...]:
     range_match = _RANGE.search(text)
     if range_match is None:
         return (float(period[1]),)
-    first, step, last = (float(word) for word in range_match.groups())
+    first, step, last = (float(number) for number in range_match.groups())
     count = round((last - first) / step) if step > 0.0 else 0
     return tuple(round(first + i * step, 9) for i in range(count + 1))
 
@@ -131,8 +131,8 @@ def _with_period(wave: Wave, value: float, unit: str) -> Wave:
 
 
 _PATTERNS = tuple(
-    (kind, re.compile(words, re.IGNORECASE))
-    for kind, words in (
+    (kind, re.compile(pattern, re.IGNORECASE))
+    for kind, pattern in (
         (RemarkKind.TIME_SYNC, r"\bPTP\b"),
         (
             RemarkKind.WAVE_MAKER,
@@ -163,8 +163,8 @@ _PATTERNS = tuple(
 _SENTENCE = re.compile(r"(?<=[.;])\s+")
 
 _BIAS_PATTERNS = tuple(
-    (done, re.compile(words, re.IGNORECASE))
-    for done, words in (
+    (done, re.compile(pattern, re.IGNORECASE))
+    for done, pattern in (
         ("attempted", r"correction attempted"),
         ("lost", r"bias corrections aren't good"),
         ("corrected", r"bias (?:corrected|adjusted)"),
@@ -272,7 +272,7 @@ def read_settings(wavebot: Cell, notes: Cell) -> EntrySettings:
         f"GainMatrix{matrix[1]}" if matrix else "",
         gains,
         _spring(wavebot, notes, remarks),
-        tuple(float(word) for word in stator[1].split(",")) if stator else (),
+        tuple(float(part) for part in stator[1].split(",")) if stator else (),
         drive,
         drive_source,
         _scheme(wavebot, notes, remarks),
@@ -314,8 +314,8 @@ def _gains(cell: Cell) -> list[Gain]:
     gains = []
     for axis, letter, gain, value_text in _GAIN.findall(cell.text):
         named = "surge" if axis.lower() == "surge" or letter == "s" else "heave"
-        words = value_text.strip("[] ").split(":")
-        values = _range([float(word) for word in words if word.strip()])
+        parts = value_text.strip("[] ").split(":")
+        values = _range([float(part) for part in parts if part.strip()])
         gains.append(Gain(named, f"k{gain}", values, cell.name))
     return gains
 
@@ -367,18 +367,18 @@ def _drive(wavebot: Cell, notes: Cell) -> tuple[str, str]:
 
 
 def _scheme(wavebot: Cell, notes: Cell, remarks: list[Remark]) -> str:
-    in_wavebot = [word.lower() for word in _SCHEME.findall(wavebot.text)]
-    in_notes = [word.lower() for word in _SCHEME.findall(notes.text)]
+    in_wavebot = [part.lower() for part in _SCHEME.findall(wavebot.text)]
+    in_notes = [part.lower() for part in _SCHEME.findall(notes.text)]
     names, cell = (in_wavebot, wavebot) if in_wavebot else (in_notes, notes)
     if "svpm" in names:
         remarks.append(cell.remark(RemarkKind.SCHEME_MISSPELT))
-    schemes = list(dict.fromkeys(SCHEMES[word] for word in names))
+    schemes = list(dict.fromkeys(SCHEMES[part] for part in names))
     if schemes and cell is notes:
         remarks.append(notes.remark(RemarkKind.SCHEME_IN_NOTES))
     if len(schemes) > 1:
         remarks.append(cell.remark(RemarkKind.SCHEME_SEVERAL))
         return ""
-    if in_wavebot and {SCHEMES[word] for word in in_notes} - set(schemes):
+    if in_wavebot and {SCHEMES[part] for part in in_notes} - set(schemes):
         remarks.append(notes.remark(RemarkKind.SCHEME_SEVERAL))
     return schemes[0] if schemes else ""
 

@@ -30,6 +30,7 @@ class Translation(Axis):
     motion: Literal["translation"]
     law: str | dict[str, Any] = "impedance"  # of campaigns without one; checked with them
     stop_damping_n_s_per_m: float = Field(gt=0, le=1e6)  # the force of a stop is -damping * v
+    force_sensor: str | None = None  # sensor (N) between drive and body, for identification
 
 
 class Rotation(RotaryAxis):
@@ -38,6 +39,7 @@ class Rotation(RotaryAxis):
     motion: Literal["rotation"]
     law: str | dict[str, Any] = "impedance"
     stop_damping_n_m_s_per_rad: float = Field(gt=0, le=1e6)
+    force_sensor: str | None = None  # sensor (N*m) between drive and body
 
 
 AnyAxis = Annotated[Translation | Rotation, Field(discriminator="motion")]
@@ -102,12 +104,21 @@ class RigFile(BaseRigFile):
         if self.wiring is not None:
             yield from self._drive_rules(self.wiring)
             yield from self._source_rules(self.wiring)
+        yield from self._force_sensor_rules()
         signals = signal_names(self.axes, self.sensors)
         for name, station in self.stations.items():
             try:
                 power.compile_stations([station.as_station(name)], signals, __name__)
             except ValueError as error:
                 yield RuleViolation(("stations", name, "formula"), str(error), station.formula)
+
+    def _force_sensor_rules(self) -> Iterator[RuleViolation]:
+        for name, axis in self.axes.items():
+            unit = "N" if axis.motion == "translation" else "N*m"
+            allowed = [each for each, sensor in self.sensors.items() if sensor.unit == unit]
+            if axis.force_sensor is not None and axis.force_sensor not in allowed:
+                message = f"no sensor with the unit {unit}; allowed {', '.join(allowed) or 'none'}"
+                yield RuleViolation(("axes", name, "force_sensor"), message, axis.force_sensor)
 
     def _name_rules(self) -> Iterator[RuleViolation]:
         taken = dict.fromkeys(reserved_names(), "a field of every log row or of the loop")

@@ -4,9 +4,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
 
 from controllers import magnetic_spring
-from rig.campaign.files import AnyCampaign
-from rig.campaign.kind import CampaignKind, Wait, points_of_matrix
-from rig.campaign.plan import AnyPlan, order_rows
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind, Wait, points_of_matrix
+from rig.campaign.plan import order_rows
 from rig.config.law_settings import DEFAULT_LAW, find_law, inherit_law
 from rig.config.limits_file import complete_limits
 from rig.config.problems import ConfigError, Problem, format_number

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.identification.experiments import velocity_per_count
+from rig.identification.experiments import metres_per_count
 from rig.recording.runs import RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
@@ -122,7 +122,7 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     data, plan = window.data, run_facts.plan
-    dt, sea = float(plan["dt"]), plan.get("asked_sea")
+    dt, sea = float(plan["dt"]), plan.get("requested_sea")
     has_excitation = bool(np.any(data[REFERENCE] != 0.0))
     repeats = [float(sea["repeat_s"])] if sea else []
     if has_excitation:
@@ -145,7 +145,8 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
         strong = amplitude > 0.1 * max(sea["amplitude_m"], default=1e-9)
         excited[number[strong] - 1] = True  # lines in which the sea has significant energy
     omega = angular_frequencies(period * dt, lines)
-    velocity = velocity_per_count(run_facts, "heave", omega) * lines_of(COUNTS, ENCODER_AGE)
+    scale = metres_per_count(run_facts, "heave")
+    velocity = lines_of(COUNTS, ENCODER_AGE) * (1j * omega * scale)
     whole_periods = slice(0, window.span // period * period)
     current = data[CURRENT][whole_periods]
     return Record(

@@ -13,6 +13,7 @@ from rig.config.yaml_source import SourceMap
 from rig.emulation.campaign_sea import sea_settings
 from rig.emulation.devices import EmulatedBus, EmulatedDevices, load_cell, modbus_lines
 from rig.emulation.process import emulation_process, serve_devices
+from rig.kinds.modular.checks import check
 from rig.kinds.modular.config import ModularWiring, RigFile
 from rig.kinds.modular.config.wiring import WRENCH
 from rig.kinds.modular.rehearsal import job
@@ -74,9 +75,7 @@ def emulate_rig(
 
 def emulate_task(path: Path, rig: Path) -> tuple[RigFile, IoProcess, str]:
     """Return the rig of a campaign run on a rig file, its emulated devices and their setting."""
-    from rig.kinds.modular.tasks import examine  # noqa: PLC0415  (it imports this module)
-
-    report = examine(path, rig)
+    report = check(path, rig)
     if report.campaign is None:
         raise ConfigError(report.problems)
     campaign = report.campaign

@@ -6,10 +6,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from rig.campaign import AnyCampaign
 from rig.config.problems import Problem
 from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import SharedValue, mismatches
 from rig.config.yaml_source import KeyPath, SourceMap
+from rig.emulation.campaign_sea import sea_settings
+from rig.kinds.modular.build import campaign_composition
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick import Composition
 from rig.kinds.modular.tick.composition import ROTATION
@@ -34,6 +37,18 @@ def plant_settings(
         "composition": composition.to_text(),
         "sensors": [[name, each.scale, each.offset] for name, each in rig.sensors.items()],
     }
+
+
+def campaign_settings(campaign: AnyCampaign) -> dict[str, Any]:
+    """Return the configuration of `devices.connect` for a campaign."""
+    file = campaign.file
+    return plant_settings(
+        ConfigSource(campaign.plant, campaign.plant_locate),
+        campaign.rig,
+        campaign_composition(campaign),
+        sea_settings(file.sea, file.sea_seed, campaign.elevation),
+        file.seed,
+    )
 
 
 def world_settings(plant: ConfigSource, sea: dict[str, Any], seed: int) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from rig.config.yaml_source import KeyPath
 from rig.emulation import campaign_sea
 from rig.kinds.modular import row_contents as contents
 from rig.kinds.modular.campaign import axis_motions
+from rig.kinds.modular.checks import limits_of_other_axes, problems
 from rig.kinds.modular.rehearsal import job
-from rig.kinds.modular.tasks import limits_of_other_axes, problems
 from rig.planning.input_files import ConfigSource, InputFile, hash_input_file
 from rig.row_contents import RowContents
 

@@ -14,14 +14,15 @@ from rig.compilation.coupled_loop import (
     LoopSource,
     with_columns,
 )
+from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
 from rig.kinds.modular.rehearsal.coupling import couple
 from rig.kinds.modular.rehearsal.devices import SensorScale, build_world, sensor_scales
+from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.simulation import plant_coupling
 from rig.kinds.modular.simulation.plant_coupling import AT_REST
 from rig.kinds.modular.simulation.waves import wave_sensors
-from rig.kinds.modular.tasks import campaign_composition, campaign_params, rehearsal_mode
 from rig.kinds.modular.tick import Composition, compose
 from rig.kinds.modular.tick import signals as modular_signals
 from rig.laws import from_request, helper_modules
@@ -49,7 +50,7 @@ class CampaignSimulator(LoopSimulator):
         """
         composition = campaign_composition(campaign)
         super().__init__(compose(composition).KIND, loop_source(campaign), plan.dt)
-        settings = rehearsal_mode(campaign, real_clock=False).devices
+        settings = campaign_settings(campaign)
         if sea is not None:
             settings = settings | {"sea": sea}
         world = build_world(settings | {"compiled": False}, plan.dt)

@@ -17,6 +17,7 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from controllers.impedance import COLUMNS as LAW_COLUMNS
 from rig.analysis.rows import reduce_window
+from rig.identification.incident_waves import FORCES
 from rig.kinds.wavebot.campaign import Campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.row_contents import row_contents
@@ -26,7 +27,7 @@ from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
 from rig.stations import station_names
 from rig.sweep.cases import single_row_plan
-from rig.sweep.counterfactual import FORCES, MeasuredRun, counterfactual_rows
+from rig.sweep.counterfactual import MeasuredRun, counterfactual_rows
 
 LEAD_IN = 15.0  # s
 MAX_RELATIVE_ERROR, MIN_ALLOWED_ERROR = 0.05, 0.5  # of the power, W: allowed error of a prediction

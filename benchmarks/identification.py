@@ -13,7 +13,7 @@ from benchmarks.support.result import Figure, Result, figure
 from rig.config.yaml_source import load_mapping
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
-from rig.identification.experiments import GAINS, Experiment
+from rig.identification.experiments import BODY, Experiment
 from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
 
@@ -242,9 +242,9 @@ def _coverage(trials: int) -> list[float]:
     def experiment(realisation: int) -> Experiment:
         phase = rng.uniform(0.0, 2.0 * np.pi, number.size)
         force = np.where(excited, 100.0 * np.exp(1j * phase), 0.0)
-        channels = {"velocity": noisy(force / true), "trs": noisy(force), "lcb": noisy(force)}
+        channels = {"velocity": noisy(force / true), "trs": noisy(force), BODY: noisy(force)}
         return Experiment(
-            "paper", realisation, "heave", 0.0, (0.0,) * len(GAINS), realisation, 1.0, 1.0, 20.0,
+            "paper", realisation, "heave", 0.0, (0.0,) * 5, realisation, 1.0, 1.0, 20.0,
             tuple(number.tolist()), force, excited, channels, None,
         )  # fmt: skip
 

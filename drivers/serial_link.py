@@ -86,14 +86,14 @@ class SerialLink:
         """Open the port now; raise LinkError with device, port and reason on failure."""
         if self._port is not None:
             return
-        _, port, baud, parity, stop_bits, rts_cts, _, _ = self._settings
+        settings = self._settings
         try:
             opened = serial.Serial(
-                port,
-                baudrate=baud,
-                parity=parity,
-                stopbits=stop_bits,
-                rtscts=rts_cts == 1,
+                settings.port,
+                baudrate=settings.baud,
+                parity=settings.parity,
+                stopbits=settings.stop_bits,
+                rtscts=settings.rts_cts == 1,
                 timeout=0,
                 write_timeout=0,
                 exclusive=True,

@@ -1,4 +1,4 @@
-"""Command lines of processes that run a module of wec-rig."""
+"""Processes of this package: their command lines, and the identity of a running one."""
 
 import os
 import sys
@@ -15,3 +15,19 @@ def module_command(module: str, *arguments: str) -> list[str]:
     """
     in_source_tree = Path(os.getcwd()).resolve() == _ROOT
     return [sys.executable, *([] if in_source_tree else ["-P"]), "-m", module, *arguments]
+
+
+_ENDED_STATES = ("Z", "X")
+_STATE, _START = 0, 19  # fields 3 and 22 of /proc/PID/stat, counted after the process name
+
+
+def start_ticks(pid: int) -> int | None:
+    """Return the start time of a live process in clock ticks since boot; None without one.
+
+    Process id and start time together identify one process until the next reboot.
+    """
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+    return None if fields[_STATE] in _ENDED_STATES else int(fields[_START])

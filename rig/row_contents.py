@@ -48,6 +48,8 @@ class RowContents(NamedTuple):
     stations: tuple[Station, ...]
     columns: tuple[Column, ...]
     checks: tuple[Check, ...]
+    control: tuple[str, ...] = ()
+    """Sections of campaign and rig file with settings of the control, besides those of the law."""
 
     @property
     def settings(self) -> tuple[Column, ...]:
@@ -62,6 +64,7 @@ class RowContents(NamedTuple):
             "stations": stations.as_records(self.stations),
             "columns": column_records(self.columns),
             "checks": [check._asdict() for check in self.checks],
+            "control": list(self.control),
         }
 
 
@@ -118,6 +121,7 @@ def from_records(record: Mapping[str, Any], earlier: "RowContents | None" = None
                 for each in value
             ),
         ),
+        tuple(listed("control", lambda value: value or ())),
     )
 
 

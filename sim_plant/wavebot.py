@@ -122,13 +122,12 @@ def step(
     Excitation is linear within the step; motor forces are the exact means of the current loops.
     """
     body_state, electrics_state, stator, surge_state, passive, hoist, probes = state
-    current, enable, target, stator_enable, _, surge_current, surge_enable, conducting = actuation
     drive_state = electrics.command_step(
         params.electrics,
         electrics_state,
-        current,
-        enable,
-        conducting,
+        actuation.heave_current,
+        actuation.heave_enable,
+        actuation.conducting,
         fresh,
         body_state.velocity,
         dt,
@@ -137,8 +136,8 @@ def step(
     next_surge = surge.step(
         params.surge,
         surge_state,
-        surge_current,
-        surge_enable,
+        actuation.surge_current,
+        actuation.surge_enable,
         fresh,
         excitation.surge,
         next_excitation.surge,
@@ -155,13 +154,15 @@ def step(
     if hoist.active == 1:
         end, hoist = impose_motion(params.body, end, hoist, dt)
 
-    next_stator = magnetic_spring.stator_step(params.spring, stator, target, stator_enable, dt)
+    next_stator = magnetic_spring.stator_step(
+        params.spring, stator, actuation.stator_target, actuation.stator_enable, dt
+    )
     passive = passive_force(
         params, next_stator.rate, end.position, end.velocity, next_surge.guide_force
     )
     power_ac = motor * v + pto.copper_loss(params.pto, motor)
     next_electrics = electrics.power_step(
-        params.electrics, electrics_state, drive_state, conducting, power_ac, dt
+        params.electrics, electrics_state, drive_state, actuation.conducting, power_ac, dt
     )
     probe_1, probe_2, probe_3, age = probes
     next_probes = Probes(probe_1, probe_2, probe_3, age + dt)

@@ -30,7 +30,7 @@ NOMINAL_GAIN, NOMINAL_CONSTANT = 1.5708, 16.845
 GEAR_RATIO = 15.0  # gear ratio
 TORQUE, VELOCITY = 1, 0
 _RUN_INFO = RunInfo("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
-_COMPLETE_RECORD = RecordState("complete", 0, 0, (), (), False)
+_COMPLETE_RECORD = RecordState("complete", 0, 0, False, (), ())
 
 Floats = npt.NDArray[np.float64]
 

@@ -85,7 +85,7 @@ def emulated_bench(folder: Path) -> Iterator[EmulatedBench]:
         "timing": {"rise_s": 1.5, "settle_periods": 0, "periods": 4},
     }
     report = check_session(write_yaml(folder / "session.yaml", session), problems)
-    if report.session is None or report.plan is None:
+    if report.checked is None or report.plan is None:
         raise ValueError(report.text())
-    with emulated_devices(emulator_process(report.session), folder) as (control, devices):
-        yield EmulatedBench(report.session, report.plan, control, devices, folder)
+    with emulated_devices(emulator_process(report.checked), folder) as (control, devices):
+        yield EmulatedBench(report.checked, report.plan, control, devices, folder)

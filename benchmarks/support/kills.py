@@ -155,7 +155,7 @@ def run_and_kill(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) 
         except TimeOutError as error:
             return KillOutcome(kill, 0, 0, 0.0, 0.0, (str(error),))
         run.process.wait()
-        failures = [*_leftover_processes(run, token), *_held_locks(runs, run.process.pid)]
+        failures = [*_leftover_processes(run, token), *_remaining_locks(runs, run.process.pid)]
         return _compare_with_ring(observer, runs, kill, due, stopping, failures, real_clock)
 
 
@@ -231,7 +231,7 @@ def _leftover_processes(run: LiveRun, token: str) -> list[str]:
     return []
 
 
-def _held_locks(runs: Path, supervisor: int) -> list[str]:
+def _remaining_locks(runs: Path, supervisor: int) -> list[str]:
     failures = []
     try:
         acquire((REALTIME_WIRE,), "a benchmark").close()

@@ -88,9 +88,7 @@ class LoopParts(NamedTuple):
 def build_loop_parts(path: Path) -> LoopParts:
     """Return the parts of a campaign's loop; raises ValueError with the errors of the file."""
     campaign, plan = open_checked(path)
-    params = wavebot_params(
-        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
-    )
+    params = wavebot_params(campaign, plan.segments, plan.setpoints)
     devices = json.loads(json.dumps(job.plant_settings(campaign)))
     return LoopParts(campaign, plan, params, devices)
 

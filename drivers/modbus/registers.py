@@ -88,10 +88,10 @@ def decode(
 def _decode(value: RegisterValue, registers: Sequence[int], high_word_first: bool) -> float:
     if value.kind == "bit":
         return float(registers[value.offset] & 1)
-    words = registers[value.offset : value.offset + REGISTER_COUNT[value.kind]]
+    parts = registers[value.offset : value.offset + REGISTER_COUNT[value.kind]]
     if not high_word_first:
-        words = words[::-1]
-    raw = b"".join(word.to_bytes(2, "big") for word in words)
+        parts = parts[::-1]
+    raw = b"".join(word.to_bytes(2, "big") for word in parts)
     return float(struct.unpack(">" + _STRUCT_CODES[value.kind], raw)[0])
 
 
@@ -115,9 +115,9 @@ def encode(block: RegisterBlock, numbers: Sequence[float], high_word_first: bool
             )
         except (struct.error, OverflowError):
             raise CodecError(f"unit {block.unit}", value.name, value.kind, raw) from None
-        words = [int.from_bytes(packed[i : i + 2], "big") for i in range(0, len(packed), 2)]
-        registers[value.offset : value.offset + len(words)] = (
-            words if high_word_first else words[::-1]
+        parts = [int.from_bytes(packed[i : i + 2], "big") for i in range(0, len(packed), 2)]
+        registers[value.offset : value.offset + len(parts)] = (
+            parts if high_word_first else parts[::-1]
         )
     return registers
 

@@ -35,11 +35,6 @@ def varies_drive(matrix: Matrix) -> bool:
     return any(column.role == DRIVE for column in varied_columns(matrix))
 
 
-def shown_columns(matrix: Matrix) -> list[Column]:
-    """Return the columns that get a panel, drive parameters first."""
-    return sorted(varied_columns(matrix), key=lambda column: column.role != DRIVE)
-
-
 def row_order(table: xarray.Dataset, sort: Sort) -> list[int]:
     """Return the table indices of complete rows in order of the run or of power.
 
@@ -63,7 +58,8 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     if not positions:
         raise ValueError("no complete row: no bars to draw")
     settings = row_settings(table)
-    columns = shown_columns(Matrix((), tuple(settings[i] for i in positions), columns_of(table)))
+    shown_rows = Matrix((), tuple(settings[i] for i in positions), columns_of(table))
+    columns = sorted(varied_columns(shown_rows), key=lambda column: column.role != DRIVE)
     stations = shown(stations_of(table))[:-3:-1]
     heights = [_POWER_HEIGHT] * len(stations) + [_SETTING_HEIGHT] * len(columns)
     width = min(_MAX_WIDTH, max(_MIN_WIDTH, 1.6 + 0.17 * len(positions)))

@@ -11,7 +11,12 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rig.config.calibration_file import TORQUE_CONSTANT_KEY, OffsetCorrection, ScaleCorrection
+from rig.config.calibration_file import (
+    POSITION,
+    TORQUE_CONSTANT_KEY,
+    OffsetCorrection,
+    ScaleCorrection,
+)
 from rig.recording.calibration import (
     CalibrationVersion,
     RecordingTime,
@@ -112,12 +117,17 @@ def _add_correction(
     if calibration.file.quantity in ("spring_rate", "spring_map"):
         return corrections._replace(rate=calibration)
     if calibration.file.quantity == "torque_constant":
-        value = run_facts.config_number(*TORQUE_CONSTANT_KEY)
+        value = run_facts.axis_number(run_facts.row_contents.axis, TORQUE_CONSTANT_KEY)
         if not value:
             raise ValidityError(
                 f"{calibration.file.title}: the run's configuration lacks the torque constant"
             )
         return corrections._replace(force_factor=apply_correction(correction, value) / value)
+    if calibration.file.quantity != run_facts.row_contents.axis + POSITION:
+        raise ValidityError(
+            f"{calibration.file.title} corrects {calibration.file.quantity}; the rows of "
+            f"{run_facts.run} have {run_facts.row_contents.axis}{POSITION} only"
+        )
     if not isinstance(correction, ScaleCorrection | OffsetCorrection):
         raise ValidityError(
             f"{calibration.file.title} is a table of positions: gains would depend on position, "

@@ -25,7 +25,7 @@ def _style_axes(axes: Axes, ylabel: str) -> None:
 
 def _draw_lines(axes: Axes, table: xarray.Dataset) -> None:
     frequency = table["frequency"].values
-    target = 1e3 * table["asked_amplitude"].values
+    target = 1e3 * table["commanded_amplitude"].values
     axes.plot(frequency, target, color=TARGET_COLOUR, lw=2.5, label="target", zorder=1)
     for i, name in enumerate(table["probe"].values.tolist()):
         probe = table.sel(probe=name)

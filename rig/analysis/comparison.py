@@ -20,7 +20,6 @@ import numpy as np
 import xarray
 
 from rig.analysis import labels
-from rig.analysis.alarms import format_rows
 from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea, shorten
 from rig.analysis.points import (
     Matrix,
@@ -32,6 +31,7 @@ from rig.analysis.points import (
     varied_columns,
 )
 from rig.analysis.rows import INCOMPLETE, row_table
+from rig.analysis.summary import format_rows
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo, run_info
@@ -118,17 +118,6 @@ def compare(
     """
     facts_a, facts_b = run_info(run_a), run_info(run_b)
     table_a, table_b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
-    return compare_tables(facts_a, facts_b, table_a, table_b, tolerances)
-
-
-def compare_tables(
-    facts_a: RunInfo,
-    facts_b: RunInfo,
-    table_a: xarray.Dataset,
-    table_b: xarray.Dataset,
-    tolerances: Mapping[str, float] | None = None,
-) -> Comparison:
-    """Return the comparison of two runs from their facts and row tables."""
     matrices = gain_matrix(table_a), gain_matrix(table_b)
     matched = match(*matrices, tolerances)
     seas = normalised_sea(facts_a), normalised_sea(facts_b)
@@ -329,15 +318,6 @@ def best_point(pairs: tuple[Pair, ...], station: str, side: int) -> Point | None
     return min(points, key=lambda point: point.power[station]) if points else None
 
 
-def format_constant_difference(difference: ConstantDifference) -> tuple[str, str, str]:
-    """Return label, value of A and value of B of a constant column that differs."""
-    a, b = (
-        ABSENT if value is None else labels.format_quantity(difference.column, value)
-        for value in (difference.a, difference.b)
-    )
-    return difference.column.label, a, b
-
-
 def format_difference(difference: PowerDifference) -> str:
     """Return a difference (W) with its standard error as text without the unit."""
     return phrases.format_power(difference.watts, difference.error).removesuffix(" W")
@@ -365,10 +345,10 @@ def as_text(comparison: Comparison) -> str:
 
 
 def _settings_lines(comparison: Comparison) -> list[str]:
-    rows = [
-        ("set point", *format_constant_difference(difference))
-        for difference in comparison.matched.constant_differences
-    ]
+    rows = []
+    for column, *values in comparison.matched.constant_differences:
+        a, b = (ABSENT if v is None else labels.format_quantity(column, v) for v in values)
+        rows.append(("set point", column.label, a, b))
     counts = Counter[str]()
     for group, key, a, b in comparison.differences:
         counts[group] += 1

@@ -24,9 +24,8 @@ from rig.analysis.comparison import (
     mean_difference,
     power_difference,
 )
-from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, varied_columns
-from rig.analysis.slices import Slice, slice_matrix
+from rig.analysis.slices import XY, Slice, slice_matrix, spans_surface
 from rig.analysis.surfaces import View, default_view
 from rig.presentation import picture
 from rig.presentation.picture import ACCENT, DARK
@@ -180,9 +179,7 @@ def _draw_difference(
 
 
 def _is_significant(difference: PowerDifference) -> bool:
-    return bool(
-        np.isfinite(difference.error) and abs(difference.watts) > _SIGNIFICANCE * difference.error
-    )
+    return abs(difference.watts) > _SIGNIFICANCE * difference.error  # an unknown error is NaN
 
 
 def _draw_lines(
@@ -230,7 +227,8 @@ def _draw_lines(
             picture.style_axes(axes)
             axes.grid(alpha=0.3)
             if i == len(runs.stations) - 1:
-                axes.set_xlabel(_axis_text(column), fontsize=8)
+                rows_text = "matched points, row of A | row of B"
+                axes.set_xlabel(labels.axis_label(column) if column else rows_text, fontsize=8)
     if column is None:
         rows = [f"{runs.pairs[n].a.rows[0]}|{runs.pairs[n].b.rows[0]}" for n in indices]
         rotation = 90 if len(rows) > 12 else 0
@@ -243,7 +241,3 @@ def _position(runs: _MatchedRuns, i: int, number: int, column: Column | None) ->
     if column is None:
         return float(number)
     return runs.settings[i][column.name] * labels.display_factor(column)
-
-
-def _axis_text(column: Column | None) -> str:
-    return "matched points, row of A | row of B" if column is None else labels.axis_label(column)

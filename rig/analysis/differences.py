@@ -17,7 +17,7 @@ _CALIBRATION = (  # constants that convert device values to forces, positions an
     "torque_constant", "gear_ratio", "counts_per_revolution", "metres_per_radian", "spring.map",
     "calibration",
 )  # fmt: skip
-_CONTROL = ("surge.", "law.", "reference", "station_keeping.", "surge_hold.")
+_CONTROL = ("law", "reference")  # sections of the control of every rig
 _EXCLUDED = ("campaign.name", "campaign.matrix", "campaign.rig", "campaign.plant", "campaign.sea")
 _ELEVATION = (
     "elevation"  # role of a recorded sea's file; the configuration does not contain its data
@@ -40,8 +40,11 @@ def differences(a: RunInfo, b: RunInfo) -> list[Difference]:
     The gain matrix is excluded; `rig.analysis.comparison` matches its points one by one.
     """
     settings_a, settings_b = dict(_flat_settings(a)), dict(_flat_settings(b))
+    control = {*_CONTROL, *a.row_contents.control, *b.row_contents.control}
     found = [
-        Difference(_group(key), key, settings_a.get(key, ABSENT), settings_b.get(key, ABSENT))
+        Difference(
+            _group(key, control), key, settings_a.get(key, ABSENT), settings_b.get(key, ABSENT)
+        )
         for key in [*settings_a, *(key for key in settings_b if key not in settings_a)]
         if settings_a.get(key) != settings_b.get(key)
     ]
@@ -108,15 +111,15 @@ def shorten(text: str) -> str:
     return text if len(text) <= _MAX_LENGTH else f"{text[: _MAX_LENGTH - 4]} ..."
 
 
-def _group(key: str) -> str:
+def _group(key: str, control: set[str]) -> str:
     first, _, rest = key.partition(".")
     if first == f"{_ELEVATION} file":
         return "sea"
-    if first in ("campaign", "rig") and rest.startswith(_CONTROL):
+    if first in ("campaign", "rig") and rest.partition(".")[0] in control:
         return "control"
     if rest == "drive" or rest.startswith("drive."):
         return "drive"
-    if first == "rig" and any(word in rest for word in _CALIBRATION):
+    if first == "rig" and any(each in rest for each in _CALIBRATION):
         return "calibration"
     if first == "campaign" and rest.startswith(("timing", "start", "tare")):
         return "timing"

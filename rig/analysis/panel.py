@@ -19,9 +19,16 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import labels
-from rig.analysis.mesh import XY, spans_surface, triangulate
 from rig.analysis.points import Point
-from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, Slice, slice_remarks
+from rig.analysis.slices import (
+    NEGLIGIBLE_SHARE,
+    XY,
+    Optimum,
+    Slice,
+    slice_remarks,
+    spans_surface,
+    triangulate,
+)
 from rig.presentation import phrases
 from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, style_axes
 from rig.row_contents import Column, X, Y

@@ -1,4 +1,8 @@
-"""Writes all products of a run into its folder, after the run or on request."""
+"""The products of a campaign's run: their files, its summary, its pictures.
+
+This module is the room `products` (`rig.kinds.interface`) of kinds whose campaigns run gain
+matrices. A kind with campaigns of a further sort gives its own function for `analyse`.
+"""
 
 import json
 from collections.abc import Callable, Sequence
@@ -8,21 +12,28 @@ from typing import NamedTuple
 
 import xarray
 
+from rig.analysis import summary as summaries
 from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.calibration_picture import write_picture
 from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
-from rig.analysis.points import gain_matrix
+from rig.analysis.points import gain_matrix, varied_columns
 from rig.analysis.rows import row_table, write_rows
+from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
+from rig.analysis.slices import law_axes
 from rig.analysis.stop_reason import find_stop
-from rig.analysis.summary import Summary, summarise, write_texts
+from rig.analysis.summary import Summary, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
+from rig.config.problems import error_text, parse_number
+from rig.processes.run_types import Outcome
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, RunInfo, mcap_file, reader, run_info
 from rig.recording.runs.state import RecordState
-from rig.row_contents import LAW, X, Y
+from rig.row_contents import LAW, X, Y, find_column, main_columns
 from rig.spectra import wave_calibration
 
+PROGRESS = "drawing surfaces and summary"
+NO_PRODUCTS = RunProducts((), {"optima": []})
 OPEN_LOOP = "Excited by an open-loop reference"
 IDENTIFY_HINT = "its impedance: rig identify"
 
@@ -42,7 +53,7 @@ def summarise_rows(
     contents = list(reader.open_files(run).contents)
     table = row_table(run, calibrations, incomplete_rows=incomplete_rows)
     run_facts = run_info(run, contents)
-    summary = summarise(
+    summary = summaries.summarise(
         table, run_facts, _unfinished_text(contents), find_stop(run, run_facts.status)
     )
     summary = summary._replace(
@@ -108,7 +119,7 @@ def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
     except RunError as error:
         findings = [str(error)]
     no_rows, unfinished = xarray.Dataset(), _unfinished_text(contents)
-    summary = summarise(no_rows, run_facts, unfinished, findings=tuple(findings))
+    summary = summaries.summarise(no_rows, run_facts, unfinished, findings=tuple(findings))
     return Analysis(summary._replace(record=reader.check_record(run)), partial(_write_waves, waves))
 
 
@@ -162,3 +173,78 @@ def _write_pictures(table: xarray.Dataset, folder: Path) -> list[Path]:
     if effects := all_effects(table):
         paths.append(write_effects(effects, folder / "effects.csv"))
     return paths
+
+
+def after_run(folder: Path, outcome: Outcome, analyse: Analyse = analyse) -> RunProducts:
+    """Write rows, pictures and summary of a finished run, also of one that ended early."""
+    files: list[Path] = []
+    products = NO_PRODUCTS
+    try:
+        files = write_products(folder, analyse=analyse)
+        values = json.loads((folder / "summary.json").read_text())
+        products = RunProducts(
+            tuple(files), {"optima": values["optima"]}, rows_done=values["rows_done"]
+        )
+    except (RunError, OSError, ValueError) as error:
+        trouble = (
+            error_text(error) if files else f"could not make all products: {error_text(error)}"
+        )
+        products = products._replace(files=tuple(files), trouble=trouble)
+    text = folder / "summary.txt"
+    return products._replace(text=text.read_text().rstrip()) if text.exists() else products
+
+
+def summarise(
+    run: Path,
+    calibrations: Sequence[CalibrationVersion],
+    *,
+    incomplete_rows: bool,
+    analyse: Analyse = analyse,
+) -> RunSummary:
+    """Return the summary of a recorded run, computed from its record."""
+    found = analyse(run, calibrations, incomplete_rows=incomplete_rows).summary
+    return RunSummary(summaries.as_text(found).rstrip(), summaries.as_json(found))
+
+
+def draw(run: Path, options: DrawOptions, analyse: Analyse = analyse) -> list[Path]:
+    """Draw one surface, bars of all rows, or write all products; return the paths."""
+    calibrations, incomplete = options.calibrations, options.incomplete_rows
+    if not (options.selects_surface or options.sort):
+        return write_products(run, calibrations, incomplete_rows=incomplete, analyse=analyse)
+    table = row_table(run, calibrations, incomplete_rows=incomplete)
+    folder = products_folder(run, calibrations)
+    if options.output is None:
+        folder.mkdir(exist_ok=True)
+    if options.selects_surface:
+        return [_draw_surface(table, folder, options)]
+    if options.sort == "run":
+        return [write_bars(table, options.output or folder / "bars.png")]
+    return [write_bars(table, options.output or folder / "bars_by_power.png", "power")]
+
+
+def _draw_surface(table: xarray.Dataset, folder: Path, options: DrawOptions) -> Path:
+    matrix = gain_matrix(table)
+    x, y = law_axes(matrix)
+    if options.surface is not None:
+        x, y = (find_column(matrix.columns, name) for name in options.surface)
+    varying = varied_columns(matrix)
+    for axis in (x, y):
+        if axis not in (*varying, *main_columns(matrix.columns)):
+            available = ", ".join(c.name for c in varying) or "nothing"
+            raise ValueError(f"{axis.name} does not vary in this run; these vary: {available}")
+    other_columns = [c for c in varying if c not in (x, y)]
+    fixed_values = {}
+    for argument in options.left_out:
+        name, _, value = argument.partition("=")
+        left_out_column = find_column(matrix.columns, name)
+        if left_out_column not in other_columns:
+            available = ", ".join(c.name for c in other_columns) or "none"
+            raise ValueError(f"{name} cannot be left out; besides the axes these vary: {available}")
+        if value:
+            number = parse_number(value)
+            if number is None:
+                hint = "write column=value in SI units"
+                raise ValueError(f"{argument}: {value!r} is not a number; {hint}")
+            fixed_values[left_out_column.name] = number
+    picture = options.output or folder / f"surface_{x.name}_{y.name}.png"
+    return write_sliced(table, picture, (x, y), fixed_values, options.stations)

@@ -5,18 +5,67 @@ other column has its value at that point (MASK4 report (Sandia), section 4.3). E
 therefore has its own slice.
 """
 
+from collections.abc import Sequence
 from math import isclose
 from typing import NamedTuple
 
 import numpy as np
 import xarray
+from matplotlib.tri import TriAnalyzer, Triangulation
 from scipy.stats import chi2
 
 from rig.analysis.labels import format_quantity, panel_title
-from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
 from rig.row_contents import LAW, Column, X, Y, find_column, with_role
+from rig.spectra.periods import Floats
 from rig.stations import Station, find
+
+XY = tuple[float, float]  # x, y
+
+_MIN_CIRCLE_RATIO = 0.15  # of inscribed to circumscribed circle; half a square grid cell has 0.41
+_COLLINEAR_EXTENT = 1e-9  # relative extent below which points are collinear
+
+
+def _scale_by_spacing(points: Sequence[XY]) -> Floats:
+    """Return the points in units of their median spacing, so that units do not affect the mesh."""
+    coordinates = np.array(points, dtype=np.float64)
+    steps = [np.diff(np.unique(axis)) for axis in coordinates.T]
+    spacing = [float(np.median(step)) if len(step) else 1.0 for step in steps]
+    return np.asarray((coordinates - coordinates.min(axis=0)) / np.array(spacing))
+
+
+def _grid_indices(points: Sequence[XY]) -> Floats:
+    """Return the points by column and row number, regardless of the spacing."""
+    coordinates = np.array(points, dtype=np.float64)
+    ranks = [np.unique(axis, return_inverse=True)[1] for axis in coordinates.T]
+    return np.array(ranks, dtype=np.float64).T
+
+
+def spans_surface(points: Sequence[XY]) -> bool:
+    """Return whether there are at least three points that are not collinear."""
+    if len(points) < 3:
+        return False
+    scaled = _scale_by_spacing(points)
+    spread = np.linalg.svd(scaled - scaled.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > _COLLINEAR_EXTENT * max(spread[0], 1.0))
+
+
+def triangulate(points: Sequence[XY]) -> Triangulation:
+    """Return the triangulation of points that span a surface.
+
+    Thin triangles along the border are masked: they connect points that are not neighbours, as in a
+    half-finished grid. A long cell of an unevenly spaced grid stays, because it is as short as the
+    others when counted in columns and rows.
+    """
+    scaled = _scale_by_spacing(points)
+    mesh = Triangulation(scaled[:, 0], scaled[:, 1])
+    thin = TriAnalyzer(mesh).get_flat_tri_mask(_MIN_CIRCLE_RATIO, rescale=False)
+    indices = _grid_indices(points)
+    index_mesh = Triangulation(indices[:, 0], indices[:, 1], mesh.triangles)
+    mask = thin & TriAnalyzer(index_mesh).get_flat_tri_mask(_MIN_CIRCLE_RATIO, rescale=False)
+    x, y = np.array(points, dtype=np.float64).T
+    return Triangulation(x, y, mesh.triangles, None if np.all(mask) else mask)
+
 
 _VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal
 _STEP_TOLERANCE = 0.01  # relative to the step; steps closer than this are equal
@@ -83,6 +132,19 @@ class Slice(NamedTuple):
         return [p.power[self.station.name] for p in self.points]
 
 
+def points_over(
+    matrix: Matrix, name: str, axes: tuple[Column, Column], fixed: Setting
+) -> list[Point]:
+    """Return the measured points with both axes, these values, and a finite power of a station."""
+    return [
+        p
+        for p in matrix.points
+        if agrees(p.setting, fixed)
+        and np.isfinite(p.power[name])
+        and all(axis.name in p.setting for axis in axes)
+    ]
+
+
 def slice_matrix(
     matrix: Matrix, name: str, x: Column, y: Column, fixed: Setting | None = None
 ) -> Slice:
@@ -92,14 +154,7 @@ def slice_matrix(
     """
     station = find(matrix.stations, name)
     fixed = {n: _campaign_value(matrix, n, v) for n, v in (fixed or {}).items() if np.isfinite(v)}
-    points = [
-        p
-        for p in matrix.points
-        if agrees(p.setting, fixed)
-        and np.isfinite(p.power[name])
-        and x.name in p.setting
-        and y.name in p.setting
-    ]
+    points = points_over(matrix, name, (x, y), fixed)
     if not points:
         return Slice(station, x, y, fixed, {}, (), (), None, matrix.columns)
     best_point = min(points, key=lambda point: point.power[name])
@@ -137,14 +192,8 @@ def project_matrix(matrix: Matrix, name: str, x: Column, y: Column) -> Slice:
 
     The best point is that of the whole matrix.
     """
-    best_slice = slice_matrix(matrix, name, x, y)
-    names = (x.name, y.name)
-    points = tuple(
-        p
-        for p in matrix.points
-        if np.isfinite(p.power[name]) and all(n in p.setting for n in names)
-    )
-    return best_slice._replace(sliced={}, points=points, missing=())
+    points = tuple(points_over(matrix, name, (x, y), {}))
+    return slice_matrix(matrix, name, x, y)._replace(sliced={}, points=points, missing=())
 
 
 class Panel(NamedTuple):

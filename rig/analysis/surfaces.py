@@ -10,7 +10,6 @@ import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -21,13 +20,19 @@ from rig.analysis.points import (
     Matrix,
     Point,
     Setting,
-    agrees,
     error_source,
     gain_matrix,
     levels,
     varied_columns,
 )
-from rig.analysis.slices import Slice, law_axes, panels, project_matrix, slice_matrix
+from rig.analysis.slices import (
+    Slice,
+    law_axes,
+    panels,
+    points_over,
+    project_matrix,
+    slice_matrix,
+)
 from rig.presentation import picture
 from rig.presentation.picture import DARK
 from rig.row_contents import Column, X, Y, main_columns
@@ -147,13 +152,7 @@ def _draw_scattered(figure: FigureBase, matrix: Matrix, view: View) -> None:
 def points_in_slice(matrix: Matrix, slice_: Slice) -> list[Point]:
     """Return the points of another table that lie in a slice."""
     fixed = slice_.fixed | slice_.sliced
-    return [
-        p
-        for p in matrix.points
-        if agrees(p.setting, fixed)
-        and {slice_.x.name, slice_.y.name} <= p.setting.keys()
-        and np.isfinite(p.power[slice_.station.name])
-    ]
+    return points_over(matrix, slice_.station.name, (slice_.x, slice_.y), fixed)
 
 
 def _draw_station(

@@ -5,9 +5,18 @@ kind of rig is its `CampaignKind` (`kind`).
 """
 
 from rig.campaign.check import CheckReport, check_campaign
-from rig.campaign.files import AnyCampaign, Campaign, CampaignParts, open_campaign
-from rig.campaign.kind import CampaignKind, Wait
-from rig.campaign.plan import AnyPlan, CampaignRow, PhaseSeconds, Plan, build_plan
+from rig.campaign.files import CampaignParts, open_campaign
+from rig.campaign.kind import (
+    AnyCampaign,
+    AnyPlan,
+    Campaign,
+    CampaignKind,
+    CampaignRow,
+    PhaseSeconds,
+    Plan,
+    Wait,
+)
+from rig.campaign.plan import build_plan
 from rig.campaign.record import resolved_config
 
 __all__ = [

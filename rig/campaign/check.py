@@ -6,10 +6,10 @@ from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from rig.campaign.files import AnyCampaign, ExtraCheck, no_extra_check, open_campaign
-from rig.campaign.kind import CampaignKind
+from rig.campaign.files import ExtraCheck, no_extra_check, open_campaign
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.campaign.law_checks import trial_problems
-from rig.campaign.plan import AnyPlan, build_plan
+from rig.campaign.plan import build_plan
 from rig.campaign.record import moves_entry
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW

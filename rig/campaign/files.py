@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from rig.campaign.kind import CampaignKind
+from rig.campaign.kind import AnyCampaign, Campaign, CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
-from rig.config.law_settings import AxisLaw
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
-from rig.config.rig_file import BaseRigFile, Rate
+from rig.config.rig_file import Rate
 from rig.config.sea import AnySea, RecordedSea, Sea
 from rig.config.yaml_source import SourceMap, load_mapping
 from rig.planning.designed_sea import largest_elevation_problems
@@ -31,40 +30,11 @@ from rig.planning.points import count_points
 from rig.planning.reference import ReferenceRecord, read_reference_record, realisation_problems
 from rig.planning.windows import WindowError
 
-F = TypeVar("F", bound=BaseCampaignFile)
-R = TypeVar("R", bound=BaseRigFile)
-L = TypeVar("L", bound=BaseModel)
 T = TypeVar("T")
 
 _SEA: TypeAdapter[AnySea] = TypeAdapter(Sea)
 _RATE: TypeAdapter[int] = TypeAdapter(Rate)
 _CAMPAIGN_KEYS = ("rig", "sea", "matrix")  # a file without any of them is not a campaign at all
-
-
-class Campaign(NamedTuple, Generic[F, R, L]):
-    """A campaign whose files passed all checks that need no simulated plant."""
-
-    kind: CampaignKind
-    file: F
-    locate: SourceMap  # of the campaign file
-    rig: R
-    rig_locate: SourceMap  # of the rig file
-    limits: L
-    plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
-    plant_locate: SourceMap  # of the plant file
-    points: tuple[Point, ...]  # empty for a wave calibration
-    elevation: Elevation | None  # of a recorded sea
-    record: ReferenceRecord | None  # of a recorded reference
-    files: tuple[InputFile, ...]  # with the files that they extend
-
-    @property
-    def axis_laws(self) -> dict[str, AxisLaw]:
-        """The law of each axis."""
-        return dict(self.file.axis_laws)
-
-
-AnyCampaign = Campaign[Any, Any, Any]
-"""A campaign of any kind of rig."""
 
 
 class CampaignParts(NamedTuple):
@@ -223,8 +193,9 @@ def _campaign_problems(
     except WindowError as error:
         problems.append(locate.problem(error.key, error.value, error.message))
     matrix: Any = file.matrix
-    # Without points there are too many to build: the lengths of the matrix give their number.
-    count = count_points(matrix) if points is None and matrix is not None else len(points or ())
+    count = len(points or ())
+    if points is None and matrix is not None:  # too many to build: its lengths give their number
+        count = count_points(matrix.grid, matrix.combinations)
     rows = file.repeat * count
     if rows > MAX_ROWS:
         key = ("repeat",) if file.repeat > 1 else ("matrix",)

@@ -1,25 +1,34 @@
-"""What a kind of rig adds to campaigns: the constant `CAMPAIGNS` of its room `campaign`."""
+"""A campaign, its plan, and what a kind of rig adds to them.
 
-from collections.abc import Callable, Iterable, Sequence
+`CampaignKind` is the type of the constant `CAMPAIGNS` of a kind's room `campaign`. It calls for
+campaigns and plans, and a campaign contains it, so their types are in this module, too.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import BaseModel
 
 from rig.config.campaign_file import BaseCampaignFile
+from rig.config.law_settings import AxisLaw
 from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
 from rig.laws import Law
-from rig.planning.input_files import ConfigSource
+from rig.planning.elevation import Elevation
+from rig.planning.input_files import ConfigSource, InputFile
 from rig.planning.point import MAX_ROWS, Point
 from rig.planning.points import count_points, matrix_points
+from rig.planning.reference import ReferenceRecord
 from rig.planning.windows import RowWindows, row_windows
-from rig.realtime.sequence import WAIT_DRIVE
+from rig.realtime.sequence import WAIT_DRIVE, Segments
 
-if TYPE_CHECKING:
-    from rig.campaign.files import AnyCampaign
-    from rig.campaign.plan import AnyPlan
+F = TypeVar("F", bound=BaseCampaignFile)
+R = TypeVar("R", bound=BaseRigFile)
+L = TypeVar("L", bound=BaseModel)
+S = TypeVar("S")  # set point of a row
+T = TypeVar("T")  # table of set points
 
 # `Any` stands for the kind's own types: its models of campaign and rig file, and the set point of
 # a row (`set_points.row_setting`).
@@ -59,7 +68,7 @@ def points_of_matrix(file: File, rig: Rig | None, locate: SourceMap) -> tuple[Po
     """
     if file.matrix is None:
         return ()
-    if count_points(file.matrix) > MAX_ROWS:
+    if count_points(file.matrix.grid, file.matrix.combinations) > MAX_ROWS:
         return None
     return matrix_points(file.matrix, locate, file.kind_columns, file.law_columns())
 
@@ -123,3 +132,70 @@ class CampaignKind(NamedTuple):
     swept_keys: tuple[str, ...] = ("sea", "law", "reference", "seed", "start", "timing", "tare")
     """Keys of the campaign file that may be swept."""
     rig_parts: str = ""  # role of files that the rig file names in place of a mapping
+
+
+class Campaign(NamedTuple, Generic[F, R, L]):
+    """A campaign whose files passed all checks that need no simulated plant."""
+
+    kind: CampaignKind
+    file: F
+    locate: SourceMap  # of the campaign file
+    rig: R
+    rig_locate: SourceMap  # of the rig file
+    limits: L
+    plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
+    plant_locate: SourceMap  # of the plant file
+    points: tuple[Point, ...]  # empty for a wave calibration
+    elevation: Elevation | None  # of a recorded sea
+    record: ReferenceRecord | None  # of a recorded reference
+    files: tuple[InputFile, ...]  # with the files that they extend
+
+    @property
+    def axis_laws(self) -> dict[str, AxisLaw]:
+        """The law of each axis."""
+        return dict(self.file.axis_laws)
+
+
+AnyCampaign = Campaign[Any, Any, Any]
+"""A campaign of any kind of rig."""
+
+
+class CampaignRow(NamedTuple, Generic[S]):
+    """One row of the plan: a point of the matrix, run once."""
+
+    row: int  # from 0, in the order of the plan
+    point: int  # from 0, in the order of the file
+    repetition: int  # from 0
+    place: float  # of the part that moves between rows, in the unit of its column
+    setting: S
+    periods: int  # wave or repeat periods measured; 0: not a whole number
+    measure: float  # s
+
+
+class PhaseSeconds(NamedTuple):
+    """Planned duration of each phase, s."""
+
+    tare: float
+    lead_in: float
+    moving: float
+    settle: float
+    measure: float
+    tail: float
+
+
+class Plan(NamedTuple, Generic[S, T]):
+    """A campaign that `rig.realtime.sequence.step` can execute."""
+
+    rows: tuple[CampaignRow[S], ...]
+    segments: Segments
+    setpoints: T
+    dt: float  # s, length of a tick
+    duration: float  # s, planned; waiting for parts of the rig may add to it
+    wave_seconds: float  # s of the wave clock, planned
+    moves: int  # of a part of the rig between rows
+    phases: PhaseSeconds
+    axis_laws: Mapping[str, AxisLaw]
+
+
+AnyPlan = Plan[Any, Any]
+"""The plan of a campaign of any kind of rig."""

@@ -15,8 +15,8 @@ from pydantic import TypeAdapter, ValidationError
 from controllers.blocks import finite
 from controllers.signals import Estimate
 from rig import laws
-from rig.campaign.files import AnyCampaign, CampaignParts, valid_key
-from rig.campaign.plan import AnyPlan, CampaignRow
+from rig.campaign.files import CampaignParts, valid_key
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignRow
 from rig.config.law_settings import IMPEDANCE, AxisLaw, law_model
 from rig.config.problems import Problem
 from rig.config.reference import AnyReference, Reference

@@ -10,63 +10,17 @@ Without rows (a wave calibration) there is only a lead-in and one window of whol
 the drive stays off.
 """
 
-from collections.abc import Mapping
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol
 
-from rig.campaign.kind import CampaignKind, Wait
+from rig.campaign.kind import AnyPlan, CampaignKind, CampaignRow, PhaseSeconds, Plan, Wait
 from rig.campaign.set_points import row_setting, zero_setting
 from rig.config.campaign_file import BaseCampaignFile
-from rig.config.law_settings import AxisLaw
 from rig.config.rig_file import BaseRigFile
 from rig.planning.order import Order, PointRepetition, order_points
 from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.planning.windows import RowWindows
-from rig.realtime.sequence import NO_ROW, Phase, Segments
-
-S = TypeVar("S")  # set point of a row
-T = TypeVar("T")  # table of set points
-
-
-class CampaignRow(NamedTuple, Generic[S]):
-    """One row of the plan: a point of the matrix, run once."""
-
-    row: int  # from 0, in the order of the plan
-    point: int  # from 0, in the order of the file
-    repetition: int  # from 0
-    place: float  # of the part that moves between rows, in the unit of its column
-    setting: S
-    periods: int  # wave or repeat periods measured; 0: not a whole number
-    measure: float  # s
-
-
-class PhaseSeconds(NamedTuple):
-    """Planned duration of each phase, s."""
-
-    tare: float
-    lead_in: float
-    moving: float
-    settle: float
-    measure: float
-    tail: float
-
-
-class Plan(NamedTuple, Generic[S, T]):
-    """A campaign that `rig.realtime.sequence.step` can execute."""
-
-    rows: tuple[CampaignRow[S], ...]
-    segments: Segments
-    setpoints: T
-    dt: float  # s, length of a tick
-    duration: float  # s, planned; waiting for parts of the rig may add to it
-    wave_seconds: float  # s of the wave clock, planned
-    moves: int  # of a part of the rig between rows
-    phases: PhaseSeconds
-    axis_laws: Mapping[str, AxisLaw]
-
-
-AnyPlan = Plan[Any, Any]
-"""The plan of a campaign of any kind of rig."""
+from rig.realtime.sequence import NO_ROW, Phase
 
 
 class PlanInputs(Protocol):

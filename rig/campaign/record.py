@@ -2,18 +2,17 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import laws
-from rig.campaign.files import AnyCampaign
-from rig.campaign.kind import CampaignKind
-from rig.campaign.plan import AnyPlan
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
 from rig.config.problems import display_path
 from rig.config.reference import AnyReference, RecordedReference
+from rig.identification.channels import AxisChannels
 from rig.laws import Law, LawError, find, load_source
 from rig.planning.input_files import hash_input_file
 from rig.planning.point import Point
@@ -94,10 +93,15 @@ def moves_entry(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, int]:
     return {f"{first.heading}_moves": plan.moves}
 
 
-def reference_record(reference: AnyReference, newtons_per_ampere: float) -> dict[str, Any] | None:
+def reference_record(
+    reference: AnyReference,
+    newtons_per_ampere: float,
+    channels: Callable[[str], AxisChannels],
+) -> dict[str, Any] | None:
     """Return the open-loop reference as identification needs it; None without one.
 
-    ``newtons_per_ampere`` is the force (N, or N*m) per current of the drive of its axis.
+    ``newtons_per_ampere`` is the force (N, or N*m) per current of the drive of its axis,
+    ``channels`` returns the channels of an axis.
     """
     if reference is None:
         return None
@@ -106,6 +110,7 @@ def reference_record(reference: AnyReference, newtons_per_ampere: float) -> dict
         "kind": reference.kind,
         "period_s": reference.period,
         "newtons_per_ampere": newtons_per_ampere,
+        "channels": channels(reference.axis).as_record(),
         "words": reference.description(),
     }
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rig.campaign.kind import CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
-from rig.config.columns import KindColumns, LawColumns
+from rig.config.matrix import KindColumns, LawColumns
 from rig.config.rig_file import BaseRigFile
 from rig.planning.point import Point
 

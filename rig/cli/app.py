@@ -30,13 +30,11 @@ COMMANDS = tuple(
         ("plot", "Draw a run: its products, one surface, bars, or log fields over time."),
         ("compare", "Compare two runs of one matrix: settings, then power point by point."),
         ("identify", "Identify impedances and wave excitation from open-loop runs."),
-        ("matrix", "Read a gain matrix of an earlier rig, and convert it for wec-rig."),
         ("replay", "Replay a run's logged sensors through today's cycle, and compare."),
         ("sweep", "Simulate a campaign's rows for all values of some parameters."),
-        ("testlog", "Read the log of a test: its runs, their links, and every irregularity."),
         ("export", "Export a run for other tools."),
         ("merge", "Align wave data, power-analyser and other records with a run's time."),
-        ("calibration", "List, show, apply and compare corrections of recorded values."),
+        ("calibration", "List, show, apply and compare versioned corrections of recorded values."),
         ("scan", "List the devices on a wire without a rig file. It only reads."),
     )
 )
@@ -48,7 +46,7 @@ class CommandGroup(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self._modules: dict[str, str] = {}
+        self._listed: dict[str, Command] = {}
         self._add(COMMANDS)
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -65,7 +63,7 @@ class CommandGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return name, command with its options, and the remaining arguments."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, name and load(name, self._modules[name]), rest
+        return name, name and load(self._listed[name]), rest
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command and exit with its code; 3 on an interrupt that it did not handle."""
@@ -79,17 +77,19 @@ class CommandGroup(TyperGroup):
 
     def _add(self, commands: tuple[Command, ...]) -> None:
         for each in commands:
-            self._modules.setdefault(each.name, each.module)
+            self._listed.setdefault(each.name, each)
             self.commands.setdefault(each.name, TyperCommand(each.name, help=each.help))
 
 
-def load(name: str, module_name: str) -> Any:
+def load(listed: Command) -> Any:
     """Return a command with its options: a function `command` of a module, or a group of some."""
-    module = import_module(module_name)
+    module = import_module(listed.module)
     if isinstance(module.command, typer.Typer):
-        return typer.main.get_command(module.command)
+        group: Any = typer.main.get_command(module.command)
+        group.name, group.help = listed.name, listed.help
+        return group
     single = typer.Typer(add_completion=False)
-    single.command(name, epilog=getattr(module, "EXIT_CODES", None))(module.command)
+    single.command(listed.name, epilog=getattr(module, "EXIT_CODES", None))(module.command)
     return typer.main.get_command(single)
 
 

@@ -28,11 +28,7 @@ from rig.recording.calibration_changes import (
     values_in_runs,
 )
 
-command = typer.Typer(
-    name="calibration",
-    no_args_is_help=True,
-    help="List, show, apply and compare versioned corrections of recorded values.",
-)
+command = typer.Typer(no_args_is_help=True)
 CalibrationName = Annotated[str, typer.Argument(help="NAME, NAME@VERSION, or a calibration file.")]
 TestLog = Annotated[Path | None, typer.Option("--testlog", help="Test log (xlsx).")]
 

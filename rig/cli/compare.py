@@ -1,6 +1,5 @@
 """`rig compare A B`."""
 
-import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -9,10 +8,10 @@ import typer
 
 from rig.analysis import comparison
 from rig.analysis.comparison_picture import write_comparison
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result
-from rig.config.problems import error_text
+from rig.config.problems import error_text, parse_number
 from rig.recording.runs import run_info
 from rig.row_contents import Column, find_column, union
 
@@ -61,11 +60,8 @@ def _parse_values(arguments: list[str], columns: tuple[Column, ...]) -> dict[str
     values = {}
     for argument in arguments:
         name, _, text = argument.partition("=")
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
+        value = parse_number(text)
+        if value is None:
             raise ValueError(f"{argument}: write COLUMN=VALUE, the value in SI units")
         try:
             values[find_column(columns, name).name] = value

@@ -7,8 +7,7 @@ import typer
 
 from rig.cli.options import Json
 from rig.cli.output import OK, input_errors, print_json
-from rig.config.shipped_copy import copy_files
-from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_shipped
+from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, copy_files, find_shipped
 
 _NEXT_COMMANDS = {
     CAMPAIGNS: ("rig check {}", "rig run {}"),

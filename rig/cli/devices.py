@@ -2,33 +2,40 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from drivers.canopen import arming, emcy, statusword
+from drivers.canopen import emcy, statusword
 from drivers.canopen.heartbeat import NmtState
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
-from rig.cli.output import FAILED, OK, fail, input_errors, print_json
+from rig.cli.output import FAILED, OK, fail, input_errors, print_json, waiting
 from rig.kinds.rig_file import load_rig
 from rig.presentation.console import plain_table, table_console
 from rig.presentation.json_values import json_value
 from rig.processes import wire_locks
 from rig.recording.runs.create import BusyError
-from rig.wires.can_survey import BusSurvey, NodeSurvey, error_register_text
-from rig.wires.line_survey import LineSurvey, SurveyedValue, UnitSurvey
-from rig.wires.listen import BusActivity, listen
-from rig.wires.stream_survey import StreamSurvey
-from rig.wires.survey import RigSurvey, survey
+from rig.wires.scan import BusActivity, listen
+from rig.wires.survey import (
+    BusSurvey,
+    LineSurvey,
+    NodeSurvey,
+    RigSurvey,
+    StreamSurvey,
+    SurveyedValue,
+    UnitSurvey,
+    error_register_text,
+    survey,
+)
 
 EXIT_CODES = """\
 Exit codes: 0 all devices answer and agree with the rig file; 1 a device does not, or one of the \
 rig's wires is in use; 2 bad input."""
-T = TypeVar("T")
+_SURVEYING = "surveying the rig's wires ..."
 
 
 def command(
@@ -47,12 +54,16 @@ def command(
         job = kind.room("hardware.job").build_job(rig)
     console = table_console()
     if only_listen:
-        heard = _with_status(console, lambda: listen(rig), as_json=as_json)
+        with waiting(console, _SURVEYING, quiet=as_json):
+            heard = listen(rig)
         data, rendered = heard_as_dict(rig.name, heard), render_heard(rig.name, heard)
     else:
         try:
-            with wire_locks.acquire(wire_locks.wires_in(rig), "rig devices"):
-                found = _with_status(console, lambda: survey(job), as_json=as_json)
+            with (
+                wire_locks.acquire(wire_locks.wires_in(rig), "rig devices"),
+                waiting(console, _SURVEYING, quiet=as_json),
+            ):
+                found = survey(job)
         except BusyError as error:
             text = f"{error}\n--listen sends nothing: it shows what nodes on the CAN bus send"
             return fail("devices", RuntimeError(text), as_json=as_json, code=FAILED)
@@ -63,14 +74,6 @@ def command(
     else:
         console.print(rendered)
     return FAILED if data["trouble"] else OK
-
-
-def _with_status(console: Console, survey_wires: Callable[[], T], *, as_json: bool) -> T:
-    """Return a survey; show on a terminal that it is going on."""
-    if as_json or not console.is_terminal:
-        return survey_wires()
-    with console.status("surveying the rig's wires ..."):
-        return survey_wires()
 
 
 BAD_STYLE, NOTE_STYLE = "bold red", "dim"
@@ -190,14 +193,10 @@ def _nmt_text(node: NodeSurvey) -> Text:
 
 
 def _heartbeat_text(node: NodeSurvey) -> Text:
+    every = node.heartbeat_every
     if node.heartbeat_age is not None:
-        interval = f" (every {node.heartbeat_every:g} s)" if node.heartbeat_every else ""
-        return Text(f"{node.heartbeat_age:.2f} s ago{interval}")
-    return (
-        Text("none received", BAD_STYLE)
-        if node.heartbeat_every
-        else Text("off until a run", NOTE_STYLE)
-    )
+        return Text(f"{node.heartbeat_age:.2f} s ago" + (f" (every {every:g} s)" if every else ""))
+    return Text("none received", BAD_STYLE) if every else Text("off until a run", NOTE_STYLE)
 
 
 def _status_text(node: NodeSurvey) -> Text:
@@ -217,7 +216,8 @@ def _error_register_text(node: NodeSurvey) -> Text:
     return Text(text, BAD_STYLE)
 
 
-def _error_code_text(code: int | None) -> Text:
+def _error_code_text(node: NodeSurvey) -> Text:
+    code = node.error_code
     if not code:
         return _text_or_dash("none" if code == 0 else None)
     return Text(f"{code:#06x} {emcy.meaning(code)}", BAD_STYLE)
@@ -230,9 +230,8 @@ def _settings_text(node: NodeSurvey) -> Text:
 
 
 def _unset_text(node: NodeSurvey) -> Text:
-    return Text(
-        f"{len(node.unset)} of {node.checked} objects" if node.unset else "nothing", NOTE_STYLE
-    )
+    count = f"{len(node.unset)} of {node.checked} objects"
+    return Text(count if node.unset else "nothing", NOTE_STYLE)
 
 
 # Label and text function of each row of the node table.
@@ -247,7 +246,7 @@ _ROWS: tuple[tuple[str, Callable[[NodeSurvey], Text]], ...] = (
     ("heartbeat", _heartbeat_text),
     ("statusword", _status_text),
     ("error register", _error_register_text),
-    ("error code", lambda node: _error_code_text(node.error_code)),
+    ("error code", _error_code_text),
     ("fixed settings", _settings_text),
     ("a run will set", _unset_text),
 )
@@ -255,13 +254,12 @@ _ROWS: tuple[tuple[str, Callable[[NodeSurvey], Text]], ...] = (
 
 def _unset_objects_text(node: NodeSurvey) -> Text:
     heading = f"{node.name} (node {node.node}): objects that a run will set before it arms\n"
-    return Text.assemble((heading, "bold"), *map(_unset_object_text, node.unset))
-
-
-def _unset_object_text(mismatch: arming.Mismatch) -> str:
-    actual = "no answer" if mismatch.actual is None else f"is {_count_text(mismatch.actual)}"
-    index = f"{mismatch.object:#06x}:{mismatch.sub:02x}"
-    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.expected)}, {actual}\n"
+    text = Text.assemble((heading, "bold"))
+    for each in node.unset:
+        actual = "no answer" if each.actual is None else f"is {_count_text(each.actual)}"
+        index, expected = f"{each.object:#06x}:{each.sub:02x}", _count_text(each.expected)
+        text.append(f"  {index} {each.name}: set to {expected}, {actual}\n")
+    return text
 
 
 def _count_text(value: int) -> str:
@@ -312,7 +310,8 @@ def _render_values(values: tuple[SurveyedValue, ...]) -> Table:
     for value in values:
         table.add_column(no_wrap=True, overflow="fold")
         digits = ".0f" if value.unit == "count" else ".4g"
-        number = f"{value.value:{digits}}" + (f" {value.unit}" if value.unit != "flag" else "")
+        unit = "" if value.unit in ("flag", "1") else f" {value.unit}"
+        number = f"{value.value:{digits}}{unit}"
         style = "" if value.plausible else BAD_STYLE
         cells.append(Text.assemble((f"{value.name} ", NOTE_STYLE), (number, style)))
     table.add_row(*cells)

@@ -1,5 +1,6 @@
 """`rig doctor`."""
 
+import itertools
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from rich.text import Text
 
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import RUNS, Json, Runs
-from rig.cli.output import FAILED, OK, input_errors, print_json
+from rig.cli.output import FAILED, OK, input_errors, print_json, waiting
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import UNPRIVILEGED_S
 from rig.kinds.rig_file import load_rig
@@ -60,11 +61,9 @@ def command(
             rig_config, _, _ = load_rig(input_file(rig, RIGS))
     rate = rate or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
     options = DoctorOptions(runs, seconds, rate, hours, rig_config)
-    if not as_json and console.is_terminal:
-        duration = seconds + min(seconds, UNPRIVILEGED_S)
-        with console.status(f"measuring wake-ups for {duration:g} s, then the other checks ..."):
-            examination = examine(options)
-    else:
+    duration = seconds + min(seconds, UNPRIVILEGED_S)
+    text = f"measuring wake-ups for {duration:g} s, then the other checks ..."
+    with waiting(console, text, quiet=as_json):
         examination = examine(options)
     if as_json:
         print_json(examination.as_dict())
@@ -80,15 +79,11 @@ def render(examination: Examination, width: int) -> Group:
     shows only the limits that are exceeded.
     """
     parts: list[Table | Text] = []
-    area = ""
-    for finding in examination.findings:
-        if finding.area != area:
-            area = finding.area
-            parts.append(Text(f"\n{area}", style="bold"))
-            parts.append(_table(width))
-        table = parts[-1]
-        assert isinstance(table, Table)
-        _add_finding(table, finding)
+    for area, findings in itertools.groupby(examination.findings, lambda each: each.area):
+        table = _table(width)
+        for finding in findings:
+            _add_finding(table, finding)
+        parts += [Text(f"\n{area}", style="bold"), table]
     fit = examination.fit(Use.REALTIME)
     style = "bold green" if fit else "bold yellow" if examination.fit(Use.REHEARSAL) else "bold red"
     parts += [Text(""), Text(examination.verdict, style=style)]

@@ -2,14 +2,15 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
 from rig.cli.output import OK, input_errors, print_json
 from rig.interop import tables
+from rig.kinds import optional_rooms
 from rig.recording.runs import run_info
 
 
@@ -62,13 +63,9 @@ def command(
                     "--field and --row work with netcdf and csv only; the MASK4 structure holds "
                     "all fields and rows"
                 )
-            from rig.kinds.wavebot.mask4.export import export_structure, write_mat
-
-            exported = export_structure(record, rate)
-            remarks = exported.remarks
-            write_mat(exported, path)
+            remarks = _format_of_a_kind(form)(record, rate, path)
         else:
-            selected = fields or (tables.CSV_FIELDS if form is ExportFormat.CSV else ())
+            selected = fields or (tables.csv_fields(record) if form is ExportFormat.CSV else ())
             table = tables.export_table(record, selected, rows or (), rate)
             write = tables.write_csv if form is ExportFormat.CSV else tables.write_netcdf
             write(table, path)
@@ -79,3 +76,11 @@ def command(
     for remark in remarks:
         print(f"  {remark}")
     return OK
+
+
+def _format_of_a_kind(form: ExportFormat) -> Any:
+    """Return the function of the first kind with a format; ValueError without one."""
+    for room in optional_rooms("exports"):
+        if form in room.FORMATS:
+            return room.FORMATS[form]
+    raise ValueError(f"--as {form}: no kind of rig on this host has this format")

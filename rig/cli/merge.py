@@ -1,18 +1,17 @@
 """`rig merge RUN FILE...`."""
 
-import math
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
 from rig.cli.output import FAILED, input_errors, print_result
+from rig.config.problems import parse_number
 from rig.interop.basin.align import format_alignment
-from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json
-from rig.interop.basin.products import write_products
+from rig.interop.basin.merge import MergeSource, SyncChannels, merge, to_json, write_products
 from rig.recording.channel_file import METRES_PER_UNIT
 
 EXIT_CODES = """\
@@ -105,11 +104,8 @@ def _parse_sources(
             )
         sources[name] = sources[name]._replace(unit=unit)
     for name, _, text in map(parse, offsets):
-        try:
-            seconds = float(text)
-        except ValueError:
-            seconds = math.nan
-        if not math.isfinite(seconds):
+        seconds = parse_number(text)
+        if seconds is None:
             raise ValueError(f"{name}={text}: {text!r} is not a number of seconds")
         sources[name] = sources[name]._replace(offset=seconds)
     for argument in matches:

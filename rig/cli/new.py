@@ -14,11 +14,7 @@ _EXIT_CODES = "Exit codes: 0 written; 2 bad input, and nothing is written."
 
 Folder = Annotated[Path, typer.Option("--folder", help="Folder to write to.")]
 
-command = typer.Typer(
-    name="new",
-    no_args_is_help=True,
-    help="Write a new kind of rig as a package, or the files of a new rig.",
-)
+command = typer.Typer(no_args_is_help=True)
 
 
 @command.command(epilog=_EXIT_CODES)
@@ -100,6 +96,8 @@ def rig(
 ) -> int:
     """Write rig, limits, plant and campaign file of a body with one axis, from its BEM file.
 
+    Two more files put the rig on its wires, with addresses on this computer for emulated devices.
+
     The campaign is a gain matrix around the impedance match. Motor, gear and limits are derived
     from its motion and forces; comments mark the numbers to choose. No Python is needed. The
     command never overwrites a file.
@@ -112,8 +110,13 @@ def rig(
     )  # fmt: skip
     with input_errors("new rig", as_json=as_json):
         written = write_rig(name, folder, options)
-    campaign = folder / name / "campaign.yaml"
-    commands = (f"rig check {campaign}", f"rig run {campaign}", f"rig sweep {campaign}")
+    campaign, wired = folder / name / "campaign.yaml", folder / name / "rig_hil.yaml"
+    commands = (
+        f"rig check {campaign}",
+        f"rig run {campaign}",
+        f"rig sweep {campaign}",
+        f"rig run {campaign} --rig {wired} --sim",
+    )
     return _report(written, commands, "edit the lines marked `choose`", as_json)
 
 

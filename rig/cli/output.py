@@ -3,9 +3,11 @@
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
+
+from rich.console import Console
 
 from rig.config.problems import ConfigError, error_text
 
@@ -48,6 +50,11 @@ def fail(command: str, error: Exception, *, as_json: bool, code: int = BAD_INPUT
     else:
         print(f"rig {command}: {message}", file=sys.stderr)
     return code
+
+
+def waiting(console: Console, text: str, *, quiet: bool) -> AbstractContextManager[object]:
+    """Return a context that shows what a person waits for, on a terminal unless ``quiet``."""
+    return console.status(text) if console.is_terminal and not quiet else nullcontext()
 
 
 def print_json(values: Any) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rig.analysis.run_products import DrawOptions
-from rig.cli.find_run import find_calibrations, find_run, products_of
+from rig.cli.input_files import find_calibrations, find_run, products_of
 from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Run, Runs
 from rig.cli.output import OK, input_errors
 

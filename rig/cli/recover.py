@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from rig.cli.find_run import find_run
+from rig.cli.input_files import find_run
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import FAILED, LOST, OK, fail
 from rig.recording.runs import RunError, create
@@ -60,9 +60,8 @@ def command(
         return fail("recover", _with_advice(error), as_json=as_json, code=FAILED)
     rows = _read_rows(recovery.output)
     if rows is not None and output is None and run.is_dir():
-        with suppress(
-            OSError, ValueError
-        ):  # the record is complete; only the status may be missing
+        # The record is complete; only the status may be missing.
+        with suppress(OSError, ValueError):
             create.write_rows_done(run, sum(row.state == "complete" for row in rows))
     print(json.dumps(_as_dict(recovery, rows)) if as_json else "\n".join(_lines(recovery, rows)))
     return OK if recovery.complete else LOST
@@ -125,48 +124,49 @@ def _as_dict(recovery: Recovery, rows: list[RecoveredRow] | None) -> dict[str, A
 
 
 def _lines(recovery: Recovery, rows: list[RecoveredRow] | None) -> list[str]:
-    account = recovery.account
-    lines = [f"{'ended':<10}{recovery.outcome}"]
-    if account.first_tick is None:
-        lines.append(f"{'saved':<10}no row: the run ended before its first tick was on the disk")
-    else:
-        lines.append(
-            f"{'saved':<10}{account.rows} rows{_duration_text(account.rows, account.period)}, "
+    """Return the report as lines, each group of them with its label in front of the first."""
+    account, verified = recovery.account, recovery.read_back
+    saved = "no row: the run ended before its first tick was on the disk"
+    if account.first_tick is not None:
+        saved = (
+            f"{account.rows} rows{_duration_text(account.rows, account.period)}, "
             f"ticks {account.first_tick} to {account.last_tick}"
         )
-    lines += [
-        f"{name:<10}{text}"
-        for name, text in (*_missing_lines(recovery), *_row_lines(rows, lost=account.lost > 0))
-    ]
-    damage = [
-        *recovery.damage,
-        *([f"{recovery.unread} torn bytes"] if recovery.unread else []),
-    ] or ["none"]
-    lines += [f"{'' if i else 'damage':<10}{text}" for i, text in enumerate(damage)]
-    verified = recovery.read_back
+    skips = sum(1 for gap in account.gaps if gap.skipped)
+    skipped = f"{account.skipped} periods in {skips} places: the loop woke late; counted"
+    torn = [f"{recovery.unread} torn bytes"] if recovery.unread else []
     size = recovery.output.stat().st_size / 1e6
-    lines.append(
-        f"{'record':<10}{recovery.output}, {size:.1f} MB, "
-        + ("written" if recovery.written else "existed already")
-    )
-    lines.append(
-        f"{'':<10}read back with the mcap library: {verified.rows} messages in {verified.chunks} "
-        "chunks, all checksums correct"
-    )
+    record = [
+        f"{recovery.output}, {size:.1f} MB, "
+        + ("written" if recovery.written else "existed already"),
+        f"read back with the mcap library: {verified.rows} messages in {verified.chunks} chunks, "
+        "all checksums correct",
+    ]
     if recovery.sources:
         names = ", ".join(path.name for path in recovery.sources)
-        advice = (
-            "no longer needed" if recovery.complete else "keep it: another copy may hold the rest"
-        )
-        lines.append(f"{'':<10}{names} unchanged; {advice}")
-    return lines
+        keep = "keep it: another copy may hold the rest"
+        record.append(f"{names} unchanged; {'no longer needed' if recovery.complete else keep}")
+    groups = {
+        "ended": [recovery.outcome],
+        "saved": [saved],
+        "missing": _missing_lines(recovery),
+        "skipped": [skipped] if account.skipped else [],
+        "rows": _row_lines(rows, lost=account.lost > 0),
+        "damage": [*recovery.damage, *torn] or ["none"],
+        "record": record,
+    }
+    return [
+        f"{'' if i else label:<10}{text}"
+        for label, texts in groups.items()
+        for i, text in enumerate(texts)
+    ]
 
 
 def _duration_text(ticks: int, period: float | None) -> str:
     return "" if period is None else f" ({ticks * period:.3f} s)"
 
 
-def _missing_lines(recovery: Recovery) -> list[tuple[str, str]]:
+def _missing_lines(recovery: Recovery) -> list[str]:
     account = recovery.account
     gaps = [gap for gap in account.gaps if gap.lost]
     lines = [
@@ -190,26 +190,17 @@ def _missing_lines(recovery: Recovery) -> list[tuple[str, str]]:
         witness = f"by {account.end_report.source}: {account.end_report.ticks} ticks executed"
         total = f"in all {account.lost}" if lines else "nothing"
         lines.append(f"{total} (end recorded {witness})")
-    labelled = [("missing" if i == 0 else "", line) for i, line in enumerate(lines)]
-    if account.skipped:
-        gap_count = sum(1 for gap in account.gaps if gap.skipped)
-        labelled.append(
-            (
-                "skipped",
-                f"{account.skipped} periods in {gap_count} places: the loop woke late; counted",
-            )
-        )
-    return labelled
+    return lines
 
 
-def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[tuple[str, str]]:
-    from rig.analysis.alarms import format_rows
+def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[str]:
     from rig.analysis.rows import COMPLETE, NOT_RUN
+    from rig.analysis.summary import format_rows
 
     if rows is None:
         return []
     if not rows:
-        return [("rows", "none started")]
+        return ["none started"]
     clean = [row.row for row in rows if row.state == COMPLETE and not row.missing_ticks]
     with_gaps = [row for row in rows if row.state == COMPLETE and row.missing_ticks]
     incomplete = [row for row in rows if row.state not in (COMPLETE, NOT_RUN)]
@@ -223,4 +214,4 @@ def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[tuple[str
     lines += [f"row {row.row} incomplete: {row.reason}" for row in incomplete]
     label = "lost or not run" if lost else "not run"
     lines += [f"{label}: {format_rows(absent_rows)}"] if absent_rows else []
-    return [("rows" if i == 0 else "", line) for i, line in enumerate(lines)]
+    return lines

@@ -11,8 +11,7 @@ from rich.table import Table
 
 from rig.analysis.rows import COMPLETE
 from rig.campaign import AnyCampaign, open_campaign
-from rig.cli.find_run import find_run
-from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.cli.input_files import CAMPAIGNS, find_run, input_file
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.execution.replay import ReplayReport, replay
@@ -260,35 +259,33 @@ def _count_text(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _table(settings: list[Column]) -> Table:
+def _settings_table(
+    columns: tuple[Column, ...], rows: list[dict[str, float]]
+) -> tuple[Table, list[list[str]]]:
+    """Return a table with columns for row number and settings, and each row's settings as cells.
+
+    The settings are those of the main columns, and all that differ between rows.
+    """
+    always_shown = main_columns(columns)
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("row", justify="right")
-    for column in settings:
-        table.add_column(column.heading or column.label, justify="right")
-    return table
-
-
-def _shown_settings(columns: tuple[Column, ...], rows: list[dict[str, float]]) -> list[Column]:
-    """Return the columns to show: the main ones, and all that differ between rows."""
-    always_shown = main_columns(columns)
-    return [
-        column
-        for column in columns
-        if all(column.name in row for row in rows)
-        and (column in always_shown or len({row[column.name] for row in rows}) > 1)
-    ]
+    names = []
+    for column in columns:
+        values = {row.get(column.name) for row in rows}
+        if None not in values and (column in always_shown or len(values) > 1):
+            names.append(column.name)
+            table.add_column(column.heading or column.label, justify="right")
+    return table, [[f"{row[name]:g}" for name in names] for row in rows]
 
 
 def _logged_rows_table(
     result: "CounterfactualResult", headings: dict[str, str], columns: tuple[Column, ...]
 ) -> Table:
-    settings = _shown_settings(columns, [row.setting for row in result.comparisons])
-    table = _table(settings)
+    table, settings = _settings_table(columns, [row.setting for row in result.comparisons])
     for heading in headings.values():
         table.add_column(heading, justify="right")
         table.add_column("model", justify="right")
-    for row in result.comparisons:
-        cells = [f"{row.setting[column.name]:g}" for column in settings]
+    for row, cells in zip(result.comparisons, settings, strict=True):
         for name in headings:
             cells += [f"{row.logged[name]:.2f}", f"{row.modelled[name]:.2f}"]
         table.add_row(str(row.row), *cells)
@@ -298,16 +295,14 @@ def _logged_rows_table(
 def _predicted_rows_table(
     result: "CounterfactualResult", headings: dict[str, str], columns: tuple[Column, ...]
 ) -> Table:
-    settings = _shown_settings(columns, [row.setting for row in result.rows])
-    table = _table(settings)
+    table, settings = _settings_table(columns, [row.setting for row in result.rows])
     for heading in headings.values():
         table.add_column(heading, justify="right")
     table.add_column("stroke mm", justify="right")
     any_beyond = any(row.beyond_logged or row.beyond_identified for row in result.rows)
     if any_beyond:
         table.add_column("beyond")
-    for row in result.rows:
-        cells = [f"{row.setting[column.name]:g}" for column in settings]
+    for row, cells in zip(result.rows, settings, strict=True):
         cells += [_interval_text(row.power[name], row.half_width[name]) for name in headings]
         stroke = row.amplitude["stroke"]
         cells.append("" if math.isnan(stroke) else f"{stroke * _MM_PER_M:.0f}")

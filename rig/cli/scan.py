@@ -25,11 +25,7 @@ Exit codes: 0 a device answers; 1 no device answers, the wire cannot be opened, 
 _LATE_ANSWER_S = 0.1  # wait for a late answer after a timeout on a serial line
 
 
-command = typer.Typer(
-    name="scan",
-    no_args_is_help=True,
-    help="List the devices on a wire without a rig file. It only reads.",
-)
+command = typer.Typer(no_args_is_help=True)
 
 
 class Parity(StrEnum):

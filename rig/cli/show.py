@@ -2,7 +2,7 @@
 
 import json
 
-from rig.cli.find_run import find_calibrations, find_run, products_of
+from rig.cli.input_files import find_calibrations, find_run, products_of
 from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Run, Runs
 from rig.cli.output import OK, input_errors
 

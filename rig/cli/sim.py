@@ -49,9 +49,8 @@ def command(
     with input_errors("sim", as_json=as_json):
         rig, devices, sea = _open_devices(path, campaign)
         wiring = _checked_wiring(rig)
-    if taken_addresses := occupied_addresses(
-        wiring
-    ):  # the devices check again, but only after their start
+    # The devices check again, but only after their start.
+    if taken_addresses := occupied_addresses(wiring):
         busy = RuntimeError("\n".join(taken_addresses))
         return fail("sim", busy, as_json=as_json, code=FAILED)
     with (

@@ -10,7 +10,6 @@ import sys
 import time
 from pathlib import Path
 from threading import Timer
-from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -20,8 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rig.analysis.rows import columns_of
 from rig.cli import calibration_dates
-from rig.cli.find_run import find_run
-from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.cli.input_files import CAMPAIGNS, find_run, input_file
 from rig.cli.options import CAMPAIGN_HELP, RUNS, Json, Runs
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.config.problems import error_text
@@ -30,10 +28,9 @@ from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
 from rig.row_contents import LAW, PANEL, X, Y
 from rig.stations import Station, find
-from rig.sweep import executors, result_cache, sweep
-from rig.sweep import result as results
+from rig.sweep import executors, sweep
 from rig.sweep.cases import LEAD_IN, Outcome
-from rig.sweep.journal import JOURNAL_FILE as CASES
+from rig.sweep.journal import JOURNAL_FILE, load_report, store_report
 from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:
@@ -122,11 +119,11 @@ def command(
         with sweep.lock_folder(opened):
             remaining, damaged = sweep.count_remaining(opened)
             if damaged and not as_json:
+                journal = f"{opened.folder}/{JOURNAL_FILE}"
                 print(
-                    f"left out {damaged} bytes of {opened.folder}/{CASES}: not a complete case",
-                    file=sys.stderr,
+                    f"left out {damaged} bytes of {journal}: not a complete case", file=sys.stderr
                 )
-            result = result_cache.load(opened.folder, out) if not (remaining or measured) else None
+            result = load_report(opened.folder, out) if not (remaining or measured) else None
             if result is not None:
                 view.begin(len(opened.cases))
             else:
@@ -146,9 +143,13 @@ def command(
     if table is not None:
         try:
             with input_errors("sweep", as_json=as_json):
-                pictures = _draw(table, opened.folder, measured, quiet=as_json)
+                from rig.sweep.pictures import write_pictures
+
+                if not as_json:
+                    print("drawing ...", file=sys.stderr, flush=True)
+                pictures = write_pictures(table, opened.folder, measured)
                 result = _result_as_dict(opened, out, pictures, table)
-                result_cache.store(opened.folder, out, measured, [out, *pictures], result)
+                store_report(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
             return _report_interrupt(opened.folder, as_json=as_json)
     result = (result or {}) | {
@@ -197,9 +198,8 @@ def _compile(opened: sweep.Sweep) -> None:
     def print_notice() -> None:
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
 
-    timer = Timer(
-        _COMPILE_NOTICE_DELAY_S, print_notice
-    )  # a law of another structure is compiled even with a cache
+    # A law of another structure is compiled even with a cache.
+    timer = Timer(_COMPILE_NOTICE_DELAY_S, print_notice)
     timer.daemon = True
     if simulation_of(opened.campaign).is_compiled(opened.campaign):
         timer.start()
@@ -209,16 +209,6 @@ def _compile(opened: sweep.Sweep) -> None:
         opened.cases.prepare()
     finally:
         timer.cancel()
-
-
-def _draw(
-    table: "xarray.Dataset", folder: Path, measured: Path | None, *, quiet: bool
-) -> list[Path]:
-    from rig.sweep.pictures import write_pictures
-
-    if not quiet:
-        print("drawing ...", file=sys.stderr, flush=True)
-    return write_pictures(table, folder, measured)
 
 
 def _report_interrupt(folder: Path, *, as_json: bool) -> int:
@@ -235,7 +225,7 @@ def _result_as_dict(
 ) -> dict[str, Any]:
     state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
-    reasons = sorted({str(text) for text in reasons_of_cases[state == results.FAILED]})
+    reasons = sorted({str(text) for text in reasons_of_cases[state == sweep.FAILED]})
     return {
         "status": "failed cases" if reasons else "complete",
         "folder": str(opened.folder),
@@ -324,12 +314,7 @@ class SweepProgress:
         self._bar.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
     def begin(self, already_finished: int) -> None:

@@ -132,11 +132,6 @@ class _WindowColumns:
         return column if self.dtype[name].kind == "f" else column.astype(np.int64)
 
 
-def as_columns(table: Any) -> Any:
-    """Return a table of the loop with each of its columns as `Column`."""
-    return type(table)(*map(Column, table))
-
-
 def _take_buffer(fields: int, ticks: int) -> Floats:
     """Return a buffer for so many ticks, reusing that of a finished simulation if large enough."""
     size = fields * ticks

@@ -1,5 +1,6 @@
 """The calibration file: the corrected quantity, the correction, its validity and its reason."""
 
+import re
 from collections.abc import Iterator
 from datetime import date
 from typing import Annotated, Literal
@@ -9,19 +10,25 @@ from pydantic import Field, field_validator
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 
-QUANTITY_UNITS = {
-    "spring_rate": "N/m",
-    "torque_constant": "N*m/A",
-    "heave_position": "m",
-    "spring_map": "N/m",
-}
-"""Units of the quantities that can be corrected (for a spring map, the unit of its rates)."""
+QUANTITY_UNITS = {"spring_rate": "N/m", "torque_constant": "N*m/A", "spring_map": "N/m"}
+"""Units of the quantities that every rig may have (for a spring map, the unit of its rates).
+
+Which of a run's values these are follows from the contents of its row table: spring rate and
+spring map are the column of the panels and its actuator, the torque constant is that of the
+measured axis. The position of an axis is `<axis>_position`, in m.
+"""
+
+POSITION = "_position"
+"""End of the name of a position, after that of its axis."""
 
 Stroke = Annotated[float, Field(gt=0, le=2)]
-"""Stroke in either direction at a stator position, m; beyond it the stator's force reverses."""
+"""Stroke in either direction at a position of the spring, m; beyond it its force reverses."""
 
-TORQUE_CONSTANT_KEY = ("rig", "heave", "torque_constant_n_m_per_a")
-"""Key path of the torque constant in a run's configuration."""
+TORQUE_CONSTANT_KEY = "torque_constant_n_m_per_a"
+"""Key of the torque constant among the settings of an axis."""
+
+
+_AXIS_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 class ScaleCorrection(FileModel):
@@ -174,7 +181,7 @@ class CalibrationFile(FileModel):
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)
     version: WholeNumber = Field(ge=1, le=10_000)
-    quantity: Literal["spring_rate", "torque_constant", "heave_position", "spring_map"]
+    quantity: str = Field(max_length=64)
     unit: str
     correction: Correction
     valid: Validity
@@ -184,12 +191,21 @@ class CalibrationFile(FileModel):
     reason: str = Field(min_length=1)
     stroke_m: TupleOf[Stroke] | None = Field(default=None, strict=False)  # of a spring map
 
+    @field_validator("quantity")
+    @classmethod
+    def _is_known(cls, name: str) -> str:
+        axis = name.removesuffix(POSITION)
+        if name in QUANTITY_UNITS or (axis != name and _AXIS_NAME.fullmatch(axis)):
+            return name
+        allowed = f"{', '.join(QUANTITY_UNITS)}, or <axis>{POSITION}"
+        raise rule_error(f"{format_value(name)} cannot be corrected; allowed {allowed}")
+
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the unit, the superseded version and the spring map.
 
         Every version except the first supersedes an earlier one.
         """
-        unit = QUANTITY_UNITS[self.quantity]
+        unit = QUANTITY_UNITS.get(self.quantity, "m")
         if self.unit != unit:
             message = (
                 f"{format_value(self.unit)} is not the unit of {self.quantity}; allowed {unit}"
@@ -206,7 +222,7 @@ class CalibrationFile(FileModel):
         yield from self._map_rules()
 
     def _map_rules(self) -> Iterator[RuleViolation]:
-        """Check that a spring map is a table over stator position (%) with a stroke per station."""
+        """Check that a spring map is a table over the position (%) with a stroke per station."""
         if self.quantity != "spring_map":
             if self.stroke_m is not None:
                 yield RuleViolation(
@@ -218,10 +234,10 @@ class CalibrationFile(FileModel):
             yield RuleViolation(("correction", "kind"), message, self.correction.kind)
             return
         stations = self.correction.recorded
-        for i, stator in enumerate(stations):
-            if not -100.0 <= stator <= 100.0:
-                message = f"{format_number(stator)} is out of range; allowed -100 .. 100 %"
-                yield RuleViolation(("correction", "recorded", i), message, stator)
+        for i, position in enumerate(stations):
+            if not -100.0 <= position <= 100.0:
+                message = f"{format_number(position)} is out of range; allowed -100 .. 100 %"
+                yield RuleViolation(("correction", "recorded", i), message, position)
         if len(self.stroke_m or ()) != len(stations):
             message = (
                 f"{len(self.stroke_m or ())} strokes; allowed {len(stations)}, one per station"

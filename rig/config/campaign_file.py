@@ -9,9 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
 from pydantic import Field, create_model, field_serializer, field_validator
 
-from rig.config.columns import KindColumns, LawColumns
 from rig.config.law_settings import AxisLaw, ExpandName, LawSettings, law_model
-from rig.config.matrix import Matrix, matrix_model
+from rig.config.matrix import KindColumns, LawColumns, Matrix, matrix_model
 from rig.config.model import FileModel, WholeNumber, rule_error
 from rig.config.problems import format_value
 from rig.config.reference import Reference

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, create_model
 from controllers.law import Column as LawColumn
 from controllers.law import Parameter, Settings
 from rig import laws
-from rig.config.columns import KindColumns
+from rig.config.matrix import KindColumns
 from rig.config.model import FileModel, TupleOf
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import KeyPath, SourceMap
@@ -42,11 +42,8 @@ class LawSettings(FileModel):
 
     def values(self, parameters: tuple[Parameter, ...]) -> Settings:
         """Return the values of a law's parameters by key."""
-        given = {each.key: getattr(self, each.key) for each in parameters}
-        return {
-            key: tuple(value) if isinstance(value, tuple) else (value,)
-            for key, value in given.items()
-        }
+        given = ((each.key, getattr(self, each.key)) for each in parameters)
+        return {key: value if isinstance(value, tuple) else (value,) for key, value in given}
 
 
 class ImpedanceSettings(LawSettings):
@@ -55,11 +52,7 @@ class ImpedanceSettings(LawSettings):
     zc: TransferFunction | None = None  # Z_c(s), N*s/m; adds the force Z_c v on the body
 
 
-def _expand_name(value: Any) -> Any:
-    return {"use": value} if isinstance(value, str) else value
-
-
-ExpandName = BeforeValidator(_expand_name)
+ExpandName = BeforeValidator(lambda value: {"use": value} if isinstance(value, str) else value)
 """Turns the short form ``law: NAME`` into a mapping."""
 
 

@@ -1,7 +1,7 @@
 """Limits that every kind of rig has, and limits of runs that are older than a check."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -38,8 +38,12 @@ class DriveLimits(FileModel):
     current_difference_stop_a: float = Field(gt=0, le=500)  # between measured and commanded
     current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
 
+    unit: ClassVar[str] = ""  # of the position, in the keys
+
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the order of rms and peak, of stale and wrong values, and of warning and stop."""
+        if self.unit:
+            yield from _check_warning(self, self.unit)
         if self.current_rms_a > self.current_peak_a:
             yield self.violation(
                 "current_rms_a",
@@ -52,31 +56,25 @@ class DriveLimits(FileModel):
 class AxisLimits(DriveLimits):
     """Limits of an axis that translates; `warn` gives a warning, `stop` stops the rig."""
 
+    unit = "m"
+
     position_warn_m: float = Field(gt=0, le=2)
     position_stop_m: float = Field(gt=0, le=2)
     velocity_stop_m_per_s: float = Field(gt=0, le=10)
     force_slew_n_per_s: float = Field(gt=0, le=1e7)
     encoder_jump_stop_m: float = Field(gt=0, le=1)
 
-    def check_rules(self) -> Iterator[RuleViolation]:
-        """Check the drive's limits, and that the position warns before it stops."""
-        yield from _check_warning(self, "m")
-        yield from super().check_rules()
-
 
 class RotaryAxisLimits(DriveLimits):
     """Limits of an axis that rotates; `warn` gives a warning, `stop` stops the rig."""
+
+    unit = "rad"
 
     position_warn_rad: float = Field(gt=0, le=100)
     position_stop_rad: float = Field(gt=0, le=100)
     velocity_stop_rad_per_s: float = Field(gt=0, le=100)
     torque_slew_n_m_per_s: float = Field(gt=0, le=1e7)
     encoder_jump_stop_rad: float = Field(gt=0, le=10)
-
-    def check_rules(self) -> Iterator[RuleViolation]:
-        """Check the drive's limits, and that the position warns before it stops."""
-        yield from _check_warning(self, "rad")
-        yield from super().check_rules()
 
 
 def _check_warning(limits: FileModel, unit: str) -> Iterator[RuleViolation]:

@@ -1,11 +1,13 @@
-"""The gain matrix of a campaign file: a grid, a list, or the name of a CSV file."""
+"""The gain matrix of a campaign file: its columns, and a grid, a list or the name of a CSV file."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
@@ -14,10 +16,93 @@ from pydantic import (
     model_validator,
 )
 
+from controllers import impedance
 from controllers.law import Column as LawColumn
-from rig.config.columns import KindColumns, law_column_type
-from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
+from rig.config.model import FileModel, Reason, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number, format_value
+from rig.row_contents import LAW, Column
+
+END_MARK = -999.0
+"""Value of Kp that marks the end of an imported matrix; it is never a gain."""
+
+_KP = impedance.COLUMNS[0]
+
+LawColumns = tuple[LawColumn, ...]
+"""The columns of one law or, of a rig with several axes, of all their laws."""
+
+
+def reject_end_mark(kp: float) -> float:
+    """Return a gain; a rule error for `END_MARK`."""
+    if kp == END_MARK:
+        raise rule_error("-999 ends an imported matrix and is never a gain; leave the row out")
+    return kp
+
+
+def law_column_type(column: LawColumn) -> Any:
+    """Return type and range of a law's column or parameter."""
+    constraints: list[Any] = [Field(ge=column.low, le=column.high)]
+    if column.reason:
+        constraints.append(Reason(column.reason))
+    if column.key == _KP.key:
+        constraints.append(AfterValidator(reject_end_mark))
+    return Annotated[(float, *constraints)]
+
+
+@dataclass(frozen=True, eq=False)
+class KindColumns:
+    """The columns that a kind of rig gives every gain matrix, and its details of laws' columns."""
+
+    first: Column | None  # every matrix has it, if any; the laws' columns follow
+    others: tuple[Column, ...]  # a matrix may have them
+    types: Mapping[str, Any]  # type and range of these columns by key
+    law_details: Mapping[str, dict[str, Any]]  # further fields of a law's columns by key
+
+    @property
+    def _leading(self) -> tuple[Column, ...]:
+        return () if self.first is None else (self.first,)
+
+    @property
+    def actuator(self) -> Column | None:
+        """The position of the device that moves between rows for the first column."""
+        return None if self.first is None else self.first.actuator
+
+    def with_law(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
+        """Return the columns of a matrix: the first, those of the law, the others."""
+        from_law = (
+            Column(
+                each.key,
+                each.name,
+                each.unit,
+                each.label,
+                **{"role": LAW} | self.law_details.get(each.key, {}),
+            )
+            for each in law_columns
+        )
+        return (*self._leading, *from_law, *self.others)
+
+    def required(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
+        """Return the columns of every matrix: the first, and the law's without a default."""
+        law_columns = tuple(law_columns)
+        needed = {each.key for each in law_columns if each.default is None}
+        needed |= {each.key for each in self._leading}
+        return tuple(each for each in self.with_law(law_columns) if each.key in needed)
+
+    def problems(self, law_columns: Iterable[LawColumn]) -> tuple[str, ...]:
+        """Return the clashes of a law's columns with the other columns of a matrix."""
+        own = (*self._leading, *self.others)
+        taken = {each.key for each in own} | {each.name for each in own} | _ROW_TABLE_NAMES
+        if self.actuator is not None:
+            taken.add(self.actuator.name)
+        return tuple(
+            f"its column {each.key} ({each.name}) has the name of another column or of a row's "
+            "result"
+            for each in law_columns
+            if each.key in taken or each.name in taken
+        )
+
+
+_ROW_TABLE_NAMES = {"row", "point", "repetition", "periods", "measure_s", "state"}
+
 
 MAX_RANGE_VALUES = 1000
 """Maximum number of values of a range; a larger number is taken for an error in `step`."""
@@ -79,59 +164,45 @@ def _expand_range(value: dict[str, Any]) -> tuple[float, ...]:
 ExpandValues = BeforeValidator(expand_values)
 
 
-class MatrixColumns(FileModel):
-    """Values that may change from row to row; a missing column takes the campaign's value."""
+class GivenKeys(FileModel):
+    """A mapping that is written with the given keys alone, so that it can be read again."""
 
     @model_serializer(mode="wrap")
     def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {key: value for key, value in dump(self).items() if value is not None}
 
 
-@cache
-def grid_model(
-    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]
-) -> type[MatrixColumns]:
-    """Return the model of all combinations of given values, for a kind's and a law's columns."""
-
-    def values(kind: Any, required: bool) -> Any:
-        listed = tuple_of(kind) if required else tuple_of(kind) | None
-        return (Annotated[listed, ExpandValues], ... if required else None)
-
-    fields = _fields(kind_columns, law_columns, values)
-    return create_model("Grid", __base__=MatrixColumns, **fields)
+class MatrixColumns(GivenKeys):
+    """Values that may change from row to row; a missing column takes the campaign's value."""
 
 
 @cache
 def combination_model(
-    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]
+    kind_columns: KindColumns, law_columns: tuple[LawColumn, ...], *, grid: bool = False
 ) -> type[MatrixColumns]:
-    """Return the model of one combination of the gain matrix, for a kind's and a law's columns."""
+    """Return the model of one combination of the gain matrix, for a kind's and a law's columns.
 
-    def value(kind: Any, required: bool) -> Any:
-        return (kind, ...) if required else (kind | None, None)
+    With ``grid`` that of all combinations of given values; the last given column changes fastest.
+    """
 
-    fields = _fields(kind_columns, law_columns, value)
-    return create_model("Combination", __base__=MatrixColumns, **fields)
+    def field(kind: Any, required: bool) -> Any:
+        values = tuple_of(kind) if grid else kind
+        values = values if required else values | None
+        return (Annotated[values, ExpandValues] if grid else values, ... if required else None)
 
-
-def _fields(
-    kind_columns: KindColumns,
-    law_columns: tuple[LawColumn, ...],
-    field: Callable[[Any, bool], Any],
-) -> dict[str, Any]:
-    """Return the fields of a model by key; in a grid the last given column changes fastest."""
     types, first = kind_columns.types, kind_columns.first
     fields = {} if first is None else {first.key: field(types[first.key], True)}
     for column in law_columns:
         fields[column.key] = field(law_column_type(column), column.default is None)
-    return fields | {c.key: field(types[c.key], False) for c in kind_columns.others}
+    fields |= {each.key: field(types[each.key], False) for each in kind_columns.others}
+    return create_model("Grid" if grid else "Combination", __base__=MatrixColumns, **fields)
 
 
 MATRIX_FORMS = ("grid", "list", "csv")
 _ALLOWED_FORMS = "allowed exactly one of " + ", ".join(MATRIX_FORMS)
 
 
-class Matrix(FileModel):
+class Matrix(GivenKeys):
     """The gain matrix, given in exactly one of three forms; `matrix_model` adds the columns."""
 
     grid: TupleOf[MatrixColumns] | None = Field(default=None, min_length=1, strict=False)
@@ -157,11 +228,6 @@ class Matrix(FileModel):
         if self.grid is None and self.combinations is None and self.csv is None:
             yield RuleViolation((), f"nothing given; {_ALLOWED_FORMS}")
 
-    @model_serializer(mode="wrap")
-    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # Write only the form that is given, so that the written file can be read again.
-        return {key: value for key, value in dump(self).items() if value is not None}
-
 
 def tuple_of(kind: Any) -> Any:
     """Return `TupleOf` of a type that is made at run time."""
@@ -171,7 +237,7 @@ def tuple_of(kind: Any) -> Any:
 @cache
 def matrix_model(kind_columns: KindColumns, law_columns: tuple[LawColumn, ...]) -> type[Matrix]:
     """Return the model of the gain matrix with a kind's and a law's columns."""
-    grid = tuple_of(grid_model(kind_columns, law_columns))
+    grid = tuple_of(combination_model(kind_columns, law_columns, grid=True))
     combination = tuple_of(combination_model(kind_columns, law_columns))
     fields: dict[str, Any] = {
         "grid": (grid | None, Field(default=None, min_length=1, strict=False)),

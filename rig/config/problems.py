@@ -96,16 +96,29 @@ def _is_json_value(value: object) -> bool:
     return value is None or isinstance(value, (str, int))
 
 
-def format_line_numbers(numbers: Sequence[int]) -> str:
-    """Return increasing line numbers as text: `line 7`, `lines 7, 9-12`."""
+def parse_number(text: str) -> float | None:
+    """Return the finite number in a text; None if it holds none."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def number_ranges(numbers: Iterable[int]) -> list[str]:
+    """Return increasing numbers as texts, consecutive ones as one: `7`, `9-12`."""
     ranges: list[list[int]] = []
     for number in numbers:
         if ranges and number == ranges[-1][1] + 1:
             ranges[-1][1] = number
         else:
             ranges.append([number, number])
-    text = ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in ranges)
-    return f"line{'s' if len(numbers) > 1 else ''} {text}"
+    return [str(low) if low == high else f"{low}-{high}" for low, high in ranges]
+
+
+def format_line_numbers(numbers: Sequence[int]) -> str:
+    """Return increasing line numbers as text: `line 7`, `lines 7, 9-12`."""
+    return f"line{'s' if len(numbers) > 1 else ''} {', '.join(number_ranges(numbers))}"
 
 
 def problems_text(problems: Sequence[Problem]) -> str:

@@ -110,9 +110,8 @@ def _translate(
         elif not fault:
             message = f"{format_value(value)}: {item['msg']}"
         else:
-            message = f"{format_value(value)} {fault}{_allowed_text(model, loc)}"
-            if kind.startswith(("greater", "less")):
-                message += _reason_text(model, loc)
+            with_reason = kind.startswith(("greater", "less"))
+            message = f"{format_value(value)} {fault}{_allowed_text(model, loc, with_reason)}"
             if kind == "string_type" and not isinstance(value, (dict, list)):
                 message += "; put it in quotes if it is meant as text"
     yield locate(key), locate.problem(key, value, message)
@@ -129,17 +128,13 @@ def _key_in_file(loc: Iterable[str | int], locate: SourceMap, kind: str) -> KeyP
     return key
 
 
-def _allowed_text(model: type[BaseModel] | None, loc: KeyPath) -> str:
+def _allowed_text(model: type[BaseModel] | None, loc: KeyPath, with_reason: bool = False) -> str:
     allowed = ranges.allowed_values(model, loc) if model is not None else None
     if allowed is None:
         return ""
     text = allowed.description(ranges.last_named_part(loc))
-    return f"; allowed {text}" if text else ""
-
-
-def _reason_text(model: type[BaseModel] | None, loc: KeyPath) -> str:
-    allowed = ranges.allowed_values(model, loc) if model is not None else None
-    return f" ({allowed.reason()})" if allowed is not None and allowed.reason() else ""
+    reason = f" ({allowed.reason()})" if with_reason and allowed.reason() else ""
+    return (f"; allowed {text}" if text else "") + reason
 
 
 def _expected_tags(expected: str | None, model: type[BaseModel] | None, loc: KeyPath) -> str:
@@ -161,7 +156,7 @@ def _unknown_key_message(model: type[BaseModel] | None, loc: KeyPath) -> str:
     for owner in ranges.models_at(model, loc[:-1]):
         if issubclass(owner, FileModel) and key in owner.foreign_keys:
             return f"unknown key; {owner.foreign_keys[key]}"
-        known += ranges.known_keys(owner)
+        known += [info.alias or name for name, info in owner.model_fields.items()]
     suggestion = _suggestion(key, known)
     if suggestion or not known:
         return f"unknown key{suggestion}"

@@ -76,11 +76,6 @@ def models_at(model: type[BaseModel], key: Sequence[str | int]) -> tuple[type[Ba
     return tuple(a for c in candidates for a, _ in _members(c.annotation, ()) if _is_model(a))
 
 
-def known_keys(model: type[BaseModel]) -> tuple[str, ...]:
-    """Return the keys of a mapping as the file spells them."""
-    return tuple(info.alias or name for name, info in model.model_fields.items())
-
-
 def unit_of_key(key: str) -> str:
     """Return the unit in the suffix of a key: N*s/m for kp_n_s_per_m; empty without a unit."""
     parts = key.split("_")

@@ -1,13 +1,38 @@
 """What the rig files of all kinds have in common."""
 
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field
 
 from rig.config.model import FileModel, Reason, RuleViolation, WholeNumber, rule_error
-from rig.config.problems import format_number
+from rig.config.problems import Problem, display_path, format_number
 from rig.config.wiring import Wiring
+from rig.config.yaml_source import KeyPath, SourceMap
+
+
+class Motor(FileModel):
+    """What every powered axis has, whether it translates or rotates."""
+
+    torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
+    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)
+    encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation, without quantisation
+    gain_ramp_s: float = Field(ge=0, le=10)
+
+
+class Axis(Motor):
+    """Drive, encoder and estimator of an axis that translates."""
+
+    gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
+    jerk_density_m2_per_s5: float = Field(ge=1e-4, le=1e6)
+
+
+class RotaryAxis(Motor):
+    """Drive, encoder and estimator of an axis that rotates."""
+
+    gear_ratio: float = Field(ge=0.1, le=1000)  # rad of the motor per rad of the axis
+    jerk_density_rad2_per_s5: float = Field(ge=1e-4, le=1e6)
+
 
 SupervisorTimeout = Annotated[float, Field(ge=0.3, le=30)]
 """Time without a heartbeat of `rig run` after which the loop stops the rig (category 1), s.
@@ -75,3 +100,30 @@ class BaseRigFile(FileModel):
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
+
+
+_RELATIVE_TOLERANCE = 1e-6
+
+
+class SharedValue(NamedTuple):
+    """One value: its key and number in the rig file and in the plant's file."""
+
+    rig_key: KeyPath
+    rig_value: float
+    plant_key: KeyPath
+    plant_value: float
+
+
+def mismatches(
+    rig: SourceMap, plant: SourceMap, shared: Iterable[SharedValue], title: str
+) -> Iterator[Problem]:
+    """Yield a problem of each value that differs; ``title``: of the plant, for people."""
+    for rig_key, rig_value, plant_key, plant_value in shared:
+        if abs(rig_value - plant_value) > _RELATIVE_TOLERANCE * abs(plant_value):
+            place = plant(plant_key)
+            yield rig.problem(
+                rig_key,
+                rig_value,
+                f"{format_number(rig_value)} is not the {title}'s {format_number(plant_value)} "
+                f"({display_path(place.path)}:{place.line}); the two must agree",
+            )

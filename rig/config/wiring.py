@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from drivers.canopen.bus_settings import BusSettings
+from drivers.modbus.registers import BIT_TABLES, MAX_SIZE, REGISTER_COUNT
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
 
@@ -86,6 +87,12 @@ class TorqueDrive(Drive):
     analog_per_v: tuple[float, ...] = Field(default=(), max_length=4, strict=False)
     analog_v_per_count: float = Field(default=1.0 / 819.2, gt=0, le=1)  # AMC: 819.2 counts a volt
 
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that no analog input has the scale 0."""
+        for at, scale in enumerate(self.analog_per_v):
+            if scale == 0.0:
+                yield RuleViolation(("analog_per_v", at), "0 gives no value", scale)
+
     @property
     def description(self) -> str:
         """What the device is, for people."""
@@ -140,6 +147,23 @@ class UdpDevice(FileModel):
 
     host: str = Field(min_length=1)  # numeric address: resolving a name could block
     port: WholeNumber = Field(ge=1, le=65_535)
+
+
+class LoadCell(UdpDevice):
+    """A six-axis load cell of ATI with a Net F/T box."""
+
+    description: ClassVar[str] = "ATI Net F/T"
+    protocol: ClassVar[str] = "RDT over UDP"
+
+    counts_per_force: float = Field(gt=0, le=1e9)
+    counts_per_torque: float = Field(gt=0, le=1e9)
+    force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]
+    torque_unit: Literal["lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m"]
+    model: Literal["net_ft", "axia"]  # defines the meaning of the status bits
+    rate_hz: float = Field(ge=0, le=100_000)  # of its sample counter; 0: unknown
+    turned_over: bool  # mounted upside down: y and z change sign
+    quiet_s: float = Field(gt=0, le=5)
+    silence_s: float = Field(gt=0, le=5)
 
 
 class TcpLine(FileModel):
@@ -219,6 +243,33 @@ class Registers(FileModel):
     # holding registers, in the order in which they are set
     prepare: tuple[RegisterSetup, ...] = Field(default=(), strict=False)
 
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that one request can read the block, and that every value is in it."""
+        if self.size > MAX_SIZE[self.table]:
+            message = f"{self.size} cannot be read at once; allowed up to {MAX_SIZE[self.table]}"
+            yield self.violation("size", message)
+        if self.first + self.size > _ADDRESSES:
+            message = f"{self.first} + size = {self.size} is beyond the last address, 65535"
+            yield self.violation("first", message)
+        kinds = ["bit"] if self.table in BIT_TABLES else [k for k in REGISTER_COUNT if k != "bit"]
+        for at, value in enumerate(self.values):
+            key, count = ("values", at), REGISTER_COUNT[value.kind]
+            if value.kind not in kinds:
+                message = f"{value.kind} is not in a table {self.table}; allowed {', '.join(kinds)}"
+                yield RuleViolation((*key, "kind"), message, value.kind)
+            elif value.at > self.size - count:
+                message = (
+                    f"{value.at} is beyond the block: {value.kind} takes {count} of its size = "
+                    f"{self.size}; allowed at + {count} <= size"
+                )
+                yield RuleViolation((*key, "at"), message, value.at)
+            if value.name in [each.name for each in self.values[:at]]:
+                message = f"{value.name} is the name of an earlier value; allowed any other"
+                yield RuleViolation((*key, "name"), message, value.name)
+
+
+_ADDRESSES = 0x10000
+
 
 class BlockContent(NamedTuple):
     """Annotation of a field that is a register block: its device and the values expected in it."""
@@ -232,6 +283,8 @@ PANEL_INPUTS = BlockContent(
     "I/O coupler: digital inputs", {"e_stop": "flag", "limit_switch": "flag"}
 )
 """The digital inputs of a rig; they are for monitoring only: the stop chain is hard-wired."""
+WAVE_TRIGGER = BlockContent("I/O coupler: digital outputs", {"wave_trigger": "flag"}, written=True)
+"""The output that starts the wave maker."""
 
 WirePart = CanBus | TcpLine | RtuLine | SerialPort | UdpDevice
 
@@ -254,27 +307,46 @@ class Wire(NamedTuple):
 
 
 class Wiring(FileModel):
-    """The wiring of a rig: Modbus lines, and the parts that its kind has as further fields."""
+    """The wiring of a rig: Modbus lines, and the parts that its kind has as further fields.
+
+    A field is a part, or a mapping of parts by their names.
+    """
 
     lines: dict[str, AnyLine] = Field(default_factory=dict)
     output_expiry_s: float = Field(default=0.25, ge=0.05, le=10)  # age of an output's command
 
     def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that every register block has the expected values, and a line of the rig."""
-        for name, block in self.blocks().items():
-            expected = tuple(self.block_content(name).signals)
+        """Check that every register block has the expected values and a line, every node its own.
+
+        Names of values must be those of the block's content, in its order.
+        """
+        parts = tuple(self._parts())
+        for key, block in parts:
+            if not isinstance(block, Registers):
+                continue
+            expected = tuple(self.block_content(key[-1]).signals)
             names = tuple(value.name for value in block.values)
             if names != expected:
                 message = f"must be {', '.join(expected)} in this order"
-                yield RuleViolation((name, "values"), message, names)
+                yield RuleViolation((*key, "values"), message, names)
             if block.line not in self.lines:
                 known = ", ".join(self.lines) or "none"
-                yield RuleViolation((name, "line"), f"no such line; there are {known}", block.line)
+                yield RuleViolation((*key, "line"), f"no such line; there are {known}", block.line)
+        nodes = [((*key, "node"), part.node) for key, part in parts if isinstance(part, Drive)]
+        nodes += [
+            ((*key, "own_node"), part.own_node) for key, part in parts if isinstance(part, CanBus)
+        ]
+        taken: dict[int, str] = {}
+        for key, node in nodes:
+            if node in taken:
+                message = f"{node} is the number of {taken[node]}, too; two nodes need two numbers"
+                yield RuleViolation(key, message, node)
+            taken[node] = ".".join(key)
 
     def wires(self) -> tuple[Wire, ...]:
         """Return every wire: buses and ports in the order of the fields, then the lines."""
         found = []
-        for name, part in self._parts():
+        for (*_, name), part in self._parts():
             if isinstance(part, CanBus):
                 found.append(Wire("CAN", "can", part))
             elif isinstance(part, SerialPort):
@@ -292,16 +364,21 @@ class Wiring(FileModel):
 
     def drives(self) -> dict[str, Drive]:
         """Return the drives and actuators on the CAN bus by name."""
-        return {name: part for name, part in self._parts() if isinstance(part, Drive)}
+        return {key[-1]: part for key, part in self._parts() if isinstance(part, Drive)}
 
     def blocks(self) -> dict[str, Registers]:
         """Return the register blocks by name."""
-        return {name: part for name, part in self._parts() if isinstance(part, Registers)}
+        return {key[-1]: part for key, part in self._parts() if isinstance(part, Registers)}
 
     def block_content(self, name: str) -> BlockContent:
         """Return the annotation of a register block."""
         metadata = type(self).model_fields[name].metadata
         return next(each for each in metadata if isinstance(each, BlockContent))
 
-    def _parts(self) -> Iterator[tuple[str, object]]:
-        return ((name, getattr(self, name)) for name in type(self).model_fields)
+    def _parts(self) -> Iterator[tuple[tuple[str, ...], object]]:
+        """Yield key and part of every field, and of every entry of a field that is a mapping."""
+        for field in type(self).model_fields:
+            value = getattr(self, field)
+            yield (field,), value
+            if isinstance(value, dict):
+                yield from (((field, name), part) for name, part in value.items())

@@ -7,8 +7,8 @@ import math
 from functools import lru_cache
 
 from controllers import estimator
-from rig.config.axis import Axis, RotaryAxis
 from rig.config.limits_file import AxisLimits, DriveLimits, MotorPowerLimits, RotaryAxisLimits
+from rig.config.rig_file import Axis, RotaryAxis
 from rig.design.estimator import design
 from rig.realtime import average, axis, limits, motor_power
 

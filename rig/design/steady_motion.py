@@ -57,7 +57,7 @@ class System(NamedTuple):
     reference: Complexes  # R, N: rows by lines
     drive: Complexes  # A: lines
     passive_force: PassiveForce
-    saturation: Saturation | None = None  # None: no saturation
+    saturation: Saturation
 
 
 class Motion(NamedTuple):
@@ -106,10 +106,7 @@ def solve_steady_motion(grid: Grid, system: System) -> Motion:
         samples_from_spectrum(grid, j_omega * motion),
         samples_from_spectrum(grid, demand),
     )
-    actuator_force = d if system.saturation is None else system.saturation(d, x, v)
-    actuator_spectrum = (
-        demand if system.saturation is None else spectrum_from_samples(actuator_force)
-    )
+    actuator_spectrum = spectrum_from_samples(system.saturation(d, x, v))
     return Motion(
         motion,
         x,
@@ -130,9 +127,6 @@ def _iterate(grid: Grid, system: System, feedback: Complexes, motion: Complexes)
     stiffness = -_least_squares_factor(passive_force, x)
     remainder = spectrum_from_samples(passive_force + damping * v + stiffness * x)
     dynamic_stiffness = system.body + j_omega * damping + stiffness
-    if system.saturation is None:
-        force = system.excitation + system.drive * system.reference
-        return (force + remainder) / (dynamic_stiffness - feedback)
     demand = samples_from_spectrum(grid, system.loop * motion + system.reference)
     actuator_force = system.saturation(demand, x, v)
     gain = _least_squares_factor(actuator_force, demand)

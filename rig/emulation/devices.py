@@ -5,14 +5,25 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.config.shipped_files import shipped_folder
-from rig.config.wiring import AnyLine, CanBus, Registers, RtuLine, SerialPort, TcpLine, TorqueDrive
+from rig.config.wiring import (
+    AnyLine,
+    CanBus,
+    LoadCell,
+    Registers,
+    RtuLine,
+    SerialPort,
+    TcpLine,
+    TorqueDrive,
+)
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
 from sim_plant.emulators.device_faults import DeviceFaults
+from sim_plant.emulators.ft_calibration import Calibration, SixAxes, Wrench
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import ModbusUnit
+from sim_plant.emulators.net_ft import NetFt, NetFtSettings
 from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
@@ -62,13 +73,21 @@ class EmulatedBus:
         self._schedule = schedule
 
     def add_torque_drive(
-        self, name: str, wiring: TorqueDrive, motor: Motor, analog: tuple[AnalogInput, ...] = ()
+        self,
+        name: str,
+        wiring: TorqueDrive,
+        motor: Motor,
+        analog: tuple[AnalogInput, ...] = (),
+        encoder_increments: int = 0,
     ) -> EmulatedDrive:
-        """Return the drive of a motor, a new node; ``analog``: the sensors on its inputs."""
+        """Return the drive of a motor, a new node; ``analog``: the sensors on its inputs.
+
+        ``encoder_increments`` 0: those of the drive's object dictionary.
+        """
         eds, scaling = RATED_EDS, Scaling.RATED
         if wiring.scaling == "amc":
             eds, scaling = AMC_EDS, Scaling.AMC
-        params = TorqueDriveParams(scaling, analog=analog)
+        params = TorqueDriveParams(scaling, analog=analog, encoder_increments=encoder_increments)
         drive = EmulatedDrive(
             NodeParams(wiring.node, eds), params, self.hub, self._schedule, self._world, motor
         )
@@ -116,3 +135,28 @@ def serial_line(wire: SerialPort | RtuLine) -> SerialLine:
     path = Path(wire.port)
     path.parent.mkdir(parents=True, exist_ok=True)
     return SerialLine(SerialLineSettings(path, wire.baud, bits), LinkFaults(seed=1))
+
+
+def load_cell(
+    wiring: LoadCell, read: Callable[[], Wrench], ratings: SixAxes | None = None
+) -> NetFt:
+    """Return a load cell behind its box; all its ports except the stream's are free ones.
+
+    ``read`` returns the wrench with the rig's signs; ``ratings``: N and N*m, by default all that
+    the stream's numbers can carry.
+    """
+    sign = -1.0 if wiring.turned_over else 1.0
+
+    def of_cell() -> Wrench:
+        fx, fy, fz, tx, ty, tz = read()
+        return Wrench(fx, sign * fy, sign * fz, tx, sign * ty, sign * tz)
+
+    force, torque = round(wiring.counts_per_force), round(wiring.counts_per_torque)
+    largest = (*(_INT32 / force,) * 3, *(_INT32 / torque,) * 3)
+    calibration = Calibration(
+        counts_per_force=force, counts_per_torque=torque, ratings=ratings or largest
+    )
+    return NetFt(of_cell, NetFtSettings(wiring.host, wiring.port, 0, 0, calibration=calibration))
+
+
+_INT32 = 2.0**31 - 1.0

@@ -10,13 +10,14 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
+from rig import module_process
 from rig.processes import wire_locks
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.supervisor import SupervisedRun
 from rig.processes.wire_locks import REALTIME_WIRE
 from rig.realtime import safety
 from rig.realtime.reasons import ReasonTable, reason_table
-from rig.recording import process_identity, provenance
+from rig.recording import provenance
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import JoinResult, RunError, create, join, reader
 from rig.recording.runs.folder import LAW_SOURCE, MCAP, STATUS, mcap_parts
@@ -180,7 +181,7 @@ def _start_status(
         "rows_planned": task.planned_rows,
         "started_utc": started.isoformat(),
         "pid": os.getpid(),
-        "pid_started": process_identity.start_ticks(os.getpid()),
+        "pid_started": module_process.start_ticks(os.getpid()),
     }
 
 

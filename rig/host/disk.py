@@ -118,19 +118,10 @@ def _file_system(host: Host, place: Path) -> Finding:
 def _speed(place: Path, rate_hz: float) -> list[Finding]:
     log_rate = rate_hz * row_bytes()
     timeout = supervisor.DISK_TIMEOUT_S
-    writing = Check(
-        AREA,
-        "sequential writing",
-        f"at least {1e-6 * 10 * log_rate:.1f} MB/s: ten times the largest rate of the log",
-        ALL_USES,
-    )
-    flush = Check(
-        AREA,
-        "flush to the disk",
-        f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for "
-        f"{timeout:g} s ends the run",
-        ALL_USES,
-    )
+    limit = f"at least {1e-6 * 10 * log_rate:.1f} MB/s: ten times the largest rate of the log"
+    writing = Check(AREA, "sequential writing", limit, ALL_USES)
+    limit = f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for "
+    flush = Check(AREA, "flush to the disk", f"{limit}{timeout:g} s ends the run", ALL_USES)
     try:
         speed = measure_write_speed(place)
     except OSError as error:

@@ -1,11 +1,12 @@
 """The examination of a host, and its verdict in one sentence."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.rig_file import BaseRigFile
-from rig.host import clocks, disk, memory, privileges, processor, rig_wires, software, timing, wires
+from rig.host import clocks, disk, memory, privileges, processor, software, timing, wires
 from rig.host.finding import REALTIME, Finding, Host, Use, Verdict
 from rig.realtime import scheduling
 
@@ -78,6 +79,10 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
     wakeups = measured.privileged
     core = scheduling.loop_core() if wakeups is None else int(wakeups["core"])
     latest = None if wakeups is None else float(wakeups["max_us"]) * 1e-6 / dt
+    rig_checks: list[AreaCheck] = []
+    if options.rig is not None:
+        check = partial(wires.rig_findings, host, options.rig)
+        rig_checks.append((wires.rig_area(options.rig), check))
     checks: tuple[AreaCheck, ...] = (
         (timing.AREA, lambda: timing.findings(measured, dt)),
         (privileges.AREA, lambda: privileges.findings(host, wakeups)),
@@ -86,18 +91,12 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
         (disk.AREA, lambda: disk.findings(host, options.runs, options.hours, options.rate_hz)),
         (memory.AREA, lambda: memory.findings(host)),
         (wires.AREA, lambda: wires.findings(host)),
-        *_rig_checks(host, options.rig),
+        *rig_checks,
         (software.AREA, software.findings),
     )
     return Examination(
         tuple(finding for area, check in checks for finding in _run_check(area, check))
     )
-
-
-def _rig_checks(host: Host, rig: BaseRigFile | None) -> list[AreaCheck]:
-    if rig is None:
-        return []
-    return [(rig_wires.area(rig), lambda: rig_wires.findings(host, rig))]
 
 
 def _run_check(area: str, check: Callable[[], list[Finding]]) -> list[Finding]:

@@ -45,8 +45,8 @@ def measure(dt: float, seconds: float) -> WakeupMeasurements:
     """
     unprivileged, _ = _measure_wakeups(dt, min(seconds, UNPRIVILEGED_S), privileged=False)
     try:
-        with acquire((REALTIME_WIRE,), "rig doctor") as held:
-            privileged, trouble = _measure_wakeups(dt, seconds, privileged=True, locks=held.fds)
+        with acquire((REALTIME_WIRE,), "rig doctor") as acquired:
+            privileged, trouble = _measure_wakeups(dt, seconds, privileged=True, locks=acquired.fds)
     except (BusyError, OSError) as error:
         return WakeupMeasurements(unprivileged, None, str(error))
     return WakeupMeasurements(unprivileged, privileged, trouble)
@@ -99,38 +99,29 @@ def _privileged(wakeups: dict[str, Any], dt: float) -> list[Finding]:
     if late is Verdict.GOOD and wakeups["max_us"] > MAX_GOOD * period:
         late = Verdict.WARNING
     limit = _P99.format(good=P99_GOOD * period, bad=P99_BAD * period)
+    limit += f"; max at most {MAX_GOOD * period:g} us"
     elapsed = wakeups["wakes"] + wakeups["skipped"]
     periods = Verdict.GOOD if elapsed >= MIN_PERIODS else Verdict.BAD
     skips = Verdict.BAD if wakeups["skipped"] else Verdict.GOOD
+    measured = f"{MIN_PERIODS} at least: fewer do not show an event of 1 in 10 000"
+    skipped = "none: in a skipped period the loop reads no sensors and sends no command"
+    gap = f", up to {wakeups['longest_gap']} in a row" if wakeups["skipped"] else ""
     return [
-        Check(
-            AREA,
-            "periods measured",
-            f"{MIN_PERIODS} at least: fewer do not show an event of 1 in 10 000",
-            REALTIME,
-        ).finding(
+        Check(AREA, "periods measured", measured, REALTIME).finding(
             str(elapsed),
             periods,
             f"`rig doctor --seconds {MIN_PERIODS * dt:g}` or more",
             periods=elapsed,
         ),
-        Check(
-            AREA, _PRIVILEGED, f"{limit}; max at most {MAX_GOOD * period:g} us", REALTIME
-        ).finding(
+        Check(AREA, _PRIVILEGED, limit, REALTIME).finding(
             _lateness_text(wakeups),
             late,
             _SKIPPED_ADVICE if wakeups["skipped"] else _LATE_ADVICE,
             **{key: wakeups[key] for key in ("p50_us", "p99_us", "max_us")},
             period_us=period,
         ),
-        Check(
-            AREA,
-            "periods skipped",
-            "none: in a skipped period the loop reads no sensors and sends no command",
-            REALTIME,
-        ).finding(
-            f"{wakeups['skipped']} of {elapsed}"
-            + (f", up to {wakeups['longest_gap']} in a row" if wakeups["skipped"] else ""),
+        Check(AREA, "periods skipped", skipped, REALTIME).finding(
+            f"{wakeups['skipped']} of {elapsed}{gap}",
             skips,
             _LATE_ADVICE,
             **{key: wakeups[key] for key in ("skipped", "wakes", "longest_gap")},

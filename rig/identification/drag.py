@@ -1,8 +1,8 @@
 """Quadratic drag of the hull, from experiments with different motions.
 
-In calm water the column load cell measures the force on the hull alone:
+In calm water the sensor at the body measures the force on the hull alone:
 
-    F_LCB = Z_i v + c |v| v
+    F_body = Z_i v + c |v| v
 
 At each line, experiments with different amplitudes or phases differ in the line of |v| v, which is
 computed from the measured motion. c is the least-squares coefficient that explains the differences
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.identification.experiments import LCB, VELOCITY, Experiment
+from rig.identification.experiments import BODY, VELOCITY, Experiment
 from rig.spectra.periods import Complexes, Floats, analyse, synthesise
 
 MIN_SIGNIFICANCE = 3.0  # standard deviations above which a quadratic drag is significant
@@ -73,7 +73,7 @@ def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
     calm = [
         experiment
         for experiment in experiments
-        if experiment.sea is None and experiment.axis == "heave" and LCB in experiment.channels
+        if experiment.sea is None and BODY in experiment.channels
     ]
     by_lines: dict[tuple[float, tuple[int, ...]], list[Experiment]] = {}
     for experiment in calm:
@@ -86,7 +86,7 @@ def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
         return None
     motions = [experiment.channels[VELOCITY].mean(axis=0) for experiment in group]
     velocity = np.array([motion[lines] for motion in motions])
-    force = np.array([experiment.channels[LCB].mean(axis=0)[lines] for experiment in group])
+    force = np.array([experiment.channels[BODY].mean(axis=0)[lines] for experiment in group])
     drag = np.array([drag_spectrum(motion)[lines] for motion in motions])
     estimate = estimate_drag(velocity, force, drag)
     if estimate.value == 0.0:

@@ -1,20 +1,20 @@
 """Wave excitation from runs in waves, an impedance from calm water, and the undisturbed sea.
 
-    f_exc = (Z_i V - F_LCB)/eta           (N per metre of wave; MASK4 report (Sandia), eq. 3.3)
+    f_exc = (Z_i V - F_body)/eta           (N per metre of wave; MASK4 report (Sandia), eq. 3.3)
 
-F_LCB is the force on the body, so the remainder of Z_i V is the wave force. eta is the sea with the
-same lines **without the device**, at the device's position: a `device: absent` campaign. Probes of
-the run itself also measure the radiated waves and cannot serve as eta. The estimate over all seas
-and realisations is least squares, sum (f eta*)/sum |eta|^2, and keeps the phase of e^{+i omega t}.
-The band is that of `frf`, from the scatter of the experiments. Where S_eta, the mean |eta|^2, is
-small compared with its median, the division amplifies noise; such lines are marked, and so are
-lines outside the range of Z_i.
+F_body is the force of the drive on the body, so the remainder of Z_i V is the wave force. eta is
+the sea with the same lines **without the device**, at the device's position: a `device: absent`
+campaign. Probes of the run itself also measure the radiated waves and cannot serve as eta. The
+estimate over all seas and realisations is least squares, sum (f eta*)/sum |eta|^2, and keeps the
+phase of e^{+i omega t}. The band is that of `frf`, from the scatter of the experiments. Where
+S_eta, the mean |eta|^2, is small compared with its median, the division amplifies noise; such lines
+are marked, and so are lines outside the range of Z_i.
 
 Z_i from calm water contains the quadratic drag linearised for the motion in calm water; in waves
 the linearised drag of the same hull differs. If calm water determines the drag
 (`rig.identification.drag`), it is subtracted from both, line by line of the measured motion:
 
-    f_exc = (Z_i V + c |V| V - F_LCB)/eta       with Z_i without drag
+    f_exc = (Z_i V + c |V| V - F_body)/eta       with Z_i without drag
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.identification.drag import Drag, drag_spectrum
-from rig.identification.experiments import LCB, VELOCITY, Experiment
+from rig.identification.experiments import BODY, VELOCITY, Experiment
 from rig.identification.frf import band_factor
 from rig.identification.impedances import Model, interpolate_impedance
 from rig.spectra.periods import Complexes, Flags, Floats
@@ -99,7 +99,7 @@ def excitation(
     for experiment in experiments:
         lines = np.array(first.cycles) * round(experiment.period / first.repeat) - 1
         motion = experiment.channels[VELOCITY].mean(axis=0)
-        force = impedance * motion[lines] - experiment.channels[LCB].mean(axis=0)[lines]
+        force = impedance * motion[lines] - experiment.channels[BODY].mean(axis=0)[lines]
         if drag is not None:
             force = force + drag.coefficient * drag_spectrum(motion)[lines]
         forces.append(force)

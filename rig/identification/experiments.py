@@ -11,6 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.identification.channels import (
+    COMMAND,
+    AxisChannels,
+    ForceChannel,
+    force_channels,
+    position_fields,
+    recorded_channels,
+)
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
@@ -28,18 +36,11 @@ from rig.spectra.periods import (
 
 LINE_HEADROOM = 1.25  # lines are kept up to this multiple of the highest excited frequency
 MAX_FREQUENCY = 5.0  # Hz, highest frequency of a reference
-GAINS = ("kp", "ki", "km", "surge_kp", "surge_ki")
-
 REFERENCE = "reference.force"
-SATURATED = "drive_sense.saturated"
-VELOCITY, COMMAND, CURRENT, TRS, LCB = "velocity", "command", "current", "trs", "lcb"
-
-
-class Sensor(NamedTuple):
-    """Log fields of a channel."""
-
-    field: str
-    age: str  # field of its age; empty: no age
+VELOCITY = "velocity"
+BODY = "body"
+"""Channel of the force on the body alone; the others besides `VELOCITY` are the forces on body and
+drivetrain in series (`channels.force_channels`)."""
 
 
 class Experiment(NamedTuple):
@@ -49,7 +50,7 @@ class Experiment(NamedTuple):
     row: int
     axis: str
     spring_rate: float  # N/m
-    gains: tuple[float, ...]  # `GAINS`
+    gains: tuple[float, ...]  # of feedback, in the order of their columns
     realisation: int
     peak: float  # N, peak magnitude of the reference
     peak_a: float  # A, the same as drive current
@@ -57,8 +58,9 @@ class Experiment(NamedTuple):
     lines: tuple[int, ...]  # cycles of each line in a repeat period
     reference: Complexes  # N, by line
     excited: Flags  # by line
-    channels: dict[str, Complexes]  # periods by lines; N, m/s
+    channels: dict[str, Complexes]  # periods by lines; N, m/s; the most direct force last
     sea: Mapping[str, Any] | None  # commanded wave lines; None in calm water
+    labels: Mapping[str, str] = {}  # of channels, in pictures
 
     @property
     def frequency(self) -> Floats:
@@ -78,20 +80,11 @@ class RunExperiments(NamedTuple):
     notes: tuple[str, ...]  # excluded rows and doubtful rows, with reasons
 
 
-def sensors(axis: str, logged_fields: set[str]) -> dict[str, Sensor]:
-    """Return the channels of an axis that a run has logged."""
-    drive = f"{axis}.sense.drive_age"
-    channels = {
-        VELOCITY: Sensor(f"{axis}.sense.counts", f"{axis}.sense.encoder_age"),
-        COMMAND: Sensor(f"{axis}.command.force", ""),
-        CURRENT: Sensor(f"{axis}.sense.current", drive),
-    }
-    if axis == "heave":
-        channels |= {
-            TRS: Sensor("load.trs", "load.age"),
-            LCB: Sensor("load.lcb", "load.age"),
-        }
-    return {name: sensor for name, sensor in channels.items() if sensor.field in logged_fields}
+def _forces(declared: AxisChannels, axis: str, logged_fields: set[str]) -> dict[str, ForceChannel]:
+    forces = {channel.name: channel for channel in force_channels(axis, declared)}
+    if declared.body is not None:
+        forces[BODY] = declared.body
+    return {name: channel for name, channel in forces.items() if channel.field in logged_fields}
 
 
 def read_experiments(
@@ -109,29 +102,28 @@ def read_experiments(
         raise RunError(
             f"{run}: no open-loop reference in its plan, so there is nothing to identify"
         )
-    logged_fields = {leaf.name for leaf in source.leaves}
-    channel_sensors = sensors(reference["axis"], logged_fields)
-    fields = {REFERENCE, WAVE_CLOCK, *(sensor.field for sensor in channel_sensors.values())}
-    fields |= {sensor.age for sensor in channel_sensors.values()} - {""}
-    fields |= {SATURATED} & logged_fields
+    axis, declared = reference["axis"], recorded_channels(reference)
+    forces = _forces(declared, axis, {leaf.name for leaf in source.leaves})
+    fields = {REFERENCE, WAVE_CLOCK, *position_fields(axis), declared.saturated}
+    fields |= {name for each in forces.values() for name in (each.field, each.age)}
     rows = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
     experiments_by_row: dict[int, Experiment] = {}
     failures: dict[int, str] = {}
     saturation_notes: dict[int, str] = {}
     for window in read_windows(
-        source, sorted(fields), run_facts.plan, incomplete_rows=incomplete_rows
+        source, sorted(fields - {""}), run_facts.plan, incomplete_rows=incomplete_rows
     ):
         if window.row not in rows:
             continue
         try:
             experiments_by_row[window.row] = _cut_experiment(
-                window, rows[window.row], run_facts, channel_sensors
+                window, rows[window.row], run_facts, declared, forces
             )
             failures.pop(window.row, None)
         except ValueError as error:
             failures[window.row] = f"{run_facts.run}, row {window.row}: {error}"
             continue
-        note = _saturation_message(window, channel_sensors)
+        note = _saturation_message(window, declared, forces)
         saturation_notes[window.row] = f"{run_facts.run}, row {window.row}: {note}" if note else ""
     excluded = tuple(message for row, message in failures.items() if row not in experiments_by_row)
     return RunExperiments(
@@ -139,26 +131,31 @@ def read_experiments(
     )
 
 
-def _saturation_message(window: Window, channel_sensors: dict[str, Sensor]) -> str:
-    """Return a note on a heave row in which the drive saturated, or ""."""
-    if SATURATED not in (window.data.dtype.names or ()) or TRS not in channel_sensors:
-        return ""
-    share = float(np.mean(window.data[SATURATED] != 0))
+def _saturation_message(
+    window: Window, declared: AxisChannels, forces: Mapping[str, ForceChannel]
+) -> str:
+    """Return a note on a row in which the drive saturated, or ""."""
+    share = float(np.mean(window.data[declared.saturated] != 0)) if declared.saturated else 0.0
     if share == 0.0:
         return ""
+    *first, last = (each.label for name, each in forces.items() if name != COMMAND)
     return (
         f"the drive saturated in {100.0 * share:.2g} % of its ticks: the command is not the force, "
-        "so Y_id from command is wrong; current, torque sensor and load cell are not affected"
+        f"so Y_id from command is wrong; {', '.join(first)} and {last} are not affected"
     )
 
 
 def _cut_experiment(
-    window: Window, row: dict[str, Any], run_facts: RunInfo, channel_sensors: dict[str, Sensor]
+    window: Window,
+    row: dict[str, Any],
+    run_facts: RunInfo,
+    declared: AxisChannels,
+    forces: Mapping[str, ForceChannel],
 ) -> Experiment:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     data, reference, dt = window.data, run_facts.plan["reference"], float(run_facts.plan["dt"])
-    sea = run_facts.plan.get("asked_sea")
+    sea = run_facts.plan.get("requested_sea")
     repeats = [float(reference["period_s"]), *([float(sea["repeat_s"])] if sea else [])]
     period = common_period_ticks(repeats, dt, window.span)
     start = float(data[WAVE_CLOCK][0])
@@ -173,17 +170,19 @@ def _cut_experiment(
         max_line = max(max_line, round(max(sea["cycles"]) * period * dt / sea["repeat_s"]))
     lines = min(line_limit, int(LINE_HEADROOM * max_line) + 1)
     omega = angular_frequencies(period * dt, lines)
-    channels = {}
-    for name, sensor in channel_sensors.items():
-        found = field_lines(data, sensor.field, sensor.age, dt, period, lines)
-        channels[name] = found * _to_si(name, run_facts, reference["axis"], omega)
     newtons_per_ampere = float(reference["newtons_per_ampere"])
+    counts = field_lines(data, *position_fields(reference["axis"]), dt, period, lines)
+    scale = metres_per_count(run_facts, reference["axis"])
+    channels = {VELOCITY: counts * (1j * omega * scale)}
+    for name, channel in forces.items():
+        found = field_lines(data, channel.field, channel.age, dt, period, lines)
+        channels[name] = found * (newtons_per_ampere if channel.per_ampere else 1.0)
     return Experiment(
         run_facts.run,
         window.row,
         reference["axis"],
-        float(row["spring_rate"]),
-        tuple(float(row[name]) for name in GAINS),
+        float(row[declared.spring]) if declared.spring else 0.0,
+        tuple(float(row[name]) for name in declared.gains),
         int(row.get("realisation", 1)),
         float(np.abs(force).max()),
         float(np.abs(force).max()) / newtons_per_ampere,
@@ -193,18 +192,17 @@ def _cut_experiment(
         is_excited[:lines],
         channels,
         sea,
+        {name: channel.label for name, channel in forces.items()},
     )
 
 
-def _to_si(name: str, run_facts: RunInfo, axis: str, omega: Floats) -> Complexes:
-    """Return the factor from the logged unit to newtons or metres per second, by line."""
-    unity = np.ones(omega.size, dtype=np.complex128)
-    if name == CURRENT:
-        return unity * float(run_facts.plan["reference"]["newtons_per_ampere"])
-    if name != VELOCITY:
-        return unity
-    ratio = run_facts.config_number("rig", axis, "gear_ratio_rad_per_m")
-    counts = run_facts.config_number("rig", axis, "counts_per_revolution")
+def metres_per_count(run_facts: RunInfo, axis: str) -> float:
+    """Return the motion of an axis per encoder count, m; ValueError for a configuration without."""
+    ratio = run_facts.axis_number(axis, "gear_ratio_rad_per_m")
+    counts = run_facts.axis_number(axis, "counts_per_revolution")
     if ratio is None or counts is None:
-        raise ValueError("its configuration has no gear ratio or encoder resolution")
-    return unity * 1j * omega * (2.0 * np.pi / ratio / counts)
+        raise ValueError(
+            f"its configuration has no gear ratio (rad/m) or encoder resolution of {axis}; only "
+            "axes that translate can be identified"
+        )
+    return 2.0 * np.pi / ratio / counts

@@ -46,7 +46,7 @@ def _member(model: Model, experiments: Sequence[Experiment]) -> Member:
         z = model.responses["Z_d"].value
         damping = float(np.median(z.real))
         stiffness = float(np.median(-model.omega * z.imag))
-    series = model.responses["Z_id"]
+    series = model.responses.get("Z_id") or model.responses["Z_i"]
     magnitude = np.abs(series.value)
     noise = float(np.median(series.noise_deviation / magnitude))
     distortion_variance = series.total_deviation**2 - np.nan_to_num(series.noise_deviation) ** 2

@@ -9,7 +9,7 @@ import numpy as np
 from rig.identification.bem import Bem
 from rig.identification.drag import identify_drag
 from rig.identification.excitation import Excitation, Sea, excitation, is_same_sea
-from rig.identification.experiments import Experiment, read_experiments
+from rig.identification.experiments import BODY, Experiment, read_experiments
 from rig.identification.families import Member, family
 from rig.identification.fit import ORDERS, FittedImpedance, fit
 from rig.identification.impedances import Model, models
@@ -115,7 +115,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         )
     probe_table = table.sel(probe=name)
     amplitude, phase = probe_table["amplitude"].values, probe_table["phase"].values
-    asked_amplitude, asked_phase = table["asked_amplitude"].values, table["asked_phase"].values
+    commanded = table["commanded_amplitude"].values, table["commanded_phase"].values
     return Sea(
         str(table.attrs.get("run", run.name)),
         name,
@@ -123,7 +123,7 @@ def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Se
         tuple(int(k) for k in table["cycles"].values),
         np.asarray(amplitude * np.exp(1j * phase), dtype=np.complex128),
         np.asarray(probe_table["weak"].values == 1, dtype=np.bool_),
-        (tuple(asked_amplitude.tolist()), tuple(asked_phase.tolist())),
+        (tuple(commanded[0].tolist()), tuple(commanded[1].tolist())),
     )
 
 
@@ -136,7 +136,7 @@ def _identify_excitations(
     """Return one excitation for each spring rate with rows in waves."""
     pairs: dict[float, list[tuple[Experiment, Sea]]] = {}
     for experiment in (each for each in experiments if each.sea is not None):
-        if experiment.axis != "heave":
+        if BODY not in experiment.channels:
             notes.append(
                 f"{experiment.row_label}: no load cell between drive and hull in {experiment.axis}"
             )

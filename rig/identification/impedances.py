@@ -2,23 +2,23 @@
 
 With forces on the body and velocity v (MASK4 report (Sandia), sections 2 and 4.2):
 
-    Z_i  = F_LCB / v            intrinsic impedance: the hull, seen by the column load cell
-    Z_id = F_TRS / v            hull and drivetrain in series, seen by the shaft torque sensor
+    Z_i  = F_body / v           intrinsic impedance: the hull, seen by the sensor at the body
+    Z_id = F_drive / v          hull and drivetrain in series, seen by the drive's best sensor
     Z_d  = Z_id - Z_i           the drivetrain, with the magnetic spring
-    Y_i  = 1/Z_i,  Y_id = v/F   of command, of current and of the torque sensor
+    Y_i  = 1/Z_i,  Y_id = v/F   of command, of current and of each sensor of the drive
 
 The published scripts store the quotient Z_id/Z_i under the drivetrain's name. It is dimensionless
-and not an impedance; `ratio` exists only for comparison with their file. Surge has no load cell
-between drive and hull, so only Z_id from current is available.
+and not an impedance; `ratio` exists only for comparison with their file. Without a sensor between
+drive and body only Z_id is available; where the drive acts on the body directly, only Z_i.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from rig.identification import frf
-from rig.identification.experiments import COMMAND, CURRENT, LCB, TRS, VELOCITY, Experiment
+from rig.identification.experiments import BODY, VELOCITY, Experiment
 from rig.identification.frf import Channel, Response
 from rig.spectra.periods import Complexes, Flags, Floats
 
@@ -31,7 +31,7 @@ class Model(NamedTuple):
 
     axis: str
     spring_rate: float  # N/m
-    gains: tuple[float, ...]  # `experiments.GAINS`
+    gains: tuple[float, ...]  # of feedback
     peak: float  # N, of the reference
     peak_a: float  # A
     realisations: int
@@ -39,6 +39,7 @@ class Model(NamedTuple):
     row_labels: tuple[str, ...]  # runs and rows
     frequency: Floats  # Hz, excited lines
     responses: dict[str, Response]
+    labels: Mapping[str, str]  # of `experiments.BODY` and of the forces in the names Y_id_<name>
 
     @property
     def name(self) -> str:
@@ -124,17 +125,19 @@ def _build_model(group: list[Experiment]) -> Model:
         return frf.response(numerator, denominator, references).select(excited)
 
     responses: dict[str, Response] = {}
-    series = TRS if TRS in channels else CURRENT
-    if LCB in channels:
-        responses["Z_i"] = compute_response(channels[LCB], velocity)
-        responses["Z_id"] = compute_response(channels[series], velocity)
-        responses["Z_d"] = compute_response(channels[series].minus(channels[LCB]), velocity)
-        responses["Y_i"] = compute_response(velocity, channels[LCB])
-    else:
-        responses["Z_id"] = compute_response(channels[series], velocity)
-    for name, channel in ((COMMAND, COMMAND), (CURRENT, CURRENT), ("trs", TRS)):
-        if channel in channels:
-            responses[f"Y_id_{name}"] = compute_response(velocity, channels[channel])
+    body = channels.get(BODY)
+    drive = [name for name in first.channels if name in channels and name not in (VELOCITY, BODY)]
+    if body is not None:
+        responses["Z_i"] = compute_response(body, velocity)
+    if drive:
+        series = channels[drive[-1]]
+        responses["Z_id"] = compute_response(series, velocity)
+        if body is not None:
+            responses["Z_d"] = compute_response(series.minus(body), velocity)
+    if body is not None:
+        responses["Y_i"] = compute_response(velocity, body)
+    for name in drive:
+        responses[f"Y_id_{name}"] = compute_response(velocity, channels[name])
     return Model(
         first.axis,
         first.spring_rate,
@@ -146,4 +149,5 @@ def _build_model(group: list[Experiment]) -> Model:
         tuple(experiment.row_label for experiment in group),
         first.frequency[excited],
         responses,
+        first.labels,
     )

@@ -37,9 +37,10 @@ class WaveSensors(NamedTuple):
     position: str
     position_age: str
     metres: float  # per unit of the position
-    force: str  # of the power take-off on the body, N
+    force: str  # of the power take-off on the body
     force_age: str
     elevation: str  # undisturbed, m; finite only in a simulated basin
+    newtons: float = 1.0  # per unit of the force
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -100,7 +101,7 @@ class RecoveredWaves(NamedTuple):
 
 
 def wave_maker_lines(sea: dict[str, Any]) -> WaveMakerLines:
-    """Return the lines of a plan's ``asked_sea``; raise ValueError for calm water."""
+    """Return the lines of a plan's ``requested_sea``; raise ValueError for calm water."""
     cycles = tuple(int(n) for n in sea["cycles"])
     if not cycles:
         raise ValueError("the run had no waves")
@@ -173,7 +174,7 @@ def _window_elevation(
     if method == ELEVATION:
         return lines(sensors.elevation, sensors.position_age)[:, indices]
     position = lines(sensors.position, sensors.position_age, sensors.metres)
-    force = lines(sensors.force, sensors.force_age)
+    force = lines(sensors.force, sensors.force_age, sensors.newtons)
     drag = _drag(position, omega, period, device.quadratic)
     excitation = device.dynamic_stiffness(omega) * position - drag - force
     per_metre = device.excitation(omega[indices] / (2.0 * np.pi))

@@ -16,6 +16,7 @@ from rig.identification import bem as bem_file
 from rig.identification import report
 from rig.identification.comparison import Comparison
 from rig.identification.excitation import Excitation
+from rig.identification.experiments import BODY
 from rig.identification.fit import impedance
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model
@@ -28,6 +29,9 @@ PER_KILONEWTON = "m/s per kN"
 """Unit of drawn admittances."""
 
 _BAND_OPACITY = 0.18  # opacity of a band
+_SERIES_STYLES = (
+    (COLOURS[1], "-"), (COLOURS[0], "--"), (COLOURS[2], ":"), (COLOURS[4], "-."), (COLOURS[5], ":"),
+)  # fmt: skip
 
 
 class Curve(NamedTuple):
@@ -78,19 +82,17 @@ def four_panels(body: SubFigure, curves: list[Curve], symbol: str, unit: str) ->
 
 
 def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
-    """Return the curves of Fig. 4-5: command, current, torque sensor and load cell, fits dotted."""
-    specs = (
-        ("Y_id_command", "command", COLOURS[1], "-"),
-        ("Y_id_current", "current", COLOURS[0], "--"),
-        ("Y_id_trs", "torque sensor", COLOURS[2], ":"),
-        ("Y_i", "load cell: Y_i", COLOURS[3], "-"),
-    )
+    """Return the curves of Fig. 4-5: command, current, sensors of drive and body; fits dotted."""
+    labels = {f"Y_id_{name}": label for name, label in model.labels.items()}
     curves = []
-    for name, label, colour, style in specs:
-        if name in model.responses:
-            response = model.responses[name]
-            band = response.band if style == "-" else None
-            curves.append(Curve(label, model.frequency, response.value, band, colour, style))
+    series = [name for name in labels if name in model.responses]
+    for name, (colour, style) in zip(series, _SERIES_STYLES, strict=False):
+        response = model.responses[name]
+        band = response.band if style == "-" else None
+        curves.append(Curve(labels[name], model.frequency, response.value, band, colour, style))
+    if "Y_i" in model.responses:
+        response, label = model.responses["Y_i"], f"{model.labels[BODY]}: Y_i"
+        curves.append(Curve(label, model.frequency, response.value, response.band, COLOURS[3]))
     for name, fits_of_response in fits.items():
         highest_order = fits_of_response[-1]
         fine_frequency = np.linspace(model.frequency[0], model.frequency[-1], 201)

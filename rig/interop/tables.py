@@ -1,5 +1,6 @@
 """Export a run as NetCDF for xarray and MHKiT, or as CSV: log fields over time, with units."""
 
+import fnmatch
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -7,19 +8,29 @@ from typing import Any
 import numpy as np
 import xarray
 
-from rig.recording.runs import RunError, open_run
+from rig.recording.runs import RunError, open_run, reader, run_info
 from rig.recording.runs.windows import find_incomplete_windows
-
-CSV_FIELDS = (
-    *("plan.row", "plan.phase", "heave.estimate", "heave.command.force", "load", "power.*"),
-    *("wave.elevation", "probes"),
-)
-"""Default fields of a CSV; all fields would be 150 columns."""
 
 INCOMPLETE_FIELD = "record.incomplete"
 """Field that is 1 in measured windows with missing ticks; absent if no window misses ticks."""
 INCOMPLETE_ATTRIBUTE = "record_incomplete_rows"
 """Attribute with the missing ticks of each of these windows."""
+
+
+def csv_fields(run: Path) -> list[str]:
+    """Return the default fields of a CSV; all fields would be 150 columns.
+
+    They are motion and force of the measured axis, loads, sensors, power and waves, as far as the
+    run has them.
+    """
+    source = reader.open_files(run)
+    axis = run_info(run, source.contents).row_contents.axis
+    patterns = (
+        *("plan.row", "plan.phase", f"{axis}.estimate.*", f"{axis}.command.force", "load.*"),
+        *("*.value", "power.*", "wave.elevation", "probes.*"),
+    )
+    names = [leaf.name for leaf in source.leaves]
+    return [name for name in names if any(fnmatch.fnmatch(name, each) for each in patterns)]
 
 
 def export_table(

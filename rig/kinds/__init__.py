@@ -7,6 +7,7 @@ first used. The core names no kind: it finds one here and calls its rooms.
 """
 
 import importlib
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from types import ModuleType
@@ -111,11 +112,14 @@ def registered() -> tuple[RegisteredKind, ...]:
 
 def commands() -> tuple[Command, ...]:
     """Return the commands of all kinds that have the room `commands` and can be imported."""
-    found: list[Command] = []
+    return tuple(command for room in optional_rooms("commands") for command in room.COMMANDS)
+
+
+def optional_rooms(name: str) -> Iterator[Any]:
+    """Yield the room of a name of every kind that has it and can be imported."""
     for entry in REGISTRY.entries():
         with suppress(KindError):
-            found += import_room(entry.module, "commands").COMMANDS
-    return tuple(found)
+            yield import_room(entry.module, name)
 
 
 def _kind(entry: Entry) -> RigKind:

@@ -1,11 +1,12 @@
 """What a kind of rig consists of: the rooms of its package, one protocol for each.
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
-uses. `rig.kinds.ROOMS` lists the rooms that every kind has. Optional are `commands`, `campaign` for
-kinds with campaigns, and `simulation` for those that can be swept (`rig.sweep.simulator`).
+uses. `rig.kinds.ROOMS` lists the rooms that every kind has. Optional are `commands`, `exports`,
+`campaign` for kinds with campaigns, and `simulation` for those that can be swept
+(`rig.sweep.simulator`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any, Protocol
@@ -266,6 +267,15 @@ class Commands(Protocol):
     """Room `commands`, optional: the kind's own commands. It must import nothing heavy."""
 
     COMMANDS: tuple[Command, ...]
+
+
+class Exports(Protocol):
+    """Room `exports`, optional: formats of `rig export` for the tools of one test."""
+
+    FORMATS: dict[str, Callable[[Path, float | None, Path], tuple[str, ...]]]
+    """By the name of the format (`--as`): a function that writes a run at a rate (Hz; None: that of
+    the format) into a file, and returns remarks on what does not fit into it. RunError for a run
+    whose fields or rate do not suit."""
 
 
 PROTOCOLS = {

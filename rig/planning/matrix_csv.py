@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rig.config.columns import END_MARK, KindColumns, LawColumns
-from rig.config.matrix import MatrixColumns, combination_model
+from rig.config.matrix import END_MARK, KindColumns, LawColumns, MatrixColumns, combination_model
 from rig.config.problems import (
     ConfigError,
     Problem,

@@ -2,21 +2,23 @@
 
 import itertools
 import math
+from collections.abc import Iterable, Sequence
 
-from rig.config.columns import KindColumns, LawColumns
-from rig.config.matrix import Matrix
+from rig.config.matrix import KindColumns, LawColumns, Matrix, MatrixColumns
 from rig.config.problems import Problem, format_key
 from rig.config.yaml_source import KeyPath, SourceMap
 from rig.planning import matrix_csv
 from rig.planning.point import Point, ValueLocation, make_point
+from rig.row_contents import Column
+
+Entries = Sequence[MatrixColumns] | None
+"""Grids or single combinations of a file; None if it has none."""
 
 
-def count_points(matrix: Matrix) -> int:
-    """Return the number of points of a grid or list; 0 for a CSV file, which must be read."""
-    grid_sizes = (
-        math.prod(len(value or (None,)) for _, value in grid) for grid in matrix.grid or ()
-    )
-    return sum(grid_sizes) + len(matrix.combinations or ())
+def count_points(grids: Entries, combinations: Entries) -> int:
+    """Return the number of points of grids and of a list."""
+    grid_sizes = (math.prod(len(value or (None,)) for _, value in grid) for grid in grids or ())
+    return sum(grid_sizes) + len(combinations or ())
 
 
 def matrix_points(
@@ -31,16 +33,30 @@ def matrix_points(
         path = locate.resolve_path(key, matrix.csv)
         return matrix_csv.read_matrix_csv(path, locate(key), kind_columns, law_columns)
     columns = kind_columns.with_law(law_columns)
-    points = []
-    for i, grid in enumerate(matrix.grid or ()):
-        at = ("matrix", "grid", i)
+    grid_points = points_of_grids(matrix.grid, ("matrix", "grid"), columns, locate)
+    return grid_points + points_of_list(matrix.combinations, ("matrix", "list"), columns, locate)
+
+
+def points_of_grids(
+    grids: Entries, at: KeyPath, columns: Iterable[Column], locate: SourceMap
+) -> tuple[Point, ...]:
+    """Return all combinations of the grids at a key; the last given column changes fastest."""
+    points: list[Point] = []
+    for i, grid in enumerate(grids or ()):
         given = [c for c in columns if getattr(grid, c.key) is not None]
-        axes = [_locate_values(getattr(grid, c.key), (*at, c.key), locate) for c in given]
+        axes = [_locate_values(getattr(grid, c.key), (*at, i, c.key), locate) for c in given]
         points += [make_point(given, pairs) for pairs in itertools.product(*axes)]
-    for i, combination in enumerate(matrix.combinations or ()):
-        at = ("matrix", "list", i)
-        given = [c for c in columns if getattr(combination, c.key) is not None]
-        pairs = [(getattr(combination, c.key), locate_value((*at, c.key), locate)) for c in given]
+    return tuple(points)
+
+
+def points_of_list(
+    combinations: Entries, at: KeyPath, columns: Iterable[Column], locate: SourceMap
+) -> tuple[Point, ...]:
+    """Return the combinations of the list at a key."""
+    points = []
+    for i, entry in enumerate(combinations or ()):
+        given = [c for c in columns if getattr(entry, c.key) is not None]
+        pairs = [(getattr(entry, c.key), locate_value((*at, i, c.key), locate)) for c in given]
         points.append(make_point(given, pairs))
     return tuple(points)
 

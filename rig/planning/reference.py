@@ -1,8 +1,8 @@
 """The open-loop reference as a table for the loop: repeat periods of force, one value per tick."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,6 +78,19 @@ def force_table(
     scale = reference.force_amplitude(newtons_per_ampere)
     periods = [_repeat_period(reference, scale, ticks, seed, number) for number in numbers]
     return tuple(np.concatenate(periods).tolist())
+
+
+def list_realisations(numbers: Iterable[float]) -> tuple[int, ...]:
+    """Return the realisations in a campaign's set points, in the order of the reference table."""
+    return tuple(sorted({int(number) for number in numbers if number >= 1.0})) or (1,)
+
+
+def index_realisations(setpoints: Any, realisations: Sequence[int]) -> Any:
+    """Return a loop's set points with each realisation as its index in ``realisations``."""
+    index = {number: at for at, number in enumerate(realisations)}
+    return setpoints._replace(
+        realisation=tuple(index.get(int(number), 0) for number in setpoints.realisation)
+    )
 
 
 def realisation_problems(

@@ -6,20 +6,20 @@ outlive the supervisor. If the supervisor dies, or its heartbeat is too old, the
 itself and the logger saves the remaining rows.
 
 The thread that posts the heartbeat waits neither for a terminal nor for a disk: both can block for
-longer than the loop's heartbeat time-out. Another thread draws (`rig.processes.display`).
+longer than the loop's heartbeat time-out. Another thread draws (`drawing_thread`).
 """
 
 import os
+import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rig.processes import handover, mailbox
 from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
-from rig.processes.display import drawing_thread
 from rig.processes.io_processes import IoProcessError, IoProcesses
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.messages import (
@@ -41,6 +41,58 @@ from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
 from rig.recording.row_layout import layout, leaves, schema
 from rig.recording.runs.create import end_status, write_json
 from rig.recording.runs.folder import MCAP
+
+_FINAL_DRAW_TIMEOUT_S = 5.0  # s that the last drawing may take
+
+T = TypeVar("T")
+
+
+@contextmanager
+def drawing_thread(draw: Callable[[T], None]) -> Iterator[Callable[[T], None]]:
+    """Draw values in a thread of their own; yield the function that takes the newest value.
+
+    The function returns at once, or raises the error of an earlier drawing; older values that were
+    not drawn are skipped. Leaving the context waits until the last value is drawn, but not for a
+    terminal that blocks.
+    """
+    changed = threading.Condition()
+    newest: list[T] = []
+    errors: list[BaseException] = []
+    ended = False
+
+    def run() -> None:
+        while True:
+            with changed:
+                changed.wait_for(lambda: newest or ended)
+                if not newest:
+                    return
+                value = newest.pop()
+            try:
+                draw(value)
+            except BaseException as error:  # noqa: BLE001  (`show` raises it)
+                errors.append(error)
+                return
+
+    def show(value: T) -> None:
+        if errors:
+            raise errors[0]
+        with changed:
+            newest[:] = [value]
+            changed.notify()
+
+    # A daemon thread: a terminal that blocks for ever must not keep the process alive.
+    thread = threading.Thread(target=run, name="display", daemon=True)
+    thread.start()
+    try:
+        yield show
+    finally:
+        with changed:
+            ended = True
+            changed.notify()
+        thread.join(_FINAL_DRAW_TIMEOUT_S)
+    if errors:
+        raise errors[0]
+
 
 LOOP_MODULE = "rig.processes.loop_process"
 POLL_INTERVAL_S = 0.1  # s between two polls of the processes

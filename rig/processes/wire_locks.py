@@ -24,9 +24,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers.canopen.bus_settings import BusSettings
+from rig import module_process
 from rig.config import wiring
 from rig.config.rig_file import BaseRigFile
-from rig.recording import process_identity
 from rig.recording.runs.create import BusyError
 from rig.user_names import user_name
 
@@ -214,9 +214,7 @@ def _bind_label(holder: str) -> socket.socket:
     """Bind a socket whose name in /proc/net/unix shows all users what this process does."""
     pid = os.getpid()
     text = "".join(character if character.isprintable() else "?" for character in holder)
-    name = (
-        f"{_PREFIX}holder/{pid}/{process_identity.start_ticks(pid)}/{next(_label_numbers)}/{text}"
-    )
+    name = f"{_PREFIX}holder/{pid}/{module_process.start_ticks(pid)}/{next(_label_numbers)}/{text}"
     label = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     label.bind(b"\0" + name.encode()[:_MAX_NAME_BYTES])
     return label
@@ -241,7 +239,7 @@ def _holder_text(identity: str) -> str:
     pid, uid, _ = _CREDENTIALS.unpack(credentials)
     label, began = _read_label(pid)
     holder = f"{label} (process {pid}, user {user_name(uid)})"
-    if process_identity.start_ticks(pid) is None or process_identity.start_ticks(pid) != began:
+    if module_process.start_ticks(pid) is None or module_process.start_ticks(pid) != began:
         return (
             f"{holder}, which was killed; its loop is coming to a stop: try again in some seconds"
         )
@@ -256,4 +254,4 @@ def _read_label(pid: int) -> tuple[str, int | None]:
         if found:
             began, _, label = name.split("/", 2)
             return label, int(began) if began.isdigit() else None
-    return "a program", process_identity.start_ticks(pid)
+    return "a program", module_process.start_ticks(pid)

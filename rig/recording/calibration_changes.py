@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.calibration_file import (
+    POSITION,
     TORQUE_CONSTANT_KEY,
     CalibrationFile,
     OffsetCorrection,
@@ -19,6 +20,7 @@ from rig.recording.calibration import RecordingTime, ValidityError, apply_calibr
 from rig.recording.runs import RunError, list_runs, run_info
 from rig.recording.runs.folder import RunInfo
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.row_contents import PANEL, with_role
 
 PRODUCTS = (
     *("rows.csv", "rows.nc", "effects.csv"),
@@ -58,16 +60,21 @@ def values_in_runs(folder: Path, quantity: str) -> tuple[RecordedValue, ...]:
 def _of_run(path: Path, info: RunInfo, quantity: str) -> list[RecordedValue]:
     at = RecordingTime.from_utc(info.started_utc)
     products = tuple(name for name in PRODUCTS if (path / name).is_file())
-    # The spring map converts the stator's position.
-    if key := {"spring_rate": "spring_rate", "spring_map": "stator"}.get(quantity):
+    contents = info.row_contents
+    if quantity in ("spring_rate", "spring_map"):
+        # A spring map converts the position of the device that realises the rate.
+        panel = with_role(contents.columns, PANEL)
+        column = panel if panel is None or quantity == "spring_rate" else panel.actuator
         return [
-            RecordedValue(info.run, f"row {row['row']}", at, float(row[key]), "", products)
+            RecordedValue(info.run, f"row {row['row']}", at, float(row[column.name]), "", products)
             for row in info.plan.get("rows", [])
+            if column is not None
         ]
-    if quantity != "torque_constant":
-        return _in_table(path, info, at, products)
-    value, name = info.config_number(*TORQUE_CONSTANT_KEY), ".".join(TORQUE_CONSTANT_KEY)
-    return [] if value is None else [RecordedValue(info.run, name, at, value, "", products)]
+    if quantity == "torque_constant":
+        value = info.axis_number(contents.axis, TORQUE_CONSTANT_KEY)
+        name = f"rig.{contents.axis}.{TORQUE_CONSTANT_KEY}"
+        return [] if value is None else [RecordedValue(info.run, name, at, value, "", products)]
+    return _in_table(path, info, at, products) if quantity == contents.axis + POSITION else []
 
 
 def _in_table(

@@ -100,7 +100,7 @@ def calibrate_waves(
 
 
 def _target_lines(plan: dict[str, Any]) -> WaveMakerLines:
-    sea = plan["asked_sea"]
+    sea = plan["requested_sea"]
     columns = (np.array(sea[key], dtype=np.float64) for key in ("amplitude_m", "phase_rad"))
     return WaveMakerLines(float(sea["repeat_s"]), np.array(sea["cycles"], dtype=np.int64), *columns)
 
@@ -207,8 +207,8 @@ def _build_dataset(by_probe: dict[str, list[Samples]], target: WaveMakerLines) -
     return xarray.Dataset(
         {
             "cycles": variable("line", target.cycles, name="wave cycles in a repeat period"),
-            "asked_amplitude": variable("line", target.amplitude, "m"),
-            "asked_phase": variable("line", target.phase, "rad"),
+            "commanded_amplitude": variable("line", target.amplitude, "m"),
+            "commanded_phase": variable("line", target.phase, "rad"),
             "amplitude": variable("probe line", size, "m"),
             "phase": variable("probe line", np.angle(mean), "rad"),
             "amplitude_se": variable("probe line", error, "m"),
@@ -284,8 +284,8 @@ def write_calibration(table: xarray.Dataset, folder: Path) -> list[Path]:
     columns = {
         "cycles": table["cycles"].values,
         "frequency [Hz]": table["frequency"].values,
-        "asked_amplitude [m]": table["asked_amplitude"].values,
-        "asked_phase [rad]": table["asked_phase"].values,
+        "commanded_amplitude [m]": table["commanded_amplitude"].values,
+        "commanded_phase [rad]": table["commanded_phase"].values,
     }
     for i, name in enumerate(names):
         for key, unit in (("amplitude", "m"), ("amplitude_se", "m"), ("phase", "rad")):

@@ -90,10 +90,9 @@ class Cases:
 
     def parameter_values(self, variant: int) -> ParameterValues:
         """Return the values of a combination; those of the last parameter change fastest."""
-        values = itertools.product(*(parameter.values for parameter in self.request.parameters))
-        return tuple(
-            zip(self.request.parameters, next(itertools.islice(values, variant, None)), strict=True)
-        )
+        products = itertools.product(*(each.values for each in self.request.parameters))
+        values = next(itertools.islice(products, variant, None))
+        return tuple(zip(self.request.parameters, values, strict=True))
 
     def prepare(self) -> None:
         """Compile the loop, which takes a minute the first time on a host."""

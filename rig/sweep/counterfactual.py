@@ -18,36 +18,20 @@ from scipy.stats import t as student
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
-from rig.identification.incident_waves import (
-    ELEVATION,
-    FORCES,
-    RecoveredWaves,
-    recover_waves,
-    wave_maker_lines,
-)
+from rig.identification.incident_waves import RecoveredWaves, recover_waves, wave_maker_lines
 from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
+from rig.spectra.periods import common_period_ticks
 from rig.stations import station_names
 from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
 
-__all__ = [
-    "ELEVATION",
-    "FORCES",
-    "AmplitudeRange",
-    "CounterfactualResult",
-    "MeasuredRun",
-    "RecoveredWaves",
-    "RowPrediction",
-    "counterfactual_for_run",
-    "counterfactual_rows",
-]
-
 CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
 AMPLITUDE_MARGIN = 1.1  # of the greatest logged amplitude; predictions beyond it are flagged
+MAX_REPEAT_S = 3600  # of a simulated sea
 AMPLITUDE_UNITS = {"velocity_rms": "m/s", "stroke": "m"}  # quantities of a row's amplitude
 
 OnProgress = Callable[[int, int], None]  # finished rows, all rows
@@ -186,7 +170,7 @@ def counterfactual_rows(
         waves = recover_waves(measured.windows, generated, device, dt, method)
     except ValueError as error:
         raise RunError(f"{measured.run}: {error}") from None
-    sea = waves.description()
+    sea = _on_whole_ticks(waves.description(), dt)
     total = len(logged_campaign.points) + len(campaign.points)
     modelled = {}
     for point, result in _simulate_points(logged_campaign, sea, lead_in):
@@ -213,14 +197,19 @@ def counterfactual_rows(
             identified_ranges[name] = AmplitudeRange(*identified[name], unit)
     rows, own_contents = [], simulation.row_contents(campaign)
     for point, result in _simulate_points(campaign, sea, lead_in):
+        power, half_width = correct_powers(_powers(result, shares), shares)
+        amplitude = {name: float(result.get(name, math.nan)) for name in AMPLITUDE_UNITS}
         rows.append(
-            _predict_row(
+            RowPrediction(
                 point,
                 _setting(result, own_contents),
-                result,
-                shares,
-                logged_ranges,
-                identified_ranges,
+                result["state"],
+                result["incomplete_reason"],
+                power,
+                half_width,
+                amplitude,
+                _beyond(amplitude, logged_ranges),
+                _beyond(amplitude, identified_ranges),
             )
         )
         on_progress(len(modelled) + len(rows), total)
@@ -234,6 +223,19 @@ def counterfactual_rows(
         identified_ranges,
         tuple(rows),
     )
+
+
+def _on_whole_ticks(sea: dict[str, Any], dt: float) -> dict[str, Any]:
+    """Return a sea of components with as many of its repeat periods as end on a tick.
+
+    A regular sea of 0.3 Hz, for example, ends on a tick of 1 ms after three periods only.
+    """
+    repeat = sea["repeat_s"]
+    seconds = common_period_ticks([repeat], dt, round(MAX_REPEAT_S / dt)) * dt
+    times = round(seconds / repeat)
+    if times == 1:
+        return sea
+    return sea | {"repeat_s": seconds, "cycles": [times * n for n in sea["cycles"]]}
 
 
 def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
@@ -269,34 +271,12 @@ def correct_powers(
     return corrected, half_width
 
 
-def _predict_row(
-    point: int,
-    setting: dict[str, float],
-    result: dict[str, Any],
-    shares: dict[str, ErrorShare],
-    logged_ranges: dict[str, AmplitudeRange],
-    identified_ranges: dict[str, AmplitudeRange],
-) -> RowPrediction:
-    value, half_width = correct_powers(_powers(result, shares), shares)
-    amplitude = {name: float(result.get(name, math.nan)) for name in AMPLITUDE_UNITS}
-
-    def beyond(ranges: dict[str, AmplitudeRange]) -> tuple[str, ...]:
-        return tuple(
-            name
-            for name, limits in ranges.items()
-            if amplitude[name] > AMPLITUDE_MARGIN * limits.greatest
-        )
-
-    return RowPrediction(
-        point,
-        setting,
-        result["state"],
-        result["incomplete_reason"],
-        value,
-        half_width,
-        amplitude,
-        beyond(logged_ranges),
-        beyond(identified_ranges),
+def _beyond(amplitude: dict[str, float], ranges: dict[str, AmplitudeRange]) -> tuple[str, ...]:
+    """Return the names of the amplitudes beyond their ranges."""
+    return tuple(
+        name
+        for name, limits in ranges.items()
+        if amplitude[name] > AMPLITUDE_MARGIN * limits.greatest
     )
 
 

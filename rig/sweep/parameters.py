@@ -17,7 +17,6 @@ from rig.campaign import AnyCampaign, open_campaign
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.planning.input_files import InputFile
 from rig.sweep.simulator import campaign_kind, problems, simulation_of, simulation_of_rig
 
 OPTION = "--over"
@@ -139,11 +138,6 @@ class CampaignFiles:
         return campaign
 
 
-def campaign_inputs(campaign: AnyCampaign) -> tuple[InputFile, ...]:
-    """Return every file of a campaign with its sha256, including the data of its plant."""
-    return (*campaign.files, *simulation_of(campaign).plant_data(campaign))
-
-
 def _set_rig_twin(
     mapping: dict[str, Any],
     locate: SourceMap,
@@ -153,7 +147,7 @@ def _set_rig_twin(
 ) -> None:
     """Set the rig's own value of a plant parameter too, unless the sweep sets it separately."""
     simulation = simulation_of_rig(mapping)
-    for twin, theirs in simulation.MATCHING_KEYS.items() if simulation else ():
+    for twin, theirs in simulation.matching_keys(mapping).items() if simulation else ():
         is_set = any(other.file == "rig" and other.path == twin for other, _ in values)
         if theirs == parameter.path and not is_set:
             _set_value(mapping, locate, parameter, twin, value)

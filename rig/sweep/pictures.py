@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import panel
-from rig.analysis.mesh import XY
 from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.rows import COMPLETE, row_table, stations_of
+from rig.analysis.slices import XY
 from rig.analysis.surfaces import NO_POINTS, write_surfaces
 from rig.config import ranges
 from rig.config.problems import format_number

@@ -54,8 +54,10 @@ class CampaignSimulator(Protocol):
 class Simulation(Protocol):
     """The simulation of a kind of rig: a module of its package."""
 
-    MATCHING_KEYS: Mapping[KeyPath, KeyPath]
-    """Keys of the rig file and keys of the plant file that must have the same value."""
+    def matching_keys(self, rig: Mapping[str, Any]) -> Mapping[KeyPath, KeyPath]:
+        """Return the keys of an unchecked rig file and those of the plant file that must have the
+        same value."""
+        ...
 
     def row_contents(self, campaign: AnyCampaign) -> RowContents:
         """Return the contents of the rows' results; their first station is at the body."""

@@ -24,6 +24,7 @@ from rig.wires.modbus_poller import PolledBlock, RegisterPreset
 
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
 _LINE_FIELDS = {"timeout_s": "timeout", "slowest_s": "max_response_time"}
+_TRIGGER_PERIOD_S = 0.02  # s between two posts of the outputs
 W_co = TypeVar("W_co", bound=Wiring, covariant=True)
 
 
@@ -59,6 +60,11 @@ def wiring_of(rig: _WiredRigFile[W_co]) -> W_co:
     return rig.wiring
 
 
+def trigger_divider(rate: int) -> int:
+    """Return the ticks between two posts of the wave trigger at a rate (Hz) of the loop."""
+    return max(1, round(_TRIGGER_PERIOD_S * rate))
+
+
 StreamSettings = tuple[str, dict[str, Any]]
 """Type (`rig.wires.streams.STREAM_TYPES`) and settings of a device with a wire of its own."""
 
@@ -70,6 +76,7 @@ def wired_job(
     torque_constants: Mapping[str, float] | None = None,
     polled_streams: Mapping[str, StreamSettings] | None = None,
     loop_streams: Mapping[str, dict[str, Any]] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> WiredJob:
     """Return the job of a wiring: the service of its CAN bus, pollers of streams and Modbus lines.
 
@@ -77,7 +84,8 @@ def wired_job(
     `can` (`rig.wires.can_axes.connect`) and `streams` are added. ``torque_constants`` (N m/A) of
     the motors by drive, for drives that are scaled by their rated torque. ``polled_streams``: the
     devices with a poller each, by the name of their mailbox; ``loop_streams``: those that the loop
-    reads itself, settings by type. WiringError lists all reasons against the wiring.
+    reads itself, settings by type. ``units``: of values by BLOCK.VALUE, instead of those of the
+    wiring. WiringError lists all reasons against the wiring.
     """
     processes: list[IoProcess] = []
     loop_streams, load = loop_streams or {}, None
@@ -96,7 +104,7 @@ def wired_job(
     if loop_streams:
         devices = devices | {"streams": dict(loop_streams)}
     processes += [_stream_poller(name, *each) for name, each in polled.items()]
-    return WiredJob((*processes, *_modbus_pollers(wiring)), devices, load)
+    return WiredJob((*processes, *_modbus_pollers(wiring, units or {})), devices, load)
 
 
 def wired_mode(
@@ -131,11 +139,15 @@ def _stream_poller(name: str, kind: str, settings: dict[str, Any]) -> IoProcess:
     return IoProcess(name.replace("_", " "), f"{__package__}.stream_poller", config, mailboxes)
 
 
-def _modbus_pollers(wiring: Wiring) -> list[IoProcess]:
+def _modbus_pollers(wiring: Wiring, units: Mapping[str, str]) -> list[IoProcess]:
     """Return a poller for each Modbus line with register blocks."""
     by_line: dict[str, list[PolledBlock]] = {}
     for name, registers in wiring.blocks().items():
         content = wiring.block_content(name)
+        signals = {
+            each: units.get(f"{name}.{each}", unit) for each, unit in content.signals.items()
+        }
+        content = content._replace(signals=signals)
         by_line.setdefault(registers.line, []).append(_polled_block(name, registers, content))
     processes = []
     for line, blocks in by_line.items():

@@ -4,6 +4,7 @@
 the time of the request for it, so that its age is never too small.
 """
 
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -80,7 +81,9 @@ class WriteAcknowledgement(NamedTuple):
 ACKNOWLEDGEMENT_SUFFIX = "_done"
 HEALTH_SUFFIX = "_health"  # ends the name of the mailbox of a CANopen node's health
 
-_WHOLE_NUMBERS = ("flag", "index", "count")  # units whose values are ints
+WHOLE_NUMBERS = ("flag", "index", "count")
+"""Units whose values are ints in mailboxes."""
+_FIRST_VALUE_TIMEOUT_S = 3.0  # s until each mailbox must have a value
 
 
 def block_message(values: Iterable[tuple[str, str]]) -> MessageFields:
@@ -104,8 +107,21 @@ def open_mailboxes(slots: Mapping[str, Sequence[Any]]) -> dict[str, Mailbox]:
 
 def _message_type(fields: Sequence[Sequence[str]]) -> type:
     hints = [
-        (name, Annotated[int if unit in _WHOLE_NUMBERS else float, unit]) for name, unit in fields
+        (name, Annotated[int if unit in WHOLE_NUMBERS else float, unit]) for name, unit in fields
     ]
     make: Any = NamedTuple  # its static type wants literal fields
     message: type = make("Message", hints)
     return message
+
+
+def wait_for_values(slots: Mapping[str, Mailbox], dt: float) -> None:
+    """Wait until every mailbox has a value; OSError names those without one.
+
+    A process that posts its first value at this moment may be interrupted halfway. ``dt`` in s
+    between two looks.
+    """
+    until = time.monotonic() + _FIRST_VALUE_TIMEOUT_S
+    while empty := [name for name, slot in slots.items() if slot.read() is None]:
+        if time.monotonic() > until:
+            raise OSError(f"no value from {', '.join(empty)} in {_FIRST_VALUE_TIMEOUT_S:g} s")
+        time.sleep(dt)

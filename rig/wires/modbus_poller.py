@@ -218,14 +218,13 @@ def setup_blocks(polled: PolledBlock) -> list[tuple[RegisterBlock, RegisterPrese
 
 def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
     """Yield the blocks of a line from its configuration (`rig.wires.job`)."""
-    for name, block, high_word_first, period, setup, written, counter, signals in config["blocks"]:
-        unit, table, first, size, values = block
+    for record in config["blocks"]:
+        polled = PolledBlock(*record)
+        unit, table, first, size, values = polled.block
         decoded = tuple(RegisterValue(*value) for value in values)
         validated = registers.validated(RegisterBlock(unit, table, first, size, decoded))
-        presets = tuple(RegisterPreset(*each) for each in setup)
-        yield PolledBlock(
-            name, validated, high_word_first, period, presets, written, counter, signals
-        )
+        presets = tuple(RegisterPreset(*each) for each in polled.register_setup)
+        yield polled._replace(block=validated, register_setup=presets)
 
 
 def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:

@@ -118,7 +118,7 @@ def servo_settings(settings: dict[str, Any]) -> servo_signals.ServoSettings:
     torque = settings["loop"] == "torque"
     return servo_signals.ServoSettings(
         "servo drive",
-        drive_address(settings),
+        NO_ADDRESS if settings["address"] is None else int(settings["address"]),
         settings["identity"],
         drive_channel(settings["control"]),
         settings["enabled_word"],
@@ -132,11 +132,6 @@ def servo_settings(settings: dict[str, Any]) -> servo_signals.ServoSettings:
         settings["rising_s"],
         Timing(settings["answer_s"], settings["quiet_s"]),
     )
-
-
-def drive_address(settings: dict[str, Any]) -> int:
-    """Return the drive's address on its line."""
-    return NO_ADDRESS if settings["address"] is None else int(settings["address"])
 
 
 def drive_channel(settings: dict[str, Any]) -> ObjectChannel:
@@ -198,15 +193,6 @@ def create_stream(kind: str, settings: dict[str, Any], slots: dict[str, Mailbox]
 
 
 def _serial_link(device: str, settings: dict[str, Any]) -> SerialLink:
-    return SerialLink(
-        SerialSettings(
-            device,
-            settings["port"],
-            settings["baud"],
-            settings["parity"],
-            settings["stop_bits"],
-            int(settings["rts_cts"]),
-            int(settings["echo"]),
-            int(settings["low_latency"]),
-        )
-    )
+    line = (settings[key] for key in ("port", "baud", "parity", "stop_bits"))
+    flags = (int(settings[key]) for key in ("rts_cts", "echo", "low_latency"))
+    return SerialLink(SerialSettings(device, *line, *flags))

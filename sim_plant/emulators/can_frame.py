@@ -49,7 +49,7 @@ def parse_send(text: str) -> Frame:
     extended = len(digits) > 3
     octets = bytes(int(octet, 16) for octet in data.split())
     if len(octets) != int(length):
-        raise FrameTextError(f"{length} bytes told, {len(octets)} given")
+        raise FrameTextError(f"{length} bytes declared, {len(octets)} given")
     if identifier > (MAX_EXTENDED_ID if extended else MAX_STANDARD_ID):
         raise FrameTextError("identifier out of range")
     return Frame(identifier, octets, extended)

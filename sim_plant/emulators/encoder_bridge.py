@@ -116,10 +116,10 @@ class EncoderBridge(LineDevice):
         elapsed = angles.time - self._time_origin
         micros = self.settings.start_us + round(1.0e6 * elapsed)
         stamp = 1.0e-6 * micros  # the encoders' time stamps use the same clock
-        words = (self.motor.latch(angles.motor, stamp), self.shaft.latch(angles.shaft, stamp))
+        latched = (self.motor.latch(angles.motor, stamp), self.shaft.latch(angles.shaft, stamp))
         silent = (MOTOR_SILENT, SHAFT_SILENT)
         flags = self._flags
-        for word, bit in zip(words, silent, strict=True):
+        for word, bit in zip(latched, silent, strict=True):
             flags |= bit if word is None else 0
         body = struct.pack(
             ">BBHQBBII",
@@ -129,7 +129,7 @@ class EncoderBridge(LineDevice):
             micros,
             self.motor.settings.protocol,
             self.shaft.settings.protocol,
-            *(word or 0 for word in words),
+            *(word or 0 for word in latched),
         )
         crc = crc16(body) ^ (0xFFFF if self.faults.is_on("wrong_crc") else 0)
         return SYNC + body + crc.to_bytes(2, "big")

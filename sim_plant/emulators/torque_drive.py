@@ -76,6 +76,7 @@ class TorqueDriveParams(NamedTuple):
     scaling: Scaling
     drive: Cia402Params = Cia402Params()
     analog: tuple[AnalogInput, ...] = ()  # in the order of 201A:01, :02
+    encoder_increments: Count = 0  # 608F:01; 0: that of the object dictionary
 
 
 TORQUE_FAULTS = (
@@ -115,6 +116,9 @@ class TorqueDrive(Cia402Node):
         self._reversal_counts = 0  # counts at which the encoder was reversed
         self._creep_start: Second = 0.0
         super().__init__(params, torque.drive, hub, schedule, world)
+        if torque.encoder_increments:
+            self.storage.defaults[0x608F, 1] = torque.encoder_increments
+            self.objects.put(0x608F, torque.encoder_increments, 1)
         self.fault_list.add(*TORQUE_FAULTS)
 
     # ---- scaling --------------------------------------------------------------------------------
@@ -269,8 +273,8 @@ class TorqueDrive(Cia402Node):
         put(0x200F, round_or_zero(min(65535.0, max(0.0, volts) * 16384.0 / (1.05 * kov))), 1)
         put(0x2010, self.objects.get(0x6077), 1)
         put(0x2010, self.raw_current(self.current), 2)
-        words = self._status_words() if self.errors.active else NO_STATUS_BITS
-        for sub, word in enumerate(words, start=1):
+        status_bits = self._status_words() if self.errors.active else NO_STATUS_BITS
+        for sub, word in enumerate(status_bits, start=1):
             put(0x2002, word, sub)
             put(0x2003, self.objects.get(0x2003, sub) | word, sub)
 

@@ -7,20 +7,16 @@ Re(X e^{-i omega t}). WAMIT and BEMIO write e^{+i omega t}; their readers take t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim_plant.bem import Bem, open_regular_file
+from sim_plant.bem import Bem
+from sim_plant.modes import bemio, capytaine, wamit
+from sim_plant.modes.bem_content import BemContent, Complexes, Floats, Water
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-
-RIGID_MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 MAX_ASYMMETRY = 0.15  # of the diagonal's geometric mean: more is no radiation problem at rest
 SUFFIXES = (".nc", ".h5", ".out", ".1", ".3", ".hst")
 
@@ -42,31 +38,6 @@ class BemModes(NamedTuple):
     direction: float  # degrees, 0: waves travel to +x
 
 
-class Water(NamedTuple):
-    """What a plant file states of the water; None where the BEM file is to state it."""
-
-    density: float | None = None  # kg/m3
-    gravity: float | None = None  # m/s2
-    depth: float | None = None  # m
-    length_scale: float | None = None  # m, ULEN of WAMIT's numeric files
-
-
-class BemContent(NamedTuple):
-    """All modes and directions of a file, before the choice of some; frequencies may descend."""
-
-    modes: tuple[str, ...]
-    omega: Floats  # rad/s; may contain 0 and inf
-    added_mass: Floats  # (omega, n, n)
-    damping: Floats
-    excitation: Complexes  # (omega, directions, n)
-    directions: Floats  # degrees
-    infinite: Floats | None  # (n, n), where the file has it apart from `omega`
-    stiffness: Floats | None
-    depth: float
-    density: float
-    gravity: float
-
-
 def read_modes(
     path: Path,
     modes: Sequence[str] | None = None,
@@ -80,8 +51,6 @@ def read_modes(
     does not state. Raises ValueError that names file, field, value and the allowed ones, OSError
     for a file that cannot be read.
     """
-    from sim_plant.modes import bemio, capytaine, wamit  # noqa: PLC0415  (they import this module)
-
     readers = {".nc": capytaine.read, ".h5": bemio.read, ".out": wamit.read_out}
     reader = readers.get(path.suffix.lower(), wamit.read_numeric)
     if path.suffix.lower() not in SUFFIXES:
@@ -110,36 +79,6 @@ def impedance(bem: BemModes) -> Complexes:
     """Return K_r = B + i omega (A - A_inf) on the file's grid, for e^{+i omega t}; (n_f, n, n)."""
     omega = 2.0 * np.pi * bem.frequency[:, None, None]
     return bem.damping + 1j * omega * (bem.added_mass - bem.added_mass_infinite)
-
-
-@contextmanager
-def open_hdf5(path: Path) -> Iterator[Any]:
-    """Open an HDF5 file for reading; ValueError if it is another format."""
-    import h5py  # noqa: PLC0415  (importing HDF5 takes half a second; text formats do not need it)
-
-    with open_regular_file(path) as stream:
-        try:
-            file = h5py.File(stream, "r")
-        except OSError as error:
-            message = f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)"
-            raise ValueError(message) from error
-        with file:
-            yield file
-
-
-def stated(path: Path, name: str, found: float | None, given: float | None, unit: str) -> float:
-    """Return a property of the water from the file or the plant; both must agree."""
-    if found is None and given is None:
-        raise ValueError(f"{path}: does not state {name} ({unit}); set {name} in the plant file")
-    if found is not None and given is not None and abs(found - given) > 1.0e-6 * abs(found):
-        raise ValueError(
-            f"{path}: states {name} {found:g} {unit}, the plant file {given:g}; remove one"
-        )
-    value = found if found is not None else given
-    assert value is not None
-    if not value > 0.0:
-        raise ValueError(f"{path}: {name} is {value:g} {unit}; allowed: above 0")
-    return float(value)
 
 
 def _choose(

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_plant.modes.bem import BemContent, Floats, Water, open_hdf5, stated
+from sim_plant.modes.bem_content import BemContent, Floats, Water, open_hdf5, stated
 from sim_plant.modes.wamit import mode_names
 
 

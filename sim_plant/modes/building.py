@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim_plant.modes import radiation
-from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
+from sim_plant.modes.bem import BemModes, read_modes
+from sim_plant.modes.bem_content import Floats, Water
 from sim_plant.modes.parameters import Axis, Plant
 from sim_plant.modes.plant import ModesParams
 from sim_plant.modes.radiation import Radiation

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_plant.modes.bem import BemContent, Complexes, Floats, Water, open_hdf5, stated
+from sim_plant.modes.bem_content import BemContent, Complexes, Floats, Water, open_hdf5, stated
 
 FREQUENCIES = ("omega", "freq", "period")
 SINGLE = ("water_depth", "rho", "g", "body_name", "forward_speed")  # must not be dimensions > 1

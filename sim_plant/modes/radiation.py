@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from sim_plant.modes.bem import BemModes, Floats, impedance
+from sim_plant.modes.bem import BemModes, impedance
+from sim_plant.modes.bem_content import Floats
 
 Complexes = NDArray[Any]  # complex128
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_plant.bem import open_regular_file
-from sim_plant.modes.bem import RIGID_MODES, BemContent, Complexes, Floats, Water, stated
+from sim_plant.modes.bem_content import RIGID_MODES, BemContent, Complexes, Floats, Water, stated
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 
@@ -143,8 +143,8 @@ def _rows(path: Path, lengths: tuple[int, ...]) -> list[tuple[str, list[float]]]
                 continue  # the optional header
             raise ValueError(f"{path}:{number}: {line.strip()!r} are not numbers") from None
         if len(row) not in lengths:
-            wanted = " or ".join(map(str, lengths))
-            raise ValueError(f"{path}:{number}: has {len(row)} numbers, expected {wanted}")
+            allowed = " or ".join(map(str, lengths))
+            raise ValueError(f"{path}:{number}: has {len(row)} numbers, expected {allowed}")
         rows.append((f"{path}:{number}", row))
     return rows
 

@@ -41,6 +41,19 @@ class Truth(NamedTuple):
     wave_clock: float  # s, since the trigger's last rising edge; 0 before the first
 
 
+class InitialConditions(NamedTuple):
+    """Initial conditions of a world, for callers that execute the step themselves."""
+
+    params: ModesParams
+    state: list[float]
+    readings: tuple[float, ...]  # at rest
+    delay_line: int  # readings that are not yet delivered, all at rest
+    table: NDArray[np.float64]  # of `excitation_table`
+    onset: float  # s
+    onset_ticks: int  # after which the sea has its full height
+    normals: Sequence[float]  # noise table
+
+
 class Stepper:
     """Interpreted stepper: advances the plant's state by one tick and samples its sensors."""
 
@@ -116,7 +129,7 @@ class World:
         self._onset = float(plant.wave_onset_s)
         self._onset_ticks = math.ceil(self._onset / dt)
         self._table = excitation_table(model, sea, dt)
-        normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
+        self._normals = normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
         self._stepper = stepper(params, normals, dt)
         self._actuation = self.rest = Actuation((0.0, 0.0) * params.axes, 0)
         self._fresh = 0
@@ -157,6 +170,19 @@ class World:
     def readings(self) -> tuple[float, ...]:
         """Return the readings sampled `delay` ago."""
         return self._delay_line[0]
+
+    def initial_conditions(self) -> InitialConditions:
+        """Return the initial conditions; call it before the first step."""
+        return InitialConditions(
+            self.model.params,
+            self._stepper.numbers(),
+            self._delay_line[0],
+            len(self._delay_line),
+            self._table,
+            self._onset,
+            self._onset_ticks,
+            self._normals,
+        )
 
     def release(self, position: Sequence[float], velocity: Sequence[float] | None = None) -> None:
         """Set the motion of the modes (m or rad), at rest without `velocity`."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from matplotlib.tri import LinearTriInterpolator
 
-from rig.analysis.mesh import XY, triangulate
+from rig.analysis.slices import XY, triangulate
 
 
 def interpolator(places: Sequence[XY], values: Sequence[float]) -> LinearTriInterpolator:

@@ -133,7 +133,7 @@ def plan_of(sea: Multisine = SEA) -> dict[str, Any]:
         "rows": [],
         "repeat_s": sea.repeat,
         "sea": {"kind": "pink", "words": "pink, for a test"},
-        "asked_sea": {
+        "requested_sea": {
             "repeat_s": sea.repeat,
             "cycles": sea.cycles.tolist(),
             "amplitude_m": sea.amplitude.tolist(),

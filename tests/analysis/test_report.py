@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from rig.analysis import traces
-from rig.analysis.alarms import format_rows
 from rig.analysis.report import analyse, write_products
 from rig.analysis.rows import row_table
-from rig.analysis.summary import as_text
+from rig.analysis.summary import as_text, format_rows
 from rig.analysis.traces import decimate, write_traces
 from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.presentation.phrases import (

@@ -282,11 +282,11 @@ def test_after_a_hold_only_the_last_attempt_counts(tmp_path: Path) -> None:
     first = data[(data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE)].copy()
     begin = np.flatnonzero(data["plan.row"] == 1)[0]
     first["power.ac"] = 999.0
-    held = first[:400]
-    held["safety.mode"][300:] = Mode.STOP_2
+    stopped_part = first[:400]
+    stopped_part["safety.mode"][300:] = Mode.STOP_2
     second = data[begin:].copy()
     second["plan.attempt"][second["plan.row"] == 1] = 1
-    joined = synthetic.stamped(np.concatenate([data[:begin], held, second]), shape.dt)
+    joined = synthetic.stamped(np.concatenate([data[:begin], stopped_part, second]), shape.dt)
     table = table_of(tmp_path, joined, rows, shape)
     assert table["state"].values.tolist() == ["complete", "complete"]
     assert table["attempt"].values.tolist() == [0, 1]

@@ -13,13 +13,13 @@ from matplotlib.image import imread
 from synthetic_runs import COLUMNS, POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis import labels, panel
-from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
 from rig.analysis.slices import (
     find_optima,
     project_matrix,
     slice_matrix,
     slice_remarks,
+    triangulate,
 )
 from rig.analysis.surfaces import (
     can_be_sliced,

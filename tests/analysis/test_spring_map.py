@@ -208,7 +208,7 @@ def test_closed_forms_of_a_sine_law() -> None:
     friction cancels; cos 2 theta = -0.1 reverses at 47.87 deg."""
     samples = sweep(lambda angle: 100.0 * np.sin(2.0 * angle), friction=7.0)
     curve = passes.average_passes(samples)
-    line = passes.estimate_rate(samples, curve, curve.torque, samples.torque)
+    line = passes.estimate_rate(samples, curve)
     theta = FIT_HALF_ANGLE
     exact = 3.0 * (math.sin(2 * theta) / 2 - theta * math.cos(2 * theta)) / (2 * theta**3)
     assert line.slope == pytest.approx(100.0 * exact, rel=2e-4)  # bins of a degree
@@ -233,7 +233,7 @@ def test_the_interval_covers_noise() -> None:
         noisy = samples._replace(torque=samples.torque + 5.0 * random.standard_normal(80004))
         clean, curve = passes.average_passes(samples), passes.average_passes(noisy)
         true = passes.window_slope(clean, clean.torque, FIT_HALF_ANGLE)
-        line = passes.estimate_rate(noisy, curve, curve.torque, noisy.torque)
+        line = passes.estimate_rate(noisy, curve)
         covered += abs(line.slope - true) <= line.interval
     assert covered >= 33
 
@@ -241,7 +241,7 @@ def test_the_interval_covers_noise() -> None:
 def test_a_travel_that_is_too_short_gives_no_rate() -> None:
     samples = sweep(lambda angle: 100.0 * np.sin(2.0 * angle), half=0.6)
     curve = passes.average_passes(samples)
-    line = passes.estimate_rate(samples, curve, curve.torque, samples.torque)
+    line = passes.estimate_rate(samples, curve)
     assert math.isnan(line.slope)
     assert line.passes == 0
     assert math.isnan(passes.find_reversal(curve).above)

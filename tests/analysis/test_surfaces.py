@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
-from rig.analysis.mesh import spans_surface, triangulate
 from rig.analysis.points import Point
+from rig.analysis.slices import spans_surface, triangulate
 from rig.analysis.surfaces import draw_surfaces, write_surfaces
 from rig.presentation.picture import framed_figure
 

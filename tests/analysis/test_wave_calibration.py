@@ -297,8 +297,8 @@ def test_the_products_of_a_run(tmp_path: Path) -> None:
     assert header[:5] == [
         "cycles",
         "frequency [Hz]",
-        "asked_amplitude [m]",
-        "asked_phase [rad]",
+        "commanded_amplitude [m]",
+        "commanded_phase [rad]",
         "probe_1_amplitude [m]",
     ]
     table = calibrate_waves(run)

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from two_clocks import Truth, draw_truth, make_recording, make_reference
 
-from rig.interop.basin.align import Alignment, MatchedChannel, SyncReference, align
-from rig.interop.basin.clock import Clock
-from rig.interop.basin.sync import phase_track
+from rig.interop.basin.align import (
+    Alignment,
+    Clock,
+    MatchedChannel,
+    SyncReference,
+    align,
+    phase_track,
+)
 
 SEEDS = 200
 

@@ -12,9 +12,16 @@ import xarray
 from command_here import rig
 
 from rig.config.problems import ConfigError
-from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, interpolate_cubic, merge
-from rig.interop.basin.products import row_means, write_products
-from rig.interop.basin.sync import rising_edge
+from rig.interop.basin.align import rising_edge
+from rig.interop.basin.merge import (
+    SYNC_FILE,
+    MergeSource,
+    SyncChannels,
+    interpolate_cubic,
+    merge,
+    row_means,
+    write_products,
+)
 from rig.recording.channel_file import read_recording
 
 CLOCK = SyncChannels(run_sine="clock")

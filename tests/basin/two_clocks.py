@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.interop.basin.align import SyncReference
-from rig.interop.basin.sync import Edge, ideal_sine
+from rig.interop.basin.align import Edge, SyncReference, ideal_sine
 from rig.recording.channel_file import Recording
 
 

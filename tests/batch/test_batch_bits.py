@@ -15,24 +15,32 @@ from typing import Any
 
 import numpy as np
 import pytest
-from both_ways import STILL_CLOCK, compiled, interpreted, open_campaign_plan
+from both_ways import (
+    STILL_CLOCK,
+    compiled,
+    differing_fields,
+    interpreted,
+    open_campaign_plan,
+)
 from law_lifting import same_bits
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
 import rig
-from rig.compilation import lifting
+from rig.compilation import cache_folder, lifting
+from rig.compilation.cache_folder import code_folder
 from rig.compilation.column import Column
 from rig.compilation.pages import PAGE_TICKS
 from rig.config.law_settings import IMPEDANCE
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
 from rig.kinds.wavebot.simulation import plant_coupling
-from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
-from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
+from rig.kinds.wavebot.simulation.compiled import KEPT_FIELDS, loop_source
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode
 
-LIFTED = lifted_modules(IMPEDANCE)
+SOURCE = loop_source(IMPEDANCE)
+LIFTED, TYPE_MODULES = SOURCE.lifted_modules, SOURCE.type_modules
 LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -164,14 +172,7 @@ def simulator(tmp_path_factory: pytest.TempPathFactory) -> CampaignSimulator:
 def test_every_stored_field_has_the_bits_of_a_rehearsal(case: str, tmp_path: Path) -> None:
     path = make_campaign(tmp_path, case)
     compiled_result, interpreted_result = compiled(path), interpreted(path)
-    assert compiled_result.reason == interpreted_result.reason
-    assert compiled_result.kept.shape == interpreted_result.kept.shape
-    differing = [
-        n
-        for i, n in enumerate(KEPT_FIELDS)
-        if compiled_result.kept[:, i].tobytes() != interpreted_result.kept[:, i].tobytes()
-    ]
-    assert not differing
+    assert not differing_fields(compiled_result, interpreted_result)
     if case == "tripped":
         assert compiled_result.reason not in ("NONE", "PLAN_END")
         assert all(
@@ -201,7 +202,7 @@ def step_interpreted(
     simulator: CampaignSimulator, params: Any, coupled: Any, readings: Any
 ) -> tuple[Any, Any]:
     """Run the interpreted cycle on these readings; return its state and the plant input."""
-    sense = plant_coupling.sense(readings, simulator.begin.delay)
+    sense = plant_coupling.sense(readings, simulator.plant.age)
     state, command, _ = cycle.make(KIND)(
         params, coupled.loop, sense, 0, coupled.tick, STILL_CLOCK, 1, simulator.dt
     )
@@ -222,29 +223,38 @@ def test_invalid_readings_give_the_same_mode_reason_and_command(
 
     def advance(coupled: Any, until: int) -> Any:
         return simulator.advance(
-            columns, simulator.constants, simulator.tables, simulator.normals, simulator.dt,
-            simulator.begin.delay, coupled, until, page, columns_buffer, 0,
-        )[0]  # fmt: skip
+            columns, simulator.plant, simulator.dt, coupled, until, page, columns_buffer, 0
+        )[0]
 
     running = advance(simulator.start(), 5000)
     assert running.loop.safety.mode == RUN
     rng, outcomes = np.random.default_rng(7), set()
     for _ in range(300):
-        coupled = running._replace(
-            in_transit=(running.in_transit[0], spoil(running.in_transit[1], rng))
-        )
+        current, following = running.device.in_transit
+        device = running.device._replace(in_transit=(current, spoil(following, rng)))
+        coupled = running._replace(device=device)
         for _ in range(10):
             state, plant_input = step_interpreted(
-                simulator, simulator.params, coupled, coupled.in_transit[1]
+                simulator, simulator.params, coupled, coupled.device.in_transit[1]
             )
             coupled = advance(coupled, coupled.tick + 1)
             assert same_bits(lifting.flatten(coupled.loop), lifting.flatten(state))
-            assert same_bits(lifting.flatten(coupled.plant_input), lifting.flatten(plant_input))
-            assert all(map(math.isfinite, lifting.flatten(coupled.plant_input)))
+            assert same_bits(
+                lifting.flatten(coupled.device.plant_input), lifting.flatten(plant_input)
+            )
+            assert all(map(math.isfinite, lifting.flatten(coupled.device.plant_input)))
             safety = coupled.loop.safety
             if safety.mode == STOP_0:
-                assert coupled.plant_input.heave_current == coupled.plant_input.surge_current == 0.0
-                assert coupled.plant_input.heave_enable == coupled.plant_input.surge_enable == 0
+                assert (
+                    coupled.device.plant_input.heave_current
+                    == coupled.device.plant_input.surge_current
+                    == 0.0
+                )
+                assert (
+                    coupled.device.plant_input.heave_enable
+                    == coupled.device.plant_input.surge_enable
+                    == 0
+                )
         outcomes.add((Mode(safety.mode).name, KIND.reason_table.name(safety.reason)))
     assert {reason for _, reason in outcomes} >= {
         "NONE",
@@ -320,7 +330,7 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
     assert imported_modules(LIFTED) - parts <= passing | {"sim_plant.units"}
     now = code_folder("x", (*LIFTED, *TYPE_MODULES))
     getsource = inspect.getsource
-    for edited in (*LIFTED, *TYPE_MODULES, lifting):
+    for edited in (*LIFTED, *TYPE_MODULES):
 
         def read(module: Any, edited: Any = edited) -> str:
             return getsource(module) + ("# edited" if module is edited else "")
@@ -329,16 +339,19 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
         assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now, edited.__name__
     monkeypatch.setattr(inspect, "getsource", getsource)
     assert code_folder("x", (*LIFTED, *TYPE_MODULES)) == now
+    monkeypatch.setattr(cache_folder, "_COMPILERS", (*cache_folder._COMPILERS, "pages.py"))
+    assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now
+    monkeypatch.undo()
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
     assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now
 
 
 PRINT_CACHE_FOLDER = """
-from rig.compilation import lifting
+from rig.compilation.cache_folder import code_folder
 from rig.config.law_settings import IMPEDANCE
-from rig.kinds.wavebot.simulation.compiled import TYPE_MODULES, lifted_modules
-LIFTED = lifted_modules(IMPEDANCE)
-print(code_folder("x", (*LIFTED, *TYPE_MODULES)))
+from rig.kinds.wavebot.simulation.compiled import loop_source
+source = loop_source(IMPEDANCE)
+print(code_folder("x", (*source.lifted_modules, *source.type_modules)))
 """
 
 

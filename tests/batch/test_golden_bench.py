@@ -22,10 +22,10 @@ from rig_command import rig_here
 from rig.execution import replay as replays
 from rig.execution.replay import replay
 from rig.kinds.oswec_bench import recorded
+from rig.kinds.oswec_bench.recorded import resolved_session, session_as_logged
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.check import check_session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
-from rig.kinds.oswec_bench.sessions.recorded import resolved_session, session_as_logged
 from rig.kinds.oswec_bench.tick import stations
 from rig.recording.runs import RunError, open_run, run_info
 
@@ -96,10 +96,10 @@ def test_record_of_a_session_reproduces_its_parameters(name: str, tmp_path: Path
     else:
         path = CONFIGS / "sessions" / f"{name}.yaml"
     report = check_session(path)
-    assert report.session is not None, report.text()
-    from_record = session_as_logged(json.loads(resolved_session(report.session)))
-    plan, plan_from_record = plan_session(report.session), plan_session(from_record)
-    assert bench_params(from_record, plan_from_record) == bench_params(report.session, plan)
+    assert report.checked is not None, report.text()
+    from_record = session_as_logged(json.loads(resolved_session(report.checked)))
+    plan, plan_from_record = plan_session(report.checked), plan_session(from_record)
+    assert bench_params(from_record, plan_from_record) == bench_params(report.checked, plan)
 
 
 NEWER_LIMITS = ("motor.current_difference_", "motor.velocity_difference_", "power.")

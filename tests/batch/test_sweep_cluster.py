@@ -168,8 +168,8 @@ def test_the_command_runs_on_a_cluster(scheduler: Node, tmp_path: Path) -> None:
     assert code == 0, err
     report = json.loads(out)
     assert (report["status"], report["run_now"]) == ("complete", 3)
-    _, out_again, _ = rig_here(*arguments, "--scheduler", scheduler.wait_for_address())
-    assert json.loads(out_again)["run_now"] == 0  # finished cases do not run again
+    _, second_output, _ = rig_here(*arguments, "--scheduler", scheduler.wait_for_address())
+    assert json.loads(second_output)["run_now"] == 0  # finished cases do not run again
     with xarray.open_dataset(report["result"]) as table:
         assert np.isfinite(table["power_dc"].values).all()
 

@@ -202,9 +202,9 @@ def test_interrupted_sweep_resumes(tmp_path: Path) -> None:
     assert opened_sweep.folder == folder
     assert counting.ran == [3, 4, 5]
     assert (table["state"] == "complete").all()
-    counting_again = Counting()
-    _, same = run_test_sweep(path, AMPLITUDES, executor=counting_again)
-    assert counting_again.ran == []
+    second_count = Counting()
+    _, same = run_test_sweep(path, AMPLITUDES, executor=second_count)
+    assert second_count.ran == []
     xarray.testing.assert_identical(table, same)
     other, _ = run_test_sweep(path, "sea.amplitude_m=0.1", executor=interrupt_after(99))
     assert other.folder != folder
@@ -269,8 +269,8 @@ def test_full_disk_is_reported_and_loses_nothing(tmp_path: Path) -> None:
 def test_command_writes_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = make_campaign(tmp_path)
     output = tmp_path / "my.nc"
-    words = ("--over", AMPLITUDES, "--lead-in", "5", "--sweeps", tmp_path / "s", "--out", output)
-    code, lines, _ = rig_here("sweep", path, *words, "--json")
+    options = ("--over", AMPLITUDES, "--lead-in", "5", "--sweeps", tmp_path / "s", "--out", output)
+    code, lines, _ = rig_here("sweep", path, *options, "--json")
     assert code == 0
     report = json.loads(lines)
     assert report["rows"] == {"complete": 6}
@@ -279,12 +279,12 @@ def test_command_writes_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for name in ("here", "there"):  # a relative name is another file in another folder
         (tmp_path / name).mkdir()
         monkeypatch.chdir(tmp_path / name)
-        code, lines, _ = rig_here("sweep", path, *words[:-1], "my.nc", "--json")
+        code, lines, _ = rig_here("sweep", path, *options[:-1], "my.nc", "--json")
         assert (code, json.loads(lines)["run_now"]) == (0, 0)
         assert Path("my.nc").is_file()
     monkeypatch.setattr(sweep_command, "_draw", interrupt_drawing)
     Path("my.nc").unlink()
-    code, lines, _ = rig_here("sweep", path, *words[:-1], "my.nc", "--json")
+    code, lines, _ = rig_here("sweep", path, *options[:-1], "my.nc", "--json")
     assert (code, json.loads(lines)["status"]) == (3, "stopped")
 
 

@@ -11,8 +11,8 @@ from rig.campaign.law_checks import law_problems
 from rig.campaign.record import campaign_from_record, law_notice, law_source, plan_record
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
-from rig.config.columns import KindColumns
 from rig.config.law_settings import AxisLaw, find_law
+from rig.config.matrix import KindColumns
 from rig.config.model import FileModel
 from rig.config.problems import ConfigError
 from rig.config.rig_file import BaseRigFile
@@ -145,10 +145,10 @@ def test_the_report_names_the_laws_by_axis(campaign: Path) -> None:
 def test_a_recorded_campaign_gives_the_same_plan(campaign: Path) -> None:
     opened = open_campaign(CAMPAIGNS, campaign)
     config = json.loads(resolved_config(opened))
-    again = campaign_from_record(CAMPAIGNS, config, law_source(opened).encode())
-    assert again.file.model_dump() == opened.file.model_dump()
-    assert build_plan(again).rows == build_plan(opened).rows
-    assert build_plan(again).segments == build_plan(opened).segments
+    read_back = campaign_from_record(CAMPAIGNS, config, law_source(opened).encode())
+    assert read_back.file.model_dump() == opened.file.model_dump()
+    assert build_plan(read_back).rows == build_plan(opened).rows
+    assert build_plan(read_back).segments == build_plan(opened).segments
     assert law_notice(CAMPAIGNS, config) == ""
     contents = RowContents("front", (), opened.file.columns(), ())
     row = plan_record(opened, build_plan(opened), contents)["rows"][0]
@@ -164,8 +164,8 @@ def test_laws_given_by_files_are_recorded_by_axis(campaign: Path, tmp_path: Path
     text = law_source(opened)
     assert json.loads(text) == {"back": source.decode()}
     assert [file.role for file in opened.files if file.role == "law"] == ["law"]
-    again = campaign_from_record(CAMPAIGNS, json.loads(resolved_config(opened)), text.encode())
-    assert build_plan(again).rows == build_plan(opened).rows
+    read_back = campaign_from_record(CAMPAIGNS, json.loads(resolved_config(opened)), text.encode())
+    assert build_plan(read_back).rows == build_plan(opened).rows
 
 
 @pytest.mark.parametrize(

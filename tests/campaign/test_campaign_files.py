@@ -10,8 +10,8 @@ import pytest
 from rig.campaign import resolved_config
 from rig.config.problems import ConfigError
 from rig.kinds.wavebot.campaign import check_campaign, open_campaign
+from rig.kinds.wavebot.campaign.kind import spring_map_problems
 from rig.kinds.wavebot.campaign.stability import largest_ki, total_stiffness
-from rig.kinds.wavebot.campaign.stator import spring_map_problems
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
 CONFIGS = Path(__file__).parents[2] / "configs"

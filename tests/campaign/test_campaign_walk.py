@@ -57,13 +57,13 @@ def small_plan(frequency: float = 0.3) -> Plan:
     return build_plan(RecordedCampaign(CAMPAIGNS, campaign, RIG_100_HZ, None, points, None))
 
 
-def run_plan(planned: Plan, ticks: Any, ready: Any = None, held_ticks: Any = ()) -> list[Tick]:
+def run_plan(planned: Plan, ticks: Any, ready: Any = None, stopped_ticks: Any = ()) -> list[Tick]:
     """Return every tick until the plan is done."""
     state, ticks_run = sequence.start(0), []
     for tick in ticks:
         flags = READY if ready is None else ready(tick)
         state, position = sequence.step(
-            planned.segments, state, tick, flags, tick not in held_ticks, tick in held_ticks
+            planned.segments, state, tick, flags, tick not in stopped_ticks, tick in stopped_ticks
         )
         phase = Phase(planned.segments.phase[state.segment])
         row = planned.segments.row[state.segment]
@@ -148,8 +148,8 @@ def test_a_hold_restarts_the_row(begin: int, length: int) -> None:
     undisturbed = run_plan(planned, itertools.count())
     end = undisturbed[-1].tick
     begin = min(begin, end - 1)
-    held_ticks = range(begin, begin + length)
-    ticks_run = run_plan(planned, itertools.count(), held_ticks=held_ticks)
+    stopped_ticks = range(begin, begin + length)
+    ticks_run = run_plan(planned, itertools.count(), stopped_ticks=stopped_ticks)
     s = planned.segments
     # during the hold the segment remains that of the previous tick
     at = undisturbed[max(begin - 1, 0)]

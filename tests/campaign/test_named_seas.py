@@ -225,8 +225,8 @@ def test_another_process_builds_the_same_waves_and_realisations_differ() -> None
         text=True,
         check=True,
     )
-    first, second, third, first_again = process.stdout.split()
-    assert first == first_again
+    first, second, third, repeated = process.stdout.split()
+    assert first == repeated
     assert len({first, second, third}) == 3
     repeated = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(paths[1])], capture_output=True, text=True, check=True

@@ -13,7 +13,7 @@ from rehearsing import CONFIGS, write_campaign
 from rig.config.reference import AnyStimulus, Reference
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.predictions import predict
+from rig.kinds.wavebot.predictions.rows import predict
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.multisine import design_multisine, odd_lines, random_odd_lines
 from rig.planning.reference import ReferenceRecord, force_table, repeat_ticks
@@ -152,9 +152,7 @@ def test_rows_measure_whole_repeat_periods_and_play_their_realisation(tmp_path: 
     assert report.campaign is not None
     assert [(row.periods, row.measure) for row in report.plan.rows] == [(3, 60.0)] * 2
     checked = report.campaign
-    params = wavebot_params(
-        checked.file, checked.rig, checked.limits, report.plan.segments, report.plan.setpoints
-    ).rig
+    params = wavebot_params(checked, report.plan.segments, report.plan.setpoints).rig
     assert params.reference.realisations == 2
     assert set(params.setpoints.realisation) == {0, 1}
     expected = force_table(stimulus(**reference), FACTOR, RATE, 1, (2, 5))

@@ -19,7 +19,7 @@ from rig.cli.devices import render
 from rig.cli.output import BAD_INPUT, FAILED, OK
 from rig.config.pydantic_errors import load
 from rig.host.finding import Host, Verdict
-from rig.host.rig_wires import findings
+from rig.host.wires import rig_findings
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware.job import build_job
 from rig.wires.survey import survey
@@ -139,13 +139,13 @@ def test_missing_devices_are_named(tmp_path: Path) -> None:
 
 def test_the_doctor_checks_the_wires_of_a_bench(sim: Sim, tmp_path: Path) -> None:
     emulated, _ = load(sim.path, BenchRigFile)
-    verdicts = {finding.check: finding.verdict for finding in findings(Host(), emulated)}
+    verdicts = {finding.check: finding.verdict for finding in rig_findings(Host(), emulated)}
     assert verdicts == {
         "encoders": Verdict.GOOD, "servo": Verdict.GOOD, "line outputs": Verdict.GOOD,
         "line io": Verdict.GOOD, "load cell": Verdict.NOTE,
     }  # fmt: skip
     without_devices, _ = load(rig_file(tmp_path), BenchRigFile)
-    verdicts = {finding.check: finding.verdict for finding in findings(Host(), without_devices)}
+    verdicts = {finding.check: finding.verdict for finding in rig_findings(Host(), without_devices)}
     # Only warnings: `rig sim` may start later.
     assert verdicts["servo"] == verdicts["line io"] == Verdict.WARNING
 

@@ -12,16 +12,14 @@ from rig.cli.app import COMMANDS, app, load
 
 def commands(command: object, name: str) -> Iterator[tuple[str, TyperCommand]]:
     if isinstance(command, TyperGroup):
-        for word, each in command.commands.items():
-            yield from commands(each, f"{name} {word}")
+        for subcommand, each in command.commands.items():
+            yield from commands(each, f"{name} {subcommand}")
     elif isinstance(command, TyperCommand):
         yield name, command
 
 
 LISTED = (*COMMANDS, *kinds.commands())
-ALL = dict(
-    pair for each in LISTED for pair in commands(load(each.name, each.module), f"rig {each.name}")
-)
+ALL = dict(pair for each in LISTED for pair in commands(load(each), f"rig {each.name}"))
 
 
 def test_all_commands_are_listed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,11 @@ import xarray
 from command_here import CompletedCommand, rig
 from ruamel.yaml import YAML
 
-from rig import kinds
+from benchmarks.support.fault_runs import free_port
 from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.modular.new_rig import Options, first_grid, read_body
+from rig.kinds.modular.tasks import examine, wired_mode
 from sim_plant.modes.bem import read_modes
 from sim_plant.modes.building import build
 from sim_plant.modes.parameters import Plant
@@ -23,6 +25,7 @@ from sim_plant.modes.world import Actuation, World
 from sim_plant.waves import regular
 
 WAVEBOT = Path(__file__).resolve().parents[2] / "configs" / "plants" / "wavebot_bem.nc"
+CYLINDER = WAVEBOT.with_name("cylinder_bem.nc")
 STIFFNESS = 24_337.0  # N/m
 MODES = ["Surge", "Heave", "Pitch"]
 OMEGA = np.linspace(0.5, 12.0, 40)  # rad/s
@@ -240,8 +243,54 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
     before = {path: path.read_bytes() for path in (tmp_path / "buoy").iterdir()}
     done = new(tmp_path, "--bem", WAVEBOT, "--stiffness", STIFFNESS)
     assert done.returncode == 2
-    assert done.stderr.count("exists; nothing is overwritten") == 4
+    assert done.stderr.count("exists; nothing is overwritten") == 6
     assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
+def test_rig_on_wires_is_valid_with_its_campaign(dof: str, tmp_path: Path) -> None:
+    waves = ("--amplitude", "0.1")
+    assert new(tmp_path, "--bem", CYLINDER, "--dof", dof, *waves).returncode == 0
+    folder = tmp_path / "buoy"
+    report = examine(folder / "campaign.yaml", folder / "rig_hil.yaml")
+    assert report.campaign is not None, report.text()
+    wired, axis = report.campaign.rig, dof.lower()
+    assert {name: each.source for name, each in wired.sensors.items()} == {"dc_power": "meter.dc"}
+    assert (
+        wired.wiring.axes[axis].current_limit_a > report.campaign.limits.axes[axis].current_peak_a
+    )
+    mode = wired_mode(report.campaign, emulated=True)
+    assert [process.name for process in mode.io_processes] == [
+        "emulated devices", "can", "line meter", "line io",
+    ]  # fmt: skip
+
+
+@pytest.mark.realtime
+def test_new_rig_runs_on_emulated_devices(tmp_path: Path) -> None:
+    """A run of one row is complete, with waves and with power; test_modular_hil.py compares."""
+    assert new(tmp_path, "--bem", CYLINDER, "--dof", "Heave").returncode == 0
+    folder = tmp_path / "buoy"
+    wired = load(folder / "rig_hil.yaml")
+    wired["wiring"]["can"]["options"]["port"] = free_port()  # the tests share the host
+    for line in wired["wiring"]["lines"].values():
+        line["port"] = free_port()
+    campaign = load(folder / "campaign.yaml")
+    (grid,) = campaign["matrix"]["grid"]
+    campaign["matrix"] = {"list": [{key: values[0] for key, values in grid.items()}]}
+    campaign["start"]["lead_in_s"] = 8
+    campaign["timing"] = {"settle_s": 2, "interval_s": 11}
+    for name, content in (("rig_hil", wired), ("campaign", campaign)):
+        with (folder / f"{name}.yaml").open("w") as file:
+            YAML(typ="safe", pure=True).dump(content, file)
+    ran = rig("run", folder / "campaign.yaml", "--rig", folder / "rig_hil.yaml", "--sim",
+              "--runs", tmp_path / "runs", "--json")  # fmt: skip
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    report = json.loads(ran.stdout)
+    assert (report["status"], report["reason"]) == ("complete", "PLAN_END")
+    with (Path(report["folder"]) / "rows.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["power_mechanical [W]"]) < 0.0
+    assert float(row["dc_power_mean [W]"]) == pytest.approx(float(row["power_dc [W]"]), rel=0.01)
 
 
 def test_volume_of_a_wamit_file_gives_the_mass(tmp_path: Path) -> None:
@@ -257,13 +306,10 @@ def test_volume_of_a_wamit_file_gives_the_mass(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not hasattr(kinds.find("modular").room("tasks"), "simulation"),
-    reason="campaigns of the kind `modular` cannot be swept yet",
-)
 @pytest.mark.parametrize("dof", ["Heave", "Pitch"])
 def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path) -> None:
-    assert new(tmp_path, "--bem", write_bem(tmp_path), "--dof", dof).returncode == 0
+    """The coefficients are those of a real body: `write_bem` has none that can be simulated."""
+    assert new(tmp_path, "--bem", CYLINDER, "--dof", dof).returncode == 0
     campaign = tmp_path / "buoy" / "campaign.yaml"
     checked = rig("check", campaign)
     assert checked.returncode == 0, checked.stdout

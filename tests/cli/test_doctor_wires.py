@@ -17,7 +17,7 @@ from wired_rig import CONFIGS, Ports, free_ports, rig_file
 from rig.cli.output import BAD_INPUT, FAILED
 from rig.config.pydantic_errors import load
 from rig.emulation import addresses
-from rig.host import DoctorOptions, Host, Use, Verdict, examine, rig_wires, wires
+from rig.host import DoctorOptions, Host, Use, Verdict, examine, wires
 from rig.kinds.wavebot.config import RigFile
 from rig.wires import wire_check
 
@@ -87,7 +87,7 @@ def test_serial_ports_and_their_latency(tmp_path: Path, monkeypatch: pytest.Monk
 
 def rig_findings(tmp_path: Path, **changed: Any) -> list[Any]:
     rig, _ = load(rig_file(tmp_path, free_ports(), **changed), RigFile)
-    return rig_wires.findings(Host(tmp_path / "nothing"), rig)
+    return wires.rig_findings(Host(tmp_path / "nothing"), rig)
 
 
 def test_a_rig_on_this_host_waits_for_emulated_devices(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_rig_with_all_wires_is_good(tmp_path: Path) -> None:
         (tmp_path / "amplifiers").symlink_to(os.ttyname(slave))
         ports = Ports(*(server.getsockname()[1] for server in servers))
         rig, _ = load(rig_file(tmp_path, ports), RigFile)
-        found = rig_wires.findings(Host(tmp_path / "nothing"), rig)
+        found = wires.rig_findings(Host(tmp_path / "nothing"), rig)
     finally:
         for server in servers:
             server.close()

@@ -22,7 +22,7 @@ from rig.kinds.oswec_bench.sessions.files import open_session
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.config import LimitsFile
 from rig.kinds.wavebot.config.columns import COLUMNS
-from rig.kinds.wavebot.mask4.signals import read_signals
+from rig.kinds.wavebot.mask4.import_run import read_signals
 from rig.planning import matrix_csv
 from rig.recording.calibration import open_calibration
 from rig.recording.channel_file import read_recording
@@ -118,20 +118,22 @@ SPECIAL = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "word"), SPECIAL)
+@pytest.mark.parametrize(("make", "reason"), SPECIAL)
 @pytest.mark.parametrize("name", READERS)
 def test_special_files_are_refused_at_once(
-    name: str, make: Callable[[Path], None], word: str, tmp_path: Path
+    name: str, make: Callable[[Path], None], reason: str, tmp_path: Path
 ) -> None:
     ending, read, _ = READERS[name]
     path = tmp_path / f"odd{ending}"
     make(path)
     if name == "run":
-        word = "no "  # no such run, or a folder without a run
+        reason = "no "  # no such run, or a folder without a run
     with pytest.raises((ConfigError, OSError, ValueError, RunError)) as refused:
         read(path)
     message = str(refused.value).lower()
-    assert word.lower() in message or "not a regular file" in message or "no such device" in message
+    assert (
+        reason.lower() in message or "not a regular file" in message or "no such device" in message
+    )
     assert f"odd{ending}" in message
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rig.config.shipped_copy import copy_files, referenced_files
 from rig.config.shipped_files import (
     CAMPAIGNS,
     KINDS,
@@ -15,9 +14,11 @@ from rig.config.shipped_files import (
     SESSIONS,
     ShippedFile,
     UnknownNameError,
+    copy_files,
     find_file,
     find_shipped,
     local_copies,
+    referenced_files,
     shipped_files,
     shipped_folder,
     title,
@@ -112,7 +113,7 @@ def test_copy_holds_every_input_file(shipped: ShippedFile) -> None:
         files = report.campaign.files if report.campaign else ()
     else:
         session_report = check_session(copied.main)
-        files = session_report.session.files if session_report.session else ()
+        files = session_report.checked.files if session_report.checked else ()
     assert files
     for file in files:
         inside = file.path.resolve().relative_to(Path("copy").resolve())
@@ -156,6 +157,6 @@ def test_copy_overwrites_nothing() -> None:
 def test_copy_twice_keeps_identical_files() -> None:
     path = find_shipped("quick", CAMPAIGNS).path
     first = copy_files(path, Path())
-    again = copy_files(path, Path())
-    assert again.written == []
-    assert again.kept == first.written
+    repeated = copy_files(path, Path())
+    assert repeated.written == []
+    assert repeated.kept == first.written

@@ -9,7 +9,7 @@ from typing import Any
 
 from core_runs import plan
 
-from controllers.oswec_position import Component
+from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import PanelSense
 from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.rehearsal.devices import BenchPlantDevices, connect
@@ -23,7 +23,7 @@ from rig.kinds.oswec_bench.tick.signals import (
     Command,
     EncoderSense,
     ServoSense,
-    Setpoints,
+    Setpoint,
     WrenchSense,
 )
 from rig.realtime import cycle, safety, sequence
@@ -44,9 +44,12 @@ SHORT_PLAN = plan(
 QUICK_SAFETY = safety.Params(enable_ticks=300, stop_ticks=200)
 
 
-def setpoints(component: Component, damping: float = 60.0, brake_current: float = 0.0) -> Setpoints:
+def setpoints(
+    component: Component, damping: float = 60.0, brake_current: float = 0.0
+) -> tuple[Setpoint, ...]:
     """Return a table of one set point."""
-    return Setpoints(((component,),), (damping,), (brake_current,), (0.1,), (0.8,), (NO_FLUME,))
+    span = EnvelopeTimes(0.1, 0.8)
+    return (Setpoint((component,), span, damping, brake_current, NO_FLUME),)
 
 
 @cache

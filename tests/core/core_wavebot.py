@@ -17,9 +17,11 @@ from controllers.signals import (
     ProbeSense,
     SpringSense,
 )
+from rig.campaign.record import RecordedCampaign
 from rig.config.pydantic_errors import load
 from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.build import wavebot_params
+from rig.kinds.wavebot.campaign import CAMPAIGNS
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
@@ -75,8 +77,8 @@ def params(
     segments: sequence.Segments = SHORT, setpoints: Setpoints = SETPOINTS, **bounds: float
 ) -> cycle.Params:
     """Return parameters of a run; ``bounds`` replace limits outside the axes."""
-    campaign, rig, limits = shipped_files()
-    run_params = wavebot_params(campaign, rig, limits, segments, setpoints)
+    campaign = RecordedCampaign(CAMPAIGNS, *shipped_files(), points=(), record=None)
+    run_params = wavebot_params(campaign, segments, setpoints)
     inner = run_params.rig._replace(limits=run_params.rig.limits._replace(**bounds))
     return run_params._replace(rig=inner)
 

@@ -123,7 +123,7 @@ def test_a_non_finite_sensor_value_trips_and_never_reaches_a_command(leaf: Any, 
 
 def test_a_brake_without_its_commanded_current_trips_after_the_time_limit() -> None:
     """A wrong current trips after the permitted number of ticks, with its own reason."""
-    parameters = params(setpoints=setpoints(params().rig.setpoints.components[0][0], 0.0, 0.5))
+    parameters = params(setpoints=setpoints(params().rig.setpoints[0].components[0], 0.0, 0.5))
     ticks = parameters.rig.limits.brake_ticks_stop
     result, devices = run_bench(altered_sense("brake", current=0.0), parameters)
     assert devices.commands[FAULT_TICK - 1].brake_current == 0.5

@@ -23,6 +23,56 @@ print(json.dumps({"ticks": result.end.ticks, "modules": sorted(sys.modules)}))
 """
 
 
+# The loop of a wired modular rig: its composed cycle, and a tick of its devices on a silent bus.
+MODULAR = """
+import json, sys, time
+import rig.processes.loop_process
+from controllers.signals import AxisCommand
+from rig.kinds.modular.hardware.devices import ModularDevices, SensorSource
+from rig.kinds.modular.tick import Composition, SensorPart, compose, find_kind
+from rig.processes import mailbox
+from rig.processes.mailbox import Mailbox
+from rig.realtime import cycle
+from rig.wires.can_axes import CanAxes, CanAxesSettings
+from rig.wires.messages import NodeHealth, message_fields, open_mailboxes
+from drivers.canopen import cia402, scaling
+from drivers.canopen.torque_axis import TorqueAxisSettings
+
+class Bus:
+    has_backlog = False
+    def now(self): return time.monotonic()
+    def drain(self): return []
+    def send(self, cob_id, data): return True
+    def close(self): pass
+
+default = Composition.default()
+composition = default._replace(sensors=(SensorPart("dc_power", "W", False),))
+cycle.make(find_kind(composition.to_text()))
+fields = {"heave_health": message_fields(NodeHealth), "meter": (("dc", "W"), ("stamp", "s")),
+          "inputs": (("e_stop", "flag"), ("limit_switch", "flag"), ("stamp", "s"))}
+slots = open_mailboxes({name: (mailbox.create(), each) for name, each in fields.items()})
+slots["meter"].post((7.0, time.monotonic()))
+slots["inputs"].post((0, 0, time.monotonic()))
+machine = cia402.Params(0.2, 1, 1, 0, 20, cia402.Deadlines(*[100] * len(cia402.Deadlines._fields)))
+axis = TorqueAxisSettings(5, machine, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
+can = CanAxes(CanAxesSettings(127, 0.05, 0.5, 0.5, 10, {"heave": axis}, {}), Bus(), slots)
+source = SensorSource("dc_power", "meter", 0, 2.0, 1.0)
+devices = ModularDevices(can, slots, composition, [source], 20)
+sense = devices.read(0.0)
+assert sense.dc_power.value == 15.0 and 0.0 <= sense.dc_power.age < 5.0
+command = compose(composition).Command(AxisCommand(0.0, 0.0, 0, 0), 0)
+devices.write(command); devices.stop(0); devices.close()
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+def test_the_loop_of_a_wired_modular_rig_imports_no_heavy_package() -> None:
+    modules = set(json.loads(output(MODULAR)))
+    assert {name.split(".")[0] for name in modules} & FOREIGN == set()
+    prepared = ("rig.config", "rig.planning", "rig.kinds.modular.build", "rig.kinds.modular.config")
+    assert {name for name in modules if name.startswith(prepared)} == set()
+
+
 def test_the_running_loop_imports_no_heavy_package() -> None:
     report = json.loads(output(RUN))
     assert report["ticks"] > 400

@@ -18,7 +18,7 @@ from core_runs import RunResult, plan, run
 from core_wavebot import READY, ModifiedDevices, params, plant, table
 
 from controllers import impedance
-from controllers.oswec_position import Component
+from controllers.oswec_position import Component, EnvelopeTimes
 from rig.kinds.oswec_bench.tick.cycle import KIND as BENCH
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
@@ -231,8 +231,9 @@ STRIKE = 2500
 
 
 def run_bench(sense: Any = None, command: Any = None) -> RunResult:
-    point = setpoints(TURN, 60.0)._replace(rise=(0.5,), until=(7.0,))
-    modified = bench_params(segments=SLOW, setpoints=point)
+    (point,) = setpoints(TURN, 60.0)
+    slow = point._replace(span=EnvelopeTimes(0.5, 7.0))
+    modified = bench_params(segments=SLOW, setpoints=(slow,))
     done = run(BENCH, modified, ModifiedDevices(bench_plant(), sense, command))
     assert done.error is None
     return done

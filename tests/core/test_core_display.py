@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from rig.processes import display
-from rig.processes.display import drawing_thread
+from rig.processes import supervisor
+from rig.processes.supervisor import drawing_thread
 
 
 def test_the_last_value_is_drawn_before_the_end() -> None:
@@ -21,7 +21,7 @@ def test_the_last_value_is_drawn_before_the_end() -> None:
 
 
 def test_a_blocked_terminal_delays_no_caller(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(display, "_FINAL_DRAW_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(supervisor, "_FINAL_DRAW_TIMEOUT_S", 0.2)
     goes_on, drawn = threading.Event(), list[int]()
 
     def draw(value: int) -> None:

@@ -88,18 +88,18 @@ def test_a_float_written_as_an_int_is_restored_as_a_float() -> None:
 @pytest.mark.parametrize("odd", [math.inf, -math.inf, math.nan])
 def test_values_that_are_not_finite_pass_unchanged(odd: float) -> None:
     """The configuration must refuse such values; the handover must not turn them into numbers."""
-    back = handover.loads(Word, handover.dumps(Word(odd, 1, ())))
+    back = handover.loads(Inner, handover.dumps(Inner(odd, 1, ())))
     assert struct.pack("d", back.a) == struct.pack("d", odd)
 
 
-class Word(NamedTuple):
+class Inner(NamedTuple):
     a: float
     b: int
     c: tuple[float, ...]
 
 
 class Outer(NamedTuple):
-    field: Word
+    field: Inner
     name: str
 
 

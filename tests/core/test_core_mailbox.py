@@ -51,7 +51,7 @@ def test_every_reader_gets_the_newest_value(values: list[tuple[float, int]]) -> 
         os.close(mailbox_fd)
 
 
-def put_words(fd: int, before: int, after: int, payload: bytes = b"") -> None:
+def write_slot(fd: int, before: int, after: int, payload: bytes = b"") -> None:
     """Write sequence numbers and value as an interrupted writer might have left them."""
     os.pwrite(fd, struct.pack("<q", before), 0)
     os.pwrite(fd, struct.pack("<q", after), 8)
@@ -64,10 +64,10 @@ def test_an_interrupted_write_leaves_the_old_value(fd: int) -> None:
     sender.post(Meter(1.0, 1))
     assert reader.read() == (1.0, 1)
     half = struct.pack("<d", 2.0)
-    put_words(fd, 2, 1, half)  # sequence taken, half of the value written
+    write_slot(fd, 2, 1, half)  # sequence taken, half of the value written
     assert reader.read() == (1.0, 1)
     assert Mailbox(fd, Meter).read() is None  # a new reader finds no complete value
-    put_words(fd, 2, 2, half + struct.pack("<q", 2))
+    write_slot(fd, 2, 2, half + struct.pack("<q", 2))
     assert reader.read() == (2.0, 2)
 
 
@@ -82,20 +82,20 @@ def test_a_value_that_changes_while_being_read_is_discarded(fd: int) -> None:
         """Starts another post in the middle of the read."""
 
         def unpack_from(self, *arguments: Any) -> Any:
-            put_words(fd, 3, 2)
+            write_slot(fd, 3, 2)
             return plain.unpack_from(*arguments)
 
     reader._layout = Meddling()
     assert reader.read() == (1.0, 1)
     reader._layout = plain
-    put_words(fd, 3, 3, struct.pack("<dq", 3.0, 3))
+    write_slot(fd, 3, 3, struct.pack("<dq", 3.0, 3))
     assert reader.read() == (3.0, 3)
 
 
 def test_a_writer_that_died_while_writing_is_replaced(fd: int) -> None:
     first, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
     first.post(Meter(1.0, 1))
-    put_words(fd, 2, 1)
+    write_slot(fd, 2, 1)
     Mailbox(fd, Meter).post(Meter(5.0, 5))
     assert reader.read() == (5.0, 5)
 

@@ -142,7 +142,7 @@ def test_a_drive_that_enables_in_the_last_tick_is_in_time() -> None:
             assert state == (RUN, PARAMS.enable_ticks, 0)
 
 
-WANTED = Demand(-500.0, 900.0, 0.0, 321.0)
+DEMAND = Demand(-500.0, 900.0, 0.0, 321.0)
 
 
 class Interleavings(RuleBasedStateMachine):
@@ -180,7 +180,7 @@ class Interleavings(RuleBasedStateMachine):
         sense = AxisSense(self.counts, 0.0, 0.0, int(drive_on), 0, 0.0)
         motion = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
         self.axis, record = axis.control(
-            AXIS, self.axis, sense, motion, WANTED, 1, 0, self.safety_state.mode, DT
+            AXIS, self.axis, sense, motion, DEMAND, 1, 0, self.safety_state.mode, DT
         )
         self.force, self.enable = record.command.force, record.command.enable
         if self.safety_state.mode >= STOP_1 and self.stopped_at is None:

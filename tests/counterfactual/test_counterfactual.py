@@ -15,12 +15,11 @@ from rig_command import rig_here
 from synthetic_runs import POWERS
 
 from benchmarks.counterfactual import predict_case
-from rig.identification.incident_waves import WaveMakerLines, wave_maker_lines
+from rig.identification.incident_waves import FORCES, WaveMakerLines, wave_maker_lines
 from rig.kinds.wavebot.campaign import Campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.recording.runs import RunError
 from rig.sweep.counterfactual import (
-    FORCES,
     CounterfactualResult,
     RowComparison,
     correct_powers,

@@ -15,10 +15,10 @@ from drivers.udp_link import MAX_PAUSE, MIN_PAUSE, UdpLink, UdpSettings
 
 @pytest.fixture
 def box() -> Iterator[socket.socket]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
-        made.bind(("127.0.0.1", 0))
-        made.settimeout(2.0)
-        yield made
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as socket_of_box:
+        socket_of_box.bind(("127.0.0.1", 0))
+        socket_of_box.settimeout(2.0)
+        yield socket_of_box
 
 
 def link_to(box: socket.socket, buffer: int = 1 << 20) -> UdpLink:
@@ -40,14 +40,14 @@ def test_datagrams_come_whole_in_order_and_are_counted(box: socket.socket) -> No
     link = link_to(box)
     assert link.receive() == []
     assert link.send(b"start")
-    said, host = box.recvfrom(100)
-    assert said == b"start"
-    wanted = [bytes((n,)) * (n + 1) for n in range(10)]
-    for one in wanted:
+    received, host = box.recvfrom(100)
+    assert received == b"start"
+    expected = [bytes((n,)) * (n + 1) for n in range(10)]
+    for one in expected:
         box.sendto(one, host)
     got: list[bytes] = []
     assert until(lambda: got.extend(link.receive()) or len(got) == 10)
-    assert got == wanted
+    assert got == expected
     assert (link.received, link.sent, link.dropped) == (55, 5, 0)
     assert link.buffer > 0
     link.close()
@@ -88,11 +88,11 @@ def test_a_box_that_is_off_is_counted_and_may_come_later(box: socket.socket) -> 
     link.send(b"start")
     assert until(lambda: link.receive() == [] and link.refused)
     assert link.is_open
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
-        again.bind(("127.0.0.1", port))
-        again.settimeout(2.0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reopened:
+        reopened.bind(("127.0.0.1", port))
+        reopened.settimeout(2.0)
         assert until(lambda: link.send(b"start"))
-        assert again.recv(100) == b"start"
+        assert reopened.recv(100) == b"start"
     link.close()
 
 
@@ -117,9 +117,9 @@ def test_the_pause_between_attempts_doubles() -> None:
         if link.problem:
             attempts.append(now[0])
     gaps = [b - a for a, b in itertools.pairwise(attempts)]
-    wanted = [min(MIN_PAUSE * 2**n, MAX_PAUSE) for n in range(len(gaps))]
+    expected = [min(MIN_PAUSE * 2**n, MAX_PAUSE) for n in range(len(gaps))]
     assert len(gaps) > 7
-    assert gaps == pytest.approx(wanted, abs=0.011)
+    assert gaps == pytest.approx(expected, abs=0.011)
 
 
 def test_one_receive_is_bounded(box: socket.socket) -> None:

@@ -141,7 +141,7 @@ def run_served(conversation: Callable[[CanHub, int], Awaitable[None]]) -> None:
     ("text", "answers"),
     [
         (b"< send 85 1 1 >< open can0 >", b"< error no bus opened >< ok >< echo >"),
-        (b"< open can0 >< send 85 1 >", b"< ok >< error 1 bytes told, 0 given >< echo >"),
+        (b"< open can0 >< send 85 1 >", b"< ok >< error 1 bytes declared, 0 given >< echo >"),
         (b"< open can0 >< dance >", b"< ok >< error unknown command >< echo >"),
         (b"< open can0 > rubbish >", b"< ok >< error no command >< echo >"),
         (b"< open can0 >\xff\xfe>", b"< ok >< error no command >< echo >"),

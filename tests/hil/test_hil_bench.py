@@ -76,9 +76,9 @@ def rig_file(folder: Path) -> Path:
 
 def run_session(path: Path, rig: Path, folder: Path, on_wires: bool) -> RunResult:
     report = check_session(path, problems, rig)
-    assert report.session is not None, report.text()
+    assert report.checked is not None, report.text()
     assert report.plan is not None
-    session, plan = report.session, report.plan
+    session, plan = report.checked, report.plan
     mode: ExecutionMode = (
         wired_mode(session, emulated=True)
         if on_wires

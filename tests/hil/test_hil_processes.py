@@ -31,7 +31,7 @@ from rig.realtime.safety import RUN
 from rig.recording.row_layout import leaves
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.mcap_file import row_dtype
-from rig.wires.listen import BusActivity, listen
+from rig.wires.scan import BusActivity, listen
 
 pytestmark = pytest.mark.realtime
 

@@ -9,7 +9,7 @@ import numpy as np
 from rehearsing import CONFIGS
 
 from rig.config.yaml_source import load_mapping
-from rig.identification.experiments import GAINS, Experiment
+from rig.identification.experiments import BODY, Experiment
 
 TICK = 0.001  # s
 
@@ -78,14 +78,16 @@ def make_experiment(
         samples = rng.normal(size=(2, periods, number.size))
         return signal + deviation * (samples[0] + 1j * samples[1])
 
+    drawn = (noisy(velocity), noisy(reference), noisy(lcb), noisy(reference))
     channels = {
-        "velocity": noisy(velocity),
-        "trs": noisy(reference),
-        "lcb": noisy(lcb),
-        "current": noisy(reference),
+        "velocity": drawn[0],
         "command": np.repeat(reference[None, :], periods, axis=0),
+        "current": drawn[3],
+        "trs": drawn[1],
+        BODY: drawn[2],
     }
     return Experiment(
-        f"run {seed}", row, "heave", -5715.0, (0.0,) * len(GAINS), seed, peak, peak / 77.0, period,
+        f"run {seed}", row, "heave", -5715.0, (0.0,) * 5, seed, peak, peak / 77.0, period,
         tuple(number.tolist()), reference, excited, channels, sea,
+        {name: name for name in channels},
     )  # fmt: skip

@@ -12,7 +12,7 @@ from rehearsing import CONFIGS
 from rig.identification import bem
 from rig.identification.drag import drag_spectrum, identify_drag
 from rig.identification.excitation import Sea, excitation
-from rig.identification.experiments import Experiment
+from rig.identification.experiments import BODY, Experiment
 from rig.identification.impedances import models
 
 PERIOD, LINES = 20.0, 25
@@ -31,7 +31,7 @@ def moving(base: Experiment, drive_force: Any, wave_force: Any) -> Experiment:
         drag = COEFFICIENT * drag_spectrum(velocity)
         velocity = 0.7 * velocity + 0.3 * (drive_force + wave_force - drag) / series
     lcb = intrinsic * velocity + COEFFICIENT * drag_spectrum(velocity) - wave_force
-    by_channel = {"velocity": velocity, "lcb": lcb, "trs": drive_force}
+    by_channel = {"velocity": velocity, BODY: lcb, "trs": drive_force}
     channels = {name: np.repeat(each[None, :], 2, axis=0) for name, each in by_channel.items()}
     return base._replace(channels=base.channels | channels, reference=drive_force)
 

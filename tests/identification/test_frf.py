@@ -9,6 +9,7 @@ import pytest
 from known_device import impedances, make_experiment
 
 from rig.identification import frf
+from rig.identification.experiments import BODY
 from rig.identification.families import family
 from rig.identification.frf import Channel, band_factor, response
 from rig.identification.impedances import models, ratio
@@ -83,7 +84,7 @@ def test_input_noise_does_not_bias_the_response() -> None:
     index = np.argmin(np.abs(model.frequency - 0.4))
     assert abs(model.responses["Z_i"].value[index] / expected[index] - 1.0) < 0.02
     velocity = np.concatenate([item.channels["velocity"] for item in experiments_])
-    force = np.concatenate([item.channels["lcb"] for item in experiments_])
+    force = np.concatenate([item.channels[BODY] for item in experiments_])
     used = experiments_[0].excited
     regression = np.sum(force * velocity.conj(), axis=0) / np.sum(np.abs(velocity) ** 2, axis=0)
     assert abs(regression[used][index] / expected[index] - 1.0) > 0.05

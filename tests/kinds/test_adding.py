@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,12 +94,19 @@ def test_picture_is_a_product_of_the_run(lab: Path, report: dict[str, object]) -
 
 
 def merge(file: Path, block: str) -> None:
-    """Add the entries of a printed block to a YAML file's sections."""
+    """Add the entries of a printed block to those of a YAML file."""
     yaml = YAML(pure=True)
     content = yaml.load(file)
-    for section, entries in yaml.load(block).items():
-        content[section].update(entries)
+    _add(content, yaml.load(block))
     yaml.dump(content, file)
+
+
+def _add(content: Any, entries: dict[str, Any]) -> None:
+    for key, value in entries.items():
+        if isinstance(content.get(key), dict):
+            _add(content[key], value)
+        else:
+            content[key] = value
 
 
 @pytest.mark.slow
@@ -106,13 +114,20 @@ def merge(file: Path, block: str) -> None:
 def test_sensor_and_station_are_yaml_alone(tmp_path: Path) -> None:
     arguments = ("--bem", BEM, "--stiffness", "24337", "--folder", tmp_path)
     assert rig_here("new", "rig", "buoy", *arguments).returncode == 0
-    of_rig, of_plant = blocks("Add a sensor", "yaml")
+    of_rig, of_plant, of_wires = blocks("Add a sensor", "yaml")
     merge(tmp_path / "buoy" / "rig.yaml", of_rig)
     merge(tmp_path / "buoy" / "plant.yaml", of_plant)
     merge(tmp_path / "buoy" / "rig.yaml", blocks("Add a station", "yaml")[0])
     campaign = tmp_path / "buoy" / "campaign.yaml"
     text = campaign.read_text()
     campaign.write_text(re.sub(r"\[(-?\d+), .*?\]", r"[\1]", text))  # one row
+    on_wires = tmp_path / "buoy" / "rig_hil.yaml"
+    unwired = rig_here("check", campaign, "--rig", on_wires)
+    assert "sensors.elevation" in unwired.stdout
+    assert "has no source, which a rig with wiring needs" in unwired.stdout
+    merge(on_wires, of_wires)
+    wired = rig_here("check", campaign, "--rig", on_wires)
+    assert wired.returncode == 0, wired.stdout + wired.stderr
     done = rig_here("run", campaign, "--runs", tmp_path / "runs", "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     data = open_run(Path(json.loads(done.stdout)["folder"]))

@@ -49,6 +49,14 @@ def test_its_rig_file_with_an_unknown_kind_is_refused(lab: Path) -> None:
     assert rig(lab, "devices", file)[0] == 2
 
 
+def test_its_task_is_not_swept(lab: Path) -> None:
+    """The kind has neither the room `campaign` nor `simulation`; the command names the first."""
+    code, _, err = rig(lab, "sweep", lab / "wec_lift" / "configs" / "holds.yaml")
+    assert code == 2
+    assert "campaigns of kind lift cannot be swept" in err
+    assert "wec_lift has no module wec_lift.campaign" in err
+
+
 def write_kind(lab: Path, name: str, package: str, source: str = "") -> None:
     """Add a distribution with a kind."""
     info = lab / "site" / f"{package}-0.1.dist-info"

@@ -146,8 +146,8 @@ def advanced(x: float, v: float, t: float, force: float) -> tuple[float, float]:
     """Position and velocity one tick later, the force of the law held."""
 
     def rate(at: float, x: float, v: float) -> tuple[float, float]:
-        pushed = FORCE * math.cos(OMEGA * at) + force - STIFFNESS * x - DAMPING * v
-        return v, pushed / MASS
+        total_force = FORCE * math.cos(OMEGA * at) + force - STIFFNESS * x - DAMPING * v
+        return v, total_force / MASS
 
     a1, b1 = rate(t, x, v)
     a2, b2 = rate(t + DT / 2, x + a1 * DT / 2, v + b1 * DT / 2)

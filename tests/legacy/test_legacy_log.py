@@ -22,9 +22,13 @@ from rig.interop.legacy.testlog.entry import (
     Spring,
     WaveKind,
 )
-from rig.interop.legacy.testlog.notes import read_bias
-from rig.interop.legacy.testlog.settings import EntrySettings, read_settings
-from rig.interop.legacy.testlog.waves import SEAS, read_waves
+from rig.interop.legacy.testlog.settings import (
+    SEAS,
+    EntrySettings,
+    read_bias,
+    read_settings,
+    read_waves,
+)
 
 FILE = "waveBotCtrlMdl_2023_09_2{}_04_46_26"
 K = RemarkKind

@@ -21,7 +21,7 @@ from rig.interop.legacy.testlog.entry import (
     Wave,
     WaveKind,
 )
-from rig.interop.legacy.testlog.waves import SEAS
+from rig.interop.legacy.testlog.settings import SEAS
 
 pytestmark = needs(MASK4_LOG)
 K = RemarkKind

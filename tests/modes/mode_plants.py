@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 
 from rig.kinds.modular.rehearsal.compiled_plant import CompiledStepper
-from sim_plant.modes.bem import BemModes, Floats, read_modes
+from sim_plant.modes.bem import BemModes, read_modes
+from sim_plant.modes.bem_content import Floats
 from sim_plant.modes.building import PlantModel, assemble, build
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import Stepper, World

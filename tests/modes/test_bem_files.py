@@ -14,7 +14,8 @@ import xarray as xr
 from mode_plants import CYLINDER, NUMERIC, TWO_BODY, WAVEBOT, cylinder, dataset, saved
 
 from sim_plant.bem import read_bem
-from sim_plant.modes.bem import BemModes, Water, ogilvie, read_modes
+from sim_plant.modes.bem import BemModes, ogilvie, read_modes
+from sim_plant.modes.bem_content import Water
 
 FRESH = Water(density=1000.0, gravity=9.81, depth=np.inf)
 ORDER = ("Surge", "Heave", "Pitch")

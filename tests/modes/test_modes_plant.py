@@ -249,12 +249,12 @@ def test_a_free_decay_loses_energy_and_comes_to_rest() -> None:
 
 def test_an_end_stop_holds_the_body() -> None:
     stop = {"position": 0.05, "stiffness": 1e6, "damping": 1e4}
-    free, held = (
+    free, clamped = (
         world(mode_plants.model(mapping({"heave": mode})), waves.regular(0.2, 0.4))
         for mode in (HEAVE, {**HEAVE, "end_stop": stop})
     )
     largest = []
-    for simulated in (free, held):
+    for simulated in (free, clamped):
         simulated.actuate(Actuation((0.0, 0.0), 1))
         largest.append(0.0)
         for _ in range(20_000):

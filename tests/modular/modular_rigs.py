@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+from mode_plants import CYLINDER, DRIVE, mapping
+from mode_plants import HEAVE as HEAVE_MODE
+from mode_plants import PITCH as PITCH_MODE
+from rehearsing import write_yaml
 
 from controllers import open_loop
 from controllers.signals import AxisSense, PanelSense
@@ -36,6 +42,10 @@ PITCH: dict[str, Any] = {
 }
 FORCE: dict[str, Any] = {"unit": "N", "tare": True, "range": [-5000, 5000], "age_limit_s": 0.1}
 POWER: dict[str, Any] = {"unit": "W", "range": [-20000, 20000], "age_limit_s": 0.5}
+PLANT_SENSORS: dict[str, Any] = {
+    "pto_force": {"signal": "heave.motor_force"},
+    "dc_power": {"signal": "pitch.current"},
+}
 STATIONS: dict[str, Any] = {
     "mechanical": {"formula": "pto_force * heave_velocity"},
     "dc": {"formula": "dc_power", "label": "electrical DC"},
@@ -91,6 +101,26 @@ def rig_mapping(**changes: Any) -> dict[str, Any]:
 def limits_mapping(**axes: Any) -> dict[str, Any]:
     """Return a limits file; by default with the limits of heave."""
     return {"axes": axes or {"heave": HEAVE_LIMITS}, "loop": LOOP_LIMITS}
+
+
+def plant_mapping(**values: Any) -> dict[str, Any]:
+    """Return a plant of heave and pitch whose axes come in the other order than the rig's."""
+    axes = {
+        "pitch": {"moves_with": {"pitch": 1.0}, "gear_ratio": 40.0, "counts_per_revolution": 65536},
+        "heave": {"moves_with": {"heave": 1.0}, "drive": {**DRIVE, "enable_delay_s": 0.01}},
+    }
+    modes = {"heave": HEAVE_MODE, "pitch": PITCH_MODE}
+    return mapping(modes, axes, sensors=PLANT_SENSORS) | values
+
+
+def write_campaign(
+    folder: Path, rig: dict[str, Any], limits: dict[str, Any], plant: dict[str, Any], **keys: Any
+) -> Path:
+    """Write a campaign with its rig, limits and plant file, and return its path."""
+    write_yaml(folder / "rig.yaml", rig)
+    write_yaml(folder / "limits.yaml", limits)
+    write_yaml(folder / "plant.yaml", plant | {"bem": str(CYLINDER)})
+    return write_yaml(folder / "campaign.yaml", {"name": "test", "rig": "rig.yaml", **keys})
 
 
 def two_axes() -> tuple[RigFile, LimitsFile]:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mode_plants import CYLINDER, DRIVE, HEAVE, PITCH, mapping
-from modular_rigs import DT, rig_mapping, two_axes
+from mode_plants import CYLINDER, HEAVE, PITCH
+from modular_rigs import DT, plant_mapping, rig_mapping, two_axes
+from modular_rigs import PLANT_SENSORS as SENSORS
 from ruamel.yaml import YAML
 
 from controllers.signals import AxisCommand, AxisSense
@@ -23,16 +24,6 @@ from rig.kinds.modular.tick import Composition, compose
 from rig.planning.input_files import ConfigSource
 
 SEA = {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5}
-SENSORS = {"pto_force": {"signal": "heave.motor_force"}, "dc_power": {"signal": "pitch.current"}}
-
-
-def plant_mapping(**values: Any) -> dict[str, Any]:
-    """Return a plant of heave and pitch whose axes come in the other order than the rig's."""
-    axes = {
-        "pitch": {"moves_with": {"pitch": 1.0}, "gear_ratio": 40.0, "counts_per_revolution": 65536},
-        "heave": {"moves_with": {"heave": 1.0}, "drive": {**DRIVE, "enable_delay_s": 0.01}},
-    }
-    return mapping({"heave": HEAVE, "pitch": PITCH}, axes, sensors=SENSORS) | values
 
 
 def plant_source(folder: Path, given: dict[str, Any]) -> ConfigSource:

@@ -224,9 +224,9 @@ def test_compiled_tick_has_the_bits_of_the_interpreted_one() -> None:
     currents = dict.fromkeys(rig.axes, 0.0)
     for tick, row in enumerate(interpreted):
         given = follow(read(tick), currents)
-        state, command, again = compiled(own, state, given, 0, tick, NO_TIMING, 1, DT)
+        state, command, repeated = compiled(own, state, given, 0, tick, NO_TIMING, 1, DT)
         currents = {name: getattr(command, name).current for name in rig.axes}
-        assert lifting.flatten(again) == lifting.flatten(row)
+        assert lifting.flatten(repeated) == lifting.flatten(row)
 
 
 def compiled_step(module: Any) -> Any:

@@ -9,7 +9,8 @@ from rehearsing import CONFIGS, write_campaign, write_yaml
 
 from rig.campaign import CheckReport
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.predictions import Prediction, predict
+from rig.kinds.wavebot.predictions.prediction import Prediction
+from rig.kinds.wavebot.predictions.rows import predict
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.sweep import sweep
 from rig.sweep.executors import thread_executor

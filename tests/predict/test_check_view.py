@@ -26,7 +26,7 @@ from predicting import (
 from rich.console import Console
 
 from rig.kinds.wavebot.check_view import CheckView
-from rig.kinds.wavebot.predictions import RowPredictions
+from rig.kinds.wavebot.predictions.prediction import RowPredictions
 
 SEA = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}
 

@@ -22,7 +22,7 @@ from rig.config.yaml_source import load_mapping
 from rig.design.axis_params import metres_per_count
 from rig.design.estimator import design, response
 from rig.kinds.wavebot.config.rig_file import RigFile
-from rig.kinds.wavebot.predictions import RowPredictions
+from rig.kinds.wavebot.predictions.prediction import RowPredictions
 from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant

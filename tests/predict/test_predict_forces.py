@@ -11,7 +11,7 @@ from rig.config.yaml_source import load_mapping
 from rig.design.axis import drag_force
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.predictions import drive as drives
-from rig.kinds.wavebot.predictions import passive
+from rig.kinds.wavebot.predictions import motion
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
 from sim_plant.parameters import Plant
 
@@ -28,12 +28,12 @@ def load_plant(name: str) -> Plant:
 def test_passive_forces(name: str, stator: float) -> None:
     sim_params = load_plant(name).build()
     rate = magnetic_spring.table_rate(sim_params.spring, stator)
-    rates = passive.spring_rates(sim_params.spring, [stator])
-    friction = passive.friction_size(sim_params.pto, F[None, :])
+    rates = motion.spring_rates(sim_params.spring, [stator])
+    friction = motion.friction_size(sim_params.pto, F[None, :])
     forces = (
-        (passive.spring_force(sim_params.spring, rates, X[None, :])[0],
+        (motion.spring_force(sim_params.spring, rates, X[None, :])[0],
          [magnetic_spring.force(sim_params.spring, rate, x) for x in X]),
-        (passive.friction_force(sim_params.pto, friction, V[None, :])[0]
+        (motion.friction_force(sim_params.pto, friction, V[None, :])[0]
          - sim_params.pto.viscous * V,
          [pto.friction(sim_params.pto, v, f) for v, f in zip(V, F, strict=True)]),
         (drag_force(sim_params.body.quadratic, V) - sim_params.body.viscous * V,
@@ -42,7 +42,7 @@ def test_passive_forces(name: str, stator: float) -> None:
     for vectorised, simulated in forces:
         np.testing.assert_allclose(vectorised, simulated, rtol=1e-12, atol=1e-12)
     slope = -magnetic_spring.force(sim_params.spring, rate, 1e-7) / 1e-7
-    assert passive.spring_stiffness(sim_params.spring, rates)[0] == pytest.approx(slope, rel=1e-9)
+    assert motion.spring_stiffness(sim_params.spring, rates)[0] == pytest.approx(slope, rel=1e-9)
 
 
 def test_force_in_the_guide() -> None:
@@ -52,7 +52,7 @@ def test_force_in_the_guide() -> None:
         acceleration = body.acceleration(params.body, state, 2.0 * f)
         simulated = surge.guide_force(params, state, f, f)
         arguments = [np.array([[value]]) for value in (x, acceleration, f)]
-        assert passive.guide_force(params, *arguments)[0, 0] == pytest.approx(simulated, rel=1e-12)
+        assert motion.guide_force(params, *arguments)[0, 0] == pytest.approx(simulated, rel=1e-12)
 
 
 @pytest.mark.parametrize("scheme", [0, 1, 2, 3])

@@ -33,8 +33,14 @@ def solve(
     ones = np.ones(sampling_grid.omega.size, dtype=complex)
     return solve_steady_motion(
         sampling_grid,
-        System(body, excitation, loop * ones[None, :], 0.0 * ones[None, :], ones, passive),
+        System(
+            body, excitation, loop * ones[None, :], 0.0 * ones[None, :], ones, passive, unsaturated
+        ),
     )  # type: ignore[arg-type]
+
+
+def unsaturated(demand: Floats, x: Floats, v: Floats) -> Floats:
+    return demand
 
 
 def integrate(
@@ -99,7 +105,7 @@ def test_a_saturated_demand_cannot_restrain_the_body() -> None:
     ones = np.ones(sampling_grid.omega.size, dtype=complex)
     excitation = spectrum_from_amplitudes(sampling_grid, np.array([1]), np.array([50.0 + 0j]))
     loop = np.full((1, sampling_grid.omega.size), -400.0 + 0j)
-    unlimited = System(body, excitation, loop, 0.0 * loop, ones, lambda x, v: 0.0 * x)
+    unlimited = System(body, excitation, loop, 0.0 * loop, ones, lambda x, v: 0.0 * x, unsaturated)
     limited = unlimited._replace(saturation=lambda d, x, v: np.clip(d, -2.0, 2.0))
     without_loop = unlimited._replace(loop=0.0 * loop)
     rms_positions = [

@@ -22,7 +22,7 @@ from predicting import (
 )
 
 from rig.design.margin import Margin, tightest
-from rig.kinds.wavebot.predictions.limits import BUS, LOOP, POSITION
+from rig.kinds.wavebot.predictions.verdict import BUS, LOOP, POSITION
 
 WAVES = {"kind": "regular", "amplitude_m": 0.3, "frequency_hz": 0.4}
 SMALL = {"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5}

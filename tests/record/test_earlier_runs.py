@@ -15,7 +15,7 @@ import pytest
 from rig_command import rig_here
 
 from rig.execution.replay import replay
-from rig.recording.runs import open_run
+from rig.recording.runs import open_run, run_info
 
 FOLDER = Path(__file__).resolve().parent / "runs_of_2026_11"
 CAMPAIGN, SESSION = "20261123T182201Z_golden_cots", "20261123T182438Z_golden_bench_torque"
@@ -33,6 +33,13 @@ def test_opens_with_its_execution_mode(run_folder: Path) -> None:
     assert np.array_equal(run["tick"].values, np.arange(TICKS[run_folder.name]))
     assert run.attrs["mode"] == "rehearsal"
     assert run.attrs["status"] == "complete"
+
+
+def test_its_sea_has_the_key_of_today() -> None:
+    recorded = json.loads((FOLDER / CAMPAIGN / "plan.json").read_text())
+    plan = run_info(FOLDER / CAMPAIGN).plan
+    assert plan["requested_sea"] == recorded["asked_sea"]
+    assert "asked_sea" not in plan
 
 
 def test_is_listed(run_folder: Path) -> None:

@@ -18,7 +18,8 @@ import pytest
 import record_files as files
 from mcap.reader import make_reader
 
-from rig.recording import process_identity, runs
+from rig import module_process
+from rig.recording import runs
 from rig.recording.runs import RunError, create, folder
 from rig.recording.runs.mcap_file import scan
 from rig.recording.runs.recover import Recovery, recover
@@ -50,7 +51,7 @@ def left_behind(run_folder: Path, *stretches: tuple[int, int], **status: Any) ->
     return run_folder
 
 
-def recover_again(run: Path, output: Path | None = None) -> Recovery:
+def recover_run(run: Path, output: Path | None = None) -> Recovery:
     return recover(run, output, NOW)
 
 
@@ -66,7 +67,7 @@ def messages(path: Path) -> int:
 def test_parts_are_joined_and_kept(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 1000), (900, 300), (1250, 100))
     before = prints(run)
-    recovery = recover_again(run)
+    recovery = recover_run(run)
     assert prints(run) == before
     assert recovery.output == run / "run.mcap"
     assert (recovery.written, recovery.duplicates) == (True, 100)
@@ -85,9 +86,9 @@ def test_parts_are_joined_and_kept(tmp_path: Path) -> None:
 def test_a_second_recovery_changes_nothing(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 500), (510, 500))
     (run / "progress.json").write_text('{"last_tick": 1030, "skipped": 0}   \n')
-    first = recover_again(run)
+    first = recover_run(run)
     every = {p: p.read_bytes() for p in run.iterdir()}
-    second = recover_again(run)
+    second = recover_run(run)
     assert {p: p.read_bytes() for p in run.iterdir()} == every
     assert (first.written, second.written) == (True, False)
     assert second.account == first.account
@@ -95,7 +96,7 @@ def test_a_second_recovery_changes_nothing(tmp_path: Path) -> None:
     assert (second.complete, second.outcome) == (first.complete, first.outcome)
     for part in run.glob("*.part*"):  # no longer needed
         part.unlink()
-    assert recover_again(run).account == first.account
+    assert recover_run(run).account == first.account
 
 
 def test_the_end_report_of_the_logger_counts(tmp_path: Path) -> None:
@@ -105,7 +106,7 @@ def test_the_end_report_of_the_logger_counts(tmp_path: Path) -> None:
     status = {"status": "fault", "reason": "SUPERVISOR_LOST", "ticks": 700, "dropped_rows": 0}
     out.attach("status.json", json.dumps(status).encode())
     out.finish()
-    recovery = recover_again(run)
+    recovery = recover_run(run)
     assert recovery.complete
     assert recovery.outcome == "fault: SUPERVISOR_LOST"
     status_file = json.loads((run / "run.json").read_text())
@@ -114,14 +115,14 @@ def test_the_end_report_of_the_logger_counts(tmp_path: Path) -> None:
         "SUPERVISOR_LOST",
         700,
     )
-    assert recover_again(run).complete
+    assert recover_run(run).complete
 
 
 def test_the_end_report_of_the_supervisor_counts(tmp_path: Path) -> None:
     """A log ended by a full disk: the ring held more rows and then overflowed."""
     ended = {"status": "fault", "reason": "LOGGER_LOST", "ticks": 1100, "last_tick": 1049}
     run = left_behind(tmp_path / "a", (0, 1000), **ended, skipped=10)
-    recovery = recover_again(run)
+    recovery = recover_run(run)
     assert recovery.account.gaps == (Gap(1000, 1049, 10),)
     assert (recovery.account.lost_at_end, recovery.account.lost) == (60, 100)
     status_file = json.loads((run / "run.json").read_text())
@@ -134,23 +135,23 @@ def test_a_damaged_record_is_recovered_next_to_itself(tmp_path: Path) -> None:
     whole = files.write(tmp_path / "whole.mcap", rows(1000), flush_every=100)
     torn = whole.read_bytes()[: scan(whole).chunks[6].offset + 5]
     (run / "run.mcap").write_bytes(torn)
-    recovery = recover_again(run)
+    recovery = recover_run(run)
     assert recovery.output == run / "run.recovered.mcap"
     assert (recovery.account.rows, messages(recovery.output)) == (600, 600)
     assert recovery.unread > 0
     assert (run / "run.mcap").read_bytes() == torn
     assert len(runs.open_run(run, "load")["time"]) == 600
-    assert not recover_again(run).written
+    assert not recover_run(run).written
 
 
 def test_a_single_file_is_recovered(tmp_path: Path) -> None:
     for name in ("x.mcap", "run.mcap.part0"):
         path = files.write(tmp_path / name, rows(300), finish=False)
-        recovery = recover_again(path)
+        recovery = recover_run(path)
         stem = name.removesuffix(".mcap")
         assert recovery.output == tmp_path / f"{stem}.recovered.mcap"
         assert (recovery.account.rows, messages(recovery.output)) == (300, 300)
-        done = recover_again(recovery.output)
+        done = recover_run(recovery.output)
         assert (done.written, done.sources, done.output) == (False, (), recovery.output)
 
 
@@ -162,7 +163,7 @@ def test_damage_is_reported_every_time(tmp_path: Path) -> None:
     data[chunk.offset + chunk.length // 2] ^= 0xFF
     path.write_bytes(data)
     for _ in range(2):
-        recovery = recover_again(run)
+        recovery = recover_run(run)
         assert recovery.account.gaps == (Gap(300, 399, 0),)
         assert f"chunk at byte {chunk.offset}" in recovery.damage[0]
         assert not recovery.complete
@@ -171,11 +172,11 @@ def test_damage_is_reported_every_time(tmp_path: Path) -> None:
 def test_another_output_leaves_the_run_unchanged(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 200))
     before = {p: p.read_bytes() for p in run.iterdir()}
-    recovery = recover_again(run, tmp_path / "elsewhere.mcap")
+    recovery = recover_run(run, tmp_path / "elsewhere.mcap")
     assert messages(recovery.output) == 200
     assert {p: p.read_bytes() for p in run.iterdir()} == before
-    recover_again(run)
-    copy = recover_again(run, tmp_path / "copy.mcap")  # of a record that is complete by now
+    recover_run(run)
+    copy = recover_run(run, tmp_path / "copy.mcap")  # of a record that is complete by now
     assert messages(copy.output) == 200
 
 
@@ -184,28 +185,28 @@ def test_an_unreadable_record_is_no_success(content: bytes, tmp_path: Path) -> N
     run = left_behind(tmp_path / "a")
     (run / "run.mcap.part0").write_bytes(content)
     with pytest.raises(RunError):
-        recover_again(run)
+        recover_run(run)
     assert sorted(p.name for p in run.iterdir()) == ["run.json", "run.mcap.part0"]
     assert json.loads((run / "run.json").read_text())["status"] == "running"
     (run / "run.mcap.part0").rename(run / "run.mcap")
     with pytest.raises(RunError):
-        recover_again(run)
+        recover_run(run)
     (run / "run.mcap").unlink()
     with pytest.raises(RunError, match="nothing was written"):
-        recover_again(run)
+        recover_run(run)
 
 
 def test_a_running_run_is_refused(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 100))
     with create.lock_run(run), pytest.raises(create.BusyError, match="still being written"):
-        recover_again(run)
-    me = {"pid": os.getpid(), "pid_started": process_identity.start_ticks(os.getpid())}
+        recover_run(run)
+    me = {"pid": os.getpid(), "pid_started": module_process.start_ticks(os.getpid())}
     other = left_behind(tmp_path / "b", (0, 100), **me)
     with pytest.raises(create.BusyError, match=f"process {os.getpid()}"):
-        recover_again(other)
+        recover_run(other)
     assert not (run / "run.mcap").exists()
     assert not (other / "run.mcap").exists()
-    assert recover_again(run).written  # the lock ended with its holder
+    assert recover_run(run).written  # the lock ended with its holder
 
 
 def test_an_existing_output_is_not_overwritten(tmp_path: Path) -> None:
@@ -214,7 +215,7 @@ def test_an_existing_output_is_not_overwritten(tmp_path: Path) -> None:
         target = tmp_path / "out.mcap"
         target.write_bytes(content)
         with pytest.raises(RunError, match=r"out\.mcap"):
-            recover_again(run, target)
+            recover_run(run, target)
         assert target.read_bytes() == content
 
 
@@ -231,10 +232,10 @@ def test_a_full_disk_leaves_nothing_half_done(
 
     monkeypatch.setattr(os, "pwrite", small)
     with pytest.raises(OSError, match="No space left"):
-        recover_again(run)
+        recover_run(run)
     monkeypatch.undo()
     assert sorted(p.name for p in run.iterdir()) == ["run.json", "run.mcap.part0"]
-    assert recover_again(run).account.rows == 5000
+    assert recover_run(run).account.rows == 5000
 
 
 def test_a_killed_recovery_can_be_repeated(tmp_path: Path) -> None:
@@ -257,5 +258,5 @@ def test_a_killed_recovery_can_be_repeated(tmp_path: Path) -> None:
         if (run / "run.mcap").exists():
             assert messages(run / "run.mcap") == 60_000
     assert unfinished > 0
-    assert recover_again(run).account.rows == 60_000
+    assert recover_run(run).account.rows == 60_000
     assert not list(run.glob("*.joining"))

@@ -49,8 +49,8 @@ def load_session(folder: Path, **keys: Any) -> Session:
     }
     report = check_session(write_yaml(folder / f"{content['name']}.yaml", content))
     assert report.ok, report.text()
-    assert report.session is not None
-    return report.session
+    assert report.checked is not None
+    return report.checked
 
 
 def measure_rows(session: Session) -> Rows:
@@ -185,7 +185,7 @@ def test_an_irregular_motion_is_corrected_component_by_component(
         "conditions": "conditions.yaml",
     }
     session = load_session(folder, name="irregular_online", correction=correction, **keys)
-    parts = plan_session(session).setpoints.components[1]
+    parts = plan_session(session).setpoints[1].components
     assert len(parts) == 7  # 0.4 .. 1 Hz
     assert len({one.gain for one in parts}) == len({one.advance for one in parts}) == 1
     assert parts[0].gain > 1.0
@@ -217,7 +217,7 @@ def test_closed_torque_loop_reduces_the_effect_of_wrong_constants(tmp_path: Path
 
 def test_the_plan_of_table_2_1() -> None:
     report = check_session(CONFIGS / "sessions" / "driveline.yaml")
-    assert report.session is not None
+    assert report.checked is not None
     assert report.plan is not None
     rows, plan = report.plan.rows, report.plan
     assert [(r.values["amplitude_deg"], r.values["damping_n_m_s_per_rad"]) for r in rows][-4:] == [
@@ -231,7 +231,7 @@ def test_the_plan_of_table_2_1() -> None:
     assert phases == ["MOVING", "SETTLE", "MEASURE", "TAIL"]
     assert plan.segments.waves[first : first + 4] == (0, 1, 1, 1)
     assert set(plan.segments.restart[first : first + 4]) == {first}
-    (one,) = plan.setpoints.components[plan.segments.setpoint[first]]
+    (one,) = plan.setpoints[plan.segments.setpoint[first]].components
     assert one == (5.0 * DEGREE, pytest.approx(2.0 * math.pi / 1.5), 0.0, 1.0, 0.0)
 
 

@@ -56,8 +56,8 @@ def test_the_measured_sea_is_the_requested_one(result: RunResult) -> None:
     products = {path.name: path for path in write_products(result.folder)}
     with xarray.open_dataset(products["wave_calibration.nc"]) as table:
         truth = table.sel(probe="elevation")
-        np.testing.assert_allclose(truth["amplitude"], table["asked_amplitude"], rtol=1e-9)
-        late = (table["asked_phase"] - truth["phase"]) / (2.0 * np.pi * table["frequency"])
+        np.testing.assert_allclose(truth["amplitude"], table["commanded_amplitude"], rtol=1e-9)
+        late = (table["commanded_phase"] - truth["phase"]) / (2.0 * np.pi * table["frequency"])
         np.testing.assert_allclose(late, 0.001, atol=1e-9)
         assert float(truth["hm0"]) == pytest.approx(0.05, rel=1e-9)
         assert table.attrs["hm0_asked_m"] == pytest.approx(0.05, rel=1e-9)

@@ -68,9 +68,7 @@ class RowCollector:
 def rehearse_in_process(campaign: Campaign, plan: Plan, *, compiled: bool) -> bytes:
     """Rehearse in this process and return all packed rows."""
     devices = connect(job.plant_settings(campaign) | {"compiled": compiled}, plan.dt)
-    params = wavebot_params(
-        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
-    )
+    params = wavebot_params(campaign, plan.segments, plan.setpoints)
     rows: Any = RowCollector()
     loop.run(
         KIND,

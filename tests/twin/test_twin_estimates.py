@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.kinds.wavebot.twin import drivetrain, electrics
+from rig.kinds.wavebot.twin import drivetrain
 from rig.kinds.wavebot.twin.group import Group, least_squares
 from rig.kinds.wavebot.twin.hull import identify_hull
 from rig.kinds.wavebot.twin.records import PowerBlocks, Record
@@ -149,20 +149,20 @@ def test_drive_loss_is_identified(voltages: tuple[float, float]) -> None:
         power = PowerBlocks(size, size * size, loss, volts)
         nothing = np.zeros(LINES, dtype=complex)
         rows.append(record(nothing, nothing, nothing, power=power))
-    identified = electrics.identify_drive_loss(rows, 75.0).by_name
-    is_voltage_dependent = electrics.SWITCHED in identified
+    identified = drivetrain.identify_drive_loss(rows, 75.0).by_name
+    is_voltage_dependent = drivetrain.SWITCHED in identified
     assert is_voltage_dependent is (voltages[0] != voltages[1])
     for voltage_ratio in (voltages[0] / 75.0, voltages[1] / 75.0):
         for amperes in (0.0, 5.0, 15.0):
             predicted = identified["fixed_loss"] + identified["conduction_loss"] * amperes
             predicted += identified["square_loss"] * amperes**2
             predicted += (
-                (identified.get(electrics.SWITCHED, 0.0) * voltage_ratio)
+                (identified.get(drivetrain.SWITCHED, 0.0) * voltage_ratio)
                 if is_voltage_dependent
                 else 0.0
             )
             predicted += (
-                identified.get(electrics.SWITCHED_LINEAR, 0.0) * voltage_ratio * amperes
+                identified.get(drivetrain.SWITCHED_LINEAR, 0.0) * voltage_ratio * amperes
                 if is_voltage_dependent
                 else 0.0
             )
@@ -173,8 +173,8 @@ def test_drive_loss_is_identified(voltages: tuple[float, float]) -> None:
                 + 0.015 * amperes**2
             )
             assert predicted == pytest.approx(expected, abs=0.1), (voltage_ratio, amperes)
-    cots = electrics.identify_drive_loss(rows[:1], None).by_name
-    assert set(cots) == set(electrics.COTS)
+    cots = drivetrain.identify_drive_loss(rows[:1], None).by_name
+    assert set(cots) == set(drivetrain.COTS)
 
 
 def test_winding_resistance_is_identified() -> None:
@@ -183,7 +183,7 @@ def test_winding_resistance_is_identified() -> None:
     for square in (9.0, 40.0, 90.0):
         sample_record = record(velocity, velocity, 500.0 * velocity, current_square=square)
         rows.append(sample_record._replace(ac=sample_record.shaft + 0.5 * square / 1.5))
-    assert electrics.identify_winding(rows).by_name[electrics.RESISTANCE] == pytest.approx(0.5)
+    assert drivetrain.identify_winding(rows).by_name[drivetrain.RESISTANCE] == pytest.approx(0.5)
 
 
 def test_excitation_scale_is_identified() -> None:

@@ -55,20 +55,17 @@ def intrinsic(
 
     Mass and added mass are in kg, damping in N s/m, stiffness in N/m.
     """
-    impedance: Complexes = damping + 1j * (omega * (mass + added) - stiffness / omega)
-    return impedance
+    return damping + 1j * (omega * (mass + added) - stiffness / omega)
 
 
 def rotational_drivetrain(omega: Floats, inertia: float, damping: float, rate: float) -> Complexes:
     """Return Z_d of eq. 2.7 at the motor's shaft, N m s/rad: kg m^2, N m s/rad, N m/rad."""
-    impedance: Complexes = 1j * omega * inertia + damping + rate / (1j * omega)
-    return impedance
+    return 1j * omega * inertia + damping + rate / (1j * omega)
 
 
 def linear_drivetrain(omega: Floats, mass: float, damping: float, spring_rate: float) -> Complexes:
     """Return Z_11 = N^2 Z_d on the body's side, N s/m: kg, N s/m and the spring rate K_s in N/m."""
-    impedance: Complexes = 1j * omega * mass + damping + spring_rate / (1j * omega)
-    return impedance
+    return 1j * omega * mass + damping + spring_rate / (1j * omega)
 
 
 def two_port(omega: Floats, z11: Complexes, motor: Motor) -> TwoPort:
@@ -111,26 +108,22 @@ def load_of(z: TwoPort, response: Complexes) -> Complexes:
 
 def controller_of(z: TwoPort, load: Complexes) -> Complexes:
     """Return C (N s/m) of a load."""
-    response: Complexes = z.z12 * z.z21 / (load + z.z22)
-    return response
+    return z.z12 * z.z21 / (load + z.z22)
 
 
 def input_impedance(z: TwoPort, load: Complexes) -> Complexes:
     """Return Z_in of eq. 2.8, N s/m: the power take-off with its load, seen from the hull."""
-    impedance: Complexes = z.z11 - z.z12 * z.z21 / (z.z22 + load)
-    return impedance
+    return z.z11 - z.z12 * z.z21 / (z.z22 + load)
 
 
 def output_impedance(z: TwoPort, z_i: Complexes) -> Complexes:
     """Return Z_out of eq. 2.9, ohm: hull and power take-off, seen from the load."""
-    impedance: Complexes = z.z22 - z.z12 * z.z21 / (z.z11 + z_i)
-    return impedance
+    return z.z22 - z.z12 * z.z21 / (z.z11 + z_i)
 
 
 def mechanically_matched(z: TwoPort, z_i: Complexes) -> Complexes:
     """Return the load (ohm) with Z_in = Z_i* (eq. 2.10a): maximum power into the take-off."""
-    load: Complexes = z.z12 * z.z21 / (z.z11 - np.conj(z_i)) - z.z22
-    return load
+    return z.z12 * z.z21 / (z.z11 - np.conj(z_i)) - z.z22
 
 
 def electrically_matched(z: TwoPort, z_i: Complexes) -> Complexes:
@@ -140,8 +133,7 @@ def electrically_matched(z: TwoPort, z_i: Complexes) -> Complexes:
 
 def reflection(z: Complexes, source: Complexes) -> Complexes:
     """Return (z - source*) / (z + source): 0 for conjugates, magnitude 1 for no power."""
-    coefficient: Complexes = (z - np.conj(source)) / (z + source)
-    return coefficient
+    return (z - np.conj(source)) / (z + source)
 
 
 class Mismatch(NamedTuple):

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.columns import END_MARK, KindColumns
+from rig.config.matrix import END_MARK, KindColumns
 from rig.config.problems import (
     ConfigError,
     Problem,
@@ -19,8 +19,19 @@ from rig.config.problems import (
     format_line_numbers,
     format_number,
 )
-from rig.interop.legacy.columns import KI, KP, MASK4, REQUIRED, SPRING, NumberTable, name_columns
-from rig.interop.legacy.matrix import GainMatrix, exact_text, refused_values, select_columns
+from rig.interop.legacy.matrix import (
+    KI,
+    KP,
+    MASK4,
+    REQUIRED,
+    SPRING,
+    GainMatrix,
+    NumberTable,
+    exact_text,
+    name_columns,
+    refused_values,
+    select_columns,
+)
 from rig.interop.legacy.table import SKIPPED, read_table
 
 VARIABLE = "GainMatrix"

@@ -25,19 +25,20 @@ import math
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from rig.config.columns import KindColumns
+from rig.config.matrix import KindColumns
 from rig.config.problems import ConfigError, Problem, display_path, format_number
-from rig.interop.legacy.columns import (
+from rig.interop.legacy.matrix import (
     FOSWEC,
     KI,
     KP,
     LUPA,
     SPRING,
     Column,
+    GainMatrix,
     NumberTable,
     name_columns,
+    refused_values,
 )
-from rig.interop.legacy.matrix import GainMatrix, refused_values
 from rig.interop.legacy.table import SKIPPED, read_table
 
 STYLES: dict[str, tuple[Column, ...]] = {"lupa": LUPA, "foswec": FOSWEC}

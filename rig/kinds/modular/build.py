@@ -5,13 +5,16 @@ from typing import Any
 
 from controllers import open_loop
 from rig import laws
+from rig.campaign import AnyPlan
 from rig.config.law_settings import LawSettings
-from rig.design.axis_params import axis_params
+from rig.config.reference import MultisineReference
+from rig.design.axis_params import axis_params, newtons_per_ampere
 from rig.design.law_params import law_params
 from rig.kinds.modular.config.limits_file import LimitsFile, RotationLimits
 from rig.kinds.modular.config.rig_file import RigFile, Rotation
 from rig.kinds.modular.tick import AxisPart, Composition, SensorLimits, SensorPart, compose
 from rig.laws import Law
+from rig.planning.reference import force_table, index_realisations, list_realisations
 from rig.realtime import cycle, safety
 from rig.realtime.sequence import Segments
 
@@ -25,6 +28,38 @@ def composition(rig: RigFile, axis_laws: Mapping[str, Law]) -> Composition:
         ),
         tuple(SensorPart(name, each.unit, each.tare) for name, each in rig.sensors.items()),
         rig.power_stations,
+    )
+
+
+def campaign_composition(campaign: Any) -> Composition:
+    """Return the composition of a campaign's rig with the campaign's laws."""
+    laws = {name: each.law for name, each in campaign.file.axis_laws.items()}
+    return composition(campaign.rig, laws)
+
+
+def campaign_params(campaign: Any, plan: AnyPlan) -> cycle.Params:
+    """Return the loop's parameters of a campaign, also of a recorded one."""
+    file, rig = campaign.file, campaign.rig
+    reference = file.reference
+    axis = reference.axis if reference is not None else next(iter(rig.axes))
+    realisations = list_realisations(plan.setpoints.realisation)
+    table = force_table(
+        reference,
+        newtons_per_ampere(rig.axes[axis]),
+        rig.rate_hz,
+        file.seed,
+        realisations,
+        campaign.record,
+    )
+    count = len(realisations) if isinstance(reference, MultisineReference) else 1
+    return modular_params(
+        rig,
+        campaign.limits,
+        {name: (each.law, file.law_settings(name)) for name, each in file.axis_laws.items()},
+        plan.segments,
+        index_realisations(plan.setpoints, realisations),
+        open_loop.Params(table, rig.axes[axis].gain_ramp_s, count),
+        axis,
     )
 
 

@@ -1,5 +1,6 @@
 """The campaigns of a modular rig: the columns and laws of its axes, and the loop's set points."""
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any
 
@@ -8,8 +9,8 @@ from pydantic import Field
 from rig.campaign import CampaignKind
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
-from rig.config.columns import KindColumns
 from rig.config.law_settings import IMPEDANCE, AxisLaw, find_law
+from rig.config.matrix import KindColumns
 from rig.config.model import WholeNumber
 from rig.kinds.modular.build import composition
 from rig.kinds.modular.columns import axis_columns
@@ -42,7 +43,7 @@ COLUMNS = KindColumns(first=None, others=_OTHERS, types=_TYPES, law_details={})
 _Motions = tuple[tuple[str, str], ...]  # name and motion of each axis
 
 
-def _motions(rig: dict[str, Any]) -> _Motions:
+def axis_motions(rig: Mapping[str, Any]) -> _Motions:
     """Return the axes of a rig file as read, which need not be valid."""
     axes = rig.get("axes")
     named = axes.items() if isinstance(axes, dict) else ()
@@ -54,7 +55,7 @@ def _motions(rig: dict[str, Any]) -> _Motions:
 
 
 def _axes(rig: dict[str, Any]) -> tuple[str, ...]:
-    return tuple(name for name, _ in _motions(rig))
+    return tuple(name for name, _ in axis_motions(rig))
 
 
 def _find_laws(campaign: ConfigSource, rig: ConfigSource | None) -> dict[str, Law]:
@@ -146,7 +147,7 @@ CAMPAIGNS = CampaignKind(
     campaign_file=CampaignFile,
     axes=_axes,
     find_laws=_find_laws,
-    model=lambda laws, rig: _model(_motions(rig), tuple(laws.values())),
+    model=lambda laws, rig: _model(axis_motions(rig), tuple(laws.values())),
     gain_ramp=lambda rig, axis: rig.axes[axis].gain_ramp_s,
     set_points=_set_points,
     defaults=_defaults,

@@ -22,11 +22,12 @@ from rig.config.problems import format_number
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.new_files import write_new
-from sim_plant.modes.bem import BemModes, Floats, Water, read_modes
+from sim_plant.modes.bem import BemModes, read_modes
+from sim_plant.modes.bem_content import Floats, Water
 
 __all__ = ["Options", "Water", "write_rig"]
 
-TEXTS = ("rig", "limits", "plant", "campaign")
+TEXTS = ("rig", "limits", "plant", "campaign", "rig_hil", "limits_hil")
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _ROTATIONS = ("Roll", "Pitch", "Yaw")
@@ -112,7 +113,7 @@ class Grid(NamedTuple):
 
 
 def write_rig(name: str, folder: Path, options: Options) -> list[Path]:
-    """Write the four files of a new rig into ``folder/name``, and return their paths.
+    """Write the files of a new rig into ``folder/name``, and return their paths.
 
     Raises ValueError with every reason why they cannot be derived or written; OSError for a BEM
     file that cannot be read.

@@ -2,8 +2,8 @@
 
 from rig.campaign import build_plan
 from rig.campaign.record import campaign_from_record, law_notice
+from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CAMPAIGNS
-from rig.kinds.modular.tasks import campaign_composition, campaign_params
 from rig.kinds.modular.tick import compose
 from rig.processes.run_types import RecordedTask
 from rig.recording.runs import RunInfo

@@ -5,13 +5,13 @@ from pathlib import Path
 
 from rig.kinds.oswec_bench.config.session_file import SessionFile
 from rig.kinds.oswec_bench.hardware import job as hardware
+from rig.kinds.oswec_bench.recorded import plan_as_dict, resolved_session
 from rig.kinds.oswec_bench.rehearsal import emulation
 from rig.kinds.oswec_bench.rehearsal.job import plant_settings, problems
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.check import SessionReport, check_session
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
-from rig.kinds.oswec_bench.sessions.recorded import plan_as_dict, resolved_session
 from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.processes.run_types import ExecutionMode, Task
 from rig.wires import job as wired_rig

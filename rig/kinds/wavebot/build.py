@@ -1,6 +1,7 @@
 """Conversion of validated files to the loop's parameters, with all changes of names and units."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from enum import IntEnum
 
 from controllers import (
     drive_gating,
@@ -10,83 +11,53 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Modulation
+from rig.campaign.record import RecordedCampaign
 from rig.config.reference import MultisineReference
 from rig.design.axis_params import axis_params, motor_power_params, newtons_per_ampere
 from rig.design.law_params import law_params
 from rig.kinds.wavebot import tick as wavebot
+from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.set_points import drive_settings
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.limits_file import LimitsFile, PowerLimits
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
-from rig.planning.reference import ReferenceRecord, force_table
+from rig.planning.reference import force_table, index_realisations, list_realisations
 from rig.realtime import average, cycle, safety
 from rig.realtime.sequence import Segments
 
-MODULATIONS = {
-    "svpwm": Modulation.SVPWM,
-    "sine-triangle": Modulation.SINE_TRIANGLE,
-    "dpwm": Modulation.DPWM,
-    "hysteresis": Modulation.HYSTERESIS,
-}
 
-
-_SURGE_USES = {
-    "off": SurgeUse.OFF,
-    "station keeping": SurgeUse.STATION_KEEPING,
-    "hold": SurgeUse.HOLD,
-}
-
-_AXES = {"heave": ReferenceAxis.HEAVE, "surge": ReferenceAxis.SURGE}
+def number_of(choice: str, numbers: type[IntEnum]) -> int:
+    """Return the loop's number of a choice in a file: the choice is its name in lower case."""
+    return int(numbers[choice.upper().replace(" ", "_").replace("-", "_")])
 
 
 def reference_table(
-    campaign: CampaignFile,
-    rig: RigFile,
-    realisations: Sequence[int] = (1,),
-    record: ReferenceRecord | None = None,
+    campaign: Campaign | RecordedCampaign, realisations: Sequence[int] = (1,)
 ) -> tuple[float, ...]:
     """Return one repeat period of the open-loop force of each realisation (N, one value a tick).
 
-    ``record`` is that of a recorded reference. ValueError if it repeats on no whole tick.
+    ValueError if it repeats on no whole tick.
     """
-    reference = campaign.reference
-    motor = rig.surge if reference is not None and reference.axis == "surge" else rig.heave
-    scale = newtons_per_ampere(motor)
-    return force_table(reference, scale, rig.rate_hz, campaign.seed, realisations, record)
-
-
-def list_realisations(numbers: Iterable[float]) -> tuple[int, ...]:
-    """Return the realisations in a campaign's set points, in the order of the reference table."""
-    return tuple(sorted({int(number) for number in numbers if number >= 1.0})) or (1,)
-
-
-def index_realisations(
-    setpoints: wavebot.Setpoints, realisations: Sequence[int]
-) -> wavebot.Setpoints:
-    """Return the set points with each realisation as its index in ``realisations``."""
-    index = {number: at for at, number in enumerate(realisations)}
-    return setpoints._replace(
-        realisation=tuple(index.get(int(number), 0) for number in setpoints.realisation)
-    )
+    file, rig = campaign.file, campaign.rig
+    scale = newtons_per_ampere(getattr(rig, file.excited_axis))
+    return force_table(file.reference, scale, rig.rate_hz, file.seed, realisations, campaign.record)
 
 
 def wavebot_params(
-    campaign: CampaignFile,
-    rig: RigFile,
-    bounds: LimitsFile,
-    segments: Segments,
-    setpoints: wavebot.Setpoints,
-    record: ReferenceRecord | None = None,
+    campaign: Campaign | RecordedCampaign, segments: Segments, setpoints: wavebot.Setpoints
 ) -> cycle.Params:
     """Return all parameters of a WaveBot's cycle, with designed estimators and references."""
+    file: CampaignFile = campaign.file
+    rig: RigFile = campaign.rig
+    bounds: LimitsFile = campaign.limits
     dt = 1.0 / rig.rate_hz
     realisations = list_realisations(setpoints.realisation)
-    forces = reference_table(campaign, rig, realisations, record)
-    table_count = len(realisations) if isinstance(campaign.reference, MultisineReference) else 1
+    forces = reference_table(campaign, realisations)
+    table_count = len(realisations) if isinstance(file.reference, MultisineReference) else 1
     rates, positions = rig.spring.by_rate()
-    drive = drive_settings(campaign, rig)
+    drive = drive_settings(file, rig)
     stop = (rig.stop.damping_n_s_per_m, rig.stop.ramp_s)
     return cycle.Params(
         segments=segments,
@@ -97,13 +68,13 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=axis_params(rig.heave, bounds.heave, *stop, dt),
-            heave_law=law_params(campaign.heave_law, campaign.law, rig.heave.gain_ramp_s, dt),
+            heave_law=law_params(file.heave_law, file.law, rig.heave.gain_ramp_s, dt),
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
-            reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
+            reference_axis=number_of(file.excited_axis, ReferenceAxis),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
-            modulation=int(MODULATIONS[drive.modulation]) if drive else 0,
+            modulation=number_of(drive.modulation, Modulation) if drive else 0,
             surge=axis_params(rig.surge, bounds.surge, *stop, dt),
-            surge_use=int(_SURGE_USES[campaign.surge.use]),
+            surge_use=number_of(file.surge.use, SurgeUse),
             station_keeping=station_keeping.Params(
                 ramp=rig.surge.gain_ramp_s,
                 station=0.0,
@@ -134,7 +105,7 @@ def wavebot_params(
                 panel_age_stop=bounds.loop.panel_age_stop_s,
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
-            power_checks=_power_checks(campaign, rig, bounds.power, dt),
+            power_checks=_power_checks(file, rig, bounds.power, dt),
             setpoints=index_realisations(setpoints, realisations),
         ),
     )

@@ -13,13 +13,13 @@ from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
 from rig.config.problems import Problem
 from rig.design.margin import tightest
-from rig.kinds.wavebot.predictions import (
+from rig.kinds.wavebot.predictions.prediction import (
     PREDICTED_STATIONS,
     Prediction,
     RowPrediction,
-    Travel,
 )
-from rig.presentation.console import WIDTH, table_console
+from rig.kinds.wavebot.predictions.travel import Travel
+from rig.presentation.console import WIDTH, plain_table, table_console
 from rig.presentation.phrases import format_duration
 from rig.stations import shown
 
@@ -75,7 +75,9 @@ class CheckView:
             if label == "campaign":
                 value.stylize("bold")
             table.add_row(label, value)
-        table.add_row("stator", _stator_text(planned))
+        moves = f"{_moves_text(planned.moves)} between rows"
+        time = f"{planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
+        table.add_row("stator", Text(f"{moves}; {time}"))
         for saving in _order_texts(planned, forecast.travel[1:]):
             table.add_row("order", saving)
         files = ", ".join(f"{role} {path}" for role, path in report.input_files())
@@ -86,16 +88,16 @@ class CheckView:
         """Print a line for each spring rate, and return the points that are refused."""
         refused = {row.row.point for row in forecast.rows if any(row.blocking())}
         columns = _law_columns(forecast)
+        stations = shown(PREDICTED_STATIONS)
+        stations = stations if self._console.width >= WIDTH else stations[1:]
         table = _table(
             "Predicted, by spring rate",
             f"mean W at {'/'.join(c.label for c in columns)} or row; negative power is absorbed",
+            (
+                *(("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")),
+                *((f"best {station.heading}", "") for station in stations),
+            ),
         )
-        for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
-            table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        stations = shown(PREDICTED_STATIONS)
-        stations = stations if self._console.width >= WIDTH else stations[1:]
-        for station in stations:
-            table.add_column(f"best {station.heading}\n", justify="right", no_wrap=True)
         groups = _by_spring_rate(forecast.rows)
         for rate, rows in groups[:MAX_SPRING_RATES]:
             allowed = [row for row in rows if row.row.point not in refused]
@@ -132,11 +134,8 @@ class CheckView:
         shown_rows = [*(lead_in if self._every_row else []), *rows]
 
         def build_table(left_out: Sequence[str]) -> Table:
-            table = _table(title, caption)
             kept = [(name, unit) for name, unit in columns if name not in left_out]
-            for name, unit in kept:
-                table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-            table.add_column("most used\n", no_wrap=True)
+            table = _table(title, caption, kept, "most used\n")
             for row in shown_rows:
                 cells = _cells(row, law)
                 style = "red" if row.row.point in refused else ""
@@ -173,19 +172,14 @@ class CheckView:
             self._console.print("the campaign can be run", style="bold green")
 
 
-def _table(title: str, caption: str) -> Table:
+def _table(title: str, caption: str, columns: Iterable[tuple[str, str]], *last: str) -> Table:
+    """Return a table of columns with name and unit, aligned to the right, and of the last ones."""
     text = Text(title, style="bold")
     if caption:
         text.append(f"   {caption}", style="dim not bold")
-    return Table(
-        title=text,
-        title_justify="left",
-        box=None,
-        padding=(0, 1, 0, 0),
-        header_style="dim",
-        title_style="",
-        pad_edge=False,
-    )
+    headings = (f">{name}\n{unit}" for name, unit in columns)
+    style = {"title_justify": "left", "title_style": "", "header_style": "dim"}
+    return plain_table(*headings, *last, title=text, padding=(0, 1, 0, 0), **style)
 
 
 def _law_columns(forecast: Prediction) -> list[LawColumn]:
@@ -254,46 +248,27 @@ def _best_text(rows: list[RowPrediction], field: str, law: list[LawColumn]) -> s
 
 
 def _duration_text(planned: Travel, forecast: Prediction) -> Text:
-    waiting = (
-        f", {planned.waiting_time:.3g} s of it waits for the stator"
-        if planned.waiting_time > 0.05
-        else ""
-    )
-    return Text(
-        f"{format_duration(planned.duration)}{waiting}; "
-        f"wave clock {forecast.plan.wave_seconds:.6g} s"
-    )
-
-
-def _stator_text(planned: Travel) -> Text:
-    moves = f"{planned.moves} move{'s' if planned.moves != 1 else ''} between rows"
-    return Text(
-        f"{moves}; {planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
-    )
+    text = format_duration(planned.duration)
+    if planned.waiting_time > 0.05:
+        text += f", {planned.waiting_time:.3g} s of it waits for the stator"
+    return Text(f"{text}; wave clock {forecast.plan.wave_seconds:.6g} s")
 
 
 def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:
     """Return a line for each other order with its saving; orders that save nothing share one."""
-    equal = [
-        travel
-        for travel in alternatives
-        if travel.moves == planned.moves and abs(_time_saved(planned, travel)) < 0.05
-    ]
-    texts = [_order_text(planned, travel) for travel in alternatives if travel not in equal]
+    texts, equal = [], []
+    for travel in alternatives:
+        moves, seconds = planned.moves - travel.moves, planned.duration - travel.duration
+        if moves == 0 and abs(seconds) < 0.05:
+            equal.append(travel.order)
+            continue
+        verb, style = ("saves", "yellow") if seconds > 0.0 or moves > 0 else ("costs", "")
+        saving = f"{_moves_text(abs(moves))} and {format_duration(abs(seconds))}"
+        texts.append(Text(f"{travel.order}: {verb} {saving}", style=style))
     if equal:
-        texts.append(Text(f"{', '.join(travel.order for travel in equal)}: nothing to save"))
+        texts.append(Text(f"{', '.join(equal)}: nothing to save"))
     return texts
 
 
-def _time_saved(planned: Travel, alternative: Travel) -> float:
-    return planned.duration - alternative.duration
-
-
-def _order_text(planned: Travel, alternative: Travel) -> Text:
-    moves, seconds = planned.moves - alternative.moves, _time_saved(planned, alternative)
-    verb = "saves" if seconds > 0.0 or moves > 0 else "costs"
-    return Text(
-        f"{alternative.order}: {verb} {abs(moves)} move{'s' if abs(moves) != 1 else ''} and "
-        f"{format_duration(abs(seconds))}",
-        style="yellow" if verb == "saves" else "",
-    )
+def _moves_text(count: int) -> str:
+    return f"{count} move{'s' if count != 1 else ''}"

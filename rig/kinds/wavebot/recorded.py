@@ -16,8 +16,6 @@ def recorded_task(run: RunInfo) -> RecordedTask:
     """
     campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
     file, plan = campaign.file, build_plan(campaign)
-    params = wavebot_params(
-        file, campaign.rig, campaign.limits, plan.segments, plan.setpoints, campaign.record
-    )
+    params = wavebot_params(campaign, plan.segments, plan.setpoints)
     kind = KIND if file.zc_law is not None else kind_with_law(file.heave_law.module)
     return RecordedTask(kind, params, plan.dt, law_notice(CAMPAIGNS, run.config))

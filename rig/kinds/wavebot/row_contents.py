@@ -35,7 +35,9 @@ CHECKS = (
     Check("surge_force_rms", "N", "rms", ("surge.command.force",)),
 )
 
+CONTROL = ("surge", "station_keeping", "surge_hold")
+
 
 def row_contents(law_columns: Iterable[LawColumn]) -> RowContents:
     """Return the contents of the row table of a campaign with a heave law's columns."""
-    return RowContents("heave", STATIONS, COLUMNS.with_law(law_columns), CHECKS)
+    return RowContents("heave", STATIONS, COLUMNS.with_law(law_columns), CHECKS, CONTROL)

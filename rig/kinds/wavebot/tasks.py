@@ -13,8 +13,8 @@ from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.hardware import job as hardware
-from rig.kinds.wavebot.predictions import predict as predict_rows
-from rig.kinds.wavebot.predictions import unpredicted_reason
+from rig.kinds.wavebot.identification import axis_channels
+from rig.kinds.wavebot.predictions import rows
 from rig.kinds.wavebot.rehearsal import emulation, job
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import kind_with_law
@@ -36,11 +36,11 @@ def examine(
     """
     if not predict:
         return check_campaign(path, rig=rig, day=day)
-    report = check_campaign(path, job.problems, predict_rows, rig, day)
+    report = check_campaign(path, job.problems, rows.predict, rig, day)
     if report.campaign is None or report.plan is None:
         return report
     return report._replace(
-        not_predicted=unpredicted_reason(report.campaign, report.plan),
+        not_predicted=rows.unpredicted_reason(report.campaign, report.plan),
         law_warnings=tuple(compilation_problems(report.campaign, report.plan.dt, _INTERPRETED)),
     )
 
@@ -70,7 +70,7 @@ def execution_task(campaign: Campaign, plan: Plan) -> Task:
         rig.kind,
         "rig.kinds.wavebot.tick",
         kind_with_law(file.heave_law.module),
-        wavebot_params(file, rig, campaign.limits, plan.segments, plan.setpoints, campaign.record),
+        wavebot_params(campaign, plan.segments, plan.setpoints),
         plan.dt,
         len(plan.rows),
         rig.realtime == "required",
@@ -85,23 +85,15 @@ def execution_task(campaign: Campaign, plan: Plan) -> Task:
 def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     file = campaign.file
     record = plan_record(campaign, plan, row_contents(file.law_columns()))
-    record["reference"] = _reference_record(campaign)
-    record["hoist"] = _hoist_record(campaign)
+    motor = getattr(campaign.rig, file.excited_axis)
+    columns = file.heave_law.columns
+    record["reference"] = reference_record(
+        file.reference, newtons_per_ampere(motor), lambda axis: axis_channels(axis, columns)
+    )
+    record["hoist"] = hoist = file.hoist
+    if hoist is not None:  # as the spring map's analysis needs it
+        motion = {"period_s": hoist.period, "words": hoist.description()}
+        record["hoist"] = hoist.model_dump(mode="json") | motion
     if file.sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
-        record["asked_sea"] = job.requested_sea(campaign)
+        record["requested_sea"] = job.requested_sea(campaign)
     return record
-
-
-def _hoist_record(campaign: Campaign) -> dict[str, Any] | None:
-    """Return the hoist's motion as the spring map's analysis needs it; None without a hoist."""
-    hoist = campaign.file.hoist
-    if hoist is None:
-        return None
-    return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.description()}
-
-
-def _reference_record(campaign: Campaign) -> dict[str, Any] | None:
-    reference = campaign.file.reference
-    on_surge = reference is not None and reference.axis == "surge"
-    motor = campaign.rig.surge if on_surge else campaign.rig.heave
-    return reference_record(reference, newtons_per_ampere(motor))

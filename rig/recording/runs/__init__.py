@@ -8,9 +8,9 @@ from rig.recording.runs.folder import (
     mcap_files,
     run_info,
 )
-from rig.recording.runs.join import JoinResult, join
 from rig.recording.runs.mcap_records import RunError
 from rig.recording.runs.reader import open_run
+from rig.recording.runs.recover import JoinResult, join
 
 __all__ = [
     "JoinResult",

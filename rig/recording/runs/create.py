@@ -42,10 +42,22 @@ def end_status(reason: int) -> str:
 
 
 def write_json(folder: Path, name: str, value: Any) -> None:
-    """Write a JSON file atomically: a reader finds the old or the new one, never a part of it."""
-    part = folder / f".{name}.new"
-    part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n")
-    part.replace(folder / name)
+    """Write a JSON file as `replace_text` does."""
+    replace_text(folder / name, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file atomically: a reader finds the old or the new one, never a part of it.
+
+    Raise OSError, on a full disk for example, and leave no partial file behind.
+    """
+    part = path.with_name(f".{path.name}.new")
+    try:
+        part.write_text(text, encoding="utf-8")
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+    part.replace(path)
 
 
 def write_rows_done(folder: Path, done: int) -> None:

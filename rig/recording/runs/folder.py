@@ -15,10 +15,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig import row_contents
+from rig import module_process, row_contents
 from rig.realtime import reasons
 from rig.realtime.reasons import ReasonTable
-from rig.recording import process_identity
 from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
 from rig.recording.runs.mcap_records import RunError
@@ -128,6 +127,14 @@ class RunInfo(NamedTuple):
             value = value.get(key) if isinstance(value, dict) else None
         return float(value) if isinstance(value, int | float) else None
 
+    def axis_number(self, axis: str, key: str) -> float | None:
+        """Return a number of an axis's settings in the rig file; None without one.
+
+        A kind with fixed axes has a section for each, others a section `axes`.
+        """
+        own = self.config_number("rig", axis, key)
+        return self.config_number("rig", "axes", axis, key) if own is None else own
+
     def attributes(self) -> dict[str, Any]:
         """Return the description as flat attributes of a dataset."""
         flat = {"run": self.run, "mode": self.mode, "campaign": self.campaign}
@@ -167,6 +174,11 @@ def _campaign(config: dict[str, Any]) -> str:
     return str(config.get("name") or inner or "")
 
 
+def _with_current_keys(plan: dict[str, Any]) -> dict[str, Any]:
+    """Return a plan with the keys of today; runs before 2027 have ``asked_sea``."""
+    return {{"asked_sea": "requested_sea"}.get(key, key): value for key, value in plan.items()}
+
+
 def run_info(
     run: str | os.PathLike[str], contents: Iterable[FileContents] | None = None
 ) -> RunInfo:
@@ -190,7 +202,7 @@ def run_info(
         campaign=str(status.get("campaign") or _campaign(config)),
         status=status,
         config=config,
-        plan=read("plan.json"),
+        plan=_with_current_keys(read("plan.json")),
         code=read("code.json"),
         host=read("host.json"),
         timing=read("timing.json"),
@@ -225,7 +237,7 @@ def is_supervised(status: dict[str, Any]) -> bool | None:
     pid, started = status.get("pid"), status.get("pid_started")
     if not isinstance(pid, int) or not isinstance(started, int):
         return None
-    return process_identity.start_ticks(pid) == started
+    return module_process.start_ticks(pid) == started
 
 
 def _is_abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:

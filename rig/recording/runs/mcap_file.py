@@ -7,6 +7,7 @@ its own, so a flipped bit in a length costs that record and none after it; after
 the scan continues at the next valid one.
 """
 
+import json
 import os
 import struct
 import zlib
@@ -14,7 +15,9 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
 from heapq import merge
+from importlib import resources
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -50,7 +53,6 @@ from rig.regular_file import open_regular
 UNREADABLE_HINT = "no row can be read, nor recovered by `rig recover`; use another copy"
 _HEAD = struct.Struct("<BQH")  # start of a message record, the same for all rows of a file
 _SHORT = struct.Struct("<I")
-_RENAMED_FIELDS = {"safety.warned": "heave.warned"}  # old names of fields in earlier runs
 _UNREADABLE = (McapError, struct.error, ValueError, KeyError, EOFError)  # RunError: a ValueError
 _PREFETCH_CHUNKS = 4  # chunks decompressed while one is being copied
 
@@ -155,8 +157,20 @@ class _ScanResult:
         return max(copies, key=lambda s: counts[s.name, s.data], default=None)
 
 
-def _with_current_name(leaf: Leaf) -> Leaf:
-    return leaf._replace(path=tuple(_RENAMED_FIELDS.get(leaf.name, leaf.name).split(".")))
+@cache
+def _earlier_fields() -> dict[str, dict[str, str]]:
+    """Return today's names of fields of earlier runs, by row type and earlier name."""
+    text = resources.files(__package__).joinpath("earlier_fields.json").read_text()
+    renamed: dict[str, dict[str, str]] = json.loads(text)
+    return renamed
+
+
+def _current_leaves(schema: RowSchema) -> tuple[Leaf, ...]:
+    renamed = _earlier_fields().get(schema.name, {})
+    return tuple(
+        leaf._replace(path=tuple(renamed.get(leaf.name, leaf.name).split(".")))
+        for leaf in schema.leaves
+    )
 
 
 def _row_channel(found: _ScanResult) -> tuple[RowSchema, tuple[Leaf, ...], int]:
@@ -172,7 +186,7 @@ def _row_channel(found: _ScanResult) -> tuple[RowSchema, tuple[Leaf, ...], int]:
             if record is None:
                 continue
             schema = RowSchema(record.name, record.data.decode())
-            return schema, tuple(map(_with_current_name, schema.leaves)), channel.id
+            return schema, _current_leaves(schema), channel.id
         except (RowError, KeyError, ValueError):
             continue
     raise RunError(f"{found.path}: no channel of log rows in this file")

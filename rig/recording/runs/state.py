@@ -98,10 +98,12 @@ class TickCounter:
             return
         if self._first is None:
             self._first = int(block["tick"][0]), float(block["time"][0])
-        self._gaps += _gaps(block, self._tick, self._skipped)
+        has_counts = SKIPPED in (block.dtype.names or ())
+        counts: Any = block[SKIPPED] if has_counts else np.zeros(len(block), np.int64)
+        self._gaps += _gaps(block["tick"], counts, self._tick, self._skipped)
         self._rows += len(block)
         self._tick = int(block["tick"][-1])
-        self._skipped = _last_skipped(block, self._skipped)
+        self._skipped = int(counts[-1])
         self._latest = self._tick, float(block["time"][-1])
 
     def result(self, end_report: EndReport | None) -> TickAccount:
@@ -142,15 +144,10 @@ def _period(first: tuple[int, float] | None, latest: tuple[int, float]) -> float
     return (latest[1] - first[1]) / (latest[0] - first[0])
 
 
-def _last_skipped(block: Records, before: int) -> int:
-    return int(block[SKIPPED][-1]) if SKIPPED in (block.dtype.names or ()) else before
-
-
-def _gaps(block: Records, tick: int, skipped: int) -> list[Gap]:
-    ticks = np.concatenate(([tick], block["tick"].astype(np.int64)))
-    counted: Any = np.zeros(len(ticks), np.int64)
-    if SKIPPED in (block.dtype.names or ()):
-        counted = np.concatenate(([skipped], block[SKIPPED].astype(np.int64)))
+def _gaps(ticks_read: Any, counts_read: Any, tick: int, skipped: int) -> list[Gap]:
+    """Return the gaps between consecutive rows, the last row before them included."""
+    ticks = np.concatenate(([tick], ticks_read.astype(np.int64)))
+    counted = np.concatenate(([skipped], counts_read.astype(np.int64)))
     missing = np.diff(ticks) - 1
     return [
         Gap(
@@ -178,9 +175,9 @@ class RecordState(NamedTuple):
     state: str  # complete, recovered, unfinished, incomplete, damaged
     lost: int  # executed ticks known to have no row
     ticks: int  # executed ticks, as far as known
-    missing: tuple[tuple[int, int], ...]  # first and last tick of each gap with lost rows
-    damage: tuple[str, ...]
     at_least: bool  # the end was not observed: more rows may be lost
+    missing_ticks: tuple[tuple[int, int], ...]  # first and last of each gap with lost rows
+    damage: tuple[str, ...]
 
     @property
     def complete(self) -> bool:
@@ -210,8 +207,10 @@ class RecordState(NamedTuple):
     @property
     def spans(self) -> str:
         """The missing ticks as text."""
-        shown = [f"{a} to {b}" if b > a else str(a) for a, b in self.missing[:_MAX_SHOWN_GAPS]]
-        more = len(self.missing) - len(shown)
+        shown = [
+            f"{a} to {b}" if b > a else str(a) for a, b in self.missing_ticks[:_MAX_SHOWN_GAPS]
+        ]
+        more = len(self.missing_ticks) - len(shown)
         return ", ".join([*shown, *([f"and {more} more gaps"] if more > 0 else [])])
 
     def attributes(self) -> dict[str, str]:
@@ -223,22 +222,13 @@ class RecordState(NamedTuple):
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "RecordState":
         """Return the state from its plain data."""
-        missing = tuple((int(a), int(b)) for a, b in data["missing_ticks"])
-        damage = tuple(map(str, data["damage"]))
-        count = int(data["lost"]), int(data["ticks"])
-        return cls(str(data["state"]), *count, missing, damage, bool(data["at_least"]))
+        values = {name: data[name] for name in cls._fields}
+        values |= {"missing_ticks": tuple(map(tuple, data["missing_ticks"]))}
+        return cls(**values | {"damage": tuple(data["damage"])})
 
     def as_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
-        return {
-            "state": self.state,
-            "description": self.description,
-            "lost": self.lost,
-            "ticks": self.ticks,
-            "at_least": self.at_least,
-            "missing_ticks": [list(gap) for gap in self.missing],
-            "damage": list(self.damage),
-        }
+        return {"state": self.state, "description": self.description} | self._asdict()
 
 
 class RecordCheck:
@@ -303,9 +293,9 @@ def state_of(
         state,
         account.lost,
         account.rows + account.lost,
+        open_end and not running,
         tuple((gap.first, gap.last) for gap in account.gaps if gap.lost),
         damage,
-        open_end and not running,
     )
 
 

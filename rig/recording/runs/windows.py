@@ -75,7 +75,8 @@ class _OpenWindow:
         if (data["safety.mode"] != Mode.RUN).any():
             reason = "held or stopped"
         lost_at_edges = self.lost_before + lost_after
-        return Window(self.row, self.attempt, data, reason, _count_lost(data), lost_at_edges)
+        lost = int(lost_between_rows(data).sum())
+        return Window(self.row, self.attempt, data, reason, lost, lost_at_edges)
 
 
 def lost_between_rows(data: Any) -> Any:
@@ -89,21 +90,11 @@ def lost_between_rows(data: Any) -> Any:
     return np.where(missing > 0, np.maximum(missing - np.diff(data[SKIPPED]), 0), 0)
 
 
-def _count_lost(data: Any) -> int:
-    return int(lost_between_rows(data).sum())
-
-
 def _select_fields(block: Records, dtype: np.dtype[Any]) -> Records:
     selected = np.empty(len(block), dtype)
     for name in dtype.names or ():
         selected[name] = block[name]
     return selected
-
-
-def _boundary(before: Any, after: Any) -> Any:
-    """Return tick numbers and skipped-period counts of two neighbouring log rows."""
-    values = [(int(row["tick"]), int(row[SKIPPED])) for row in (before, after)]
-    return np.array(values, [("tick", "<i8"), (SKIPPED, "<i8")])
 
 
 def _constant_ranges(block: Records) -> Iterator[tuple[int, int]]:
@@ -253,7 +244,8 @@ def split_windows(
             measuring = first["plan.phase"] == Phase.MEASURE
             lost = 0
             if has_counts and previous is not None:
-                lost = _count_lost(_boundary(previous, first))
+                gap = int(first["tick"] - previous["tick"]) - 1
+                lost = max(gap - int(first[SKIPPED] - previous[SKIPPED]), 0) if gap > 0 else 0
             if current and not (measuring and (row, attempt) == (current.row, current.attempt)):
                 yield current.close(_reason_incomplete(current.row, first, reasons), lost)
                 current = None

@@ -86,7 +86,9 @@ def test_equation_2_6_halves_the_deflection(
             driveline.correct_offline(
                 each,
                 driveline.predict_correction(
-                    driveline.leave_one_out(points, i), point, delay_over_torque=by_torque
+                    driveline.fit_regressions([*points[:i], *points[i + 1 :]]),
+                    point,
+                    delay_over_torque=by_torque,
                 ),
                 point.amplitude,
             )

@@ -240,7 +240,7 @@ def test_damping_and_power_of_a_synthetic_motion() -> None:
     resistance, reactance = 60.0, 12.0
     torque = -resistance * speed + reactance * omega * angle
     cut = periods.cut_periods(len(t), 1.0, DT)
-    point = flap_pto.pto_point(angle, angle, torque, 0.5 * torque, cut, 0.02)
+    point = flap_pto.pto_point(angle, angle, torque, 0.5 * torque, cut)
     assert point.damping == pytest.approx(resistance, rel=2e-3)
     assert point.reactance == pytest.approx(reactance, rel=2e-3)
     assert point.power.value == pytest.approx(0.5 * resistance * (0.2 * omega) ** 2, rel=2e-3)

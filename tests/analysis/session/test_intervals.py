@@ -36,7 +36,8 @@ def test_the_jackknife_of_a_mean_is_its_standard_error() -> None:
     values = np.random.default_rng(3).normal(size=12)
     left = np.array([[np.delete(values, i).mean()] for i in range(12)])
     by_hand = stats.t.ppf(0.975, 11) * values.std(ddof=1) / np.sqrt(12)
-    assert estimate.jackknife(np.array([values.mean()]), left)[0] == pytest.approx(by_hand)
+    (mean,) = estimate.jackknifed([values.mean()], left, [""], "")
+    assert mean.uncertainty == pytest.approx(by_hand)
 
 
 def test_the_line_fit_agrees_with_scipy() -> None:

@@ -24,10 +24,10 @@ def locked_torque(current: Any, constant: Any, share: Any, dry: float) -> Any:
     is the share of the load that the gearbox takes in each.
     """
     torque = np.zeros(current.shape)
-    held_torque = np.zeros(current.shape[1:])
+    static_torque = np.zeros(current.shape[1:])
     period_samples = len(current) // len(share)
     for i, amperes in enumerate(current):
-        forward = (held_torque > 0.0) | ((held_torque == 0.0) & (amperes > 0.0))
+        forward = (static_torque > 0.0) | ((static_torque == 0.0) & (amperes > 0.0))
         loss_share = np.where(forward, share[i // period_samples][1], share[i // period_samples][0])
         motor_torque = constant * amperes
         rising = np.where(
@@ -36,17 +36,17 @@ def locked_torque(current: Any, constant: Any, share: Any, dry: float) -> Any:
             (motor_torque - np.sign(motor_torque) * dry) / (1.0 + loss_share),
         )
         falling = (
-            np.sign(held_torque)
-            * np.maximum(np.sign(held_torque) * motor_torque + dry, 0.0)
+            np.sign(static_torque)
+            * np.maximum(np.sign(static_torque) * motor_torque + dry, 0.0)
             / (1.0 - loss_share)
         )
-        grows = (held_torque == 0.0) | (
-            (rising * held_torque > 0.0) & (np.abs(rising) > np.abs(held_torque))
+        grows = (static_torque == 0.0) | (
+            (rising * static_torque > 0.0) & (np.abs(rising) > np.abs(static_torque))
         )
-        held_torque = np.where(
-            grows, rising, np.where(np.abs(falling) < np.abs(held_torque), falling, held_torque)
+        static_torque = np.where(
+            grows, rising, np.where(np.abs(falling) < np.abs(static_torque), falling, static_torque)
         )
-        torque[i] = held_torque
+        torque[i] = static_torque
     return torque
 
 
@@ -71,10 +71,13 @@ def test_the_motor_constant_is_recovered_without_friction() -> None:
                 for j in range(len(CURRENTS))
             ]
         )
-        covered.append(constants.motor.covers(truth[i]))
-        widths.append(constants.motor.uncertainty / truth[i])
-        assert constants.positive.value > constants.negative.value
-        assert constants.both.value == pytest.approx(truth[i] / 1.065, rel=0.03)
+        covered.append(constants["torque_constant_motor"].covers(truth[i]))
+        widths.append(constants["torque_constant_motor"].uncertainty / truth[i])
+        assert (
+            constants["torque_constant_positive"].value
+            > constants["torque_constant_negative"].value
+        )
+        assert constants["torque_constant"].value == pytest.approx(truth[i] / 1.065, rel=0.03)
     assert np.mean(covered) >= 0.85  # of 60; 0.95 minus three and a half standard deviations
     assert np.median(widths) < 0.03
 
@@ -83,7 +86,7 @@ def test_fit_domains_lie_where_the_torque_grows() -> None:
     current = 3.0 * np.sin(2.0 * np.pi * T / 20.0)
     torque = locked_torque(current, 17.0, np.full((3, 2), 0.06), 0.5)
     ramps = torque_constant.fit_ramps(current, torque, periods.cut_periods(len(T), 20.0, 0.01))
-    assert len(ramps.ramp_up) == len(ramps.back_off) == 6
+    assert len(ramps.ramp_up) == len(ramps.motor_constants) == 6
     for domain in ramps.ramp_up:
         magnitude = domain.quarter.sign * torque[domain.samples]
         assert (np.diff(magnitude) >= 0.0).all()
@@ -158,9 +161,9 @@ def test_the_velocity_constant_is_recovered_despite_following_gap_droop_and_lag(
     for _ in range(20):
         truth = random.uniform(1.3, 1.7)
         constants = velocity_constant.velocity_constants(_velocity_runs(random, truth))
-        covered.append(constants.constant.covers(truth))
-        assert constants.constant.uncertainty < 0.03 * truth
-        biased.append(constants.thesis.value / truth - 1.0)
+        covered.append(constants["velocity_constant"].covers(truth))
+        assert constants["velocity_constant"].uncertainty < 0.03 * truth
+        biased.append(constants["velocity_constant_deceleration"].value / truth - 1.0)
     assert np.mean(covered) >= 0.8  # of 20; fewer than 16 has three chances in a thousand
     assert max(biased) < -0.01  # bias of the thesis's lines
 
@@ -172,9 +175,9 @@ def test_a_load_dependent_droop_does_not_bias_the_velocity_constant() -> None:
     for _ in range(10):
         truth = random.uniform(1.3, 1.7)
         constants = velocity_constant.velocity_constants(_velocity_runs(random, truth, scatter=0.0))
-        errors.append(constants.constant.value / truth - 1.0)
-        covered.append(constants.constant.covers(truth))
-        droops.append(constants.droop.value)
+        errors.append(constants["velocity_constant"].value / truth - 1.0)
+        covered.append(constants["velocity_constant"].covers(truth))
+        droops.append(constants["velocity_droop"].value)
     assert abs(np.mean(errors)) < 0.0001
     assert np.max(np.abs(errors)) < 0.0004
     assert np.mean(covered) >= 0.7  # of 10; fewer than 7 has one chance in a thousand
@@ -186,10 +189,13 @@ def test_the_thesis_fits_are_lower_at_low_speed() -> None:
     slopes = [np.mean([d.line.slope for d in each.thesis_fits]) for each in points]
     assert slopes[0] < 0.97 * slopes[-1]
     constants = velocity_constant.velocity_constants(points)
-    assert constants.thesis.value < constants.fastest.value < constants.constant.value
-    assert constants.lag.value == pytest.approx(0.004, abs=0.0008)
+    deceleration, fastest, following = (
+        constants[f"velocity_constant{name}"].value for name in ("_deceleration", "_fastest", "")
+    )
+    assert deceleration < fastest < following
+    assert constants["velocity_lag"].value == pytest.approx(0.004, abs=0.0008)
 
 
 def test_too_few_set_points_give_no_velocity_constant() -> None:
     points = _velocity_runs(np.random.default_rng(14), 1.5)[:2]
-    assert np.isnan(velocity_constant.velocity_constants(points).constant.value)
+    assert np.isnan(velocity_constant.velocity_constants(points)["velocity_constant"].value)

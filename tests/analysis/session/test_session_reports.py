@@ -145,7 +145,10 @@ def test_a_correction_is_judged_by_reference_minus_shaft(runs: Path, driveline: 
         runs / "online", simulated_bench, "driveline", rows, periods=2, **settings
     )
     summary = analyse(run)
-    assert f"Uncorrected set points are those of run {driveline.run}." in summary.notes
+    assert (
+        f"Uncorrected set points are those of run {driveline.session.metadata.run}."
+        in summary.notes
+    )
     (comparison,) = summary.result.comparisons
     assert comparison.target_met
     assert comparison.quantity == "reference minus shaft, online correction"
@@ -188,7 +191,7 @@ def test_the_losses_of_a_hidden_bench_are_recovered(runs: Path, torque: Summary)
     run = bench.write_session(runs / "losses", simulated_bench, "losses", rows, periods=6)
     summary = analyse(run)
     constants = summary.result.constants
-    assert torque.run in " ".join(summary.notes)
+    assert torque.session.metadata.run in " ".join(summary.notes)
     assert constants["gearbox_dry"].value == pytest.approx(0.8, rel=0.1)
     assert constants["gearbox_inertia"].value == pytest.approx(0.0003 * 225.0, rel=0.05)
     assert constants["bearing_viscous"].value == pytest.approx(0.06, abs=0.01)

@@ -16,8 +16,8 @@ from drivers.canopen.torque_axis import TorqueAxis, layouts
 NODE = 5
 DT = 0.001
 BEAT = 0.05
-MADE = layouts(NODE, 2)
-COMMAND, STATUS = MADE.command.cob_id, MADE.status.cob_id
+LAYOUTS = layouts(NODE, 2)
+COMMAND, STATUS = LAYOUTS.command.cob_id, LAYOUTS.status.cob_id
 
 
 class Bench:
@@ -40,7 +40,7 @@ class Bench:
         for _ in range(count):
             now = self.bus.receive()
             self.bus.send([self.axis.command(current, enable, now)])
-            word, torque = pdo.unpack(MADE.command, line.frames_of(COMMAND)[-1])
+            word, torque = pdo.unpack(LAYOUTS.command, line.frames_of(COMMAND)[-1])
             drive.tick(word)
             if not self.silent:
                 self.answer(torque if drive.state == "OE" else 0)
@@ -48,11 +48,11 @@ class Bench:
         return word, torque
 
     def answer(self, torque: int = 0) -> None:
-        status = pdo.pack(MADE.status, self.drive.statusword, torque, self.position)
+        status = pdo.pack(LAYOUTS.status, self.drive.statusword, torque, self.position)
         slow = pdo.pack(
-            MADE.slow, self.drive.mode_display, 0x3210 if self.drive.state == "F" else 0
+            LAYOUTS.slow, self.drive.mode_display, 0x3210 if self.drive.state == "F" else 0
         )
-        self.line.incoming += [Frame(STATUS, status), Frame(MADE.slow.cob_id, slow)]
+        self.line.incoming += [Frame(STATUS, status), Frame(LAYOUTS.slow.cob_id, slow)]
 
     @property
     def reading(self):  # type: ignore[no-untyped-def]
@@ -167,7 +167,7 @@ def test_a_drive_that_falls_silent_loses_its_permission_and_does_not_get_it_back
     bench.tick(5.0, 1, count=5)
     assert bench.reading.acting == 0
     assert bench.axis.explain() == "STALE"
-    assert pdo.unpack(MADE.command, bench.line.frames_of(COMMAND)[-1]) == (0, 0)
+    assert pdo.unpack(LAYOUTS.command, bench.line.frames_of(COMMAND)[-1]) == (0, 0)
     bench.silent = False
     bench.tick(5.0, 1, count=50)
     assert bench.reading.acting == 0
@@ -198,7 +198,7 @@ def test_a_drive_that_answers_two_ticks_late_is_still_steered(bench: Bench) -> N
 def test_frames_of_a_wrong_length_are_refused_and_change_nothing(bench: Bench) -> None:
     bench.tick(count=3)
     before = bench.axis.read(0.0)
-    for cob_id in (STATUS, MADE.slow.cob_id, MADE.analog.cob_id if MADE.analog else 0):
+    for cob_id in (STATUS, LAYOUTS.slow.cob_id, LAYOUTS.analog.cob_id if LAYOUTS.analog else 0):
         for size in (0, 1, 7, 9):
             bench.line.incoming.append(Frame(cob_id, bytes([0x27] * size)))
     bench.line.incoming = [
@@ -251,15 +251,15 @@ def test_a_fault_is_reported_with_its_code_and_reset_on_request_only(bench: Benc
 def test_a_fault_without_a_code_has_one(bench: Bench) -> None:
     bench.tick(count=2)
     bench.drive.state = "F"
-    bench.line.incoming = [Frame(STATUS, pdo.pack(MADE.status, bench.drive.statusword, 0, 0))]
+    bench.line.incoming = [Frame(STATUS, pdo.pack(LAYOUTS.status, bench.drive.statusword, 0, 0))]
     bench.bus.receive()
     assert bench.reading.error == 0xFFFF
 
 
 def test_analog_inputs_are_scaled_and_have_their_own_age(bench: Bench) -> None:
-    assert MADE.analog is not None
+    assert LAYOUTS.analog is not None
     bench.tick()
-    bench.line.incoming.append(Frame(MADE.analog.cob_id, pdo.pack(MADE.analog, -100, 7)))
+    bench.line.incoming.append(Frame(LAYOUTS.analog.cob_id, pdo.pack(LAYOUTS.analog, -100, 7)))
     bench.tick()
     assert bench.reading.analog == (-50.0, 14.0)
     bench.tick(count=5)
@@ -271,7 +271,7 @@ def test_a_mode_that_is_not_shown_gives_no_torque(bench: Bench) -> None:
     bench.tick(count=3)
     bench.tick(5.0, 1, count=20)
     assert bench.drive.state == "SO", "not enabled before the mode is shown"
-    assert pdo.unpack(MADE.command, bench.line.frames_of(COMMAND)[-1])[1] == 0
+    assert pdo.unpack(LAYOUTS.command, bench.line.frames_of(COMMAND)[-1])[1] == 0
     bench.drive.mode_display = 10
     bench.tick(5.0, 1, count=5)
     assert bench.reading.acting == 1

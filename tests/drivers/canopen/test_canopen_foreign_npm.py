@@ -26,7 +26,7 @@ from drivers.canopen.torque_axis import TorqueAxis
 
 NODE = 5
 PACKAGE = "canopen@6.2.1"
-PATIENCE = 60.0  # s
+TIMEOUT_S = 60.0  # s
 SCRIPT = Path(__file__).with_name("foreign_drive.js")
 
 
@@ -42,10 +42,10 @@ def modules() -> Path:
             try:
                 done = subprocess.run(
                     [*demand, "--prefix", folder, PACKAGE],
-                    capture_output=True, text=True, check=False, timeout=PATIENCE,
+                    capture_output=True, text=True, check=False, timeout=TIMEOUT_S,
                 )  # fmt: skip
             except subprocess.TimeoutExpired:
-                pytest.skip(f"npm did not give {PACKAGE} in {PATIENCE:g} s")
+                pytest.skip(f"npm did not give {PACKAGE} in {TIMEOUT_S:g} s")
             if done.returncode:
                 pytest.skip(f"npm does not give {PACKAGE}: {done.stderr.strip()[-200:]}")
             shutil.copytree(folder, f"{kept}.part", dirs_exist_ok=True)

@@ -5,8 +5,12 @@ it; nothing is guessed.
 """
 
 from rig.interop.legacy.testlog.entry import Entry
-from rig.interop.legacy.testlog.read import RunLog, read_log
-from rig.interop.legacy.testlog.recorded_values import recording_time, values_in_log
-from rig.interop.legacy.testlog.relations import find_links
+from rig.interop.legacy.testlog.read import (
+    RunLog,
+    find_links,
+    read_log,
+    recording_time,
+    values_in_log,
+)
 
 __all__ = ["Entry", "RunLog", "find_links", "read_log", "recording_time", "values_in_log"]

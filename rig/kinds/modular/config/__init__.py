@@ -2,5 +2,6 @@
 
 from rig.kinds.modular.config.limits_file import LimitsFile
 from rig.kinds.modular.config.rig_file import RigFile
+from rig.kinds.modular.config.wiring import ModularWiring
 
-__all__ = ["LimitsFile", "RigFile"]
+__all__ = ["LimitsFile", "ModularWiring", "RigFile"]

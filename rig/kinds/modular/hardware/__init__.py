@@ -1,1 +1,1 @@
-"""The wires of a modular rig: there are none yet."""
+"""The devices of a wired modular rig, and their I/O processes."""

@@ -1,20 +1,16 @@
 """The simulated plant of a modular rig behind the loop's device interface."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from controllers.signals import AxisSense, PanelSense
 from rig.emulation.in_process import PlantDevices
 from rig.emulation.sea import build_sea
-from rig.kinds.modular.tick import Composition, WaveSense, compose
+from rig.kinds.modular.rehearsal.coupling import couple
+from rig.kinds.modular.tick import Composition
 from sim_plant.modes import building
 from sim_plant.modes.parameters import Plant
-from sim_plant.modes.plant import READINGS_PER_AXIS
 from sim_plant.modes.world import Actuation, Stepper, World
-
-_UNTOUCHED_PANEL = PanelSense(0, 0, 0.0)  # in a rehearsal nobody presses a button
-_tuple = tuple.__new__  # the core of a NamedTuple's constructor takes a third of its time
 
 
 class SensorScale(NamedTuple):
@@ -35,59 +31,30 @@ class ModularPlantDevices(PlantDevices):
         super().__init__(world, world.rest, dt)
         self._world = world
         plant = world.model.plant
-        axes = [_place("axis", part.name, plant.axes) for part in composition.axes]
-        sensors = [_place("sensor", part.name, plant.sensors) for part in composition.sensors]
-        by_name = {scale.name: scale for scale in scales}
-        given = [by_name.get(each.name, SensorScale("", 1.0, 0.0)) for each in composition.sensors]
-        composed = compose(composition)
-        kinds = [composed.Sense.__annotations__[each.name] for each in composition.sensors]
-        first = READINGS_PER_AXIS * len(plant.axes)
-        self._sense_type = composed.Sense
-        self._axes = [READINGS_PER_AXIS * index for index in axes]
-        self._sensors = [
-            (kind, first + index, scale.scale, scale.offset)
-            for kind, index, scale in zip(kinds, sensors, given, strict=True)
-        ]
-        self._drive_at = [2 * index for index in axes]
+        coupled = couple(composition, tuple(plant.axes), tuple(plant.sensors))
+        self._sense, self._latch = coupled.sense, coupled.latch
+        self._scales, self._offsets = sensor_scales(composition, scales)
         self._drives = list(world.rest.drives)
 
     def read(self, now: float) -> Any:
         """Advance the plant to a time (s); return the composed `Sense`."""
         self._advance_to(now)
-        readings, age = self._world.readings(), self._world.delay
-        parts: list[Any] = [
-            _tuple(
-                AxisSense,
-                (
-                    int(readings[at]),
-                    age,
-                    readings[at + 1],
-                    int(readings[at + 2]),
-                    int(readings[at + 3]),
-                    age,
-                ),
-            )
-            for at in self._axes
-        ]
-        for kind, at, scale, offset in self._sensors:
-            parts.append(_tuple(kind, (scale * readings[at] + offset, age)))
-        parts.append(_tuple(WaveSense, (readings[-1],)))
-        parts.append(_UNTOUCHED_PANEL)
-        return _tuple(self._sense_type, parts)
+        world = self._world
+        return self._sense(world.readings(), 0, world.delay, self._scales, self._offsets)
 
     def write(self, command: Any) -> None:
         """Latch the composed `Command`: one command of each axis, then the wave maker."""
-        drives = self._drives
-        for at, axis in zip(self._drive_at, command, strict=False):
-            drives[at], drives[at + 1] = axis[1], axis[2]
-        self._world.actuate(_tuple(Actuation, (tuple(drives), command[-1])))
+        waves = self._latch(command, self._drives)
+        self._world.actuate(Actuation(tuple(self._drives), waves))
 
 
-def _place(kind: str, name: str, names: Any) -> int:
-    if name not in names:
-        listed = ", ".join(names) or "none"
-        raise ValueError(f"the plant has no {kind} {name!r} of the rig; it has {listed}")
-    return list(names).index(name)
+def sensor_scales(
+    composition: Composition, scales: Iterable[SensorScale]
+) -> tuple[list[float], list[float]]:
+    """Return scale and offset of each sensor of a composition, 1 and 0 without a `SensorScale`."""
+    by_name = {scale.name: scale for scale in scales}
+    given = [by_name.get(each.name, SensorScale("", 1.0, 0.0)) for each in composition.sensors]
+    return [each.scale for each in given], [each.offset for each in given]
 
 
 def build_world(config: dict[str, Any], dt: float) -> World:

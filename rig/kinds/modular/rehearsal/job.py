@@ -6,12 +6,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.config.matching import SharedValue, mismatches
+from rig.campaign import AnyCampaign
 from rig.config.problems import Problem
 from rig.config.pydantic_errors import problems_from
-from rig.config.yaml_source import SourceMap
+from rig.config.rig_file import SharedValue, mismatches
+from rig.config.yaml_source import KeyPath, SourceMap
+from rig.emulation.campaign_sea import sea_settings
+from rig.kinds.modular.build import campaign_composition
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick import Composition
+from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
 from sim_plant import waves
 from sim_plant.bem import Bem
@@ -29,13 +33,27 @@ def plant_settings(
 ) -> dict[str, Any]:
     """Return the configuration of `devices.connect`, as JSON values; ``sea``: of `build_sea`."""
     return {
-        "plant": plant.mapping,
-        "bem": str(bem_path(plant)),
-        "sea": sea,
-        "seed": seed,
+        **world_settings(plant, sea, seed),
         "composition": composition.to_text(),
         "sensors": [[name, each.scale, each.offset] for name, each in rig.sensors.items()],
     }
+
+
+def campaign_settings(campaign: AnyCampaign) -> dict[str, Any]:
+    """Return the configuration of `devices.connect` for a campaign."""
+    file = campaign.file
+    return plant_settings(
+        ConfigSource(campaign.plant, campaign.plant_locate),
+        campaign.rig,
+        campaign_composition(campaign),
+        sea_settings(file.sea, file.sea_seed, campaign.elevation),
+        file.seed,
+    )
+
+
+def world_settings(plant: ConfigSource, sea: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return the configuration of `devices.build_world`, as JSON values."""
+    return {"plant": plant.mapping, "bem": str(bem_path(plant)), "sea": sea, "seed": seed}
 
 
 def bem_path(plant: ConfigSource) -> Path:
@@ -99,15 +117,20 @@ def _shared(plant: Plant, rig: RigFile) -> Iterator[SharedValue]:
         if name not in plant.axes:
             continue
         other = plant.axes[name]
-        gear = "gear_ratio_rad_per_m" if axis.motion == "translation" else "gear_ratio"
-        for own, key in (
-            ("torque_constant_n_m_per_a", "torque_constant_n_m_per_a"),
-            (gear, "gear_ratio"),
-            ("counts_per_revolution", "counts_per_revolution"),
-        ):
-            yield SharedValue(
-                ("axes", name, own),
-                float(getattr(axis, own)),
-                ("axes", name, key),
-                float(getattr(other, key)),
+        for own, of_plant in matching_keys(name, axis.motion):
+            one, theirs = (
+                float(getattr(axis, str(own[-1]))),
+                float(getattr(other, str(of_plant[-1]))),
             )
+            yield SharedValue(own, one, of_plant, theirs)
+
+
+def matching_keys(axis: str, motion: str) -> Iterator[tuple[KeyPath, KeyPath]]:
+    """Yield the keys of an axis in the rig file and in the plant that must have the same value."""
+    gear = "gear_ratio" if motion == ROTATION else "gear_ratio_rad_per_m"
+    for own, of_plant in (
+        ("torque_constant_n_m_per_a", "torque_constant_n_m_per_a"),
+        (gear, "gear_ratio"),
+        ("counts_per_revolution", "counts_per_revolution"),
+    ):
+        yield ("axes", axis, own), ("axes", axis, of_plant)

@@ -8,7 +8,7 @@ import hashlib
 import linecache
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import ModuleType
 from typing import Any
@@ -47,22 +47,20 @@ def compose(composition: Composition) -> Any:
     """
     found = {axis.name: _law(axis) for axis in composition.axes}
     source = tick_source(composition, found)
-    identity = [source, composition.to_text(), *(law.__name__ for law in found.values())]
-    digest = hashlib.sha256("\0".join(identity).encode()).hexdigest()
-    name = f"{__name__}_{digest[:16]}"
-    module = ModuleType(name)
-    module.__file__ = f"<{name}>"
-    code = power.compile_stations(composition.stations, _signals(composition), name)
-    vars(module).update(Power=code.power_type, start_power=code.start, step_power=code.step)
-    for index, (axis, law) in enumerate(found.items()):
-        vars(module)[f"law_of_{axis}"] = law
-        vars(module)[f"reasons_of_{axis}"] = axis_reasons(index)
-    sys.modules[name] = module
-    # `inspect.getsource` reads this text: a hash of it names the folder of compiled code.
-    lines = source.splitlines(keepends=True)
-    linecache.cache[module.__file__] = (len(source), None, lines, module.__file__)
-    exec(compile(source, module.__file__, "exec", dont_inherit=True), vars(module))
-    composed: Any = module
+    formulas = [f"{each.name} {each.formula} {each.running_mean}" for each in composition.stations]
+    identity = [*formulas, *(law.__name__ for law in found.values())]
+
+    def names(module: str) -> dict[str, Any]:
+        code = power.compile_stations(composition.stations, _signals(composition), module)
+        return {
+            "Power": code.power_type,
+            "start_power": code.start,
+            "step_power": code.step,
+            **{f"law_of_{axis}": law for axis, law in found.items()},
+            **{f"reasons_of_{axis}": axis_reasons(index) for index, axis in enumerate(found)},
+        }
+
+    composed = execute(__name__, source, identity, names)
     composed.KIND = cycle.Kind(
         composed.Row,
         composed.Params,
@@ -76,6 +74,29 @@ def compose(composition: Composition) -> Any:
         sense_type=composed.Sense,
     )
     return composed
+
+
+def execute(
+    prefix: str, source: str, identity: Sequence[str], names: Callable[[str], Mapping[str, Any]]
+) -> Any:
+    """Return the module of a written source, named by a hash of it and of its ``identity``.
+
+    ``names`` returns what the source uses, for the name of the module. The ``identity`` stands for
+    the names: modules of equal hashes are the same one.
+    """
+    digest = hashlib.sha256("\0".join([source, *identity]).encode()).hexdigest()
+    name = f"{prefix}_{digest[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    module = ModuleType(name)
+    module.__file__ = f"<{name}>"
+    vars(module).update(names(name))
+    # `inspect.getsource` reads this text: a hash of it names the folder of compiled code.
+    lines = source.splitlines(keepends=True)
+    linecache.cache[module.__file__] = (len(source), None, lines, module.__file__)
+    exec(compile(source, module.__file__, "exec", dont_inherit=True), vars(module))
+    sys.modules[name] = module
+    return module
 
 
 def _signals(composition: Composition) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ The file records its run and date; rigs and sessions name it under `calibrations
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 from pydantic import Field, field_validator
@@ -40,12 +41,8 @@ class Branch(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the lists have the same length and that currents and torques rise."""
-        yield from _check_pairs(self.current_a, self.torque_n_m, "current_a", "torque_n_m")
-        if self.uncertainty_n_m:
-            yield from _check_same_length(
-                self.current_a, self.uncertainty_n_m, "current_a", "uncertainty_n_m"
-            )
-        yield from _check_rising(self.torque_n_m, "torque_n_m")
+        lists = ("current_a", "torque_n_m", "uncertainty_n_m")
+        yield from _check_lists(self, lists, rising=lists[:2])
 
 
 class BrakeMap(FileModel):
@@ -63,9 +60,8 @@ class DeflectionMap(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the lists have the same length and that torques rise."""
-        yield from _check_pairs(
-            self.torque_n_m, self.deflection_deg, "torque_n_m", "deflection_deg"
-        )
+        lists = ("torque_n_m", "deflection_deg")
+        yield from _check_lists(self, lists, rising=lists[:1])
 
 
 class DrivelinePoint(FileModel):
@@ -119,24 +115,17 @@ class ConstantsFile(FileModel):
             yield RuleViolation((), message)
 
 
-def _check_pairs(
-    first: tuple[float, ...], second: tuple[float, ...], rising: str, other: str
+def _check_lists(
+    model: FileModel, keys: tuple[str, ...], rising: tuple[str, ...]
 ) -> Iterator[RuleViolation]:
-    yield from _check_same_length(first, second, rising, other)
-    yield from _check_rising(first, rising)
-
-
-def _check_same_length(
-    first: tuple[float, ...], second: tuple[float, ...], key: str, other: str
-) -> Iterator[RuleViolation]:
-    if len(first) != len(second):
-        message = f"{len(second)} entries; allowed {len(first)}, as in {key}"
-        yield RuleViolation((other,), message)
-
-
-def _check_rising(values: tuple[float, ...], key: str) -> Iterator[RuleViolation]:
-    for i in range(1, len(values)):
-        previous, value = values[i - 1], values[i]
-        if value <= previous:
-            message = f"{format_number(value)} does not rise above {format_number(previous)}"
-            yield RuleViolation((key, i), message, value)
+    """Check that given lists are as long as the first one, and that those ``rising`` rise."""
+    lists: list[tuple[float, ...]] = [getattr(model, key) for key in keys]
+    for key, values in zip(keys, lists, strict=True):
+        if values and len(values) != len(lists[0]):
+            message = f"{len(values)} entries; allowed {len(lists[0])}, as in {keys[0]}"
+            yield RuleViolation((key,), message)
+    for key in rising:
+        for i, (previous, value) in enumerate(pairwise(getattr(model, key)), 1):
+            if value <= previous:
+                message = f"{format_number(value)} does not rise above {format_number(previous)}"
+                yield RuleViolation((key, i), message, value)

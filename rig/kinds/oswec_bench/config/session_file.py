@@ -5,15 +5,14 @@ shaft's angle, rows of the torque loop an amplitude of torque or of current.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from pydantic import BeforeValidator, Field, create_model, field_serializer
+from pydantic import BeforeValidator, Field, field_serializer
 
-from rig.config.matrix import ExpandValues, MatrixColumns, tuple_of
+from rig.config.matrix import KindColumns, MatrixColumns, combination_model
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 from rig.config.task_file import FolderName, Tare, TareOrNone
-from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS, SessionRequirements
 from rig.row_contents import Column
 
 SESSION_COLUMNS = {
@@ -35,26 +34,74 @@ SESSION_COLUMNS = {
 }
 """Columns that may change from row to row, with their ranges; a missing one is not commanded."""
 
-_NUMBERS = {column.key: Annotated[(float, bounds)] for column, bounds in SESSION_COLUMNS.items()}
+_COLUMNS = KindColumns(
+    None,
+    tuple(SESSION_COLUMNS),
+    {column.key: Annotated[(float, bounds)] for column, bounds in SESSION_COLUMNS.items()},
+    {},
+)
+
+
+class SessionRequirements(NamedTuple):
+    """Columns that the rows of a kind of session must and may have, and its options."""
+
+    loop: Literal["velocity", "torque"]
+    amplitude_column: str
+    optional_columns: tuple[str, ...]  # in addition to amplitude and period
+    required_columns: tuple[str, ...] = ()  # in addition to amplitude and period
+    allows_irregular: bool = False  # the reference may be irregular
+    allows_correction: bool = False  # the position may be corrected
+    allows_feedback: bool = False  # the torque loop may be closed
+    flap_coupling: Literal["", "free", "coupled"] = ""  # rigid coupling of the flap; "": no flap
+    needs_waves: bool = False  # the amplitude is that of waves
+
+
+_BRAKE_COLUMNS = ("damping_n_m_s_per_rad", "brake_current_a")
+SESSION_KINDS = {
+    "driveline": SessionRequirements(
+        "velocity", "amplitude_deg", _BRAKE_COLUMNS, allows_irregular=True, allows_correction=True
+    ),
+    "velocity_constant": SessionRequirements("velocity", "amplitude_deg", ()),
+    "brake_map": SessionRequirements("velocity", "amplitude_deg", ("brake_current_a",)),
+    "losses": SessionRequirements("velocity", "amplitude_deg", _BRAKE_COLUMNS),
+    "torque_constant": SessionRequirements("torque", "current_amplitude_a", ("brake_current_a",)),
+    "torque_tracking": SessionRequirements(
+        "torque", "torque_amplitude_n_m", ("brake_current_a",), allows_feedback=True
+    ),
+    "flap_free_decay": SessionRequirements("torque", "release_deg", (), flap_coupling="free"),
+    "flap_hydrostatic": SessionRequirements(
+        "velocity", "amplitude_deg", (), flap_coupling="coupled"
+    ),
+    "flap_rao": SessionRequirements(
+        "torque",
+        "wave_amplitude_m",
+        (),
+        allows_irregular=True,
+        flap_coupling="free",
+        needs_waves=True,
+    ),
+    "flap_pto_sweep": SessionRequirements(
+        "torque",
+        "wave_amplitude_m",
+        (),
+        ("pto_damping_n_m_s_per_rad",),
+        allows_irregular=True,
+        flap_coupling="coupled",
+        needs_waves=True,
+    ),
+}
+"""The requirements of each kind of session."""
+
 if TYPE_CHECKING:
     SessionRow: TypeAlias = MatrixColumns
     SessionGrid: TypeAlias = MatrixColumns
+    SessionKind: TypeAlias = str
 else:
-    SessionRow = create_model(
-        "SessionRow",
-        __base__=MatrixColumns,
-        __doc__="One row.",
-        **{key: (number | None, None) for key, number in _NUMBERS.items()},
+    SessionRow, SessionGrid = (
+        combination_model(_COLUMNS, ()),
+        combination_model(_COLUMNS, (), grid=True),
     )
-    SessionGrid = create_model(
-        "SessionGrid",
-        __base__=MatrixColumns,
-        __doc__="All combinations of the given values; the first key changes slowest.",
-        **{
-            key: (Annotated[tuple_of(number) | None, ExpandValues], None)
-            for key, number in _NUMBERS.items()
-        },
-    )
+    SessionKind = Literal[tuple(SESSION_KINDS)]
 
 
 class SessionTiming(FileModel):
@@ -160,18 +207,7 @@ class SessionFile(FileModel):
     """A session of the bench."""
 
     name: FolderName
-    session: Literal[
-        "driveline",
-        "velocity_constant",
-        "brake_map",
-        "losses",
-        "torque_constant",
-        "torque_tracking",
-        "flap_free_decay",
-        "flap_hydrostatic",
-        "flap_rao",
-        "flap_pto_sweep",
-    ]
+    session: SessionKind
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
     calibrations: TupleOf[str] = Field(default=(), strict=False)  # take precedence over the rig's

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rig.config.model import FileModel, RuleViolation, WholeNumber
 from rig.config.problems import format_number
-from rig.config.wiring import PANEL_INPUTS, BlockContent, Registers, SerialPort, UdpDevice, Wiring
+from rig.config.wiring import PANEL_INPUTS, BlockContent, LoadCell, Registers, SerialPort, Wiring
 
 _POSITION_BITS = {"SSI1": 22, "SSI2": 22, "SSI4": 19, "SSI6": 22, "SSI9": 19}
 
@@ -108,23 +108,6 @@ class ServoDrive(SerialPort):
                 "allowed formats of one family: U16, U32, F32, or INT24, REAL48, DINT48",
                 self.current.form,
             )
-
-
-class LoadCell(UdpDevice):
-    """The ATI load cell with a Net F/T box."""
-
-    description: ClassVar[str] = "ATI Net F/T"
-    protocol: ClassVar[str] = "RDT over UDP"
-
-    counts_per_force: float = Field(gt=0, le=1e9)
-    counts_per_torque: float = Field(gt=0, le=1e9)
-    force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]
-    torque_unit: Literal["lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m"]
-    model: Literal["net_ft", "axia"]  # defines the meaning of the status bits
-    rate_hz: float = Field(ge=0, le=100_000)  # of its sample counter; 0: unknown
-    turned_over: bool  # mounted with z away from the brake: y and z change sign
-    quiet_s: float = Field(gt=0, le=5)
-    silence_s: float = Field(gt=0, le=5)
 
 
 class BenchWiring(Wiring):

@@ -83,7 +83,7 @@ class BenchDevices:
     def read(self, now: float) -> Sense:
         slots = self._slots  # read before the time, or a later post would give a negative age
         current, acting, error, servo_stamp = slots["servo"].read()
-        fx, fy, fz, tx, ty, tz, cell_stamp = slots["load_cell"].read()
+        cell = slots["load_cell"].read()
         brake, brake_stamp = slots["brake"].read()
         e_stop, limit_switch, panel_stamp = slots["inputs"].read()
         # A brake that no longer takes commands is as lost as one that gives no values.
@@ -93,22 +93,24 @@ class BenchDevices:
         return Sense(
             EncoderSense(motor, shaft, time_now - encoder_stamp),
             ServoSense(current, acting, error, time_now - servo_stamp),
-            WrenchSense(fx, fy, fz, tx, ty, tz, time_now - cell_stamp),
+            WrenchSense(
+                cell.fx, cell.fy, cell.fz, cell.tx, cell.ty, cell.tz, time_now - cell.stamp
+            ),
             BrakeSense(brake, time_now - brake_stamp),
             PanelSense(e_stop, limit_switch, time_now - panel_stamp),
         )
 
     def write(self, command: Command) -> None:
-        _, _, volts, _, current, enable, _, _, brake_current, _, _, _ = command
         config, now = self._config, time.monotonic()
-        torque = current * config.torque_per_ampere
+        volts, enable = command.volts, command.enable
+        torque = command.current * config.torque_per_ampere
         velocity, output = 0.0, self._rest
         if config.analog == 0:
             velocity = volts * config.velocity_per_volt
         elif enable == 1:
             output = analog_command.to_volts(config.output, volts).volts
         self._slots["set_point"].post(SetPointMessage(velocity, torque, enable, now))
-        brake = clamp(brake_current, 0.0, config.max_brake_current)
+        brake = clamp(command.brake_current, 0.0, config.max_brake_current)
         self._slots["analog"].post((output, brake, now))
 
     def stop(self, reason: int) -> None:

@@ -71,11 +71,6 @@ def explained_variance(points: list[ShaftLag]) -> float:
     return 1.0 - float((residual * residual).sum() / ((phase - phase.mean()) ** 2).sum())
 
 
-def leave_one_out(points: list[ShaftLag], left_out: int) -> Regressions:
-    """Return the trends of all set points but one, for rating that one."""
-    return fit_regressions([each for i, each in enumerate(points) if i != left_out])
-
-
 def predict_correction(
     regressions: Regressions, point: ShaftLag, *, delay_over_torque: bool = False
 ) -> Correction:
@@ -125,12 +120,12 @@ class DrivelineSetpoint(NamedTuple):
         )
 
 
-class OfflineErrors(NamedTuple):
-    """Errors after equation 2.6 on uncorrected set points, rad; one entry per set point."""
+OfflineErrors = tuple[list[Floats], ...]
+"""Errors after equation 2.6, corrected motor minus shaft, on uncorrected set points, rad.
 
-    all_points: list[Floats]  # corrected motor minus shaft, regressions of all set points
-    leave_one_out: list[Floats]  # regressions without the rated set point
-    delay_over_torque: list[Floats]  # as before, with the delay over torque
+One entry per set point, by regressions of all set points, by those without the rated set point, and
+as before with the delay over torque.
+"""
 
 
 class CorrectionScheme(NamedTuple):
@@ -140,14 +135,10 @@ class CorrectionScheme(NamedTuple):
     pairs: list[tuple[DrivelineSetpoint, DrivelineSetpoint]]  # corrected, uncorrected
 
     @property
-    def corrected_error(self) -> float:
-        """95th percentile of the error over all pairs, rad."""
-        return pooled_percentile([corrected.error for corrected, _ in self.pairs])
-
-    @property
-    def uncorrected_error(self) -> float:
-        """95th percentile of the error without correction, rad."""
-        return pooled_percentile([other.error for _, other in self.pairs])
+    def errors(self) -> tuple[float, float]:
+        """95th percentile of the error over all pairs, with and without correction, rad."""
+        corrected, uncorrected = ([e.error for e in side] for side in zip(*self.pairs, strict=True))
+        return pooled_percentile(corrected), pooled_percentile(uncorrected)
 
 
 class DrivelineResult(NamedTuple):
@@ -236,7 +227,7 @@ def _offline_errors(
     if trends is None or len(uncorrected) < 4:
         return None
     lags = [each.lag for each in uncorrected]
-    left_out = [leave_one_out(lags, i) for i in range(len(lags))]
+    left_out = [fit_regressions([*lags[:i], *lags[i + 1 :]]) for i in range(len(lags))]
 
     def errors(trends: list[Regressions], *, delay_over_torque: bool = False) -> list[Floats]:
         return [
@@ -249,6 +240,5 @@ def _offline_errors(
             for each, fitted in zip(uncorrected, trends, strict=True)
         ]
 
-    return OfflineErrors(
-        errors([trends] * len(lags)), errors(left_out), errors(left_out, delay_over_torque=True)
-    )
+    by_all = errors([trends] * len(lags))
+    return by_all, errors(left_out), errors(left_out, delay_over_torque=True)

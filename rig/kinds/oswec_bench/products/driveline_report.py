@@ -41,6 +41,12 @@ from rig.presentation.picture import ACCENT, DARK, MUTED
 SAMPLE_HOLD_UNCERTAINTY = 0.0005
 """Relative uncertainty of a velocity constant due to commands that are constant during a tick."""
 MIN_MAP_TORQUE = 1.0  # N*m, below it the map crosses the gap from flank to flank
+OFFLINE = (
+    ("offline 95th", "regressions of all set points", "< 0.12 deg", "pooled < 0.12 deg"),
+    ("offline 95th, leave one out", "without the rated set point", "", ""),
+    ("offline 95th, delay over torque", "without it, delay over torque", "", ""),
+)
+"""Column, comparison, thesis's value and target of each of the `OfflineErrors`."""
 SETPOINT_LABEL = "amplitude, deg   /   R, N·m·s/rad"
 SCHEME_STYLES = ((figures.BLUE, "s"), (figures.RED, "D"), (figures.GREEN, "^"))
 
@@ -147,8 +153,7 @@ def _setpoint_columns(result: DrivelineResult) -> Columns[DrivelineSetpoint]:
     }
     if result.offline is not None:
         rows = [each.point.row for each in result.uncorrected]
-        names = ("offline 95th", "offline 95th, leave one out", "offline 95th, delay over torque")
-        for name, errors in zip(names, result.offline, strict=True):
+        for (name, _, _, _), errors in zip(OFFLINE, result.offline, strict=True):
             by_row = dict(zip(rows, map(error_percentile, errors), strict=True))
             columns[f"{name} [deg]"] = partial(_of_row, by_row)
     return columns | {
@@ -194,7 +199,7 @@ def _correction_rows(result: DrivelineResult) -> Iterator[RatedCorrection]:
         for corrected, other in scheme.pairs:
             before, after = (error_percentile(e.error) / DEGREE for e in (other, corrected))
             yield scheme.name, corrected.setpoint, before, after
-        before, after = scheme.uncorrected_error / DEGREE, scheme.corrected_error / DEGREE
+        after, before = (each / DEGREE for each in scheme.errors)
         yield f"{scheme.name}, pooled", (float("nan"), float("nan")), before, after
 
 
@@ -262,9 +267,14 @@ def _comparisons(result: DrivelineResult) -> Iterator[Comparison]:
     if result.regressions is not None:
         yield from _trend_comparisons(result.regressions, [e.lag for e in result.uncorrected])
     if result.offline is not None:
-        yield from _offline_comparisons(result.offline)
+        for (_, name, thesis, target), offline in zip(OFFLINE, result.offline, strict=True):
+            pooled = pooled_percentile(offline) / DEGREE
+            worst = max(error_percentile(each) for each in offline) / DEGREE
+            text = f"{pooled:.3f} deg pooled, worst set point {worst:.3f}"
+            label = f"after offline correction (eq. 2.6), {name}"
+            yield compare(label, text, thesis, target, pooled < 0.12 if target else None)
     for scheme in result.schemes:
-        corrected, uncorrected = scheme.corrected_error, scheme.uncorrected_error
+        corrected, uncorrected = scheme.errors
         ratio = corrected / uncorrected
         errors = f"{corrected / DEGREE:.3f} of {uncorrected / DEGREE:.3f} deg"
         name, text = f"reference minus shaft, {scheme.name} correction", f"{100.0 * ratio:.0f} %"
@@ -283,19 +293,6 @@ def _trend_comparisons(trends: Regressions, lags: list[ShaftLag]) -> Iterator[Co
     name = "phase shift over 1/velocity and torque/velocity (gap and compliance)"
     explained = explained_variance(lags)
     yield compare(name, f"R² {explained:.3f}: torque explains the rest of the velocity trend")
-
-
-def _offline_comparisons(offline: OfflineErrors) -> Iterator[Comparison]:
-    for errors, name, thesis, target in (
-        (offline.all_points, "regressions of all set points", "< 0.12 deg", "pooled < 0.12 deg"),
-        (offline.leave_one_out, "without the rated set point", "", ""),
-        (offline.delay_over_torque, "without it, delay over torque", "", ""),
-    ):
-        pooled = pooled_percentile(errors) / DEGREE
-        worst = max(error_percentile(each) for each in errors) / DEGREE
-        text = f"{pooled:.3f} deg pooled, worst set point {worst:.3f}"
-        label = f"after offline correction (eq. 2.6), {name}"
-        yield compare(label, text, thesis, target, pooled < 0.12 if target else None)
 
 
 def _figures(result: DrivelineResult) -> Iterator[figures.FigureSpec]:
@@ -439,7 +436,7 @@ def fig_2_8(axes: Axes, points: list[DrivelineSetpoint], offline: OfflineErrors)
     before = [each.motion.deflection for each in points]
     for errors, colour, name, offset in (
         (before, figures.BLUE, "before", -0.15),
-        (offline.all_points, figures.RED, "after", 0.15),
+        (offline[0], figures.RED, "after", 0.15),
     ):
         style: dict[str, Any] = {"ms": 4, "color": colour, "capsize": 2.5}
         for i, error in enumerate(errors):

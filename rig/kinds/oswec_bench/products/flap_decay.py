@@ -46,8 +46,7 @@ class Release(NamedTuple):
     @property
     def time(self) -> Floats:
         """Time since the release, s."""
-        seconds: Floats = np.float64(self.dt) * np.arange(len(self.angle), dtype=np.float64)
-        return seconds
+        return self.dt * np.arange(len(self.angle), dtype=np.float64)
 
 
 class Fit(NamedTuple):
@@ -74,13 +73,6 @@ class Decay(NamedTuple):
     quadratic: Estimate  # b / w, s^2/rad, per spring rate
     friction: Estimate  # f / w, rad: largest angle from rest at which dry friction holds the flap
     rest_angle: Estimate  # rad
-
-
-class HalfSwingLoss(NamedTuple):
-    """Amplitude loss of a half swing, from one turning point to the next on the other side."""
-
-    mean_amplitude: float  # rad, amplitude
-    amplitude_loss: float  # rad
 
 
 def prepare_release(angle: Floats, dt: float) -> Release:
@@ -207,18 +199,22 @@ def _derived_quantities(fit: Fit) -> Floats:
     )
 
 
-def half_swing_losses(release: Release, rest_angle: float) -> list[HalfSwingLoss]:
-    """Return the half swings by their turning points on either side of the rest angle."""
+def half_swing_losses(release: Release, rest_angle: float) -> Floats:
+    """Return mean amplitude and amplitude loss (rad) of the half swings, (half swings, 2).
+
+    A half swing is from one turning point to the next on the other side of the rest angle.
+    """
     angle = release.angle - rest_angle
     turning_points = [
         find_peaks(sign * angle, prominence=5.0 * STILL_ANGLE)[0] for sign in (1.0, -1.0)
     ]
     extremes = angle[np.sort(np.concatenate(turning_points))]
-    return [
-        HalfSwingLoss(float(0.5 * (abs(a) + abs(b))), float(abs(a) - abs(b)))
+    losses = [
+        (0.5 * (abs(a) + abs(b)), abs(a) - abs(b))
         for a, b in itertools.pairwise([angle[0], *extremes])
         if a * b < 0.0 and abs(a) > abs(b)
     ]
+    return np.array(losses).reshape(-1, 2)
 
 
 def simulate_release(fit: Fit, start_angle: float, count: int, dt: float) -> Floats:
@@ -261,7 +257,7 @@ class MeasuredRelease(NamedTuple):
 
     point: SetpointData
     release: Release
-    losses: list[HalfSwingLoss]
+    losses: Floats  # of its half swings
 
 
 def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> Result:
@@ -360,7 +356,7 @@ def flap_decay(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> Non
 def flap_extinction(axes: Axes, releases: list[MeasuredRelease], decay: Decay) -> None:
     for (point, release, measured), colour in figures.shaded(releases):
         fitted = half_swing_losses(simulated(decay.fit, release), decay.rest_angle.value)
-        if measured and fitted:
+        if len(measured) and len(fitted):
             label = f"{point.plan_value('release_deg'):g} deg"
             axes.plot(*np.degrees(measured).T, "o", ms=6, color=colour, label=label)
             axes.plot(*np.degrees(fitted).T, "+", ms=10, color=figures.RED)

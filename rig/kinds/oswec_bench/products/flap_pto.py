@@ -57,19 +57,14 @@ class OptimalDamping(NamedTuple):
 
 
 def pto_point(
-    shaft: Floats,
-    motor: Floats,
-    torque: Floats,
-    motor_torque: Floats,
-    cut: PeriodCut,
-    window: float,
+    shaft: Floats, motor: Floats, torque: Floats, motor_torque: Floats, cut: PeriodCut
 ) -> PtoPoint:
     """Return the results of a set point.
 
     Angles (rad) and torques (N*m, positive as the motor's on the flap) are as measured.
     """
     shaft_velocity, motor_velocity = (
-        cut.trim(periods.velocity(each, cut.dt, window)) for each in (shaft, motor)
+        cut.trim(periods.velocity(each, cut.dt, WINDOW)) for each in (shaft, motor)
     )
     cell_torque = cut.trim(torque)
     power = stations.step(
@@ -187,7 +182,7 @@ def _sweeps(session: SessionRun) -> list[Sweep]:
     for each in session.complete_points:
         motor_torque = session.torque_constant * each.current
         cut = each.whole_periods()
-        result = pto_point(each.shaft, each.motor, each.torque, motor_torque, cut, WINDOW)
+        result = pto_point(each.shaft, each.motor, each.torque, motor_torque, cut)
         sea = each.plan_value("wave_amplitude_m"), each.period
         seas.setdefault(sea, []).append((each, result))
     sweeps = []

@@ -92,7 +92,10 @@ def fit_resonance(lines: list[ResponseLine]) -> Resonance | None:
         return None
     omega = 2.0 * np.pi * np.array([each.frequency for each in lines])
     magnitude = np.array([each.magnitude.value for each in lines])
-    unknowns = _fit_unknowns(omega, magnitude, _start_unknowns(omega, magnitude))
+    peak_omega = float(omega[np.argmax(magnitude)])
+    excitation = 0.3 * peak_omega * peak_omega * float(magnitude.max())
+    start = np.array([peak_omega, 0.15 * peak_omega, excitation, 0.0, 0.0])
+    unknowns = _fit_unknowns(omega, magnitude, start)
     left_out = [
         _peak(_fit_unknowns(omega[kept], magnitude[kept], unknowns), omega)
         for kept in ~np.eye(len(lines), dtype=bool)
@@ -101,12 +104,6 @@ def fit_resonance(lines: list[ResponseLine]) -> Resonance | None:
     period, peak = jackknifed(_peak(unknowns, omega), left_out, ("s", "rad/m"), method)
     deviation = magnitude / fitted_magnitude(unknowns, omega) - 1.0
     return Resonance(unknowns, period, peak, float(np.sqrt(np.mean(deviation**2))))
-
-
-def _start_unknowns(omega: Floats, magnitude: Floats) -> Floats:
-    peak = float(omega[np.argmax(magnitude)])
-    excitation = 0.3 * peak * peak * float(magnitude.max())
-    return np.array([peak, 0.15 * peak, excitation, 0.0, 0.0])
 
 
 def _fit_unknowns(omega: Floats, magnitude: Floats, start: Floats) -> Floats:
@@ -148,7 +145,7 @@ def analyse_session(session: SessionRun) -> Result:
     ]
     if not responses:
         raise ValueError("no set point with waves was measured completely")
-    curves = _curves_by_row(responses) if session.irregular else _curves_by_amplitude(responses)
+    curves = _curves(session, responses)
     constants: dict[str, Estimate] = {}
     comparisons = []
     for label, suffix, _, resonance in curves:
@@ -180,26 +177,21 @@ def setpoint_response(point: SetpointData) -> list[ResponseLine]:
     return response_lines(angle, edges, point.plan_row["sea"], start_clock, point.dt)
 
 
-Responses = list[tuple[SetpointData, list[ResponseLine]]]
-
-
-def _curves_by_amplitude(responses: Responses) -> list[ResponseCurve]:
-    lines_by_amplitude: dict[float, list[ResponseLine]] = {}
+def _curves(
+    session: SessionRun, responses: list[tuple[SetpointData, list[ResponseLine]]]
+) -> list[ResponseCurve]:
+    groups: dict[tuple[int, float], list[ResponseLine]] = {}
     for point, lines in responses:
-        lines_by_amplitude.setdefault(point.plan_value("wave_amplitude_m"), []).extend(lines)
+        row = point.row if session.irregular else -1
+        key = row, point.plan_value("wave_amplitude_m")
+        groups.setdefault(key, []).extend(lines)
     curves = []
-    for wave, lines in sorted(lines_by_amplitude.items()):
+    for (row, wave), lines in sorted(groups.items()):
         lines.sort(key=lambda each: each.frequency)
-        suffix = "" if len(lines_by_amplitude) == 1 else f"_{round(1e3 * wave)}mm"
-        curves.append(ResponseCurve(f"{1e3 * wave:g} mm", suffix, lines, fit_resonance(lines)))
-    return curves
-
-
-def _curves_by_row(responses: Responses) -> list[ResponseCurve]:
-    curves = []
-    for point, lines in responses:
-        suffix = "" if len(responses) == 1 else f"_row{point.row}"
-        label = f"irregular, crest {1e3 * point.plan_value('wave_amplitude_m'):g} mm"
+        label, suffix = f"{1e3 * wave:g} mm", f"_{round(1e3 * wave)}mm"
+        if session.irregular:
+            label, suffix = f"irregular, crest {label}", f"_row{row}"
+        suffix = "" if len(groups) == 1 else suffix
         curves.append(ResponseCurve(label, suffix, lines, fit_resonance(lines)))
     return curves
 

@@ -1,5 +1,5 @@
 """Files of a session's results: one self-contained HTML page and CSV tables for people, JSON and
-NetCDF for programs.
+NetCDF for programs, and the calibration file, to which rig files and later sessions refer.
 """
 
 import base64
@@ -13,16 +13,21 @@ from typing import Any
 
 import numpy as np
 import xarray
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from rig.analysis.stop_reason import ENDINGS, Ending
-from rig.kinds.oswec_bench.products.estimate import format_number
+from rig.kinds.oswec_bench.products.estimate import Estimate, format_number
 from rig.kinds.oswec_bench.products.points import SessionRun
 from rig.kinds.oswec_bench.products.result import Result, Table
+from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_utc, mode_stamp
 from rig.recording.runs.state import COMPLETE, RECOVERED
 from rig.recording.runs.windows import ALL_TICKS_MISSING
+from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
-PAGE, JSON = "session.html", "session.json"
+PAGE, JSON, CALIBRATION = "session.html", "session.json", "calibration.yaml"
+_DIGITS = 9  # of the numbers in the calibration file
 _VERDICTS = {True: ("✓", "yes"), False: ("✗", "no"), None: ("", "")}
 _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;color:#22303c;max-width:1080px;margin:0 auto;padding:0 18px}
@@ -55,31 +60,9 @@ def write_tables(result: Result, facts: dict[str, Any], folder: Path) -> list[Pa
 
 def result_as_dict(result: Result) -> dict[str, Any]:
     """Return constants, comparisons, notes and tables in the form of JSON: NaN is null."""
-    return {
-        "constants": {
-            name: {key: to_json_value(value) for key, value in each._asdict().items()}
-            for name, each in result.constants.items()
-        },
-        "comparisons": [each._asdict() for each in result.comparisons],
-        "notes": list(result.notes),
-        "tables": {
-            table.name: {
-                "title": table.title,
-                "columns": [
-                    {"name": c.name, "unit": c.unit, "values": [to_json_value(v) for v in c.values]}
-                    for c in table.columns
-                ],
-            }
-            for table in result.tables
-        },
-    }
-
-
-def to_json_value(value: Any) -> Any:
-    """Return a number or text without numpy types; None for a number that is not finite."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    tables = {t.name: {"title": t.title, "columns": t.columns} for t in result.tables}
+    document: dict[str, Any] = json_value(result._asdict() | {"tables": tables})
+    return {key: document[key] for key in ("constants", "comparisons", "notes", "tables")}
 
 
 def _write_csv(table: Table, folder: Path) -> Path:
@@ -87,7 +70,7 @@ def _write_csv(table: Table, folder: Path) -> Path:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(f"{c.name} [{c.unit}]" if c.unit else c.name for c in table.columns)
-        writer.writerows(zip(*(map(to_json_value, c.values) for c in table.columns), strict=True))
+        writer.writerows(zip(*(map(json_value, c.values) for c in table.columns), strict=True))
     return path
 
 
@@ -103,6 +86,82 @@ def _write_netcdf(table: Table, facts: dict[str, Any], folder: Path) -> Path:
     return path
 
 
+def write_constants(result: Result, session: SessionRun, folder: Path) -> list[Path]:
+    """Write ``calibration.yaml``: value, unit and 95 % half width of each constant, date, run,
+    method.
+
+    Constants without an interval are left out, since nothing may be based on them. No file is
+    written if a session gives no constants and no maps. Return the paths written.
+    """
+    constants = {
+        name: {
+            "value": _round_numbers(each.value),
+            "unit": each.unit,
+            "uncertainty": _round_numbers(each.uncertainty),
+            "method": each.method,
+        }
+        for name, each in result.constants.items()
+        if math.isfinite(each.value) and math.isfinite(each.uncertainty)
+    }
+    if not constants and not result.maps:
+        return []
+    metadata = session.metadata
+    document: dict[str, Any] = {
+        "name": session.kind,
+        "rig": str((metadata.config.get("rig") or {}).get("name") or "not recorded"),
+        "run": metadata.run,
+        "date": metadata.started_utc[:10] or "1970-01-01",
+        "constants": constants,
+        **{key: _round_numbers(value) for key, value in result.maps.items()},
+    }
+    yaml = YAML()
+    yaml.width = 400  # one constant per line
+    path = folder / CALIBRATION
+    with path.open("w", encoding="utf-8") as file:
+        yaml.dump(_flow_style(document), file)
+    return [path]
+
+
+def read_constant(run: Path, name: str) -> Estimate:
+    """Return a constant from the calibration file of an analysed run.
+
+    Raises ValueError if there is no such file or no constant of that name.
+    """
+    path = run / CALIBRATION
+    if not path.is_file():
+        raise ValueError(f"{run}: no {CALIBRATION}; analyse that run first")
+    constants = YAML(typ="safe").load(read_regular(path, MAX_CONFIG_BYTES).decode())["constants"]
+    entry = (constants or {}).get(name)
+    if entry is None:
+        raise ValueError(f"{path}: no {name}")
+    method = f"of run {run.name}"
+    return Estimate(float(entry["value"]), float(entry["uncertainty"]), entry["unit"], method)
+
+
+def _round_numbers(value: Any) -> Any:
+    """Return a value with its numbers rounded to the significant digits, at any depth."""
+    if isinstance(value, dict):
+        return {key: _round_numbers(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_round_numbers(each) for each in value]
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+
+
+def _flow_style(value: Any) -> Any:
+    """Return a value for YAML; mappings of plain values and lists of numbers take one line each."""
+    if isinstance(value, dict):
+        mapping = CommentedMap({key: _flow_style(each) for key, each in value.items()})
+        if not any(isinstance(each, dict | list) for each in value.values()):
+            mapping.fa.set_flow_style()
+        return mapping
+    if isinstance(value, list):
+        row = CommentedSeq([_flow_style(each) for each in value])
+        if all(isinstance(each, float | int) for each in value):
+            row.fa.set_flow_style()
+        return row
+    return value
+
+
 def write_page(
     result: Result, session: SessionRun, ending: Ending, figure_paths: list[Path], folder: Path
 ) -> Path:
@@ -113,8 +172,13 @@ def write_page(
     body = [
         f"<header><span class=stamp>{_escape(mode_stamp(metadata.mode))}</span>"
         f"<h1>Session {_escape(session.name)}</h1><p>{_escape(subtitle)}</p></header>",
-        _status_line(ending.description, ending.title == ENDINGS["complete"]),
-        _status_line(session.record.sentence, session.record.state in (COMPLETE, RECOVERED)),
+        *(
+            f"<p{'' if good else ' class=no'}>{_escape(sentence)}.</p>"
+            for sentence, good in (
+                (ending.description, ending.title == ENDINGS["complete"]),
+                (session.record.sentence, session.record.state in (COMPLETE, RECOVERED)),
+            )
+        ),
         _comparison_table(result),
         _constants_table(result),
         f"<h2>Notes</h2><ul>{''.join(notes)}</ul>",
@@ -144,10 +208,6 @@ def page_notes(result: Result, session: SessionRun) -> list[str]:
     }
     reasons |= dict.fromkeys(session.missing_rows, ALL_TICKS_MISSING)
     return [*lines, *(f"Row {row} is left out: {reasons[row]}." for row in sorted(reasons))]
-
-
-def _status_line(sentence: str, good: bool) -> str:
-    return f"<p>{_escape(sentence)}.</p>" if good else f"<p class=no>{_escape(sentence)}.</p>"
 
 
 def _escape(value: Any) -> str:

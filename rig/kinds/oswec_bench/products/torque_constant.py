@@ -24,8 +24,6 @@ from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, c
 
 RAMP = (0.10, 0.97)
 """Domain of a ramp fit: shares of a quarter's largest torque."""
-BACK_OFF = (0.15, 0.85)
-"""Domain of the back-off fit: without its plateau, where stiction holds the torque."""
 PLATEAU_END = (0.70, 0.95)
 """Start of the back-off: its line is extrapolated back to the peak's torque."""
 PLATEAU = 0.1
@@ -46,7 +44,6 @@ class RampFits(NamedTuple):
     """Fits of one set point."""
 
     ramp_up: list[FitDomain]  # torque grows
-    back_off: list[FitDomain]  # torque falls
     motor_constants: Floats  # N*m/A, motor constant by half wave
     current_amplitude: float  # A
     rms_torque: float  # N*m
@@ -75,7 +72,6 @@ def fit_ramps(current: Floats, torque: Floats, cut: PeriodCut) -> RampFits:
         half_current_torques.append(sign * torque[each.samples][int(np.argmin(distance))])
     return RampFits(
         fit(growing, RAMP),
-        fit(falling, BACK_OFF),
         np.array(motor_constants),
         float(0.5 * np.ptp(current)),
         rms(torque),
@@ -94,47 +90,23 @@ def _motor_constant(back_off: FitDomain, current: Floats, torque: Floats) -> flo
     return 2.0 * peak / (float(current[start]) + release_current)
 
 
-class TorqueConstants(NamedTuple):
-    """Results of the session."""
-
-    both: Estimate
-    positive: Estimate
-    negative: Estimate
-    motor: Estimate
-    spread_positive: float  # (largest - smallest) / mean of single ramps
-    spread_negative: float
-    smallest: float  # N*m/A, of all ramps
-    largest: float
-
-
-def torque_constants(points: list[RampFits]) -> TorqueConstants:
-    """Return means over set points, each with the interval by the scatter between set points."""
-    method = f"lines of ramp-up, mean of {len(points)} set points, by their scatter"
-    positive = [each.slopes(1) for each in points]
-    negative = [each.slopes(-1) for each in points]
+def torque_constants(points: list[RampFits]) -> dict[str, Estimate]:
+    """Return means over set points (N*m/A), each with the interval by the scatter between them."""
+    positive, negative = ([each.slopes(sign) for each in points] for sign in (1, -1))
     both = [np.concatenate(pair) for pair in zip(positive, negative, strict=True)]
-    all_slopes = np.concatenate(both)
-
-    def mean_slope(slopes_by_point: list[Floats], method: str = method) -> Estimate:
+    peaks = [each.motor_constants for each in points]
+    ramp_up, peak = "lines of ramp-up", "at the peaks, where friction cancels"
+    constants = {}
+    for name, slopes_by_point, basis in (
+        ("torque_constant", both, f"{ramp_up},"),
+        ("torque_constant_positive", positive, f"{ramp_up},"),
+        ("torque_constant_negative", negative, f"{ramp_up},"),
+        ("torque_constant_motor", peaks, f"{peak};"),
+    ):
         means = [slopes.mean() for slopes in slopes_by_point if len(slopes)]
-        return mean(means, UNIT, method).with_cell_error()
-
-    def spread(slopes_by_point: list[Floats]) -> float:
-        values = np.concatenate(slopes_by_point)
-        return float(np.ptp(values) / values.mean())
-
-    motor_method = "at the peaks, where friction cancels; mean of "
-    motor_method += f"{len(points)} set points, by their scatter"
-    return TorqueConstants(
-        mean_slope(both),
-        mean_slope(positive),
-        mean_slope(negative),
-        mean_slope([each.motor_constants for each in points], motor_method),
-        spread(positive),
-        spread(negative),
-        float(all_slopes.min()),
-        float(all_slopes.max()),
-    )
+        method = f"{basis} mean of {len(points)} set points, by their scatter"
+        constants[name] = mean(means, UNIT, method).with_cell_error()
+    return constants
 
 
 class LockedPoint(NamedTuple):
@@ -159,14 +131,8 @@ def analyse_session(session: SessionRun) -> Result:
     title = "Table 3.1: torque constants of ramps by set point"
     return Result(
         (table("torque_constants", title, points, _columns(session.torque_constant)),),
-        tuple(_comparisons(fitted, loop_width.value)),
-        {
-            "torque_constant": fitted.both,
-            "torque_constant_positive": fitted.positive,
-            "torque_constant_negative": fitted.negative,
-            "torque_constant_motor": fitted.motor,
-            "torque_hysteresis": loop_width,
-        },
+        tuple(_comparisons(points, fitted, loop_width.value)),
+        fitted | {"torque_hysteresis": loop_width},
         (
             fig_3_1(points[len(points) // 2]),
             fig_3_2(points[-1]),
@@ -205,24 +171,29 @@ def _columns(constant_in_use: float) -> Columns[LockedPoint]:
     }
 
 
-def _comparisons(constants: TorqueConstants, hysteresis: float) -> Iterator[Comparison]:
-    yield Comparison.of_constant("torque constant, mean of ramps", constants.both, THESIS_CONSTANT)
+def _comparisons(
+    points: list[LockedPoint], fitted: dict[str, Estimate], loop_width: float
+) -> Iterator[Comparison]:
+    mean_constant = fitted["torque_constant"]
+    yield Comparison.of_constant("torque constant, mean of ramps", mean_constant, THESIS_CONSTANT)
+    slopes = [np.concatenate([p.ramps.slopes(sign) for p in points]) for sign in (1, -1)]
+    smallest, largest = min(map(min, slopes)), max(map(max, slopes))
     low, high = THESIS_RANGE
-    spread = (constants.largest - constants.smallest) / constants.both.value
-    similar = 0.5 <= spread / ((high - low) / THESIS_CONSTANT) <= 2.0
-    ramps = f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A"
+    spread = (largest - smallest) / mean_constant.value
+    similar = bool(0.5 <= spread / ((high - low) / THESIS_CONSTANT) <= 2.0)
+    ramps = f"{smallest:.2f} to {largest:.2f} N·m/A"
     thesis, target = f"{low} to {high} N·m/A", "spread of the same order"
     yield compare("single ramps", ramps, thesis, target, similar)
-    yield compare("clockwise", constants.positive, "trends higher")
-    yield compare("counter-clockwise", constants.negative)
-    spreads = (constants.spread_positive, constants.spread_negative)
+    yield compare("clockwise", fitted["torque_constant_positive"], "trends higher")
+    yield compare("counter-clockwise", fitted["torque_constant_negative"])
+    spreads = [np.ptp(each) / each.mean() for each in slopes]
     measured, thesis = (f"{100 * a:.0f} and {100 * b:.0f} %" for a, b in (spreads, THESIS_SPREADS))
     yield compare("spread, clockwise and counter-clockwise", measured, thesis)
-    specified = f"specified {SPECIFIED_CONSTANT} N·m/A"
-    yield compare("motor's own constant, without friction", constants.motor, specified)
+    motor, specified = fitted["torque_constant_motor"], f"specified {SPECIFIED_CONSTANT} N·m/A"
+    yield compare("motor's own constant, without friction", motor, specified)
     name = "torque on back-off minus torque on ramp, at half current"
-    loop_width = f"{format_number(hysteresis, 3)} N·m"
-    yield compare(name, loop_width, "hysteresis", "visible", hysteresis > 0.5)
+    text = f"{format_number(loop_width, 3)} N·m"
+    yield compare(name, text, "hysteresis", "visible", loop_width > 0.5)
 
 
 @figures.figure(

@@ -14,13 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rig.kinds.oswec_bench.products import estimate
 from rig.kinds.oswec_bench.products.deflection import Motion, engaged
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
-from rig.kinds.oswec_bench.products.separable_fit import (
-    NormalEquations,
-    normal_equations,
-    search_grid,
-)
 
 KNEES = np.concatenate([np.arange(3.0, 20.0, 0.25), np.arange(20.0, 40.0, 1.0)])  # N*m
 BINS = 24  # bins of torque per direction and set point
@@ -34,7 +30,6 @@ class TorqueMap(NamedTuple):
     soft_zone: Estimate  # rad
     knee: Estimate  # N*m
     stiffness: Estimate  # N*m/rad
-    r_squared: float
     residual: float  # rad, rms
 
 
@@ -72,11 +67,13 @@ def bin_deflection(motion: Motion) -> BinnedDeflection:
     return BinnedDeflection(*columns)
 
 
-def _normal_equations(point: BinnedDeflection) -> NormalEquations:
+def _normal_equations(point: BinnedDeflection) -> estimate.NormalEquations:
     torque, deflection, weight = point
     ramp = np.minimum(torque[None, :] / KNEES[:, None], 1.0)
     ones = np.ones_like(ramp)
-    return normal_equations(np.stack([ones, ramp, torque * ones], axis=2), deflection, weight)
+    return estimate.normal_equations(
+        np.stack([ones, ramp, torque * ones], axis=2), deflection, weight
+    )
 
 
 def _map_parameters(parameters: Floats) -> Floats:
@@ -90,22 +87,19 @@ def fit_map(points: list[BinnedDeflection]) -> TorqueMap:
     points = [each for each in points if len(each.torque) >= 4]
     if len(points) < 3:
         raise ValueError(f"{len(points)} set points under load; a map needs at least 3")
-    searched = search_grid([_normal_equations(each) for each in points], KNEES)
+    searched = estimate.search_grid([_normal_equations(each) for each in points], KNEES)
     values = _map_parameters(searched.parameters)
     left_out = [_map_parameters(each) for each in searched.leave_one_out]
     method = f"map of {len(points)} set points, jackknife over them"
     units = ("rad", "rad", "N*m", "N*m/rad")
     gap, soft, knee, stiffness = jackknifed(values, left_out, units, method)
-    deflections = np.concatenate([each.deflection for each in points])
-    weight = np.concatenate([each.weight for each in points])
-    deviation = deflections - np.average(deflections, weights=weight)
+    weight = sum(float(each.weight.sum()) for each in points)
     return TorqueMap(
         gap,
         soft,
         knee.with_cell_error(),
         stiffness.with_cell_error(),
-        1.0 - searched.residual_squares / float((weight * deviation * deviation).sum()),
-        float(np.sqrt(max(0.0, searched.residual_squares) / weight.sum())),
+        float(np.sqrt(max(0.0, searched.residual_squares) / weight)),
     )
 
 

@@ -26,18 +26,13 @@ from matplotlib.axes import Axes
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
-from rig.kinds.oswec_bench.products import figures, periods, quarters
+from rig.kinds.oswec_bench.products import estimate, figures, periods, quarters
 from rig.kinds.oswec_bench.products.deflection import DEGREE, Motion, ShaftLag, shaft_lag
 from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, Line, jackknifed, mean
 from rig.kinds.oswec_bench.products.periods import PeriodCut
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.quarters import FitDomain
 from rig.kinds.oswec_bench.products.result import Columns, Comparison, Result, compare, table
-from rig.kinds.oswec_bench.products.separable_fit import (
-    NormalEquations,
-    normal_equations,
-    search_grid,
-)
 
 NOMINAL = 37.5 * 2.0 * np.pi / 10.0 / 15.0  # rad/s/V, equation 3.2
 DECELERATION = (0.03, 1.0)
@@ -52,6 +47,7 @@ ITERATIONS = 5
 The last fit changes the lag by less than 1 us.
 """
 UNIT = "rad/s/V"
+WINDOW = 0.02  # s, of the moving-window differentiator
 
 # Values of the OSWEC thesis (University of Washington).
 VOLTS = (0.23, 0.35, 0.47, 0.58, 0.70, 0.81, 0.93)
@@ -72,22 +68,22 @@ class Deceleration(NamedTuple):
     volts: Floats  # V
     torque: float  # N*m, mean torque of the load cell along the motion
     dt: float  # s
-    window: float  # s, of the differentiator
     thesis_fits: list[FitDomain]  # lines as in the thesis
     following: list[slice]  # samples at which the motor follows its command
     rms_velocity: float  # rad/s
     voltage_amplitude: float  # V
 
+    @property
+    def slopes(self) -> list[float]:
+        """Slopes of the thesis's lines, rad/s/V."""
+        return [each.line.slope for each in self.thesis_fits]
 
-def fit_decelerations(
-    angle: Floats, volts: Floats, torque: Floats, cut: PeriodCut, window: float = 0.02
-) -> Deceleration:
+
+def fit_decelerations(angle: Floats, volts: Floats, torque: Floats, cut: PeriodCut) -> Deceleration:
     """Return the domains of a set point; ``angle``, ``volts``, ``torque`` (samples,) are as
     measured.
-
-    ``window`` (s) is that of the moving-window differentiator.
     """
-    velocity = periods.velocity(periods.detrend(angle, cut), cut.dt, window)
+    velocity = periods.velocity(periods.detrend(angle, cut), cut.dt, WINDOW)
     command = cut.trim(volts)
     # Over whole periods both directions last equally long, so an error of the cell's zero cancels.
     mean_torque = float(np.mean(cut.trim(torque) * np.sign(velocity)))
@@ -103,7 +99,6 @@ def fit_decelerations(
         command,
         mean_torque,
         cut.dt,
-        window,
         thesis_fits,
         [each.samples for each in following],
         periods.rms(velocity),
@@ -111,38 +106,23 @@ def fit_decelerations(
     )
 
 
-class VelocityConstants(NamedTuple):
-    """Results of the session."""
+def velocity_constants(points: list[Deceleration]) -> dict[str, Estimate]:
+    """Return means over set points, each with the interval by the scatter between set points.
 
-    constant: Estimate  # of the motor following its command, without droop and lag
-    lag: Estimate  # s
-    droop: Estimate  # rad/s
-    thesis: Estimate  # by the thesis's lines, all set points
-    fastest: Estimate  # by the thesis's lines, three fastest set points
-    spread: float  # (largest - smallest) / mean of single lines of the three fastest
-    smallest: float  # rad/s/V, of all lines
-    largest: float
-
-
-def velocity_constants(points: list[Deceleration]) -> VelocityConstants:
-    """Return means over set points, each with the interval by the scatter between set points."""
+    The constant proper, lag and droop are those of the motor following its command; `deceleration`
+    and `fastest` are the means of the thesis's lines, of all and of the three fastest set points.
+    """
     ordered = sorted(points, key=lambda each: each.rms_velocity)
-    slopes_by_point = [np.array([d.line.slope for d in each.thesis_fits]) for each in ordered]
-    fastest_slopes = np.concatenate(slopes_by_point[-3:])
-    all_slopes = np.concatenate(slopes_by_point)
-    means = [each.mean() for each in slopes_by_point]
+    means = [np.mean(each.slopes) for each in ordered]
     method = "lines of deceleration, mean of {} set points, by their scatter"
     constant, lag, droop = _fit_constant_lag_droop(points)
-    return VelocityConstants(
-        constant,
-        lag,
-        droop,
-        mean(means, UNIT, method.format(len(points))),
-        mean(means[-3:], UNIT, method.format("the 3")),
-        float(np.ptp(fastest_slopes) / fastest_slopes.mean()),
-        float(all_slopes.min()),
-        float(all_slopes.max()),
-    )
+    return {
+        "velocity_constant": constant,
+        "velocity_constant_deceleration": mean(means, UNIT, method.format(len(points))),
+        "velocity_constant_fastest": mean(means[-3:], UNIT, method.format("the 3")),
+        "velocity_lag": lag,
+        "velocity_droop": droop,
+    }
 
 
 def _fit_constant_lag_droop(points: list[Deceleration]) -> list[Estimate]:
@@ -156,7 +136,7 @@ def _fit_constant_lag_droop(points: list[Deceleration]) -> list[Estimate]:
     command_delay = lag = 0.0
     for _ in range(ITERATIONS):
         command_delay = lag
-        searched = search_grid(
+        searched = estimate.search_grid(
             [_normal_equations(each, command_delay) for each in following_points], SCALES
         )
         values = _fit_parameters(searched.parameters, command_delay)
@@ -165,20 +145,22 @@ def _fit_constant_lag_droop(points: list[Deceleration]) -> list[Estimate]:
     return jackknifed(values, left_out, units, method)
 
 
-def _normal_equations(point: Deceleration, lag: float) -> NormalEquations:
+def _normal_equations(point: Deceleration, lag: float) -> estimate.NormalEquations:
     """Return a set point's contribution, with its command delayed by ``lag`` (s)."""
     t = point.dt * np.arange(len(point.volts))
     delayed = np.interp(t - lag, t, point.volts)
     integrated = cumulative_trapezoid(delayed, dx=point.dt, initial=0.0)
     # Neighbours share most of their window: four samples per window carry all the information.
-    stride = max(1, round(0.25 * point.window / point.dt))
+    stride = max(1, round(0.25 * WINDOW / point.dt))
     samples = np.concatenate([np.arange(each.start, each.stop, stride) for each in point.following])
-    volts = periods.velocity(integrated, point.dt, point.window)[samples]
-    command_rate = periods.velocity(delayed, point.dt, point.window)[samples]
+    volts = periods.velocity(integrated, point.dt, WINDOW)[samples]
+    command_rate = periods.velocity(delayed, point.dt, WINDOW)[samples]
     ones = np.ones((len(SCALES), len(samples)))
     saturated = np.tanh(volts[None, :] / SCALES[:, None])
     columns = [volts * ones, command_rate * ones, saturated, point.torque * saturated, ones]
-    return normal_equations(np.stack(columns, axis=2), point.velocity[samples] + point.drift)
+    return estimate.normal_equations(
+        np.stack(columns, axis=2), point.velocity[samples] + point.drift
+    )
 
 
 def _fit_parameters(parameters: Floats, command_delay: float) -> Floats:
@@ -217,19 +199,12 @@ def analyse_session(session: SessionRun) -> Result:
     return Result(
         (table("velocity_constants", title, points, COLUMNS),),
         tuple(_comparisons(fitted, amplitude_loss, points)),
-        {
-            "velocity_constant": fitted.constant,
-            "velocity_constant_deceleration": fitted.thesis,
-            "velocity_constant_fastest": fitted.fastest,
-            "velocity_lag": fitted.lag,
-            "velocity_droop": fitted.droop,
-            "amplitude_difference_unloaded": amplitude_loss,
-        },
+        fitted | {"amplitude_difference_unloaded": amplitude_loss},
         (
             fig_2_6(points),
-            fig_3_5((points[0], points[-1]), fitted.constant.value),
+            fig_3_5((points[0], points[-1]), fitted["velocity_constant"].value),
             fig_3_6(points[-1]),
-            fig_3_7(points, fitted.constant.value),
+            fig_3_7(points, fitted["velocity_constant"].value),
             fig_3_8(points),
         ),
         (
@@ -262,19 +237,24 @@ COLUMNS: Columns[UnloadedPoint] = {
 
 
 def _comparisons(
-    constants: VelocityConstants, amplitude_loss: Estimate, points: list[UnloadedPoint]
+    fitted: dict[str, Estimate], amplitude_loss: Estimate, points: list[UnloadedPoint]
 ) -> Iterator[Comparison]:
-    yield Comparison.of_constant("velocity constant, mean", constants.thesis, THESIS_CONSTANT)
-    yield Comparison.of_constant("mean of the three fastest", constants.fastest, THESIS_FASTEST)
-    spread, thesis_spread = (f"{100 * each:.1f} %" for each in (constants.spread, THESIS_SPREAD))
-    yield compare("spread of the three fastest", spread, thesis_spread)
+    lines, fastest = fitted["velocity_constant_deceleration"], fitted["velocity_constant_fastest"]
+    yield Comparison.of_constant("velocity constant, mean", lines, THESIS_CONSTANT)
+    yield Comparison.of_constant("mean of the three fastest", fastest, THESIS_FASTEST)
+    slopes = [each.deceleration.slopes for each in points]
+    fast = np.concatenate(slopes[-3:])
+    spread = np.ptp(fast) / fast.mean()
+    measured, thesis = (f"{100 * each:.1f} %" for each in (spread, THESIS_SPREAD))
+    yield compare("spread of the three fastest", measured, thesis)
     low, high = THESIS_RANGE
-    lines = f"{constants.smallest:.2f} to {constants.largest:.2f} rad/s/V"
-    yield compare("single lines", lines, f"{low} to {high} rad/s/V")
-    slowest = float(np.mean([d.line.slope for d in points[0].fits]))
-    biased, target = slowest < 0.99 * constants.fastest.value, "low-amplitude bias visible"
+    text = f"{min(map(min, slopes)):.2f} to {max(map(max, slopes)):.2f} rad/s/V"
+    yield compare("single lines", text, f"{low} to {high} rad/s/V")
+    slowest = float(np.mean(slopes[0]))
+    biased, target = slowest < 0.99 * fastest.value, "low-amplitude bias visible"
     yield compare("slowest set point", f"{slowest:.3f} rad/s/V", "lower", target, biased)
-    yield compare("motor following its command", constants.constant, "trends towards 1.5 rad/s/V")
+    constant = fitted["velocity_constant"]
+    yield compare("motor following its command", constant, "trends towards 1.5 rad/s/V")
     mid, half_width = UNLOADED_DIFFERENCE
     thesis, met = f"{mid} ± {half_width} deg", abs(amplitude_loss.value - mid) <= half_width
     yield compare("amplitude difference, unloaded", amplitude_loss, thesis, "within", met)

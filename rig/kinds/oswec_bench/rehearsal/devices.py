@@ -35,30 +35,18 @@ class BenchPlantDevices(PlantDevices):
 
     def read(self, now: float) -> Sense:
         self._advance_to(now)
-        (
-            motor, shaft, current, enabled, fault,
-            fx, fy, fz, tx, ty, tz, brake_current, e_stop, limit_switch,
-        ) = self._world.sense()  # fmt: skip
-        late = self._delay
+        bench, late = self._world.sense(), self._delay
         return Sense(
-            EncoderSense(motor, shaft, late),
-            ServoSense(current, enabled, fault, late),
-            WrenchSense(fx, fy, fz, tx, ty, tz, late),
-            BrakeSense(brake_current, late),
-            PanelSense(e_stop, limit_switch, late),
+            EncoderSense(bench.motor_counts, bench.shaft_counts, late),
+            ServoSense(bench.current_a, bench.enabled, bench.fault, late),
+            WrenchSense(bench.fx, bench.fy, bench.fz, bench.tx, bench.ty, bench.tz, late),
+            BrakeSense(bench.brake_current_a, late),
+            PanelSense(bench.e_stop, bench.limit_switch, late),
         )
 
     def write(self, command: Command) -> None:
-        self._world.actuate(
-            Actuation(
-                command.enable,
-                command.mode,
-                command.volts,
-                command.current,
-                command.brake_current,
-                command.locked,
-            )
-        )
+        mode, _, volts, _, current, enable, _, _, brake_current, locked, _, _ = command
+        self._world.actuate(Actuation(enable, mode, volts, current, brake_current, locked))
 
 
 class FlapDevices(BenchPlantDevices):

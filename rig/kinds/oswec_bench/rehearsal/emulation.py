@@ -3,18 +3,18 @@
 import asyncio
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from rig.config.pydantic_errors import validate
 from rig.config.yaml_source import SourceMap
-from rig.emulation.devices import EmulatedDevices, modbus_lines, serial_line
+from rig.emulation.devices import EmulatedDevices, load_cell, modbus_lines, serial_line
 from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.rig_file import Encoder as EncoderScale
 from rig.kinds.oswec_bench.config.wiring import (
     BenchWiring,
     EncoderChannel,
-    LoadCell,
     ServoDrive,
 )
 from rig.kinds.oswec_bench.config.wiring import EncoderBridge as BridgeWiring
@@ -33,10 +33,9 @@ from sim_plant.emulators.compax3_objects import Compax3Settings
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.encoder_bridge import BridgeSettings, EncoderBridge, ShaftAngles
 from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
-from sim_plant.emulators.ft_calibration import Calibration, Wrench
+from sim_plant.emulators.ft_calibration import Wrench
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.net_ft import NetFt, NetFtSettings
 from sim_plant.emulators.shared_world import SharedBench
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -91,13 +90,6 @@ def _emulated_bench(
     )
 
 
-class _AnalogTerminal:
-    """The servo drive's analog input, to which the coupler's output is wired."""
-
-    def __init__(self) -> None:
-        self.volts = 0.0
-
-
 class _DrivelineFaults:
     """Faults of the bench's driveline."""
 
@@ -125,13 +117,17 @@ def _build_devices(
 
     world = SharedBench(create_world(), dt, loop.time)
     world.actuate(mode=mode, locked=config["locked"])
-    driveline, terminal = _DrivelineFaults(), _AnalogTerminal()
+    # The terminal is the servo drive's analog input, to which the coupler's output is wired.
+    driveline, terminal = _DrivelineFaults(), SimpleNamespace(volts=0.0)
     bridge = _create_bridge(rig, wiring.encoders, world)
     servo = _create_servo(wiring.servo, world, terminal, mode)
-    cell = _create_load_cell(wiring.load_cell, world)
+    cell = load_cell(wiring.load_cell, lambda: _wrench(world), _CELL_RATINGS)
     units: dict[str, ModbusUnit] = {
         **_create_couplers(wiring, world, terminal),
-        "brake": _create_brake_amplifier(world),
+        # The measuring amplifier at the brake's shunt.
+        "brake": StrainAmplifier(
+            lambda: (world.sense().brake_current_a,), AmplifierSettings(_SHUNT, _SHUNT_RATE)
+        ),
     }
     placed = {"outputs": wiring.analog, "inputs": wiring.inputs, "brake": wiring.brake}
 
@@ -201,7 +197,7 @@ def _encoder(wiring: EncoderChannel, scale: EncoderScale) -> Encoder:
 
 
 def _create_servo(
-    wiring: ServoDrive, world: SharedBench, terminal: _AnalogTerminal, mode: int
+    wiring: ServoDrive, world: SharedBench, terminal: SimpleNamespace, mode: int
 ) -> Compax3:
     """Return the servo drive, set up for the session's control loop.
 
@@ -230,27 +226,13 @@ def _create_servo(
     return Compax3(serial_line(wiring), read, write, settings)
 
 
-def _create_load_cell(wiring: LoadCell, world: SharedBench) -> NetFt:
-    """Return the load cell behind its box; all its ports except the stream's are free ones."""
-    sign = -1.0 if wiring.turned_over else 1.0
-
-    def read() -> Wrench:
-        sense = world.sense()
-        return Wrench(
-            sense.fx, sign * sense.fy, sign * sense.fz, sense.tx, sign * sense.ty, sign * sense.tz
-        )
-
-    calibration = Calibration(
-        counts_per_force=round(wiring.counts_per_force),
-        counts_per_torque=round(wiring.counts_per_torque),
-        ratings=_CELL_RATINGS,
-    )
-    settings = NetFtSettings(wiring.host, wiring.port, 0, 0, calibration=calibration)
-    return NetFt(read, settings)
+def _wrench(world: SharedBench) -> Wrench:
+    sense = world.sense()
+    return Wrench(sense.fx, sense.fy, sense.fz, sense.tx, sense.ty, sense.tz)
 
 
 def _create_couplers(
-    wiring: BenchWiring, world: SharedBench, terminal: _AnalogTerminal
+    wiring: BenchWiring, world: SharedBench, terminal: SimpleNamespace
 ) -> dict[str, IoCoupler]:
     """Return the I/O couplers: one with the outputs to servo and brake, one with the inputs.
 
@@ -278,12 +260,6 @@ def _create_couplers(
         "outputs": IoCoupler(CouplerSettings(outputs), write=write),
         "inputs": IoCoupler(CouplerSettings((), inputs), read=levels),
     }
-
-
-def _create_brake_amplifier(world: SharedBench) -> StrainAmplifier:
-    """Return the measuring amplifier at the brake's shunt."""
-    settings = AmplifierSettings(_SHUNT, _SHUNT_RATE)
-    return StrainAmplifier(lambda: (world.sense().brake_current_a,), settings)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem, display_path
 from rig.config.pydantic_errors import problems_from
-from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
+from rig.config.rig_file import SharedValue, mismatches
+from rig.kinds.oswec_bench.config.session_file import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
-from rig.kinds.oswec_bench.sessions.flume import session_seas
+from rig.kinds.oswec_bench.sessions.plan import session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
@@ -42,24 +42,15 @@ def _flap_problems(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]
     required = SESSION_KINDS[kind].flap_coupling
     if not required:
         return
-    coupling_state = ""
+    coupling_state = "has no flap"
     if isinstance(plant, FlapPlant):
-        coupling_state = "coupled" if plant.flap.coupled.value == 1 else "free"
-    if coupling_state != required:
-        descriptions = {
-            "": "has no flap",
-            "free": "has its coupling out",
-            "coupled": "has its coupling in",
-        }
-        coupling = "out" if required == "free" else "in"
-        yield pieces.session.locate.problem(
-            ("session",),
-            kind,
-            f"the simulated plant {descriptions[coupling_state]} "
-            f"({display_path(pieces.plant.locate.path)}); a session {kind} needs a flap with its "
-            "rigid "
-            f"coupling {coupling}",
-        )
+        coupling_state = f"has its coupling {'in' if plant.flap.coupled.value == 1 else 'out'}"
+    coupling = {"free": "out", "coupled": "in"}[required]
+    if coupling_state != f"has its coupling {coupling}":
+        plant_path = display_path(pieces.plant.locate.path)
+        message = f"the simulated plant {coupling_state} ({plant_path}); a session {kind} "
+        message += f"needs a flap with its rigid coupling {coupling}"
+        yield pieces.session.locate.problem(("session",), kind, message)
 
 
 def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
-from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.kinds.oswec_bench.config.session_kinds import SESSION_KINDS
+from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SESSION_KINDS, SessionFile
 from rig.kinds.oswec_bench.sessions.files import (
     FurtherCheck,
     Session,
@@ -21,18 +20,9 @@ class SessionReport(NamedTuple):
 
     path: Path
     problems: tuple[Problem, ...]
-    session: Session | None
+    checked: Session | None
     plan: SessionPlan | None
-
-    @property
-    def checked(self) -> Session | None:
-        """The session; None with problems."""
-        return self.session
-
-    @property
-    def warnings(self) -> tuple[Problem, ...]:
-        """Warnings about a session that can nevertheless be run: there are none."""
-        return ()
+    warnings: tuple[Problem, ...] = ()  # there are none about a session that can be run
 
     @property
     def ok(self) -> bool:
@@ -41,9 +31,9 @@ class SessionReport(NamedTuple):
 
     def summary(self) -> list[tuple[str, str]]:
         """Return the summary as pairs of label and text; it is empty if the files have problems."""
-        if self.session is None or self.plan is None:
+        if self.checked is None or self.plan is None:
             return []
-        session, plan = self.session, self.plan
+        session, plan = self.checked, self.plan
         file, rig, constants = session.file, session.rig, session.constants
         phases = (f"{name} {s:.6g} s" for name, s in plan.phases.items())
         return [
@@ -73,7 +63,7 @@ class SessionReport(NamedTuple):
         if self.problems:
             return problems_text(self.problems)
         sources = (
-            [(f.role, display_path(f.path)) for f in self.session.files] if self.session else []
+            [(f.role, display_path(f.path)) for f in self.checked.files] if self.checked else []
         )
         return "\n".join(f"{label:11} {text}" for label, text in [*self.summary(), *sources])
 
@@ -84,13 +74,13 @@ class SessionReport(NamedTuple):
             "ok": self.ok,
             "problems": [problem.as_dict() for problem in self.problems],
         }
-        if self.session is not None and self.plan is not None:
-            file, plan = self.session.file, self.plan
+        if self.checked is not None and self.plan is not None:
+            file, plan = self.checked.file, self.plan
             document |= {
                 "name": file.name,
                 "session": file.session,
-                "rig": self.session.rig.name,
-                "rate_hz": self.session.rig.rate_hz,
+                "rig": self.checked.rig.name,
+                "rate_hz": self.checked.rig.rate_hz,
                 "loop": file.loop,
                 "correction": file.correction.kind,
                 "rows": [row.values for row in plan.rows],
@@ -98,8 +88,8 @@ class SessionReport(NamedTuple):
                 "measured_s": plan.phases["measure"],
                 "duration_s": plan.duration,
                 "phases_s": plan.phases,
-                "constants": self.session.constants.origin,
-                "files": [file.as_dict() for file in self.session.files],
+                "constants": self.checked.constants.origin,
+                "files": [file.as_dict() for file in self.checked.files],
             }
         return json.dumps(document, ensure_ascii=False, allow_nan=False)
 

@@ -28,7 +28,7 @@ from rig.kinds.oswec_bench.config.session_file import (
     OnlineCorrection,
     SessionFile,
 )
-from rig.kinds.oswec_bench.sessions.rows import SessionPoint
+from rig.planning.point import Point
 
 MIN_POINTS = 3
 """Minimum number of other rows for a line."""
@@ -53,20 +53,9 @@ class Correction(NamedTuple):
     runs: dict[str, str]  # sources: key of the file -> run
 
 
-class Line(NamedTuple):
-    """y = offset + slope x."""
-
-    offset: float
-    slope: float
-
-    def value_at(self, x: float) -> float:
-        """Return y at x."""
-        return self.offset + self.slope * x
-
-
 def session_correction(
     file: SessionFile,
-    points: tuple[SessionPoint, ...],
+    points: tuple[Point, ...],
     constants_files: dict[str, ConstantsFile | None],
     locate: SourceMap,
 ) -> Correction:
@@ -94,7 +83,7 @@ def session_correction(
 def _online_corrections(
     file: SessionFile,
     settings: OnlineCorrection,
-    points: tuple[SessionPoint, ...],
+    points: tuple[Point, ...],
     constants_files: dict[str, ConstantsFile | None],
     locate: SourceMap,
 ) -> tuple[RowCorrection, ...]:
@@ -107,22 +96,15 @@ def _online_corrections(
     rows, problems = [], []
     period = file.irregular.repeat_s if file.irregular is not None else 0.0
     for point in points:
-        row = next(
-            (d for d in conditions_file.driveline if _is_same_setpoint(d, point, period)), None
-        )
+        same = [d for d in conditions_file.driveline if _is_same_setpoint(d, point, period)]
         others = [d for d in regressions_file.driveline if not _is_same_setpoint(d, point, period)]
-        message = ""
-        if row is None:
-            message = f"no uncorrected row of these conditions in {conditions_file.run}"
-        elif len(others) < MIN_POINTS:
-            message = (
-                f"{len(others)} other rows in {regressions_file.run}; a line needs {MIN_POINTS}"
-            )
-        if message or row is None:
-            location = next(iter(point.locations.values()))
-            problems.append(location.problem(None, message))
+        if same and len(others) >= MIN_POINTS:
+            rows.append(row_correction(same[0], others, settings.phase_over))
             continue
-        rows.append(row_correction(row, others, settings.phase_over))
+        message = f"{len(others)} other rows in {regressions_file.run}; a line needs {MIN_POINTS}"
+        if not same:
+            message = f"no uncorrected row of these conditions in {conditions_file.run}"
+        problems.append(next(iter(point.locations.values())).problem(None, message))
     if problems:
         raise ConfigError(list(dict.fromkeys(problems)))
     return tuple(rows)
@@ -137,38 +119,33 @@ def row_correction(
     velocities = [other.rms_velocity_rad_per_s for other in others]
     delays = [0.01 * other.phase_shift_percent * other.period_s for other in others]
     amplitude_losses = [other.amplitude_difference_deg for other in others]
-    extra_amplitude = math.radians(fit_line(torques, amplitude_losses).value_at(torque))
+    extra_amplitude = math.radians(_predict(torques, amplitude_losses, torque))
     if phase_over == "torque":
-        advance = fit_line(torques, delays).value_at(torque)
+        advance = _predict(torques, delays, torque)
     elif phase_over == "velocity":
-        advance = fit_line(velocities, delays).value_at(velocity)
+        advance = _predict(velocities, delays, velocity)
     else:
         # rad, at rms velocity
         trailing_angles = [t * v for t, v in zip(delays, velocities, strict=True)]
-        advance = fit_line(torques, trailing_angles).value_at(torque) / velocity
+        advance = _predict(torques, trailing_angles, torque) / velocity
     return RowCorrection(extra_amplitude, advance)
 
 
-def fit_line(x: list[float], y: list[float]) -> Line:
-    """Return the line of least squares; horizontal through the mean if all x are equal."""
+def _predict(x: list[float], y: list[float], at: float) -> float:
+    """Return the line of least squares at an x; the mean of y if all x are equal."""
     if len(set(x)) < 2:
-        return Line(float(np.mean(y)), 0.0)
+        return float(np.mean(y))
     slope, offset = np.polyfit(x, y, 1)
-    return Line(float(offset), float(slope))
+    return float(offset) + float(slope) * at
 
 
-def _is_same_setpoint(row: DrivelinePoint, point: SessionPoint, repeat_period: float) -> bool:
+def _is_same_setpoint(row: DrivelinePoint, point: Point, repeat_period: float) -> bool:
     """Return whether an earlier row was run at this set point."""
     values = point.values
-    period = values.get("period", repeat_period)
-    pairs = (
-        (row.amplitude_deg, values["amplitude"]),
-        (row.period_s, period),
-        (row.damping_n_m_s_per_rad, values.get("damping", 0.0)),
-    )
-    return all(
-        abs(recorded - requested) <= 1e-6 * max(abs(recorded), 1.0) for recorded, requested in pairs
-    )
+    period, damping = values.get("period", repeat_period), values.get("damping", 0.0)
+    recorded = row.amplitude_deg, row.period_s, row.damping_n_m_s_per_rad
+    pairs = zip(recorded, (values["amplitude"], period, damping), strict=True)
+    return all(abs(a - b) <= 1e-6 * max(abs(a), 1.0) for a, b in pairs)
 
 
 def _missing_part(locate: SourceMap, key: str, value: object, part: str) -> Problem:

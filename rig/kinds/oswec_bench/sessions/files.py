@@ -2,27 +2,21 @@
 once.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from rig.config.problems import ConfigError, Problem
+import numpy as np
+
+from rig.config.problems import ConfigError, Problem, format_number
 from rig.config.pydantic_errors import validate
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
-from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
+from rig.kinds.oswec_bench.config.constants_file import BrakeMap, ConstantsFile
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
-from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.kinds.oswec_bench.sessions.constants import Constants, select_constants
+from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SESSION_KINDS, SessionFile
 from rig.kinds.oswec_bench.sessions.correction import Correction, session_correction
-from rig.kinds.oswec_bench.sessions.flume import check_wave_periods
-from rig.kinds.oswec_bench.sessions.rows import (
-    MAX_ROWS,
-    SessionPoint,
-    count_rows,
-    session_points,
-)
 from rig.planning.input_files import (
     ConfigSource,
     InputFile,
@@ -30,8 +24,27 @@ from rig.planning.input_files import (
     load_named_source,
     sort_problems,
 )
+from rig.planning.point import Point
+from rig.planning.points import count_points, points_of_grids, points_of_list
 
 T = TypeVar("T")
+
+MAX_ROWS = 1000
+"""Maximum number of rows of a session, repetitions included."""
+_TICK_TOLERANCE = 1e-6  # ticks
+NOMINAL = "the rig file, nominal"
+
+
+class Constants(NamedTuple):
+    """Scales of commands, all at the gearbox output, and the run that measured each."""
+
+    torque_positive: float  # N*m/A
+    torque_negative: float  # N*m/A
+    velocity: float  # rad/s/V
+    lag: float  # s, lag of the motor behind the commanded velocity; 0 if it was not measured
+    brake_currents: tuple[float, ...]  # A
+    brake_torques: tuple[float, ...]  # N*m, mean of both branches
+    origin: dict[str, str]  # source of each constant: the run, or the rig file
 
 
 class SessionParts(NamedTuple):
@@ -48,12 +61,10 @@ class Session(NamedTuple):
     """A session whose files passed every check that needs no plant."""
 
     file: SessionFile
-    locate: SourceMap  # file and line of each value of the session file
     rig: BenchRigFile
     limits: BenchLimitsFile
     plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
-    plant_locate: SourceMap
-    points: tuple[SessionPoint, ...]
+    points: tuple[Point, ...]
     constants: Constants
     correction: Correction
     files: tuple[InputFile, ...]  # with the files that they extend
@@ -61,15 +72,6 @@ class Session(NamedTuple):
 
 FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
 """A further check of a session; it runs even if the session has other problems."""
-
-
-def is_session(path: Path) -> bool:
-    """Return whether a file is a session file, not a campaign; False for an unreadable file."""
-    try:
-        mapping, _ = load_mapping(Path(path))
-    except ConfigError:
-        return False
-    return "session" in mapping
 
 
 class _FileReader:
@@ -144,10 +146,10 @@ def open_session(
         name: reader.constants(session_source, ("correction", name))
         for name in ("regressions", "conditions", "map")
     }
-    expanded_points: tuple[SessionPoint, ...] = ()
+    expanded_points: tuple[Point, ...] = ()
     computed_correction: Correction | None = None
     if file is not None:
-        row_count = file.repeat * count_rows(file)
+        row_count = file.repeat * count_points(file.grid, file.rows)
         if row_count > MAX_ROWS:
             message = f"{row_count} rows; allowed at most {MAX_ROWS}"
             key = "repeat" if file.repeat > 1 else "grid"
@@ -162,7 +164,7 @@ def open_session(
         )
         if rig is not None and limits is not None:
             reader.problems += _setpoints_beyond_limits(expanded_points, rig, limits)
-            reader.problems += check_wave_periods(file, expanded_points, float(rig.rate_hz))
+            reader.problems += _check_wave_periods(file, expanded_points, float(rig.rate_hz))
     if further_check is not None:
         parts = SessionParts(session_source, rig_source, plant, rig, file)
         reader.problems += further_check(parts)
@@ -175,22 +177,18 @@ def open_session(
     assert computed_correction is not None
     return Session(
         file,
-        session_source.locate,
         rig,
         limits,
         plant.mapping,
-        plant.locate,
         expanded_points,
-        select_constants(
-            rig, file, [*(one for one in correction_files.values() if one is not None), *measured]
-        ),
+        select_constants(rig, file, [*filter(None, correction_files.values()), *measured]),
         computed_correction,
         tuple(reader.files),
     )
 
 
 def _setpoints_beyond_limits(
-    setpoints: tuple[SessionPoint, ...], rig: BenchRigFile, limits: BenchLimitsFile
+    setpoints: tuple[Point, ...], rig: BenchRigFile, limits: BenchLimitsFile
 ) -> list[Problem]:
     """Return a problem for each set point that the limits would reduce."""
     bounds = {
@@ -212,3 +210,80 @@ def _setpoints_beyond_limits(
                 problem = point.locations[name].problem(value, message)
                 problems.setdefault((problem.key, problem.line), problem)
     return list(problems.values())
+
+
+def session_points(file: SessionFile, locate: SourceMap) -> tuple[Point, ...]:
+    """Return the rows in the order of the file."""
+    grid_points = points_of_grids(file.grid, ("grid",), SESSION_COLUMNS, locate)
+    return grid_points + points_of_list(file.rows, ("rows",), SESSION_COLUMNS, locate)
+
+
+def select_constants(
+    rig: BenchRigFile, session: SessionFile, measured: Iterable[ConstantsFile]
+) -> Constants:
+    """Return the constants of a session; the first file that has a constant decides.
+
+    A session that measures a constant commands by the nominal one, since its rows are given in
+    terms of that.
+    """
+    files = () if session.session.endswith("_constant") else tuple(measured)
+    servo = rig.servo
+    nominal_torque = servo.torque_constant_n_m_per_a
+    origin: dict[str, str] = {}
+
+    def first_measured(names: tuple[str, ...], nominal: float) -> float:
+        for name in names:
+            for file in files:
+                if name in file.constants:
+                    origin[names[0]] = f"{file.run}, {name}"
+                    return file.constants[name].value
+        origin[names[0]] = NOMINAL
+        return nominal
+
+    positive = first_measured(("torque_constant_positive", "torque_constant"), nominal_torque)
+    negative = first_measured(("torque_constant_negative", "torque_constant"), nominal_torque)
+    loaded_names = ("velocity_constant_loaded",) if session.session == "driveline" else ()
+    velocity = first_measured(
+        (*loaded_names, "velocity_constant"), servo.velocity_constant_rad_per_s_per_v
+    )
+    lag = first_measured(("velocity_loop_lag",), 0.0) if loaded_names else 0.0
+    map_file = next((file for file in files if file.brake_map is not None), None)
+    if map_file is None or map_file.brake_map is None:
+        origin["brake_map"] = NOMINAL
+        currents = tuple(point.current_a for point in rig.brake.map)
+        torques = tuple(point.torque_n_m for point in rig.brake.map)
+    else:
+        origin["brake_map"] = map_file.run
+        currents, torques = _mean_brake_map(map_file.brake_map)
+    return Constants(positive, negative, velocity, lag, currents, torques, origin)
+
+
+def _mean_brake_map(brake: BrakeMap) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the currents of both branches and the mean of their torques there, strictly rising."""
+    rising, falling = brake.rising, brake.falling
+    low = max(rising.current_a[0], falling.current_a[0])
+    high = min(rising.current_a[-1], falling.current_a[-1])
+    currents = [c for c in sorted({*rising.current_a, *falling.current_a}) if low <= c <= high]
+    branches = [np.interp(currents, each.current_a, each.torque_n_m) for each in (rising, falling)]
+    points: list[tuple[float, float]] = []
+    for current, torque in zip(currents, 0.5 * (branches[0] + branches[1]), strict=True):
+        if not points or torque > points[-1][1]:
+            points.append((current, float(torque)))
+    mean_currents, mean_torques = zip(*points, strict=True)
+    return mean_currents, mean_torques
+
+
+def _check_wave_periods(
+    file: SessionFile, points: tuple[Point, ...], rate_hz: float
+) -> Iterator[Problem]:
+    """Yield a problem for each wave period that is no whole number of ticks: a table cannot repeat
+    it.
+    """
+    if not SESSION_KINDS[file.session].needs_waves or file.irregular is not None:
+        return
+    for point in points:
+        ticks = point.values["period"] * rate_hz
+        if abs(ticks - round(ticks)) > _TICK_TOLERANCE:
+            message = f"{format_number(point.values['period'])} s is no whole number of ticks"
+            message += f"; allowed multiples of {format_number(1.0 / rate_hz)} s"
+            yield point.locations["period"].problem(point.values["period"], message)

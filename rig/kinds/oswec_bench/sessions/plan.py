@@ -11,13 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.oswec_position import PI, Component
-from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SessionFile
+from controllers.oswec_position import PI, Component, EnvelopeTimes
+from rig.kinds.oswec_bench.config.session_file import (
+    SESSION_COLUMNS,
+    SESSION_KINDS,
+    IrregularReference,
+    SessionFile,
+)
 from rig.kinds.oswec_bench.sessions.correction import RowCorrection
 from rig.kinds.oswec_bench.sessions.files import Session
-from rig.kinds.oswec_bench.sessions.flume import irregular_signal, row_flume
-from rig.kinds.oswec_bench.sessions.rows import SessionPoint
-from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoints
+from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoint
+from rig.planning.multisine import Multisine, design_multisine, scale_to_peak
+from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 
@@ -33,29 +38,18 @@ class SessionRow(NamedTuple):
     measure: float  # s
 
 
-class BenchSetpoint(NamedTuple):
-    """One set point of the plan."""
-
-    components: tuple[Component, ...]
-    damping: float  # N*m*s/rad
-    brake_current: float  # A
-    rise: float  # s
-    until: float  # s
-    flume: Flume
-
-
 class SessionPlan(NamedTuple):
     """A planned session, ready for `rig.realtime.sequence.step`."""
 
     rows: tuple[SessionRow, ...]
     segments: Segments
-    setpoints: Setpoints
+    setpoints: tuple[Setpoint, ...]
     dt: float  # s, length of a tick
     duration: float  # s, planned; waiting for the drive may extend it
     phases: dict[str, float]  # planned duration of each phase, s, by its name
 
 
-REST = BenchSetpoint((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
+REST = Setpoint((), EnvelopeTimes(0.1, 0.0), 0.0, 0.0, NO_FLUME)
 """The set point at rest: no demand on motor and brake."""
 
 
@@ -70,12 +64,11 @@ def plan_session(session: Session) -> SessionPlan:
         rise = file.timing.rise_s
         settle_periods = math.ceil(rise / period - 1e-9) + file.timing.settle_periods
         settle, measure = settle_periods * period, file.timing.periods * period
-        setpoint = BenchSetpoint(
+        setpoint = Setpoint(
             row_components(session, point, session.correction.rows[index]),
+            EnvelopeTimes(rise, settle + measure),
             point.values.get("damping", 0.0),
             point.values.get("brake_current", 0.0),
-            rise,
-            settle + measure,
             row_flume(file, point, index),
         )
         # The flap is released when its measurement starts.
@@ -93,7 +86,14 @@ def plan_session(session: Session) -> SessionPlan:
             PlanSegment(row_number, Phase.TAIL, rise, released),
         ]  # fmt: skip
     pieces.append(PlanSegment(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
-    return _assemble_plan(tuple(rows), pieces, float(rig.rate_hz))
+    rate = float(rig.rate_hz)
+    table = cut_into_ticks(pieces, rate)
+    segments, _, setpoints = table
+    seconds = phase_seconds(table, rate)
+    timed = (Phase.TARE, Phase.MOVING, Phase.SETTLE, Phase.MEASURE, Phase.TAIL)
+    phases = {phase.name.lower(): seconds[phase] for phase in timed}
+    duration = sum(segments.ticks) / rate
+    return SessionPlan(tuple(rows), segments, setpoints, 1.0 / rate, duration, phases)
 
 
 def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
@@ -105,12 +105,12 @@ def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
     return rows
 
 
-def _period(file: SessionFile, point: SessionPoint) -> float:
+def _period(file: SessionFile, point: Point) -> float:
     return point.values["period"] if file.irregular is None else file.irregular.repeat_s
 
 
 def row_components(
-    session: Session, point: SessionPoint, row_correction: RowCorrection
+    session: Session, point: Point, row_correction: RowCorrection
 ) -> tuple[Component, ...]:
     """Return the cosines of a row's reference, each with its share of the correction.
 
@@ -140,14 +140,52 @@ def row_components(
     return tuple(Component(a, w, phase, gain, advance) for a, w, phase in cosines)
 
 
-def _assemble_plan(
-    rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetpoint]], rate: float
-) -> SessionPlan:
-    table = cut_into_ticks(pieces, rate)
-    segments, _, setpoint_table = table
-    seconds = phase_seconds(table, rate)
-    timed = (Phase.TARE, Phase.MOVING, Phase.SETTLE, Phase.MEASURE, Phase.TAIL)
-    phases = {phase.name.lower(): seconds[phase] for phase in timed}
-    setpoints = Setpoints(*zip(*setpoint_table, strict=True))
-    duration = sum(segments.ticks) / rate
-    return SessionPlan(rows, segments, setpoints, 1.0 / rate, duration, phases)
+class Sea(NamedTuple):
+    """A sea as the wave maker receives it: elevation at the flap's position, without the flap."""
+
+    repeat_s: float
+    cycles: tuple[int, ...]
+    amplitude_m: tuple[float, ...]
+    phase_rad: tuple[float, ...]  # at time zero of the wave clock
+
+
+def irregular_signal(settings: IrregularReference) -> Multisine:
+    """Return an irregular signal of unit peak."""
+    multisine = design_multisine(
+        settings.low_hz,
+        settings.high_hz,
+        settings.repeat_s,
+        rms=1.0,
+        seed=settings.seed,
+        draws=settings.draws,
+    )
+    return scale_to_peak(multisine, 1.0)
+
+
+def session_seas(file: SessionFile, points: tuple[Point, ...]) -> tuple[Sea, ...]:
+    """Return one sea per point of the file; empty if the session makes no waves.
+
+    A sea is one cosine, or an irregular sea with the given highest elevation.
+    """
+    if not SESSION_KINDS[file.session].needs_waves:
+        return ()
+    amplitudes = [point.values["wave_amplitude"] for point in points]
+    if file.irregular is None:
+        pairs = zip(points, amplitudes, strict=True)
+        return tuple(Sea(p.values["period"], (1,), (a,), (0.0,)) for p, a in pairs)
+    repeat, cycles, shares, phases = irregular_signal(file.irregular)
+    lines, angles = tuple(cycles.tolist()), tuple(phases.tolist())
+    return tuple(Sea(repeat, lines, tuple((a * shares).tolist()), angles) for a in amplitudes)
+
+
+def row_flume(file: SessionFile, point: Point, index: int) -> Flume:
+    """Return the requests of a row to flap and flume; ``index`` is that of its sea."""
+    demand = SESSION_KINDS[file.session]
+    if not demand.flap_coupling:
+        return NO_FLUME
+    return Flume(
+        index if demand.needs_waves else -1,
+        1 if "release" in point.values else 0,
+        math.radians(point.values.get("release", 0.0)),
+        point.values.get("pto_damping", 0.0),
+    )

@@ -31,11 +31,12 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     e_stop, _, panel_age = panel
     if e_stop != 0:
         return Reason.EMERGENCY_STOP.value
-    fx, fy, fz, tx, ty, tz, load_age = load
+    load_age = load.age
     current, brake_age = brake
     x, v, a = shaft
     # One sum replaces many tests: it is finite only if every term is finite.
-    total = fx + fy + fz + tx + ty + tz + load_age + current + brake_age + panel_age + x + v + a
+    total = load.fx + load.fy + load.fz + load.tx + load.ty + load.tz + load_age
+    total = total + current + brake_age + panel_age + x + v + a
     if state.speed.not_finite == 1 or not finite(total):
         return Reason.NOT_FINITE.value
     motor_zero, shaft_zero = zeros_in_use(params, state, encoders)
@@ -77,13 +78,12 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
 
 def exceeds_range(load: WrenchSense, bounds: LoadLimits) -> bool:
     """Return True if a force or a torque of the load cell lies outside its range."""
-    fx, fy, fz, tx, ty, tz, _ = load
     lateral, axial, bending, torsion = bounds
     return not (
-        -lateral <= fx <= lateral
-        and -lateral <= fy <= lateral
-        and -axial <= fz <= axial
-        and -bending <= tx <= bending
-        and -bending <= ty <= bending
-        and -torsion <= tz <= torsion
+        -lateral <= load.fx <= lateral
+        and -lateral <= load.fy <= lateral
+        and -axial <= load.fz <= axial
+        and -bending <= load.tx <= bending
+        and -bending <= load.ty <= bending
+        and -torsion <= load.tz <= torsion
     )

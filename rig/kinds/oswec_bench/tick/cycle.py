@@ -16,17 +16,16 @@ from rig.kinds.oswec_bench.tick.signals import (
     Reference,
     Rotation,
     Sense,
+    Setpoint,
     TickSignals,
 )
 from rig.kinds.oswec_bench.tick.state import (
     LAWS_AT_REST,
-    ActiveSetpoint,
     BrakeState,
     Laws,
     Params,
     ShaftState,
     State,
-    activate_setpoint,
     encoder_angles,
     start,
     zeros_in_use,
@@ -82,45 +81,26 @@ def control(
 
     The set point becomes a velocity or a torque within limits, and a current of the brake.
     """
-    motor, laws, brake, tare_state = state.motor, state.laws, state.brake, state.tare
-    active_setpoint = state.active_setpoint
+    brake, tare_state, active = state.brake, state.tare, params.setpoints[setpoint]
     motor_motion, shaft_motion = motion
     encoders, servo, load, brake_sense, _ = sense
     _, phase, _, clock = plan
     mode = guard.mode
-    if setpoint != active_setpoint.setpoint:
-        active_setpoint = activate_setpoint(params.setpoints, setpoint)
     torque = load.tz - tare_state.zeros.torque
     if mode == RUN:
         laws, reference, correction, demand = _step_laws(
-            params,
-            laws,
-            active_setpoint,
-            motion,
-            brake.command.velocity,
-            torque,
-            motor.saturation_deficit,
-            clock,
-            dt,
+            params, state, active, motion, torque, clock, dt
         )
     else:  # the laws are reset while they do not act
-        laws, reference, correction, demand = (
-            LAWS_AT_REST,
-            _ZERO_REFERENCE,
-            _NO_CORRECTION,
-            _ZERO_DEMAND,
-        )
-    mismatch = _velocity_mismatch_ticks(
-        params, state.speed, state.mismatch, servo.enabled, motor_motion.velocity, mode
-    )
-    motor, speed_state, drive = _command_drive(
-        params, motor, state.speed, sense, motor_motion, demand, mode, dt
-    )
-    damps_only = (
-        mode == RUN
-        and active_setpoint.flume.pto_damping > 0.0
-        and len(active_setpoint.components) == 0
-    )
+        laws, correction = LAWS_AT_REST, _NO_CORRECTION
+        reference, demand = _ZERO_REFERENCE, _ZERO_DEMAND
+    # As a mismatch of currents, with the velocity that was commanded last.
+    mismatch, deviation = 0, motor_motion.velocity - state.speed.velocity
+    if servo.enabled == 1 and RUN <= mode <= STOP_1:
+        max_difference = params.limits.velocity_difference_stop
+        mismatch = limits.count_mismatch(state.mismatch, deviation, max_difference)
+    motor, speed_state, drive = _command_drive(params, state, sense, motor_motion, demand, mode, dt)
+    damps_only = mode == RUN and active.flume.pto_damping > 0.0 and len(active.components) == 0
     power = stations.step(
         state.power,
         cell_torque=torque,
@@ -133,18 +113,19 @@ def control(
     checked = motor_power.step(
         params.motor_power, state.motor_power, fed, power.motor, power.load_cell, mode
     )
-    brake_command = _command_brake(
-        params, brake.command, active_setpoint, shaft_motion.velocity, mode, dt
-    )
+    brake_command = brake_damping.start()
+    if RUN <= mode <= STOP_1:  # the brake acts during a controlled stop, too
+        _, _, damping, brake_current, _ = active
+        brake_command = brake_damping.step(
+            params.brake, brake.command, damping, brake_current, shaft_motion.velocity, dt
+        )
     if phase == TARE or tare_state.samples > 0 or tare_state.seeded == 0:
         previous_tare = tare_state
         tare_state = tare.step(tare_state, *encoder_angles(params, encoders), load.tz, phase)
         if previous_tare.seeded == 1:
             motor = axis.rezero(motor, tare_state.zeros.motor - previous_tare.zeros.motor)
-            (x, v, a), zero_change = (
-                shaft_motion,
-                tare_state.zeros.shaft - previous_tare.zeros.shaft,
-            )
+            x, v, a = shaft_motion
+            zero_change = tare_state.zeros.shaft - previous_tare.zeros.shaft
             shaft_motion = Estimate(x - zero_change, v, a)
     new_state = State(
         motor,
@@ -156,47 +137,46 @@ def control(
         power,
         checked,
         tare_state,
-        active_setpoint,
     )
+    sea, flap_held, hold_angle, _ = active.flume
     command = Command(
         *drive,
         brake_command.torque,
         brake_command.current,
-        *_flume_command(params, active_setpoint, clock),
+        1 if params.locked == 1 or flap_held == 1 else 0,
+        sea if clock >= 0.0 else -1,
+        hold_angle,
     )
     return new_state, command, (motion, tare_state.zeros, reference, correction, demand, power)
 
 
 def _step_laws(
     params: Params,
-    laws: Laws,
-    active_setpoint: ActiveSetpoint,
+    state: State,
+    active: Setpoint,
     motion: Motion,
-    filtered_velocity: float,
     torque: float,
-    saturation_deficit: float,
     clock: float,
     dt: float,
 ) -> tuple[Laws, Reference, Turning, LoopDemand]:
     """Return the laws' state, the shaft's reference, the correction and the demand on the drive.
 
-    ``filtered_velocity`` is the shaft's velocity as the brake's law filters it, rad/s. The motor's
-    own velocity would close a loop over the resonance of the coupling.
+    Damping by the motor uses the shaft's velocity as the brake's law filters it. The motor's own
+    velocity would close a loop over the resonance of the coupling.
     """
-    _, components, span, _, _, flume = active_setpoint
+    laws = state.laws
+    components, span, _, _, flume = active
     if params.mode == TORQUE:
         torque_reference = oswec_position.reference(components, span, clock).angle
         if flume.pto_damping > 0.0:
             torque_reference += brake_damping.motor_damping_torque(
-                flume.pto_damping, filtered_velocity
+                flume.pto_damping, state.brake.command.velocity
             )
         tracking, tracking_output = torque_tracking.step(
-            params.torque, laws.torque, torque_reference, torque, saturation_deficit, dt
+            params.torque, laws.torque, torque_reference, torque, state.motor.saturation_deficit, dt
         )
-        reference, demand = (
-            Reference(0.0, 0.0, torque_reference),
-            LoopDemand(tracking_output.torque, 0.0),
-        )
+        reference = Reference(0.0, 0.0, torque_reference)
+        demand = LoopDemand(tracking_output.torque, 0.0)
         return Laws(laws.position, tracking), reference, _NO_CORRECTION, demand
     position, (plain_motion, correction) = oswec_position.step(
         params.position, laws.position, components, span, clock, torque, dt
@@ -219,8 +199,7 @@ DriveFields = tuple[int, float, float, float, float, int, int]
 
 def _command_drive(
     params: Params,
-    motor: axis.State,
-    speed_state: speed.State,
+    state: State,
     sense: Sense,
     motion: Estimate,
     demand: LoopDemand,
@@ -238,7 +217,7 @@ def _command_drive(
     nominal = scale * torque_tracking.current(params.torque, demand.torque)
     motor, record = axis.control(
         params.motor,
-        motor,
+        state.motor,
         motor_sense(sense),
         motion,
         Demand(0.0, 0.0, 0.0, nominal),
@@ -250,57 +229,11 @@ def _command_drive(
     if in_torque_loop:
         _, current, enable, limited = record.command
         torque = torque_tracking.torque(params.torque, current)
-        return motor, speed_state, (TORQUE, 0.0, 0.0, torque, current, enable, limited)
+        return motor, state.speed, (TORQUE, 0.0, 0.0, torque, current, enable, limited)
     speed_state, (velocity, volts, enable, limited) = speed.limit_command(
-        params.speed, speed_state, demand.velocity, mode, dt
+        params.speed, state.speed, demand.velocity, mode, dt
     )
     return motor, speed_state, (VELOCITY, velocity, volts, 0.0, 0.0, enable, limited)
-
-
-def _command_brake(
-    params: Params,
-    previous: brake_damping.BrakeState,
-    active_setpoint: ActiveSetpoint,
-    velocity: float,
-    mode: int,
-    dt: float,
-) -> brake_damping.BrakeState:
-    """Return torque and current of the brake.
-
-    The brake acts during a controlled stop and is released when power goes off.
-    """
-    if not RUN <= mode <= STOP_1:
-        return brake_damping.start()
-    return brake_damping.step(
-        params.brake, previous, active_setpoint.damping, active_setpoint.brake_current, velocity, dt
-    )
-
-
-def _flume_command(
-    params: Params, active_setpoint: ActiveSetpoint, clock: float
-) -> tuple[int, int, float]:
-    """Return `locked`, `sea` and `clamp` of a command: the actions of people and wave maker."""
-    sea, flap_held, hold_angle, _ = active_setpoint.flume
-    locked = 1 if params.locked == 1 or flap_held == 1 else 0
-    return locked, sea if clock >= 0.0 else -1, hold_angle
-
-
-def _velocity_mismatch_ticks(
-    params: Params,
-    speed_state: speed.State,
-    previous_ticks: int,
-    enabled: int,
-    velocity: float,
-    mode: int,
-) -> int:
-    """Return the number of ticks in which the motor did not turn at its last commanded velocity.
-
-    Ticks are counted as `rig.realtime.limits.count_mismatch` counts those of a current mismatch.
-    """
-    if enabled == 0 or not RUN <= mode <= STOP_1:
-        return 0
-    max_difference = params.limits.velocity_difference_stop
-    return limits.count_mismatch(previous_ticks, velocity - speed_state.velocity, max_difference)
 
 
 def _brake_mismatch_ticks(params: Params, brake: BrakeState, measured: float) -> int:

@@ -8,7 +8,7 @@ positive angles; the brake's torque opposes the shaft's velocity.
 from enum import IntEnum
 from typing import NamedTuple
 
-from controllers.oswec_position import Component
+from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import (
     Ampere,
     Count,
@@ -177,18 +177,14 @@ NO_FLUME = Flume(-1, 0, 0.0, 0.0)
 """The flume part of a set point without a flap."""
 
 
-class Setpoints(NamedTuple):
-    """Set points as columns of equal length; a plan segment names an index into them.
+class Setpoint(NamedTuple):
+    """A set point; a plan segment names an index into the table of them."""
 
-    ``components`` are those of the reference: rad in the velocity loop, N*m in the torque loop.
-    """
-
-    components: tuple[tuple[Component, ...], ...]
-    damping: tuple[float, ...]  # N*m*s/rad, R of the brake law T = R |v|
-    brake_current: tuple[float, ...]  # A, added to the current of the brake law
-    rise: tuple[float, ...]  # s, ramp of the reference from zero
-    until: tuple[float, ...]  # s of the row's clock; the fade-out starts then
-    flume: tuple[Flume, ...]
+    components: tuple[Component, ...]  # of the reference: rad in the velocity loop, N*m in torque
+    span: EnvelopeTimes  # rise from zero, and clock of the row at which the fade-out starts
+    damping: float  # N*m*s/rad, R of the brake law T = R |v|
+    brake_current: float  # A, added to the current of the brake law
+    flume: Flume
 
 
 # Motion of motor and shaft relative to their zeros, as in `rig.realtime.axis`, rad for m.

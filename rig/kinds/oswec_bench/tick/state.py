@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 from controllers import brake_damping, estimator, oswec_position, torque_tracking
-from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import Estimate
 from rig.kinds.oswec_bench.tick import speed, stations, tare
-from rig.kinds.oswec_bench.tick.signals import NO_FLUME, EncoderSense, Flume, Setpoints
+from rig.kinds.oswec_bench.tick.signals import EncoderSense, Setpoint
 from rig.realtime import axis, motor_power
 
 
@@ -66,7 +65,7 @@ class Params(NamedTuple):
     locked: int  # 1: the shaft is clamped
     limits: Limits
     motor_power: motor_power.Params
-    setpoints: Setpoints
+    setpoints: tuple[Setpoint, ...]
 
 
 class ShaftState(NamedTuple):
@@ -90,17 +89,6 @@ class Laws(NamedTuple):
     torque: torque_tracking.State
 
 
-class ActiveSetpoint(NamedTuple):
-    """The set point in use."""
-
-    setpoint: int  # index, -1: none yet
-    components: tuple[Component, ...]
-    span: EnvelopeTimes
-    damping: float  # N*m*s/rad
-    brake_current: float  # A
-    flume: Flume
-
-
 class State(NamedTuple):
     """Memory of a bench run."""
 
@@ -113,7 +101,6 @@ class State(NamedTuple):
     power: stations.Power
     motor_power: motor_power.State
     tare: tare.State
-    active_setpoint: ActiveSetpoint
 
 
 LAWS_AT_REST = Laws(oswec_position.start(), torque_tracking.start())
@@ -131,19 +118,6 @@ def start(params: Params) -> State:
         stations.start(),
         motor_power.start(),
         tare.start(),
-        ActiveSetpoint(-1, (), EnvelopeTimes(0.0, 0.0), 0.0, 0.0, NO_FLUME),
-    )
-
-
-def activate_setpoint(table: Setpoints, setpoint: int) -> ActiveSetpoint:
-    """Return the set point of an index; it is built once and used until the next one."""
-    return ActiveSetpoint(
-        setpoint,
-        table.components[setpoint],
-        EnvelopeTimes(table.rise[setpoint], table.until[setpoint]),
-        table.damping[setpoint],
-        table.brake_current[setpoint],
-        table.flume[setpoint],
     )
 
 

@@ -1,15 +1,15 @@
 """The WaveBot's part of campaigns: spring, stator moves, stable Ki, hoist, surge, drive."""
 
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import date
 
-from rig.campaign.files import AnyCampaign
-from rig.campaign.kind import CampaignKind, Wait, points_of_matrix
-from rig.campaign.plan import AnyPlan, order_rows
+from controllers import magnetic_spring
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind, Wait, points_of_matrix
+from rig.campaign.plan import order_rows
 from rig.config.law_settings import DEFAULT_LAW, find_law, inherit_law
 from rig.config.limits_file import complete_limits
-from rig.config.problems import Problem
-from rig.config.yaml_source import SourceMap
+from rig.config.problems import ConfigError, Problem, format_number
+from rig.config.yaml_source import KeyPath, SourceMap
 from rig.kinds.wavebot.campaign.set_points import (
     RowSetting,
     column_defaults,
@@ -21,17 +21,87 @@ from rig.kinds.wavebot.campaign.stability import (
     set_point_stability_problems,
     stability_problems,
 )
-from rig.kinds.wavebot.campaign.stator import hoist_points, spring_map_problems, stator_positions
-from rig.kinds.wavebot.campaign.validity import validity_warnings
-from rig.kinds.wavebot.config.campaign_file import CampaignFile, campaign_model
+from rig.kinds.wavebot.config.campaign_file import CampaignFile, Hoist, campaign_model
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.config.limits_file import LATER_LIMITS, LimitsFile
-from rig.kinds.wavebot.config.rig_file import RigFile
+from rig.kinds.wavebot.config.rig_file import MagneticSpring, RigFile
 from rig.laws import Law
 from rig.planning.input_files import ConfigSource
 from rig.planning.point import MAX_ROWS, Point
+from rig.planning.points import locate_value
 from rig.planning.windows import RowWindows, calibration_window, row_windows
 from rig.realtime.sequence import WAIT_ARRIVAL, WAIT_DRIVE
+from rig.recording.calibration import RecordingTime, ValidityError, is_valid
+
+
+def stator_positions(rig: RigFile, points: Sequence[Point]) -> list[float]:
+    """Return the stator position (%) that the loop will command for each point."""
+    spring = rig.spring
+    params = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
+    return [magnetic_spring.stator_position(params, point.spring_rate) for point in points]
+
+
+def hoist_points(
+    hoist: Hoist, spring: MagneticSpring, locate: SourceMap, law: Law
+) -> tuple[Point, ...]:
+    """Return the hoist's stations as points without gains, with the spring rates of the rig's map.
+
+    Raises `ConfigError` for stations outside the map, to which the stator cannot be moved.
+    """
+    points, problems = [], []
+    low, high = spring.map[0].stator_percent, spring.map[-1].stator_percent
+    for i, station in enumerate(hoist.stations_percent):
+        key: KeyPath = ("hoist", "stations_percent", i)
+        location = locate_value(key if key in locate.locations else key[:2], locate)
+        rate = spring.rate(station)
+        if rate is None:
+            allowed = f"allowed {format_number(low)} .. {format_number(high)} %"
+            message = f"stator position {format_number(station)} is outside the rig's spring map"
+            problems.append(location.problem(station, f"{message}; {allowed}"))
+            continue
+        none = {column.name: 0.0 for column in law.columns if column.default is None}
+        values = {"spring_rate": rate, **none}
+        points.append(Point(values, dict.fromkeys(values, location)))
+    if problems:
+        raise ConfigError(problems)
+    return tuple(points)
+
+
+def spring_map_problems(points: tuple[Point, ...], spring: MagneticSpring) -> tuple[Problem, ...]:
+    """Return a problem, with its location, for each spring rate outside the rig's spring map."""
+    rates, _ = spring.by_rate()
+    outside = dict.fromkeys(
+        (point.spring_rate, point.locations["spring_rate"])
+        for point in points
+        if not rates[0] <= point.spring_rate <= rates[-1]
+    )
+    return tuple(
+        location.problem(
+            rate,
+            f"spring rate {format_number(rate)} is outside the rig's spring map; "
+            f"allowed {format_number(rates[0])} .. {format_number(rates[-1])} N/m",
+        )
+        for rate, location in outside
+    )
+
+
+def validity_warnings(campaign: AnyCampaign, day: date) -> tuple[Problem, ...]:
+    """Return a warning if the calibration of the spring map is not valid on a day (UTC).
+
+    The result is empty if the rig file has its own map or if the calibration is valid. The
+    validity of a calibration by run number is unknown before the run, which also gives a warning.
+    """
+    spring_map = campaign.rig.spring_map
+    if spring_map is None:
+        return ()
+    try:
+        if is_valid(spring_map.valid, RecordingTime(day=day)):
+            return ()
+        reason = f"does not hold on {day.isoformat()}: valid for {spring_map.valid.description()}"
+    except ValidityError as error:
+        reason = str(error)
+    message = f"{spring_map.title} {reason}; the stator is nevertheless positioned by this map"
+    return (campaign.rig_locate.problem(("spring_map", "valid"), None, message),)
 
 
 def _find_laws(campaign: ConfigSource, rig: ConfigSource | None) -> dict[str, Law]:
@@ -113,10 +183,6 @@ def _with_stable_ki(
     return setting._replace(ki=max_stable_ki(rig.stability, spring_rates, setting.ki))
 
 
-def _last(file: CampaignFile, setting: RowSetting) -> RowSetting:
-    return setting if file.zc_law is None else setting._replace(ki=0.0)
-
-
 def _report_lines(campaign: AnyCampaign, plan: AnyPlan) -> list[tuple[str, str]]:
     hoist = campaign.file.hoist
     return [
@@ -139,10 +205,6 @@ def _power_sign_text(campaign: AnyCampaign) -> str:
     return f"monitored in {absorbing} of {count}: those with Kp < 0 and Km = 0"
 
 
-def _earlier_limits(recorded: dict[str, Any]) -> dict[str, Any]:
-    return complete_limits(recorded, LATER_LIMITS)
-
-
 CAMPAIGNS = CampaignKind(
     rig_file=RigFile,
     limits_file=LimitsFile,
@@ -160,10 +222,10 @@ CAMPAIGNS = CampaignKind(
     lead_in=_lead_in,
     prepare=_prepare,
     move=_move,
-    last=_last,
+    last=lambda file, setting: setting if file.zc_law is None else setting._replace(ki=0.0),
     validity_warnings=validity_warnings,
     report_lines=_report_lines,
-    earlier_limits=_earlier_limits,
+    earlier_limits=lambda recorded: complete_limits(recorded, LATER_LIMITS),
     rig_parts="spring map",
     swept_keys=("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare"),
 )

@@ -2,35 +2,23 @@
 
 from rig.kinds import Command
 
-COMMANDS = (
-    Command(
-        "import",
-        "rig.kinds.wavebot.commands.import_run",
-        "Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`.",
-    ),
-    Command(
-        "recommend",
-        "rig.kinds.wavebot.commands.recommend",
-        "Recommend gains: best settings for a sea, and a campaign file of the rows to run next.",
-    ),
-    Command(
-        "spring-map",
-        "rig.kinds.wavebot.commands.spring_map",
-        "Map the magnetic spring from a hoist campaign, and write the map as a calibration file.",
-    ),
-    Command(
-        "surge-damping",
-        "rig.kinds.wavebot.commands.surge_damping",
-        "Determine the surge damping: the least drive force that keeps stroke and heave power.",
-    ),
-    Command(
-        "twin",
-        "rig.kinds.wavebot.commands.twin",
-        "Write a plant file, identified from runs, for rehearsals, checks and sweeps.",
-    ),
-    Command(
-        "twoport",
-        "rig.kinds.wavebot.commands.twoport",
-        "Draw how gains, spring and gear change the impedance match and the transmitted power.",
-    ),
+_NAME_MODULE_HELP = (
+    ("import", "import_run",
+     "Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`."),
+    ("matrix", "matrix", "Read a gain matrix of an earlier rig, and convert it for wec-rig."),
+    ("recommend", "recommend",
+     "Recommend gains: best settings for a sea, and a campaign file of the rows to run next."),
+    ("spring-map", "spring_map",
+     "Map the magnetic spring from a hoist campaign, and write the map as a calibration file."),
+    ("surge-damping", "surge_damping",
+     "Determine the surge damping: the least drive force that keeps stroke and heave power."),
+    ("testlog", "testlog",
+     "Read the log of a test: its runs, their links, and every irregularity."),
+    ("twin", "twin",
+     "Write a plant file, identified from runs, for rehearsals, checks and sweeps."),
+    ("twoport", "twoport",
+     "Draw how gains, spring and gear change the impedance match and the transmitted power."),
+)  # fmt: skip
+COMMANDS = tuple(
+    Command(name, f"{__name__}.{module}", text) for name, module, text in _NAME_MODULE_HELP
 )

@@ -9,8 +9,12 @@ import typer
 
 from rig.cli.options import RUNS, Json, Runs
 from rig.cli.output import OK, input_errors, print_json
-from rig.kinds.wavebot.mask4.import_run import FileDescription, import_file, start_from_name
-from rig.kinds.wavebot.mask4.windows import RowTiming
+from rig.kinds.wavebot.mask4.import_run import (
+    FileDescription,
+    RowTiming,
+    import_file,
+    start_from_name,
+)
 
 
 class Drive(StrEnum):

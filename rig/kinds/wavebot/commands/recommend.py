@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 
 from rig.cli.calibration_dates import warn_of_expired
-from rig.cli.find_run import find_run, run_folder
-from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.cli.input_files import CAMPAIGNS, find_run, input_file, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.commands.twin import PLANT_HELP, PROBE_HELP

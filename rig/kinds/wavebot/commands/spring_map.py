@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 import xarray
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import (
     CALIBRATIONS,
     RUNS,

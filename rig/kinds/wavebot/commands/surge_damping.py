@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_result
 from rig.kinds.wavebot.products import surge_damping
-from rig.kinds.wavebot.products.surge_damping_picture import write_picture
+from rig.kinds.wavebot.products.surge_damping import write_picture
 from rig.recording.runs.folder import run_info
 
 EXIT_CODES = """\

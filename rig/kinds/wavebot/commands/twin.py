@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.find_run import find_run, run_folder
+from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.twin import plant_file

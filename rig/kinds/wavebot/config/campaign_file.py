@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from rig.config.campaign_file import BaseCampaignFile, BaseStart, CampaignHead, with_laws
 from rig.config.law_settings import IMPEDANCE, AxisLaw, ExpandName, ImpedanceSettings
-from rig.config.matrix import Matrix, matrix_model
-from rig.config.model import FileModel, RuleViolation, rule_error
+from rig.config.matrix import Matrix, expand_values, matrix_model
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number
 from rig.config.sea import CalmSea
 from rig.kinds.wavebot.config.columns import (
@@ -26,8 +26,50 @@ from rig.kinds.wavebot.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.kinds.wavebot.config.hoist import Hoist
 from rig.laws import Law
+
+Station = Annotated[float, Field(ge=-100, le=100)]
+"""Position of the magnetic spring's stator, %."""
+
+TURNAROUND_S = 1.0
+"""Time of a hoist's reversal at either end of its travel, s; in between its speed is constant."""
+
+
+class Hoist(FileModel):
+    """Travel and speed of the hoist, and the stator positions at which the travel is run."""
+
+    stations_percent: Annotated[TupleOf[Station], BeforeValidator(expand_values)]
+    low_m: float = Field(ge=-2, lt=0)  # relative to the tared zero
+    high_m: float = Field(gt=0, le=2)
+    speed_m_per_s: float = Field(gt=0, le=0.2)
+    cycles: WholeNumber = Field(default=2, ge=1, le=20)  # per station
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that stations differ and that most of the travel is at constant speed."""
+        for i, station in enumerate(self.stations_percent):
+            if station in self.stations_percent[:i]:
+                message = f"{format_number(station)} occurs twice; list each station once"
+                yield RuleViolation(("stations_percent", i), message, station)
+        max_speed = 0.25 * (self.high_m - self.low_m) / TURNAROUND_S
+        if self.speed_m_per_s > max_speed:
+            yield self.violation(
+                "speed_m_per_s",
+                f"{format_number(self.speed_m_per_s)} leaves no travel at constant speed; "
+                f"allowed up to {format_number(max_speed)} m/s for this travel",
+            )
+
+    @property
+    def period(self) -> float:
+        """Duration of one cycle, s: up and down at constant speed, and two reversals."""
+        return 2.0 * ((self.high_m - self.low_m) / self.speed_m_per_s + 0.5 * TURNAROUND_S)
+
+    def description(self) -> str:
+        """Return one line of text."""
+        return (
+            f"{format_number(self.low_m)} .. {format_number(self.high_m)} m at "
+            f"{format_number(self.speed_m_per_s)} m/s, {self.cycles} times a station"
+        )
+
 
 if TYPE_CHECKING:
     ImpedanceMatrix = Matrix
@@ -51,11 +93,10 @@ class Start(BaseStart):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the set point's time is part of the lead-in."""
         if self.set_point_s > self.lead_in_s:
-            yield RuleViolation(
-                ("set_point_s",),
+            yield self.violation(
+                "set_point_s",
                 f"{format_number(self.set_point_s)} is longer than the lead-in it is part of; "
                 f"allowed up to lead_in_s = {format_number(self.lead_in_s)} s",
-                self.set_point_s,
             )
 
 
@@ -154,9 +195,7 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
     def _hoist_rules(self) -> Iterator[RuleViolation]:
         """Check that only the hoist moves the body and that its cycles define a row's duration."""
         if self.device == "absent":
-            yield RuleViolation(
-                ("device",), "a hoist needs a body to move; allowed present", "absent"
-            )
+            yield self.violation("device", "a hoist needs a body to move; allowed present")
         if not isinstance(self.sea, CalmSea):
             yield RuleViolation(
                 ("sea", "kind"), "a hoist needs calm water; allowed calm", self.sea.kind
@@ -172,6 +211,11 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
             yield RuleViolation(
                 ("timing",), "a hoist has no mask4 windows; leave the key out", "mask4"
             )
+
+    @property
+    def excited_axis(self) -> str:
+        """The axis that the open-loop reference excites; heave without one."""
+        return "heave" if self.reference is None else self.reference.axis
 
     @property
     def uses_gains_only(self) -> bool:

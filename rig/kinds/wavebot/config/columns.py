@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from controllers import impedance
-from rig.config.columns import KindColumns, reject_end_mark
+from rig.config.matrix import KindColumns, reject_end_mark
 from rig.config.model import Reason, WholeNumber
 from rig.row_contents import CATEGORICAL, DRIVE, PANEL, Column, X, Y
 

@@ -13,10 +13,11 @@ from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSe
 from rig.processes.mailbox import Mailbox
 from rig.wires import can_axes
 from rig.wires.can_axes import CanAxes
-from rig.wires.messages import open_mailboxes
+from rig.wires.messages import open_mailboxes, wait_for_values
 
 _UNKNOWN_ELEVATION = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
 _NO_DUMP = 0
+_POLLED = ("analyser", "cells", "probes", "inputs")
 _NEVER_AGE_S = 1e9  # s, age of a value that never came
 
 
@@ -31,7 +32,11 @@ class WaveBotDevices:
         self._writes = 0
 
     def warm_up(self, dt: float) -> None:
-        """Wait until every node answers every SYNC; OSError names those that do not."""
+        """Wait for a value of every unit and for an answer of every node to every SYNC.
+
+        OSError names those without one.
+        """
+        wait_for_values({name: self._slots[name] for name in _POLLED}, dt)
         self._can.warm_up(dt)
 
     def read(self, now: float) -> Sense:

@@ -1,9 +1,7 @@
 """The supervisor's side of a wired WaveBot: the settings of its loop and its I/O processes."""
 
 from rig.kinds.wavebot.config.rig_file import RigFile
-from rig.wires.job import WiredJob, wired_job, wiring_of
-
-_TRIGGER_PERIOD_S = 0.02  # s between two posts of the outputs
+from rig.wires.job import WiredJob, trigger_divider, wired_job, wiring_of
 
 
 def build_job(rig: RigFile) -> WiredJob:
@@ -12,5 +10,5 @@ def build_job(rig: RigFile) -> WiredJob:
         "heave": rig.heave.torque_constant_n_m_per_a,
         "surge": rig.surge.torque_constant_n_m_per_a,
     }
-    devices = {"trigger_divider": max(1, round(_TRIGGER_PERIOD_S * rig.rate_hz))}
+    devices = {"trigger_divider": trigger_divider(rig.rate_hz)}
     return wired_job(wiring_of(rig), rig.rate_hz, devices, torque_constants)

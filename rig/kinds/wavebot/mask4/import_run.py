@@ -1,7 +1,13 @@
 """Import a MASK4 file as a run: write the record that the rig itself would have written.
 
-Log fields that the file does not hold are NaN (0 for integers). Means of F v use forces relative to
-a zero: by default the mean of each row's own window, as in the test's scripts.
+The signals of the file become log fields on one common time; fields that the file does not hold
+are NaN (0 for integers). Means of F v use forces relative to a zero: by default the mean of each
+row's own window, as in the test's scripts.
+
+Rows are found by time, as the test's scripts do. The first row begins 120 s after runCounter's
+first 1. Rows follow each other in equal intervals until the gain that marks the end (MASK4 report
+(Sandia), 3.2.3). Where the spring rate changes, a row occurs twice, the first time while the stator
+moves. Files exported by this package hold row and phase as labels.
 """
 
 import hashlib
@@ -13,23 +19,31 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge
-from rig.interop.basin.products import write_products
+from rig.config.matrix import END_MARK
+from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge, write_products
+from rig.interop.legacy import matlab
+from rig.interop.legacy.mask4 import RowRoles, classify_rows
+from rig.interop.legacy.table import file_error
 from rig.interop.tables import write_columns
-from rig.kinds.wavebot.mask4.signals import Mask4Signals, read_signals
-from rig.kinds.wavebot.mask4.windows import RowTiming, RowWindows, find_by_time, from_labels
+from rig.kinds.wavebot.mask4.fields import (
+    ALTERNATIVE_PATHS,
+    FIELDS,
+    REQUIRED,
+    RIG_BUS,
+    FieldMapping,
+)
 from rig.kinds.wavebot.tick.signals import WaveBotRow
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import Mode
-from rig.realtime.sequence import Phase
+from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording import provenance, row_layout
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.runs import create
 from rig.recording.runs.folder import CONFIG, MCAP, STATUS
 from rig.recording.runs.mcap_file import Records, row_dtype
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
-from rig.spectra.periods import Floats
+from rig.spectra.periods import Floats, Ticks
 
 ZeroReference = Literal["window", "run", "none"]
 
@@ -50,6 +64,176 @@ _SETTING_FIELDS = {
     "switching_period": "drive_command.settings.switching_period",
     "velocity_threshold": "drive_command.settings.velocity_threshold",
 }
+DRIVE_BY_CHANNEL = {"hbmSignals.heaveDriveInP": "cots", "hbmSignals.expDriveInP": "custom"}
+"""Drive of each channel of DC power: the custom drive has its own channel."""
+
+
+class Mask4Signals(NamedTuple):
+    """The signals of a file, with log field names and house signs."""
+
+    time: Floats  # s, as recorded
+    log_fields: dict[str, Floats]  # by log field, at ``time``
+    variables: dict[str, Any]  # all numeric variables of the file, by MATLAB's path
+    drive: str  # cots or custom
+    missing: tuple[str, ...]  # fields of the table that the file lacks
+
+
+def read_signals(path: Path, drive: str | None = None) -> Mask4Signals:
+    """Return the signals of a file (MATLAB 5 or 7.3).
+
+    ``drive`` (`cots` or `custom`) is required if the file has the DC power of both drives. Raises
+    `ConfigError` with every problem.
+    """
+    try:
+        variables = matlab.load_signals(path)
+    except OSError as error:
+        raise file_error(path, f"cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise file_error(path, str(error)) from None
+    for name, other in ALTERNATIVE_PATHS.items():
+        if name not in variables and other in variables:
+            variables[name] = variables[other]
+    problems = [f"no {name}: not the MASK4 structure" for name in REQUIRED if name not in variables]
+    drives = [kind for name, kind in DRIVE_BY_CHANNEL.items() if name in variables]
+    if drive is None and len(drives) > 1:
+        problems.append(
+            "the file has DC power of both drives; name the drive of the run: cots, custom"
+        )
+    if drive is not None and drives and drive not in drives:
+        problems.append(f"no DC power of the {drive} drive is in the file, only of {drives[0]}")
+    if problems:
+        raise file_error(path, *problems)
+    kind = drive or (drives[0] if drives else "cots")
+    time = np.asarray(variables["heaveSignals.time"], dtype=np.float64)
+    if len(time) < 2 or not (np.diff(time) > 0.0).all():
+        raise file_error(path, "heaveSignals.time does not rise")
+    log_fields: dict[str, Floats] = {}
+    expected = [field for field in FIELDS if field.drive in ("", kind)]
+    for field in expected:
+        if field.path in variables and field.log_field not in log_fields:
+            value, field_problems = _at_heave_time(field, variables, time)
+            problems += field_problems
+            log_fields[field.log_field] = (value - field.offset) / field.factor
+    if problems:
+        raise file_error(path, *problems)
+    missing = tuple(field.path for field in expected if field.path not in variables)
+    return Mask4Signals(time, log_fields, variables, kind, missing)
+
+
+def _at_heave_time(
+    field: FieldMapping, variables: dict[str, Any], time: Floats
+) -> tuple[Floats, list[str]]:
+    """Return a field at the heave signals' time, interpolated linearly from its bus's own time."""
+    value = np.asarray(variables[field.path], dtype=np.float64)
+    own_time = variables.get(f"{field.bus}.time", time)
+    if len(own_time) != len(value):
+        message = f"{field.path} has {len(value)} samples, its time {len(own_time)}"
+        return np.full(len(time), np.nan), [message]
+    if len(own_time) == len(time) and np.array_equal(own_time, time):
+        return value, []
+    return np.interp(time, own_time, value, left=np.nan, right=np.nan), []
+
+
+class RowTiming(NamedTuple):
+    """Timing of a test's rows, s."""
+
+    interval: float  # from row to row: 20 for regular waves, 300 for irregular ones
+    settle: float  # from the start of the interval to the window
+    measure: float  # length of the window
+    lead: float = 120.0  # from runCounter's 1 to the first row
+
+
+class RowWindows(NamedTuple):
+    """Row, phase and attempt of every sample."""
+
+    row: Ticks
+    phase: Ticks
+    attempt: Ticks
+    remarks: tuple[str, ...]
+
+
+def from_labels(variables: dict[str, Any]) -> RowWindows | None:
+    """Return the windows that the labels of the file give; None without labels."""
+    names = [f"{RIG_BUS}.{name}" for name in ("row", "phase", "attempt")]
+    if not all(name in variables for name in names):
+        return None
+    row, phase, attempt = (np.asarray(variables[name]).astype(np.int64) for name in names)
+    return RowWindows(row, phase, attempt, ())
+
+
+def find_by_time(
+    time: Floats, counter: Floats, settings: Floats, columns: tuple[str, ...], timing: RowTiming
+) -> RowWindows:
+    """Return the windows of rows of equal intervals.
+
+    ``settings`` (samples by columns) are constant within a row; ``columns`` contains kp, ki and
+    spring_rate, with kp first. A window in which a setting changes ends there, so that it counts as
+    cut short. Raises ValueError if no row is found.
+    """
+    first, count = _extent(time, counter, settings[:, 0], timing)
+    starts = np.asarray(first + timing.interval * np.arange(count + 1), dtype=np.float64)
+    edges = _sample_index(time, starts)
+    window_starts = _sample_index(time, starts[:-1] + timing.settle)
+    window_ends = _sample_index(time, starts[:-1] + timing.settle + timing.measure)
+    set_points = [tuple(settings[i].tolist()) for i in window_starts]
+    roles = classify_rows(set_points, columns.index("kp"), columns.index("spring_rate"), 0)
+    row, attempt = np.full(len(time), NO_ROW, np.int64), np.zeros(len(time), np.int64)
+    phase = np.full(len(time), int(Phase.DONE), np.int64)
+    phase[: edges[0]] = Phase.LEAD_IN
+    remarks = _remarks(settings[:, 0], roles)
+    number = 0
+    for k in range(count):
+        row[edges[k] : edges[k + 1]] = number
+        if k in roles.doubled:
+            phase[edges[k] : edges[k + 1]] = Phase.MOVING
+            continue
+        window = settings[window_starts[k] : window_ends[k]]
+        changed = np.flatnonzero((window != window[0]).any(axis=1))
+        if changed.size:
+            remarks.append(f"row {number}: a setting changes {changed[0]} samples into its window")
+        last = window_starts[k] + int(changed[0]) if changed.size else window_ends[k]
+        phase[edges[k] : window_starts[k]] = Phase.SETTLE
+        phase[window_starts[k] : last] = Phase.MEASURE
+        phase[last : edges[k + 1]] = Phase.TAIL
+        number += 1
+    return RowWindows(row, phase, attempt, tuple(remarks))
+
+
+def _extent(time: Floats, counter: Floats, kp: Floats, timing: RowTiming) -> tuple[float, int]:
+    """Return the start of the first row's interval (s) and the number of whole intervals."""
+    ones = np.flatnonzero(counter == 1.0)
+    if ones.size == 0:
+        raise ValueError("expCtrl.runCounter is never 1: the run did not start")
+    start = float(time[ones[0]]) + timing.lead
+    ended = np.flatnonzero(kp == END_MARK)
+    end = float(time[ended[0]]) if ended.size else float(time[-1])
+    count = int((end - start) / timing.interval + 1e-6)
+    if count < 1:
+        raise ValueError(
+            f"no row of {timing.interval:g} s between {start:.1f} s, where rows begin, and "
+            f"{end:.1f} s, where the gains end"
+        )
+    return start, count
+
+
+def _remarks(kp: Floats, roles: RowRoles) -> list[str]:
+    """Return remarks on the end mark and the auxiliary rows."""
+    remarks = []
+    if not (kp == END_MARK).any():
+        remarks.append("no end mark (Kp = -999): rows go on to the end of the record")
+    if roles.doubled:
+        remarks.append(f"{len(roles.doubled)} intervals during which the spring moved are left out")
+    if roles.not_doubled:
+        remarks.append(
+            f"the spring changes {len(roles.not_doubled)} times without an interval for it"
+        )
+    return remarks
+
+
+def _sample_index(time: Floats, moments: Floats) -> Ticks:
+    """Return the index of the first sample at or after each moment (half a sample tolerance)."""
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    return np.searchsorted(time, moments - 0.5 * step).astype(np.int64)
 
 
 class FileDescription(NamedTuple):
@@ -113,7 +297,22 @@ def import_file(
         "remarks": remarks,
     }
     plan = {"dt": dt, "rows": plan_rows, "repeat_s": description.repeat, "sea": description.sea}
-    _write_folder(folder, log_rows, plan, _config(signals, description, source), description)
+    drive_config = {"kind": signals.drive}
+    if signals.drive == "custom":
+        drive_config["modulation"] = "not recorded"
+    heave = {"torque_constant_n_m_per_a": 6.1745, "gear_ratio_rad_per_m": 12.4666}
+    config = {
+        "name": description.name,
+        "rig": {
+            "name": "WaveBot (MASK4)",
+            "kind": "wavebot",
+            "drive": drive_config,
+            "heave": heave,
+        },
+        "campaign": {"name": description.name},
+        "imported": source,
+    }
+    _write_folder(folder, log_rows, plan, config, description)
     written = [folder, *_write_sync(signals, folder)]
     if waves := _write_waves(signals, folder):
         merged = merge(folder, [MergeSource("waves", waves, "m", 0.0)], SyncChannels())
@@ -206,22 +405,6 @@ def _plan_rows(
         stator = float(window["spring_sense.position"].mean())
         rows.append(entry | ({"stator": stator} if np.isfinite(stator) else {}))
     return rows
-
-
-def _config(
-    signals: Mask4Signals, description: FileDescription, source: dict[str, Any]
-) -> dict[str, Any]:
-    drive = {"kind": signals.drive}
-    if signals.drive == "custom":
-        drive["modulation"] = "not recorded"
-    heave = {"torque_constant_n_m_per_a": 6.1745, "gear_ratio_rad_per_m": 12.4666}
-    rig = {"name": "WaveBot (MASK4)", "kind": "wavebot", "drive": drive, "heave": heave}
-    return {
-        "name": description.name,
-        "rig": rig,
-        "campaign": {"name": description.name},
-        "imported": source,
-    }
 
 
 def _write_folder(

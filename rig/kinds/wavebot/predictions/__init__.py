@@ -4,22 +4,3 @@ The prediction works in the frequency domain, in the campaign's sea, with the pa
 simulated plant; `rig.design.steady_motion` describes the method. It covers the steady state that
 repeats with the sea. Transients (waves building up, gain changes, stator moves) come on top.
 """
-
-from rig.kinds.wavebot.predictions.prediction import (
-    PREDICTED_STATIONS,
-    Prediction,
-    RowPrediction,
-    RowPredictions,
-)
-from rig.kinds.wavebot.predictions.rows import predict, unpredicted_reason
-from rig.kinds.wavebot.predictions.travel import Travel
-
-__all__ = [
-    "PREDICTED_STATIONS",
-    "Prediction",
-    "RowPrediction",
-    "RowPredictions",
-    "Travel",
-    "predict",
-    "unpredicted_reason",
-]

@@ -160,11 +160,9 @@ def station_powers(
 def required_voltage(motor: Motor, velocity: Floats, force: Floats) -> Floats:
     """Return the voltage that the motor needs, V: back-EMF plus winding, for either power sign."""
     winding = motor.resistance * np.abs(force) / motor.transduction
-    voltage: Floats = motor.transduction * np.abs(velocity) + winding
-    return voltage
+    return motor.transduction * np.abs(velocity) + winding
 
 
 def commercial_bus_voltage(cots: CotsParams, power_dc: Floats) -> Floats:
     """Return the commercial drive's bus voltage, V (`sim_plant.cots_drive.bus_voltage`)."""
-    voltage: Floats = cots.bus_voltage - cots.bus_resistance * power_dc / cots.bus_voltage
-    return voltage
+    return cots.bus_voltage - cots.bus_resistance * power_dc / cots.bus_voltage

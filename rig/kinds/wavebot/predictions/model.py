@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.signals import Gains
+from controllers.signals import Gains, Modulation
 from rig.campaign.set_points import row_setting
 from rig.design.axis import Axis, Body, Law, Timing, reference_spectrum
 from rig.design.axis_params import estimator_params, newtons_per_ampere
@@ -16,11 +16,12 @@ from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from
 from rig.design.law_params import law_params, zc_sections
 from rig.design.linear_form import linear_gains
 from rig.emulation.sea import build_sea
-from rig.kinds.wavebot.build import MODULATIONS, list_realisations, reference_table
+from rig.kinds.wavebot.build import number_of, reference_table
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.job import plant_settings
+from rig.planning.reference import list_realisations
 from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.body import BodyParams
@@ -76,7 +77,7 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
     sea = build_sea(devices["sea"])
     settings = (row_setting(campaign.kind, campaign.file, rig, point) for point in campaign.points)
     realisations = list_realisations(one.realisation for one in settings)
-    tables = [reference_table(campaign.file, rig, (one,), campaign.record) for one in realisations]
+    tables = [reference_table(campaign, (one,)) for one in realisations]
     common = _common_period(sea, tables[0], dt)
     grid = build_grid(common.period, rate)
     spectra = [reference_spectrum(grid, common.reference, table) for table in tables]
@@ -101,12 +102,8 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
         grid,
         axis(params.body, params.pto.viscous, params.electrics.drive, "heave", bem),
         axis(params.surge.body, 0.0, params.surge.drive, "surge", bem.with_name(plant.surge.bem)),
-        Reference(
-            campaign.file.reference.axis if campaign.file.reference else "heave",
-            realisations,
-            np.array(spectra),
-        ),
-        int(MODULATIONS[drive.modulation]) if drive else 0,
+        Reference(campaign.file.excited_axis, realisations, np.array(spectra)),
+        number_of(drive.modulation, Modulation) if drive else 0,
         drive.current_threshold_a if drive else 0.0,
     )
 
@@ -133,8 +130,7 @@ def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetti
         for one in realisations
     ]
     scales = np.array([one.reference_scale for one in settings])
-    forces: Complexes = scales[:, None] * reference.spectra[indices]
-    return forces
+    return scales[:, None] * reference.spectra[indices]
 
 
 def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:
@@ -174,7 +170,8 @@ def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod
     if calm:
         return _CommonPeriod(len(table) * dt, Fraction(1), 1)
     sea_ticks = Fraction(round(sea.repeat / dt), cycles_divisor)
-    common_ticks = sea_ticks * len(table) / _fraction_gcd(sea_ticks, Fraction(len(table)))
+    common_multiple = math.lcm(sea_ticks.numerator, len(table) * sea_ticks.denominator)
+    common_ticks = Fraction(common_multiple, sea_ticks.denominator)
     if common_ticks * dt <= MAX_PERIOD:
         return _CommonPeriod(
             float(common_ticks) * dt,
@@ -186,12 +183,6 @@ def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod
     return _CommonPeriod(
         sea_periods * float(sea_ticks) * dt, Fraction(sea_periods, cycles_divisor), repeats
     )
-
-
-def _fraction_gcd(a: Fraction, b: Fraction) -> Fraction:
-    """Return the greatest common divisor of two fractions."""
-    denominator = math.lcm(a.denominator, b.denominator)
-    return Fraction(math.gcd(int(a * denominator), int(b * denominator)), denominator)
 
 
 def _excitation_spectrum(grid: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> Complexes:

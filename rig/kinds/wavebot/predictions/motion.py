@@ -1,4 +1,7 @@
-"""Predicted heave and surge of some rows: motion, current, power at the stations, poles."""
+"""Predicted heave and surge of some rows: motion, current, power at the stations, poles.
+
+The passive forces of the plant are vectorised forms of `sim_plant`, over records, row by row.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,11 +15,23 @@ from rig.design.steady_motion import CONVERGED
 from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.config.rig_file import StationKeeping
 from rig.kinds.wavebot.predictions import drive as drives
-from rig.kinds.wavebot.predictions import passive
 from rig.kinds.wavebot.predictions.model import CampaignModel, open_loop_force
+from sim_plant.magnetic_spring import SpringParams, table_rate
+from sim_plant.pto import PtoParams
+from sim_plant.surge import SurgeParams
 
 Columns = dict[str, Floats]
 """Fields of `RowPredictions`, one value per row."""
+
+
+class Batch(NamedTuple):
+    """Some rows, and their results that do not depend on the bus."""
+
+    settings: list[RowSetting]
+    stator: list[float]  # %
+    law: Law
+    columns: Columns
+    lateral_force: Floats  # N, on the heave guide
 
 
 class HeaveMotion(NamedTuple):
@@ -34,28 +49,18 @@ class SurgeMotion(NamedTuple):
     lateral_force: Floats  # N, on the heave guide, rows by samples
 
 
-def predict_heave(
-    model: CampaignModel,
-    settings: Sequence[RowSetting],
-    stator: Sequence[float],
-    law: Law,
-    lateral_force: Floats,
-    voltage: Floats,
-) -> HeaveMotion:
-    """Predict heave of each setting at its stator position (%).
-
-    ``lateral_force`` (N, rows by samples) acts on the guide; ``voltage`` (V, one per row) is the
-    custom drive's bus voltage.
-    """
+def predict_heave(model: CampaignModel, batch: Batch, voltage: Floats) -> HeaveMotion:
+    """Predict heave of a batch; ``voltage`` (V, one per row) is that of the custom drive's bus."""
+    settings = batch.settings
     grid, axis, spring, pto = model.grid, model.heave, model.params.spring, model.params.pto
-    rates = passive.spring_rates(spring, stator)
-    friction = passive.friction_size(pto, lateral_force)
+    rates = spring_rates(spring, batch.stator)
+    friction = friction_size(pto, batch.lateral_force)
     drive = drives.build_drive(
         model.plant, settings, model.scheme, axis.current_limit, model.gating_current, voltage
     )
 
     def passive_force(x: Floats, v: Floats) -> Floats:
-        return passive.spring_force(spring, rates, x) + passive.friction_force(pto, friction, v)
+        return spring_force(spring, rates, x) + friction_force(pto, friction, v)
 
     def command_force(demand: Floats, v: Floats) -> Floats:
         return drives.current_limited_force(drive, demand, v)
@@ -63,7 +68,7 @@ def predict_heave(
     motion = solve_axis(
         grid,
         axis,
-        law,
+        batch.law,
         open_loop_force(model, "heave", settings),
         passive_force,
         lambda demand, x, v: drives.voltage_limited_force(drive, command_force(demand, v), v),
@@ -101,7 +106,7 @@ def predict_heave(
 def heave_poles(model: CampaignModel, stator: Sequence[float], law: Law) -> Columns:
     """Return the poles of the sampled heave loop at each row's gains."""
     spring = model.params.spring
-    stiffness = passive.spring_stiffness(spring, passive.spring_rates(spring, stator))
+    stiffness = spring_stiffness(spring, spring_rates(spring, stator))
     poles = sampled_loop.poles(model.heave.body, model.heave.timing, law, stiffness)
     return {
         "spectral_radius": poles.radius,
@@ -127,7 +132,7 @@ def predict_surge(model: CampaignModel, settings: Sequence[RowSetting]) -> Surge
     def with_soft_stop(demand: Floats, x: Floats, v: Floats) -> Floats:
         if station_keeping is None:
             return demand
-        return demand + passive.soft_stop_force(station_keeping, x, v)
+        return demand + soft_stop_force(station_keeping, x, v)
 
     motion = solve_axis(
         grid,
@@ -152,7 +157,7 @@ def predict_surge(model: CampaignModel, settings: Sequence[RowSetting]) -> Surge
         poles = sampled_loop.poles(axis.body, axis.timing, law, np.zeros(len(unique)))
         columns["surge_spectral_radius"] = poles.radius
         columns["surge_gain_margin"] = poles.gain_margin
-    lateral_force = passive.guide_force(
+    lateral_force = guide_force(
         model.params.surge, motion.position, acceleration, motion.motor_force
     )
     index_of = {key: index for index, key in enumerate(unique)}
@@ -176,3 +181,48 @@ def _surge_law(
     kp = np.array([min(one.surge_kp, 0.0) for one in settings])
     ki = np.array([min(one.surge_ki, 0.0) for one in settings])
     return Law(kp, ki, zeros, ()), rig.station_keeping
+
+
+def spring_rates(spring: SpringParams, stator: Sequence[float]) -> Floats:
+    """Return the spring's effective rate at each stator position (%), N/m, rows by 1."""
+    return np.array([table_rate(spring, position) for position in stator])[:, None]
+
+
+def spring_force(spring: SpringParams, rates: Floats, x: Floats) -> Floats:
+    """Return the spring force on the body, N (`sim_plant.magnetic_spring.force`)."""
+    if spring.sine == 0:
+        return -rates * x
+    return -rates * spring.force_per_rate * np.sin(2.0 * spring.angle_per_metre * x)
+
+
+def spring_stiffness(spring: SpringParams, rates: Floats) -> Floats:
+    """Return the spring's stiffness at rest, N/m, one value per row."""
+    factor = 2.0 * spring.force_per_rate * spring.angle_per_metre if spring.sine == 1 else 1.0
+    return rates[:, 0] * factor
+
+
+def friction_size(pto: PtoParams, lateral_force: Floats) -> Floats:
+    """Return the drivetrain's Coulomb friction under a lateral force in the guide, N."""
+    return pto.coulomb + pto.guide_friction * np.abs(lateral_force)
+
+
+def friction_force(pto: PtoParams, size: Floats, v: Floats) -> Floats:
+    """Return Coulomb friction of a ``size`` (N) on the body, N (`sim_plant.pto.friction`)."""
+    return -size * np.tanh(v / pto.coulomb_velocity)
+
+
+def guide_force(
+    surge: SurgeParams, position: Floats, acceleration: Floats, force: Floats
+) -> Floats:
+    """Return the lateral force on the heave guide, N (`sim_plant.surge.guide_force`)."""
+    return force - surge.body.hydrostatic * position - surge.carriage_mass * acceleration
+
+
+def soft_stop_force(station_keeping: StationKeeping, x: Floats, v: Floats) -> Floats:
+    """Return the force of the soft stop on the body, N (`controllers.station_keeping`)."""
+    depth = np.maximum(np.abs(x) - station_keeping.reach_m, 0.0)
+    side = np.sign(x)
+    inward = depth * (
+        station_keeping.soft_stop_n_per_m + station_keeping.soft_stop_n_s_per_m2 * side * v
+    )
+    return -side * np.maximum(inward, 0.0)

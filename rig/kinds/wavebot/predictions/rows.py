@@ -1,11 +1,10 @@
 """Prediction of every row of a campaign in its sea, in the order of the plan."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from rig.design.axis import Law
 from rig.design.grid import Floats
 from rig.design.linear_form import NotLinearError
 from rig.design.margin import Margin
@@ -14,17 +13,16 @@ from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.campaign.stability import total_stiffness
 from rig.kinds.wavebot.predictions import bus
 from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
-from rig.kinds.wavebot.predictions.limits import compute_margins
 from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, heave_law, row_gains
 from rig.kinds.wavebot.predictions.motion import (
-    Columns,
+    Batch,
     heave_poles,
     predict_heave,
     predict_surge,
 )
 from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, RowPredictions
-from rig.kinds.wavebot.predictions.travel import compare_orders, time_to_first_row
-from rig.kinds.wavebot.predictions.verdict import judge
+from rig.kinds.wavebot.predictions.travel import compare_orders
+from rig.kinds.wavebot.predictions.verdict import compute_margins, judge
 from rig.realtime.sequence import NO_ROW, Phase
 from sim_plant.bus import BusParams
 
@@ -46,9 +44,9 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     if not _has_free_body(campaign, planned) or unpredicted_reason(campaign, planned):
         return None
     model = build_model(campaign)
-    rows = [*_lead_in(planned), *planned.rows]
+    rows = [*_lead_in(campaign, planned), *planned.rows]
     predictions = [
-        RowPrediction(row, values, _margins(model, row.setting, values))
+        RowPrediction(row, values, compute_margins(model, row.setting, values))
         for row, values in zip(rows, predict_rows(model, planned, rows), strict=True)
     ]
     lead_in = predictions[0] if predictions[0].row.row == NO_ROW else None
@@ -78,20 +76,13 @@ def _has_free_body(campaign: Campaign, planned: Plan) -> bool:
     return bool(planned.rows) and campaign.file.hoist is None
 
 
-def _lead_in(planned: Plan) -> list[CampaignRow]:
+def _lead_in(campaign: Campaign, planned: Plan) -> list[CampaignRow]:
     """Return the lead-in's set point as a row, or no row if it equals the first row's."""
-    segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
-    for phase, index in zip(segments.phase, segments.setpoint, strict=True):
-        if phase == Phase.LEAD_IN:
-            law = zip(
-                planned.axis_laws["heave"].law.module.SetPoint._fields, table.law, strict=True
-            )
-            columns = table._asdict() | dict(law)
-            setting = type(first.setting)(
-                *(float(columns[name][index]) for name in first.setting._fields)
-            )
-            return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
-    return []
+    first = planned.rows[0]
+    parts = campaign.kind.lead_in(campaign.file, first.setting)
+    settings = (setting for seconds, setting in parts if seconds > 0.5 * planned.dt)
+    setting = next(settings, first.setting)
+    return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
 
 
 def predict_rows(
@@ -147,7 +138,7 @@ def predict_set_points(
         columns, _ = batches.predict(np.zeros(len(rows)))
         predictions = [RowPredictions(**each) for each in columns]
     return [
-        (one, _margins(model, setting, one))
+        (one, compute_margins(model, setting, one))
         for one, (setting, _) in zip(predictions, rows, strict=True)
     ]
 
@@ -169,26 +160,6 @@ def _with_voltage(columns: dict[str, Any], voltage: bus.BusVoltage) -> RowPredic
     return RowPredictions(**columns | simulated)
 
 
-def _margins(
-    model: CampaignModel, setting: RowSetting, values: RowPredictions
-) -> tuple[Margin, ...]:
-    bounds, rig = model.campaign.limits, model.campaign.rig
-    electrics = model.electrics(setting)
-    if electrics.custom == 0:
-        return compute_margins(bounds, rig, setting, values, None, electrics.cots.bus_voltage)
-    return compute_margins(bounds, rig, setting, values, electrics.bus, setting.bus_voltage)
-
-
-class _Batch(NamedTuple):
-    """Some rows, and their results that do not depend on the bus."""
-
-    settings: list[RowSetting]
-    stator: list[float]  # %
-    law: Law
-    columns: Columns
-    lateral_force: Floats  # N, on the heave guide
-
-
 class _Batches:
     """Rows in batches; each may be predicted repeatedly at other voltages of the bus."""
 
@@ -197,11 +168,11 @@ class _Batches:
         size = max(1, MAX_SAMPLES // model.grid.samples)
         self._batches = [self._batch(rows[i : i + size]) for i in range(0, len(rows), size)]
 
-    def _batch(self, rows: Sequence[SettingAndStator]) -> _Batch:
+    def _batch(self, rows: Sequence[SettingAndStator]) -> Batch:
         settings, stator = [one for one, _ in rows], [position for _, position in rows]
         law, surge = heave_law(self._model, settings), predict_surge(self._model, settings)
         columns = surge.columns | heave_poles(self._model, stator, law)
-        return _Batch(settings, stator, law, columns, surge.lateral_force)
+        return Batch(settings, stator, law, columns, surge.lateral_force)
 
     def predict(self, voltage: Floats) -> tuple[list[dict[str, Any]], list[_Power]]:
         """Return the fields of `RowPredictions` before the bus simulation, and the power.
@@ -216,12 +187,10 @@ class _Batches:
         return fields, powers
 
     def _predict_batch(
-        self, batch: _Batch, voltage: Floats, powers: list[_Power]
+        self, batch: Batch, voltage: Floats, powers: list[_Power]
     ) -> list[dict[str, Any]]:
         model, stability = self._model, self._model.campaign.rig.stability
-        heave = predict_heave(
-            model, batch.settings, batch.stator, batch.law, batch.lateral_force, voltage
-        )
+        heave = predict_heave(model, batch, voltage)
         columns = heave.columns | batch.columns
         if model.has_custom_drive:
             powers += [bus.block_means(model.grid, power) for power in heave.dc_power]
@@ -258,18 +227,19 @@ def _simulate_bus(
     ``loads`` are the bus and the power into the drive of each row.
     """
     segments = plan.segments
-    seconds: dict[int, float] = {}
+    seconds: dict[int, float] = {}  # in waves
+    first_move = 0  # ticks, planned for the stator's move to the first row
     for row_number, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
-        without_waves = phase in (Phase.TARE, Phase.DONE) or (
-            row_number == NO_ROW and phase == Phase.MOVING
-        )
-        if not without_waves:
+        if row_number == NO_ROW and phase == Phase.MOVING:
+            first_move += ticks
+        elif phase not in (Phase.TARE, Phase.DONE):
             seconds[row_number] = seconds.get(row_number, 0.0) + ticks * plan.dt
+    distance = abs(plan.rows[0].place - model.plant.stator.start.value)
+    move_seconds = max(first_move * plan.dt, distance / model.params.spring.speed)
     first, (first_bus, first_power) = rows[0], loads[0]
     # Standby: the drive is on at rest, at the set voltage.
     fixed, active, *_ = losses(model.electrics(first.setting), first_bus.set_voltage)
     standby = fixed if first.setting.velocity_threshold > 0.0 else fixed + active
-    move_seconds = time_to_first_row(plan, model)
     intervals = [
         bus.BusInterval(first_bus, (fixed,), bus.STEP, plan.phases.tare),
         bus.BusInterval(first_bus, (standby,), bus.STEP, move_seconds),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rig.campaign import build_plan
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.predictions.model import CampaignModel
-from rig.realtime.sequence import NO_ROW, WAIT_ARRIVAL, Phase
+from rig.realtime.sequence import WAIT_ARRIVAL
 
 
 class Travel(NamedTuple):
@@ -46,18 +46,6 @@ def compute_travel(order: str, planned: Plan, model: CampaignModel) -> Travel:
         waiting_time,
         planned.duration + waiting_time,
     )
-
-
-def time_to_first_row(planned: Plan, model: CampaignModel) -> float:
-    """Return the seconds that the drive is on before the first wave (stator move to row 0)."""
-    segments = planned.segments
-    ticks = sum(
-        tick_count
-        for row, phase, tick_count in zip(segments.row, segments.phase, segments.ticks, strict=True)
-        if row == NO_ROW and phase == Phase.MOVING
-    )
-    distance = abs(planned.rows[0].place - model.plant.stator.start.value)
-    return max(ticks * planned.dt, distance / model.params.spring.speed)
 
 
 def compare_orders(campaign: Campaign, planned: Plan, model: CampaignModel) -> tuple[Travel, ...]:

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-import xarray
-
-from rig.analysis import campaign_products, report
-from rig.analysis.campaign_products import NO_PRODUCTS, PROGRESS
-from rig.analysis.report import Analysis
+from rig.analysis import report
+from rig.analysis.report import NO_PRODUCTS, PROGRESS, Analysis
 from rig.analysis.rows import write_rows
 from rig.kinds.wavebot.spring_map import result
 from rig.kinds.wavebot.spring_map.files import write_map
@@ -47,18 +44,16 @@ def analyse(
     summary = summary._replace(
         optima=(), effects=(), findings_of=SPRING_MAP, findings=tuple(findings)
     )
-    return Analysis(summary, partial(_write_results, table, spring_map))
 
-
-def _write_results(
-    table: xarray.Dataset, spring_map: xarray.Dataset | None, folder: Path
-) -> list[Path]:
-    paths = write_rows(table, folder)
-    if spring_map is None:
+    def write(folder: Path) -> list[Path]:
+        paths = write_rows(table, folder)
+        if spring_map is not None:
+            paths += [*write_map(spring_map, folder), *write_pictures(spring_map, folder)]
         return paths
-    return [*paths, *write_map(spring_map, folder), *write_pictures(spring_map, folder)]
+
+    return Analysis(summary, write)
 
 
-after_run = partial(campaign_products.after_run, analyse=analyse)
-draw = partial(campaign_products.draw, analyse=analyse)
-summarise = partial(campaign_products.summarise, analyse=analyse)
+after_run = partial(report.after_run, analyse=analyse)
+draw = partial(report.draw, analyse=analyse)
+summarise = partial(report.summarise, analyse=analyse)

@@ -10,19 +10,22 @@ import csv
 import json
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
+from rig.presentation import picture
 from rig.presentation.json_values import json_value
+from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
-from rig.row_contents import Column
 from rig.spectra.periods import Floats
 
 KEPT_POWER_SHARE = 0.98
@@ -32,6 +35,8 @@ STROKE_SHARE = 0.5
 """Allowed stroke as a share of the rig's lowest surge bound. Surge is linear in the wave, and the
 crests of the largest sea of the test (Hs 0.254 m) are twice the 0.127 m of this one."""
 
+_LINE_COLOUR = "#0b6e99"
+_LOSS_COLOUR = "#8d5a97"
 _STEP = 50.0  # N s/m, resolution of a damping setting
 _MAX_DRIFT = 0.02  # of the amplitude; halves of a steady window differ by less
 _FIELDS = (
@@ -93,7 +98,9 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     planned = {row["row"]: row for row in run_facts.plan["rows"]}
     if not all("surge_kp" in row for row in planned.values()):
         raise RunError(f"{run}: no surge damping campaign (its rows have no surge_kp)")
-    _check_other_columns(planned, run_facts.row_contents.columns, run)
+    for name in (column.name for column in run_facts.row_contents.columns):
+        if name != "surge_kp" and len({row.get(name) for row in planned.values()}) > 1:
+            raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
     ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
     rows: dict[float, DampingRow] = {}
     reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
@@ -108,14 +115,6 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
         reason = f"{len(rows)} surge dampings have a complete window; at least 3 needed"
         raise RunError(f"{run}: {'; '.join([reason, *messages])}")
     return DampingRows(tuple(rows[damping] for damping in sorted(rows)), messages)
-
-
-def _check_other_columns(
-    planned: dict[int, dict[str, Any]], columns: Iterable[Column], run: object
-) -> None:
-    for name in (column.name for column in columns if column.name != "surge_kp"):
-        if len({row.get(name) for row in planned.values()}) > 1:
-            raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
 
 
 def _measure_row(window: Window, damping: float, period: float) -> DampingRow:
@@ -244,7 +243,7 @@ def recommendation(choice: DampingChoice) -> str:
 def as_dict(choice: DampingChoice) -> dict[str, Any]:
     """Return the choice as JSON data; NaN becomes null."""
     stroke, force, power = choice.predicted
-    values = {
+    values: dict[str, Any] = {
         "surge_kp_n_s_per_m": choice.kp,
         "bound_by": choice.bound,
         "allowed_stroke_m": choice.stroke,
@@ -253,7 +252,7 @@ def as_dict(choice: DampingChoice) -> dict[str, Any]:
         "rows": choice.rows,
         "notes": choice.notes,
     }
-    return {name: json_value(value) for name, value in values.items()}
+    return dict(json_value(values))
 
 
 def write_results(choice: DampingChoice, folder: Path) -> list[Path]:
@@ -266,3 +265,65 @@ def write_results(choice: DampingChoice, folder: Path) -> list[Path]:
         writer.writerows([*row[:-1], int(row.settled)] for row in choice.rows)
     data.write_text(json.dumps(as_dict(choice), indent=2), encoding="utf-8")
     return [text, data]
+
+
+def write_picture(choice: DampingChoice, attributes: Mapping[Any, Any], path: Path) -> Path:
+    """Write four panels over damping; the regions that are not allowed are shaded."""
+    figure, body = picture.framed_figure(
+        10.0, 7.0, f"Surge damping: {picture.campaign_name(attributes)}", attributes,
+        "negative is absorbed", recommendation(choice),
+    )  # fmt: skip
+    panels: Any = body.subplots(2, 2, sharex=True)
+    _draw_panel(panels[0, 0], choice, "stroke", "Surge stroke (largest deviation from zero), m")
+    panels[0, 0].axhspan(choice.stroke, 10.0, color="#f3dfe2", lw=0, zorder=0)
+    _draw_bound(panels[0, 0], choice.stroke, f"allowed: {choice.stroke:.3f} m")
+    _draw_panel(panels[0, 1], choice, "force", "Surge drive force amplitude at wave frequency, N")
+    _draw_panel(panels[1, 0], choice, "power", "Heave power, column load cell, W")
+    power_bound = choice.kept_share * min(row.power for row in choice.rows)
+    panels[1, 0].axhspan(power_bound, power_bound + 1e4, color="#f3dfe2", lw=0, zorder=0)
+    _draw_bound(
+        panels[1, 0], power_bound, f"required: {100.0 * choice.kept_share:.0f} % of the best"
+    )
+    loss = "Loss from column load cell to shaft, W"
+    _draw_panel(panels[1, 1], choice, "guide", loss, _LOSS_COLOUR)
+    for axes in panels[1]:
+        axes.set_xlabel("surge damping, N·s/m", fontsize=8, color=MUTED)
+    return picture.save(figure, path)
+
+
+def _draw_panel(
+    axes: Axes, choice: DampingChoice, name: str, title: str, colour: str = _LINE_COLOUR
+) -> None:
+    damping = np.array([row.damping for row in choice.rows])
+    value = np.array([getattr(row, name) for row in choice.rows])
+    fine = np.geomspace(damping[0], damping[-1], 300)
+    interpolated = interpolate_column(choice.rows, name)
+    axes.plot(fine, interpolated(np.log(fine)), color=colour, lw=1.2)
+    axes.plot(damping, value, "o", ms=4.5, color=colour)
+    if math.isfinite(choice.damping):
+        axes.axvline(choice.damping, color=ACCENT, lw=1.0, ls="--")
+        value_at = float(interpolated(math.log(choice.damping)))
+        axes.plot(choice.damping, value_at, "D", ms=7, mfc="none", mec=ACCENT, mew=1.4)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(FixedLocator([250, 500, 1000, 2000, 4000, 8000, 16000]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    low, high = float(value.min()), float(value.max())
+    bounds = (low, high)
+    if name == "stroke":
+        bounds = (0.0, max(high, 1.1 * choice.stroke))
+    elif name == "power":
+        bounds = (low, max(high, choice.kept_share * low))
+    margin = 0.08 * (bounds[1] - bounds[0]) or 1.0
+    axes.set_ylim(bounds[0] - (0.0 if name == "stroke" else margin), bounds[1] + margin)
+    axes.grid(alpha=0.25)
+    picture.style_axes(axes)
+    axes.set_title(title, fontsize=9.5, color=DARK, loc="left")
+
+
+def _draw_bound(axes: Axes, at: float, text: str) -> None:
+    axes.axhline(at, color=ACCENT, lw=0.8)
+    axes.annotate(
+        text, (0.98, at), (0, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
+        fontsize=7, color=ACCENT, ha="right",
+    )  # fmt: skip

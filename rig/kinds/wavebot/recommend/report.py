@@ -1,16 +1,18 @@
 """Output of a recommendation: campaign file, JSON and text tables."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 from rig.config.problems import display_path
-from rig.kinds.wavebot.recommend.matrix import campaign_text
+from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
 from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, SetPointPrediction
 from rig.stations import Station
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
+_KEYS = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
 _HEADINGS = [station.heading for station in STATIONS]
 
 
@@ -19,15 +21,7 @@ def write(recommendation: Recommendation, folder: Path, output: Path | None = No
     folder.mkdir(parents=True, exist_ok=True)
     campaign, numbers = output or folder / CAMPAIGN, folder / NUMBERS
     campaign.parent.mkdir(parents=True, exist_ok=True)
-    comments = {
-        row.prediction.gains: f"{row.reason}: {_power_text(row.prediction)}"
-        for row in recommendation.rows
-    }
-    name = recommendation.campaign.file.name
-    name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
-    header = _header(recommendation)
-    text = campaign_text(campaign, recommendation.base, name, header, comments)
-    campaign.write_text(text, encoding="utf-8")
+    campaign.write_text(_campaign_text(recommendation, campaign), encoding="utf-8")
     numbers.write_text(json.dumps(as_dict(recommendation), indent=1) + "\n", encoding="utf-8")
     return [campaign, numbers]
 
@@ -169,3 +163,43 @@ def _align(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _is_number(cell: str) -> bool:
     return cell.replace("-", "").replace("+", "").replace(".", "").isdigit()
+
+
+def _campaign_text(recommendation: Recommendation, path: Path) -> str:
+    """Return the text of the file at ``path``: the base campaign with the recommended matrix."""
+    base, name = recommendation.base, recommendation.campaign.file.name
+    name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
+    mapping, _ = load_mapping(base, inline=("sea",))
+    inherited = mapping.get("matrix") or {}
+    text_lines = [f"# {line}" for line in _header(recommendation)]
+    text_lines += [
+        f"extends: {os.path.relpath(base.resolve(), path.resolve().parent)}",
+        f"name: {name}",
+        "repeat: 1",
+        "order: fewest spring moves",
+        "matrix:",
+        *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
+        "  list:",
+    ]
+    others = _other_columns(inherited)
+    settings = {}
+    for row in recommendation.rows:
+        kp, ki, spring_rate = row.prediction.gains
+        values = dict(zip(_KEYS, (spring_rate, kp, ki), strict=True)) | others
+        text = ", ".join(f"{key}: {value:.10g}" for key, value in values.items())
+        settings[f"{{{text}}}"] = f"{row.reason}: {_power_text(row.prediction)}"
+    widest = max(map(len, settings))
+    text_lines += [f"    - {text:<{widest}}  # {comment}" for text, comment in settings.items()]
+    return "\n".join(text_lines) + "\n"
+
+
+def _other_columns(inherited: dict[str, Any]) -> dict[str, float]:
+    """Return the columns other than gains and spring, with the values of the base's first row."""
+    rows = inherited.get("list") or inherited.get("grid") or [{}]
+    columns: dict[str, float] = {}
+    for key, value in rows[0].items():
+        if key in _KEYS:
+            continue
+        first = value["from"] if isinstance(value, dict) else value
+        columns[key] = float(first[0] if isinstance(first, list) else first)
+    return columns

@@ -12,7 +12,6 @@ import numpy as np
 
 from rig.design.descent import descend
 from rig.kinds.wavebot.campaign.stability import largest_ki
-from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.recommend.set_points import (
     STATIONS,
     Gains,
@@ -42,17 +41,21 @@ class Optimum(NamedTuple):
 
 
 class SearchSpace(NamedTuple):
-    """Range of the settings in the search."""
+    """Range of the settings in the search, and their predictor."""
 
     spring: tuple[float, float]  # N/m
-    rig: RigFile
+    predictor: SetPointPredictor
+
+    def largest_ki(self, rate: float) -> float:
+        """Return the largest stable Ki (N/m) at a spring rate (N/m)."""
+        return largest_ki(self.predictor.campaign.rig.stability, rate)
 
     def to_gains(self, coordinates: Floats) -> Gains:
         """Return the gains at (log(-Kp), Ki - spring rate, spring rate), clipped to the space."""
         rate = float(np.clip(coordinates[2], *self.spring))
         kp = -float(np.exp(np.clip(coordinates[0], np.log(-KP_RANGE[1]), np.log(-KP_RANGE[0]))))
         ki = float(np.clip(coordinates[1], *STIFFNESS_RANGE)) + rate
-        return Gains(kp, min(ki, largest_ki(self.rig.stability, rate)), rate)
+        return Gains(kp, min(ki, self.largest_ki(rate)), rate)
 
     def to_coordinates(self, gains: Gains) -> Floats:
         """Return the coordinates of gains."""
@@ -66,7 +69,7 @@ def search_space(
     """Return the search space: the rig's spring map, or the given range of rates (N/m)."""
     rates, _ = predictor.campaign.rig.spring.by_rate()
     low, high = spring or (rates[0], rates[-1])
-    return SearchSpace((max(low, rates[0]), min(high, rates[-1])), predictor.campaign.rig)
+    return SearchSpace((max(low, rates[0]), min(high, rates[-1])), predictor)
 
 
 def cost(prediction: SetPointPrediction, station: Station) -> float:
@@ -76,20 +79,25 @@ def cost(prediction: SetPointPrediction, station: Station) -> float:
     return prediction.power(station) + _PENALTY * penalty
 
 
-def find_optima(predictor: SetPointPredictor, space: SearchSpace) -> list[Optimum]:
+def find_optima(space: SearchSpace) -> list[Optimum]:
     """Return the best setting of each law for each station.
 
     P and PI use the spring rate of the campaign's first row. The search uses the quick predictor;
-    the results are predictions of ``predictor``.
+    the results are predictions of the predictor itself.
     """
+    predictor = space.predictor
     spring_rate = min(max(predictor.first_gains.spring_rate, space.spring[0]), space.spring[1])
     grid = predictor.quick.predict(_grid(space, spring_rate))
     optima = []
     for law in LAWS:
+        candidates = grid
+        if law != "PI and spring":
+            candidates = [one for one in grid if one.gains.spring_rate == spring_rate]
+        if law == "P":
+            candidates = [one for one in candidates if one.gains.ki == 0.0]
         for station in STATIONS:
-            candidates = [one for one in grid if _has_law(one.gains, law, spring_rate)]
             start = min(candidates, key=lambda one: cost(one, station))
-            optima.append((station, law, _descend(predictor.quick, space, start, station, law)))
+            optima.append((station, law, _descend(space, start, station, law)))
     predictions = predictor.predict([gains for *_, gains in optima])
     return [
         Optimum(station, law, best, _is_at_limit(best, space, law))
@@ -117,24 +125,12 @@ def _grid(space: SearchSpace, spring_rate: float) -> list[Gains]:
     return list(dict.fromkeys(points))
 
 
-def _has_law(gains: Gains, law: Law, spring_rate: float) -> bool:
-    if law == "PI and spring":
-        return True
-    return gains.spring_rate == spring_rate and (law == "PI" or gains.ki == 0.0)
-
-
-def _descend(
-    predictor: SetPointPredictor,
-    space: SearchSpace,
-    start: SetPointPrediction,
-    station: Station,
-    law: Law,
-) -> Gains:
+def _descend(space: SearchSpace, start: SetPointPrediction, station: Station, law: Law) -> Gains:
     """Return the best gains found from a start, in the coordinates that the law varies."""
     steps = np.where(np.arange(3) <= LAWS.index(law), _STEPS, 0.0)
 
     def costs(points: Floats) -> Floats:
-        predictions = predictor.predict([space.to_gains(point) for point in points])
+        predictions = space.predictor.quick.predict([space.to_gains(point) for point in points])
         return np.array([cost(one, station) for one in predictions])
 
     def project(point: Floats) -> Floats:
@@ -149,5 +145,5 @@ def _is_at_limit(best: SetPointPrediction, space: SearchSpace, law: Law) -> bool
     _, ki, rate = best.gains
     near_limit = any(m.used > 0.98 for m in best.margins if m.limit.effect in ("stop", "unstable"))
     at_spring_end = law == "PI and spring" and min(abs(rate - end) for end in space.spring) < 1.0
-    at_max_ki = law != "P" and largest_ki(space.rig.stability, rate) - ki < 1.0
+    at_max_ki = law != "P" and space.largest_ki(rate) - ki < 1.0
     return near_limit or at_spring_end or at_max_ki

@@ -20,8 +20,8 @@ from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 from rig.design.grid import MIN_RATE, Floats
 from rig.design.margin import Margin
 from rig.kinds.wavebot.campaign import CAMPAIGNS, Campaign, open_campaign
-from rig.kinds.wavebot.predictions import PREDICTED_STATIONS, RowPredictions
 from rig.kinds.wavebot.predictions.model import build_model
+from rig.kinds.wavebot.predictions.prediction import PREDICTED_STATIONS, RowPredictions
 from rig.kinds.wavebot.predictions.rows import predict_set_points
 from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
 from rig.kinds.wavebot.twin import plant_file, seas

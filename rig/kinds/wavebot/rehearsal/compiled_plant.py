@@ -103,14 +103,24 @@ class CompiledStepper(Stepper):
         elevation: float,
     ) -> Readings:
         """Step to ``tick`` with the excitation in heave and surge; return the sensors' readings."""
-        current, enable, target, move, _, surge_current, surge_enable, conducting = actuation
         return tuple.__new__(
             Readings,
             self._step(
-                self._x, current, enable, target, move, surge_current, surge_enable, conducting,
-                fresh, heave, surge, tick, elevation,
+                self._x,
+                actuation.heave_current,
+                actuation.heave_enable,
+                actuation.stator_target,
+                actuation.stator_enable,
+                actuation.surge_current,
+                actuation.surge_enable,
+                actuation.conducting,
+                fresh,
+                heave,
+                surge,
+                tick,
+                elevation,
             ),
-        )  # fmt: skip
+        )
 
     def motion(self) -> tuple[float, float]:
         """Return the present heave position and velocity."""

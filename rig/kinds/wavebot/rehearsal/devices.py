@@ -30,24 +30,33 @@ class WaveBotPlantDevices(PlantDevices):
 
     def read(self, now: float) -> Sense:
         self._advance_to(now)
-        (
-            counts, current, enabled, fault,
-            surge_counts, surge_current, surge_enabled, surge_fault,
-            lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle,
-            stator, arrived, ac, dc, bus_voltage, analyser_age,
-            saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
-        ) = self._world.readings()  # fmt: skip
-        age = self._delay
-        load = (lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, age)
+        plant, age = self._world.readings(), self._delay
+        heave = (
+            plant.heave_counts, age, plant.heave_current, plant.heave_enabled,
+            plant.heave_fault, age,
+        )  # fmt: skip
+        surge = (
+            plant.surge_counts, age, plant.surge_current, plant.surge_enabled,
+            plant.surge_fault, age,
+        )  # fmt: skip
+        load = (
+            plant.force_lcb, plant.force_trs, plant.force_slew, plant.force_stator_a,
+            plant.force_stator_b, plant.string_pot, plant.rotor_angle, age,
+        )  # fmt: skip
+        power = (
+            plant.power_ac, plant.power_dc, plant.bus_voltage, plant.analyser_age,
+        )  # fmt: skip
+        drive = (plant.drive_conducting, plant.drive_saturated, plant.drive_dump)
+        probes = (plant.probe_1, plant.probe_2, plant.probe_3, plant.probe_age)
         return Sense(
-            _tuple(AxisSense, (counts, age, current, enabled, fault, age)),
-            _tuple(AxisSense, (surge_counts, age, surge_current, surge_enabled, surge_fault, age)),
+            _tuple(AxisSense, heave),
+            _tuple(AxisSense, surge),
             _tuple(LoadSense, load),
-            _tuple(SpringSense, (stator, arrived, age)),
-            _tuple(PowerSense, (ac, dc, bus_voltage, analyser_age)),
-            _tuple(DriveSense, (conducting, saturated, dump)),
-            _tuple(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
-            _tuple(WaveSense, (elevation,)),
+            _tuple(SpringSense, (plant.stator_position, plant.stator_arrived, age)),
+            _tuple(PowerSense, power),
+            _tuple(DriveSense, drive),
+            _tuple(ProbeSense, probes),
+            _tuple(WaveSense, (plant.elevation,)),
             _UNTOUCHED_PANEL,
         )
 

@@ -11,17 +11,15 @@ from pydantic import TypeAdapter, ValidationError
 from rig.campaign import CampaignParts
 from rig.campaign.files import valid_key
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
-from rig.config.axis import Axis
-from rig.config.matching import SharedValue, mismatches
 from rig.config.problems import Problem, format_number
 from rig.config.pydantic_errors import problems_from
+from rig.config.rig_file import Axis, SharedValue, mismatches
 from rig.config.yaml_source import KeyPath
 from rig.design.axis_params import estimator_params
 from rig.emulation.campaign_sea import requested_sea as sea_lines
 from rig.emulation.campaign_sea import sea_problems, sea_settings
 from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.config.hoist import TURNAROUND_S
+from rig.kinds.wavebot.config.campaign_file import TURNAROUND_S, CampaignFile
 from rig.planning.input_files import ConfigSource
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
 from sim_plant import waves

@@ -4,7 +4,7 @@ The modules of this package import numba, and the twin xarray: each takes a seco
 here import them when they need them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from rig.config.problems import Problem
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 
 __all__ = [
-    "MATCHING_KEYS",
     "check_model",
     "identified_range",
     "is_compiled",
+    "matching_keys",
     "open_simulator",
     "plant_data",
     "problems",
@@ -36,9 +36,10 @@ __all__ = [
     "wave_device",
 ]
 
-MATCHING_KEYS: dict[KeyPath, KeyPath] = {
-    ("heave", name): path for name, path in job.MATCHING_KEYS.items()
-}
+
+def matching_keys(rig: Mapping[str, Any]) -> dict[KeyPath, KeyPath]:
+    """Return the keys of a rig file and those of its plant that must have the same value."""
+    return {("heave", name): path for name, path in job.MATCHING_KEYS.items()}
 
 
 def row_contents(campaign: Campaign) -> RowContents:
@@ -64,10 +65,9 @@ def open_simulator(
 
 def is_compiled(campaign: Campaign) -> bool:
     """Return whether this host has already compiled the loop with a campaign's law."""
-    from rig.kinds.wavebot.simulation import compiled  # noqa: PLC0415
-    from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS  # noqa: PLC0415
+    from rig.kinds.wavebot.simulation.compiled import loop_source  # noqa: PLC0415
 
-    return compiled.is_compiled(KEPT_FIELDS, campaign.file.heave_law)
+    return loop_source(campaign.file.heave_law).is_compiled()
 
 
 def sweep_problems(campaign: Campaign) -> Iterator[Problem]:

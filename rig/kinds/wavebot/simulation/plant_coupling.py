@@ -3,7 +3,7 @@
 The functions are equivalent to `rig.kinds.wavebot.rehearsal.devices`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controllers.signals import (
     AxisSense,
@@ -13,25 +13,60 @@ from controllers.signals import (
     ProbeSense,
     SpringSense,
 )
+from rig.kinds.wavebot.simulation.noise import prefetch_ahead
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
-from rig.realtime import cycle
+from sim_plant import wave_maker
 from sim_plant.signals import Actuation, Readings
-from sim_plant.wave_maker import WaveMakerState
-from sim_plant.wavebot import NO_HOIST, WaveBotState
+from sim_plant.wave_maker import WaveMakerState, WaveMakerTables
+from sim_plant.wavebot import NO_HOIST, Excitation, WaveBotParams, WaveBotState, sample
+from sim_plant.wavebot import step as plant_step
 
 
-class CoupledState(NamedTuple):
-    """State of loop, plant and the delayed signals between them."""
+class Plant(NamedTuple):
+    """Constants of the plant in its sea."""
 
-    tick: int
-    loop: cycle.State
-    plant: WaveBotState
+    constants: WaveBotParams
+    tables: WaveMakerTables
+    normals: Any  # interleaved noise, see noise.py
+    age: float  # s, of the readings
+
+
+class Device(NamedTuple):
+    """State of the plant, and the signals between plant and loop."""
+
+    state: WaveBotState
     sea: WaveMakerState
     in_transit: tuple[Readings, ...]  # delayed readings for the loop, oldest first
     plant_input: Actuation  # last command
     new_input: int  # 1: ``plant_input`` arrived after the plant's last step
     settings: DriveSettings  # last settings of the custom drive
-    linger: int  # ticks since power was removed
+
+
+def advance_plant(plant: Plant, device: Device, tick: int, dt: float) -> Device:
+    """Return the device one tick later, with its readings of ``tick`` in transit."""
+    state, sea, in_transit, plant_input, new_input, settings = device
+    prefetch_ahead(plant.tables, plant.normals, sea.table_index, tick)
+    after = wave_maker.step(plant.tables, sea, dt)
+    now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
+    state = plant_step(plant.constants, without_hoist(state), plant_input, new_input, now, then, dt)
+    readings = sample(plant.constants, state, tick, after.elevation, plant.normals)
+    line = in_transit[1:] + (readings,)  # noqa: RUF005 - what numba compiles
+    return Device(state, after, line, plant_input, 0, settings)
+
+
+def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[Device, bool]:
+    """Return the device with a command, and whether it has other settings of the custom drive.
+
+    The caller must apply these before the next tick.
+    """
+    sea, settings = device.sea, command.drive.settings
+    plant_input = actuation(command)
+    if plant_input.wave_trigger != device.plant_input.wave_trigger:
+        sea = wave_maker.switch(plant.tables, plant_input.wave_trigger, dt)
+    changed = settings != device.settings and settings.bus_voltage > 0.0
+    if not changed:
+        settings = device.settings
+    return Device(device.state, sea, device.in_transit, plant_input, 1, settings), changed
 
 
 def without_hoist(state: WaveBotState) -> WaveBotState:

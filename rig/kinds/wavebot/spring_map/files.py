@@ -7,27 +7,23 @@ from pathlib import Path
 
 import xarray
 
+from rig.kinds.wavebot.spring_map.result import BY_STATION
 from rig.recording.calibration import CalibrationVersion, open_calibration
 from rig.recording.runs import RunError
 
 STROKE_MARGIN = 0.95  # of the stroke at which the stator's force reverses
 NAME = "spring_map"
-_COLUMNS = (
-    "rate", "rate_interval", "rate_column", "rate_small", "passes", "peak", "departure",
-    "friction", "natural_frequency", "reversal_below", "reversal_above", "reversal_stroke",
-    "travel",
-)  # fmt: skip
 
 
 def write_map(table: xarray.Dataset, folder: Path) -> list[Path]:
     """Write ``spring_map.nc`` with all data and ``spring_map.csv`` with a line for each station."""
     binary, text = folder / f"{NAME}.nc", folder / f"{NAME}.csv"
     table.to_netcdf(binary, engine="h5netcdf")
-    units = {name: table[name].attrs.get("units", "1") for name in _COLUMNS}
+    units = {name: table[name].attrs.get("units", "1") for name in BY_STATION}
     with text.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["station [%]", *(f"{name} [{units[name]}]" for name in _COLUMNS)])
-        columns = (table[name].values.tolist() for name in ("station", *_COLUMNS))
+        writer.writerow(["station [%]", *(f"{name} [{units[name]}]" for name in BY_STATION)])
+        columns = (table[name].values.tolist() for name in ("station", *BY_STATION))
         writer.writerows(zip(*columns, strict=True))
     return [text, binary]
 

@@ -90,23 +90,19 @@ def _bin_means(samples: Samples, bins: Integers, count: int, direction: int) -> 
     )
 
 
-def estimate_rate(
-    samples: Samples, curve: StationCurve, values: Floats, sample_values: Floats
-) -> RateEstimate:
-    """Return the slope of a field over angle in the fit window, with its interval.
+def estimate_rate(samples: Samples, curve: StationCurve) -> RateEstimate:
+    """Return the slope of the torque over angle in the fit window, with its interval.
 
-    ``values`` is the field by bin, ``sample_values`` by sample. The slope is NaN if a bin of the
-    window is empty. The interval comes from the slopes of single passes.
+    The slope is NaN if a bin of the window is empty. The interval comes from the slopes of single
+    passes.
     """
-    slopes_by_pass = (
-        _pass_slope(samples, sample_values, begin, end) for begin, end in _passes(samples)
-    )
+    slopes_by_pass = (_pass_slope(samples, begin, end) for begin, end in _passes(samples))
     slopes = [slope for slope in slopes_by_pass if not math.isnan(slope)]
     count, spread = len(slopes), math.nan
     if count > 1:
         quantile = float(stats.t.ppf(0.5 + 0.5 * _CONFIDENCE, count - 1))
         spread = quantile * float(np.std(slopes, ddof=1)) / math.sqrt(count)
-    return RateEstimate(window_slope(curve, values, FIT_HALF_ANGLE), spread, count)
+    return RateEstimate(window_slope(curve, curve.torque, FIT_HALF_ANGLE), spread, count)
 
 
 def window_slope(curve: StationCurve, values: Floats, half_angle: float) -> float:
@@ -131,9 +127,9 @@ def _passes(samples: Samples) -> list[tuple[int, int]]:
     return [(begin, end) for begin, end in pairwise(edges) if direction[begin] != 0]
 
 
-def _pass_slope(samples: Samples, sample_values: Floats, begin: int, end: int) -> float:
+def _pass_slope(samples: Samples, begin: int, end: int) -> float:
     """Return the slope of one pass with equal weight for each bin; NaN for a partial pass."""
-    angle, value = samples.angle[begin:end], sample_values[begin:end]
+    angle, value = samples.angle[begin:end], samples.torque[begin:end]
     inside = np.abs(angle) < FIT_HALF_ANGLE
     bins = np.floor(angle[inside] / BIN_WIDTH).astype(np.int64) + _HALF_WINDOW_BINS
     number = np.bincount(bins, minlength=2 * _HALF_WINDOW_BINS)

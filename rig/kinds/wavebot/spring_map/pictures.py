@@ -53,6 +53,13 @@ def _label_axes(axes: Axes, title: str, x: str, y: str = "") -> None:
     axes.set_ylabel(y, fontsize=8, color=MUTED)
 
 
+def _draw_colour_bar(body: Any, axes: Axes, colours: ScalarMappable, label: str = "") -> None:
+    bar = body.colorbar(colours, ax=axes, shrink=0.9, pad=0.02)
+    bar.ax.tick_params(labelsize=7)
+    bar.outline.set_visible(False)
+    bar.set_label(label, fontsize=7, color=MUTED)
+
+
 def _draw_surface(body: Any, axes: Axes, table: xarray.Dataset, name: str, title: str) -> None:
     """Draw one field over rotor angle and stator position; dots mark the measured stations."""
     angle, station = _angle_degrees(table), table["station"].values
@@ -73,9 +80,7 @@ def _draw_surface(body: Any, axes: Axes, table: xarray.Dataset, name: str, title
         axes.plot(
             angle[::4], np.full(len(angle[::4]), position), ".", ms=0.9, color=DARK, alpha=0.55
         )
-    bar = body.colorbar(ScalarMappable(norm, _SIGNED_COLOURS), ax=axes, shrink=0.9, pad=0.02)
-    bar.ax.tick_params(labelsize=7)
-    bar.outline.set_visible(False)
+    _draw_colour_bar(body, axes, ScalarMappable(norm, _SIGNED_COLOURS))
     _label_axes(axes, title, "rotor angle from balance, deg", "stator position, %")
 
 
@@ -94,45 +99,31 @@ def _hatch_reversed(axes: Axes, angle: Any, station: Any, values: Any) -> None:
 def _draw_curves(body: Any, axes: Axes, table: xarray.Dataset, name: str, title: str) -> None:
     angle, station = _angle_degrees(table), table["station"].values
     half_angle = math.degrees(float(table.attrs["fit_half_angle_rad"]))
+    ends, lever = np.array([-half_angle, half_angle]), float(table.attrs["metres_per_radian"])
     low, high = float(station.min()), float(station.max())
     norm = Normalize(low, high if high > low else low + 1.0)
     colours = ScalarMappable(norm, _STATION_COLOURS)
     axes.axhline(0.0, color=MUTED, lw=0.6)
     if name == "torque":
-        axes.axvspan(-half_angle, half_angle, color="#eef2f5", lw=0, zorder=0)
+        axes.axvspan(*ends, color="#eef2f5", lw=0, zorder=0)
     for i, position in enumerate(station):
         colour: Any = colours.to_rgba(np.array(position))
         values = table[name].values[i]
         axes.plot(angle, values, color=colour, lw=1.3)
         if name == "torque":
-            _draw_fit(axes, table, i, half_angle)
-        else:
-            _mark_reversals(axes, table, i, values)
-    bar = body.colorbar(colours, ax=axes, shrink=0.9, pad=0.02)
-    bar.ax.tick_params(labelsize=7)
-    bar.outline.set_visible(False)
-    bar.set_label("stator position, %", fontsize=7, color=MUTED)
+            line = float(table["rate"].values[i]) * lever * lever * np.radians(ends)
+            label = "linear fit over ±39.27°" if i == 0 else None
+            axes.plot(ends, line, "--", color=DARK, lw=0.8, label=label)
+            continue
+        style: dict[str, Any] = {"ms": 6, "mfc": "none", "mec": ACCENT, "mew": 1.2, "zorder": 5}
+        for reversal in (table["reversal_below"].values[i], table["reversal_above"].values[i]):
+            if math.isfinite(reversal):
+                axes.plot(math.degrees(reversal), 0.0, "o", **style)
+    _draw_colour_bar(body, axes, colours, "stator position, %")
     axes.margins(x=0.0)
-    _label_axes(axes, title, "rotor angle from balance, deg")
-
-
-def _draw_fit(axes: Axes, table: xarray.Dataset, i: int, half_angle: float) -> None:
-    rate, lever = float(table["rate"].values[i]), float(table.attrs["metres_per_radian"])
-    ends = np.array([-half_angle, half_angle])
-    line = rate * lever * lever * np.radians(ends)
-    label = "linear fit over ±39.27°" if i == 0 else None
-    axes.plot(ends, line, "--", color=DARK, lw=0.8, label=label)
-    if label:
+    if name == "torque":
         axes.legend(fontsize=7, frameon=False, loc="upper center")
-
-
-def _mark_reversals(axes: Axes, table: xarray.Dataset, i: int, values: Any) -> None:
-    for name in ("reversal_below", "reversal_above"):
-        angle = float(table[name].values[i])
-        if math.isfinite(angle):
-            axes.plot(
-                math.degrees(angle), 0.0, "o", ms=6, mfc="none", mec=ACCENT, mew=1.2, zorder=5
-            )
+    _label_axes(axes, title, "rotor angle from balance, deg")
 
 
 def _draw_rates(axes: Axes, table: xarray.Dataset) -> None:

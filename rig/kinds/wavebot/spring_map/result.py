@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +12,7 @@ from rig.kinds.wavebot.spring_map import passes
 from rig.kinds.wavebot.spring_map.passes import (
     FIT_HALF_ANGLE,
     SMALL_HALF_ANGLE,
-    ForceReversal,
-    RateEstimate,
     Samples,
-    SineFit,
     StationCurve,
 )
 from rig.presentation.phrases import format_signed
@@ -24,9 +21,7 @@ from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
 
-MAX_CELL_DISAGREEMENT = (
-    0.05  # of the larger; a larger difference between the cells' rates is reported
-)
+MAX_CELL_DISAGREEMENT = 0.05  # of the larger rate; larger differences of the cells are reported
 _MIN_SPEED_SHARE = 0.2  # of the hoist's speed; a slower body is reversing
 _FIELDS = (
     "load.rotor_angle", "load.slew", "load.lcb", "load.stator_a", "load.stator_b",
@@ -43,17 +38,35 @@ class _RigConstants(NamedTuple):
     moving_mass: float  # kg
 
 
-class _StationResult(NamedTuple):
+class _Station(NamedTuple):
     """Results of one stator position."""
 
-    stator: float  # %, measured
     curve: StationCurve
-    rate: RateEstimate  # N/m, by the slew cell
-    column: RateEstimate  # N/m, by the column load cell
-    small: float  # N/m
-    sine: SineFit
-    reversal: ForceReversal
-    friction: float  # N, in the drivetrain
+    values: dict[str, float]  # the stator's measured position (%), and those of `BY_STATION`
+
+
+BY_STATION = {  # unit and description
+    "rate": ("N/m", "spring rate, by the slew load cell"),
+    "rate_interval": ("N/m", "half width of the 95 % interval"),
+    "rate_column": ("N/m", "by the column load cell"),
+    "rate_small": ("N/m", "small-displacement rate"),
+    "passes": (),
+    "peak": ("N*m", "Tp of T = Tp sin 2 theta"),
+    "departure": ("N*m", "rms residual of that law"),
+    "friction": ("N", "drivetrain friction at this speed"),
+    "natural_frequency": ("Hz",),
+    "reversal_below": ("rad", "stator force reverses"),
+    "reversal_above": ("rad", "stator force reverses"),
+    "reversal_stroke": ("m",),
+    "travel": ("m", "measured, either direction"),
+}
+"""The results of a map that have one value for each stator position."""
+
+_BY_ANGLE = {  # part of a `StationCurve`, unit and description
+    "torque": ("torque", "N*m", "spring torque"),
+    "stator_force": ("stator", "N", "axial"),
+    "column_force": ("column", "N", "on the body"),
+}
 
 
 def is_hoisted(plan: dict[str, Any]) -> bool:
@@ -73,11 +86,25 @@ def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) ->
     if not is_hoisted(run_facts.plan):
         raise RunError(f"{run}: no spring map (its campaign has no hoist)")
     rig = _rig_constants(run_facts)
-    balance = _balance_angle(source)
-    stations_found, excluded = _measure_stations(
-        run, source, run_facts, rig, balance, incomplete_rows
-    )
-    stations = sorted(stations_found, key=lambda station: station.stator)
+    balance, speed = _balance_angle(source), float(run_facts.plan["hoist"]["speed_m_per_s"])
+    point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
+    by_point: dict[int, list[Window]] = {}  # repetitions of a station are combined
+    reading, rows = RecordCheck(source.contents, source.damage), ExcludedRows()
+    for window in read_windows(
+        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
+    ):
+        if rows.accept(window):
+            by_point.setdefault(point_of_row[window.row], []).append(window)
+    stations = []
+    for windows in by_point.values():
+        parts = [
+            _window_samples(window, rig, balance, _MIN_SPEED_SHARE * speed) for window in windows
+        ]
+        samples = Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        stator = np.mean([window.data["spring_sense.position"].mean() for window in windows])
+        stations.append(_evaluate_station(float(stator), samples, rig))
+    stations.sort(key=lambda station: station.values["station"])
+    excluded = rows.messages(run_facts.plan, reading.state(run))
     if not stations:
         reason = "; ".join(["no stator position was completed", *excluded])
         raise RunError(f"{run}: {reason}")
@@ -119,38 +146,6 @@ def _balance_angle(source: reader.RunFiles) -> float:
     return total / count if count else 0.0
 
 
-def _measure_stations(
-    run: str | os.PathLike[str],
-    source: reader.RunFiles,
-    run_facts: RunInfo,
-    rig: _RigConstants,
-    balance: float,
-    incomplete_rows: bool,
-) -> tuple[list[_StationResult], tuple[str, ...]]:
-    """Return the result of each stator position, and messages about excluded rows.
-
-    Repetitions of a station are combined.
-    """
-    point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
-    by_point: dict[int, list[Window]] = {}
-    reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
-    for window in read_windows(
-        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
-    ):
-        if excluded.accept(window):
-            by_point.setdefault(point_of_row[window.row], []).append(window)
-    speed = float(run_facts.plan["hoist"]["speed_m_per_s"])
-    stations = []
-    for windows_ in by_point.values():
-        parts = [
-            _window_samples(window, rig, balance, _MIN_SPEED_SHARE * speed) for window in windows_
-        ]
-        samples = Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        stator = np.mean([window.data["spring_sense.position"].mean() for window in windows_])
-        stations.append(_evaluate_station(float(stator), samples, rig))
-    return stations, excluded.messages(run_facts.plan, reading.state(run))
-
-
 def _window_samples(
     window: Window, rig: _RigConstants, balance: float, min_speed: float
 ) -> Samples:
@@ -166,23 +161,32 @@ def _window_samples(
     )
 
 
-def _evaluate_station(stator: float, samples: Samples, rig: _RigConstants) -> _StationResult:
+def _evaluate_station(stator: float, samples: Samples, rig: _RigConstants) -> _Station:
     curve = passes.average_passes(samples)
     lever = rig.metres_per_radian
-    torque = passes.estimate_rate(samples, curve, curve.torque, samples.torque)
-    column = passes.estimate_rate(samples, curve, curve.column, samples.column)
+    torque = passes.estimate_rate(samples, curve)
+    column = passes.window_slope(curve, curve.column, FIT_HALF_ANGLE)
     small = passes.window_slope(curve, curve.torque, SMALL_HALF_ANGLE)
-    return _StationResult(
-        stator,
+    sine, reversal = passes.fit_sine(curve), passes.find_reversal(curve)
+    rate = torque.slope / (lever * lever)
+    return _Station(
         curve,
-        RateEstimate(
-            torque.slope / (lever * lever), torque.interval / (lever * lever), torque.passes
-        ),
-        RateEstimate(-column.slope / lever, column.interval / lever, column.passes),
-        small / (lever * lever),
-        passes.fit_sine(curve),
-        passes.find_reversal(curve),
-        float(np.nanmean(curve.friction)),
+        {
+            "station": stator,
+            "rate": rate,
+            "rate_interval": torque.interval / (lever * lever),
+            "rate_column": -column / lever,
+            "rate_small": small / (lever * lever),
+            "passes": torque.passes,
+            "peak": sine.peak,
+            "departure": sine.residual,
+            "friction": float(np.nanmean(curve.friction)),
+            "natural_frequency": float(natural_frequency(rate, rig.hydrostatic, rig.moving_mass)),
+            "reversal_below": reversal.below,
+            "reversal_above": reversal.above,
+            "reversal_stroke": lever * reversal.nearest,
+            "travel": lever * float(np.nanmax(np.abs(curve.angle))),
+        },
     )
 
 
@@ -195,72 +199,39 @@ def natural_frequency(rate: Any, hydrostatic: float, mass: float) -> Any:
     return np.sqrt(np.where(stiffness > 0.0, stiffness, np.nan) / mass) / (2.0 * math.pi)
 
 
-def _build_dataset(stations: list[_StationResult], rig: _RigConstants) -> xarray.Dataset:
+def _build_dataset(stations: list[_Station], rig: _RigConstants) -> xarray.Dataset:
     low = min(int(station.curve.bins[0]) for station in stations)
     high = max(int(station.curve.bins[-1]) for station in stations)
     index = np.arange(low, high + 1)
-    by_angle, by_station = ("station", "angle"), ("station",)
 
-    def surface(name: str) -> Any:
+    def surface(part: str) -> Any:
         grid = np.full((len(stations), len(index)), np.nan)
         for i, station in enumerate(stations):
             first = int(station.curve.bins[0]) - low
-            values = getattr(station.curve, name)
+            values = getattr(station.curve, part)
             grid[i, first : first + len(values)] = values
         return grid
 
-    def column(value: Callable[[_StationResult], float], unit: str, long_name: str) -> Any:
-        values = np.array([value(station) for station in stations], dtype=np.float64)
-        return by_station, values, {"units": unit, "long_name": long_name}
+    def attributes(unit_and_text: Iterable[str]) -> dict[str, str]:
+        return dict(zip(("units", "long_name"), unit_and_text, strict=False))
 
-    lever = rig.metres_per_radian
-    rates = np.array([station.rate.slope for station in stations])
-    travel = [lever * float(np.nanmax(np.abs(station.curve.angle))) for station in stations]
-    reversed_at = [lever * station.reversal.nearest for station in stations]
+    def column(name: str, unit_and_text: tuple[str, ...]) -> Any:
+        values = [station.values[name] for station in stations]
+        return "station", values, attributes(unit_and_text)
+
     return xarray.Dataset(
         {
-            "torque": (by_angle, surface("torque"), {"units": "N*m", "long_name": "spring torque"}),
-            "stator_force": (by_angle, surface("stator"), {"units": "N", "long_name": "axial"}),
-            "column_force": (
-                by_angle,
-                surface("column"),
-                {"units": "N", "long_name": "on the body"},
-            ),
-            "rate": column(lambda s: s.rate.slope, "N/m", "spring rate, by the slew load cell"),
-            "rate_interval": column(
-                lambda s: s.rate.interval, "N/m", "half width of the 95 % interval"
-            ),
-            "rate_column": column(lambda s: s.column.slope, "N/m", "by the column load cell"),
-            "rate_small": column(lambda s: s.small, "N/m", "small-displacement rate"),
-            "passes": (by_station, np.array([station.rate.passes for station in stations])),
-            "peak": column(lambda s: s.sine.peak, "N*m", "Tp of T = Tp sin 2 theta"),
-            "departure": column(lambda s: s.sine.residual, "N*m", "rms residual of that law"),
-            "friction": column(lambda s: s.friction, "N", "drivetrain friction at this speed"),
-            "reversal_below": column(lambda s: s.reversal.below, "rad", "stator force reverses"),
-            "reversal_above": column(lambda s: s.reversal.above, "rad", "stator force reverses"),
-            "reversal_stroke": (by_station, np.array(reversed_at), {"units": "m"}),
-            "travel": (
-                by_station,
-                np.array(travel),
-                {"units": "m", "long_name": "measured, either direction"},
-            ),
-            "natural_frequency": (
-                by_station,
-                natural_frequency(rates, rig.hydrostatic, rig.moving_mass),
-                {"units": "Hz"},
-            ),
-        },
+            name: (("station", "angle"), surface(part), attributes(unit_and_text))
+            for name, (part, *unit_and_text) in _BY_ANGLE.items()
+        }
+        | {name: column(name, unit_and_text) for name, unit_and_text in BY_STATION.items()},
         {
-            "station": (
-                by_station,
-                np.array([station.stator for station in stations]),
-                {"units": "%"},
-            ),
+            "station": column("station", ("%",)),
             "angle": ("angle", passes.bin_centres(index), {"units": "rad"}),
         },
         {
             "fit_half_angle_rad": FIT_HALF_ANGLE,
-            "metres_per_radian": lever,
+            "metres_per_radian": rig.metres_per_radian,
             "hydrostatic_n_per_m": rig.hydrostatic,
             "moving_mass_kg": rig.moving_mass,
             "convention": "rate > 0 restores; torque restores at a positive angle; "

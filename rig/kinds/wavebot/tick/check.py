@@ -40,9 +40,9 @@ def _heave_drive_reason(fault: int) -> int:
 
 def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int) -> int:
     """Return the first reason to trip or NONE; reasons without a controlled stop come first."""
-    heave, surge, load, spring, analyser, _, probes, _, panel = sense
+    heave, surge, load = sense.heave, sense.surge, sense.load
     heave_motion, surge_motion = motion
-    e_stop, limit_switch, panel_age = panel
+    e_stop, limit_switch, panel_age = sense.panel
     if e_stop != 0:
         return Reason.EMERGENCY_STOP.value
     heave_zero, surge_zero = zeros_in_use(params, state, heave, surge)
@@ -55,29 +55,28 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return heave_fault
     if surge_fault != NO_REASON and CATEGORY[surge_fault] == 0:
         return _SURGE_REASON_BY_NUMBER[surge_fault]
-    lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, load_age = load
-    stator, _, stator_age = spring
-    ac, dc, bus_voltage, analyser_age = analyser
-    probe_1, probe_2, probe_3, probe_age = probes
+    load_age = load.age
+    stator, _, stator_age = sense.spring
+    ac, dc, bus_voltage, analyser_age = sense.power
+    probe_1, probe_2, probe_3, probe_age = sense.probes
     # One sum instead of many tests: it is finite only if every term is.
     if not finite(
-        lcb + trs + slew + stator_a + stator_b + string_pot + rotor_angle + load_age + stator
-        + stator_age + ac + dc + bus_voltage + analyser_age + probe_1 + probe_2 + probe_3
-        + probe_age + panel_age
+        load.lcb + load.trs + load.slew + load.stator_a + load.stator_b + load.string_pot
+        + load.rotor_angle + load_age + stator + stator_age + ac + dc + bus_voltage + analyser_age
+        + probe_1 + probe_2 + probe_3 + probe_age + panel_age
     ):  # fmt: skip
         return Reason.NOT_FINITE.value
-    (
-        max_gap, max_travel, metres_per_radian, max_voltage,
-        max_stator_age, max_load_age, max_analyser_age, max_panel_age, max_span,
-    ) = params.limits  # fmt: skip
-    if bus_voltage > max_voltage:
+    limits = params.limits
+    if bus_voltage > limits.bus_voltage_stop:
         return WaveBotReason.BUS_OVERVOLTAGE.value
     tare_state = state.tare
     position = heave_motion.position
-    stale = not 0.0 <= load_age <= max_load_age  # below 0: a clock is wrong
-    gap = string_pot - tare_state.zeros.string_pot - position if tare_state.seeded == 1 else 0.0
+    stale = not 0.0 <= load_age <= limits.load_cell_age_stop  # below 0: a clock is wrong
+    gap = (
+        load.string_pot - tare_state.zeros.string_pot - position if tare_state.seeded == 1 else 0.0
+    )
     # The string pot comes over a slow bus: the body may have moved since its value was read.
-    max_gap = max_gap + params.heave.limits.velocity_stop * load_age
+    max_gap = limits.string_pot_difference_stop + params.heave.limits.velocity_stop * load_age
     if not (-max_gap <= gap <= max_gap or stale):
         return WaveBotReason.POSITION_DISAGREES.value
     power_reason = state.power_checks.reason
@@ -89,19 +88,20 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return _SURGE_REASON_BY_NUMBER[surge_fault]
     if limit_switch != 0:
         return Reason.LIMIT_SWITCH.value
-    if not 0.0 <= panel_age <= max_panel_age:
+    if not 0.0 <= panel_age <= limits.panel_age_stop:
         return Reason.STALE_PANEL.value
     if stale:
         return WaveBotReason.STALE_LOAD_CELL.value
-    if not 0.0 <= analyser_age <= max_analyser_age:
+    if not 0.0 <= analyser_age <= limits.analyser_age_stop:
         return WaveBotReason.STALE_ANALYSER.value
-    if not 0.0 <= stator_age <= max_stator_age:
+    if not 0.0 <= stator_age <= limits.stator_age_stop:
         return WaveBotReason.STALE_STATOR.value
-    if not -max_travel <= rotor_angle * metres_per_radian <= max_travel:
+    max_travel = limits.rotor_travel_stop
+    if not -max_travel <= load.rotor_angle * limits.metres_per_radian <= max_travel:
         return WaveBotReason.ROTOR_TRAVEL.value
     stroke = state.active_setpoint.stroke
     if not -stroke <= position <= stroke:
         return WaveBotReason.SPRING_STROKE.value
-    if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > max_span:
+    if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > limits.tare_span_stop:
         return Reason.NOT_CALM.value
     return power_reason

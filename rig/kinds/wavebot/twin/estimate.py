@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.config.yaml_source import load_mapping
 from rig.identification.identify import IdentificationOptions, identify
-from rig.kinds.wavebot.twin import drivetrain, electrics, seas
+from rig.kinds.wavebot.twin import drivetrain, seas
 from rig.kinds.wavebot.twin.group import Group
 from rig.kinds.wavebot.twin.hull import Hull, identify_hull
 from rig.kinds.wavebot.twin.records import Record, read_records
@@ -81,11 +81,14 @@ def identify_twin(
     notes = [message for item in runs_read for message in item.excluded]
     first = runs_read[0].facts
     template = _template(first, plant)
+    drive, rated_voltage = template.plant["drive"], None
+    if drive["kind"] == "custom":
+        rated_voltage = float(drive["rated_voltage"]["value"])
     try:
         hull = identify_hull(records)
         mechanics = drivetrain.identify_drivetrain(records, drivetrain.read_shape(template.plant))
-        motor = electrics.identify_winding(records)
-        loss = electrics.identify_drive_loss(records, _rated(template.plant))
+        motor = drivetrain.identify_winding(records)
+        loss = drivetrain.identify_drive_loss(records, rated_voltage)
     except ValueError as error:
         raise RunError(f"{', '.join(item.facts.run for item in runs_read)}: {error}") from None
     if not any(item.sea is not None for item in records):
@@ -122,12 +125,6 @@ def _template(run_facts: RunInfo, plant: Path | None) -> Template:
     mapping, locate = load_mapping(plant)
     bem = locate.resolve_path(("bem",), mapping["bem"])
     return Template(plant, mapping, bem, bem.with_name(mapping["surge"]["bem"]))
-
-
-def _rated(plant: dict[str, Any]) -> float | None:
-    """Return the rated bus voltage of a custom drive, V; None for a commercial drive."""
-    drive = plant["drive"]
-    return float(drive["rated_voltage"]["value"]) if drive["kind"] == "custom" else None
 
 
 def _coefficient(

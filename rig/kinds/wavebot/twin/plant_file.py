@@ -16,7 +16,7 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
-from rig.kinds.wavebot.twin import drivetrain, electrics, seas
+from rig.kinds.wavebot.twin import drivetrain, seas
 from rig.kinds.wavebot.twin.estimate import Template, Twin
 from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
@@ -30,11 +30,11 @@ _PLANT_KEYS = {  # section and key of a plant file by the name of an estimate
     drivetrain.VISCOUS: ("pto", "drivetrain_viscous"),
     drivetrain.WAVES: ("pto", "drivetrain_coulomb"),
     drivetrain.EFFECT: ("spring", "spring_effect"),
-    electrics.RESISTANCE: ("pto", "winding_resistance"),
+    drivetrain.RESISTANCE: ("pto", "winding_resistance"),
     "fixed_loss": ("drive", "fixed_loss"),
     "linear_loss": ("drive", "linear_loss"),
-    electrics.CONDUCTION: ("drive", "conduction_loss"),
-    electrics.SQUARE: ("drive", "square_loss"),
+    drivetrain.CONDUCTION: ("drive", "conduction_loss"),
+    drivetrain.SQUARE: ("drive", "square_loss"),
 }
 _MIN_POSITIVE = 1e-6  # smallest value of a parameter that must be positive
 
@@ -50,7 +50,7 @@ def mapping(twin: Twin, shift: Mapping[str, float] | None = None) -> dict[str, A
     values = {name: v + (shift or {}).get(name, 0.0) for name, v in twin.values.items()}
     for name, (section, key) in _PLANT_KEYS.items():
         if name in values:
-            minimum = _MIN_POSITIVE if name in (electrics.RESISTANCE, "hydrostatic") else 0.0
+            minimum = _MIN_POSITIVE if name in (drivetrain.RESISTANCE, "hydrostatic") else 0.0
             _set_entry(plant[section], key, max(values[name], minimum), twin.source(name))
     _set_inertia(plant["body"], values["inertia"], twin.source("inertia"))
     _set_radiation(plant["body"]["radiation"], twin)
@@ -108,8 +108,8 @@ def _set_custom_drive(section: dict[str, Any], values: Mapping[str, float], twin
     kilohertz = 0.001 / float(drive["switching_period_s"]) * max(share, 1e-9)
     suffix = f"; of runs at {scheme}, {kilohertz:.3g} kHz: the part that depends on the bus voltage"
     for key, name in (
-        ("switching_loss", electrics.SWITCHED),
-        ("switching_linear_loss", electrics.SWITCHED_LINEAR),
+        ("switching_loss", drivetrain.SWITCHED),
+        ("switching_linear_loss", drivetrain.SWITCHED_LINEAR),
     ):
         loss = max(values.get(name, 0.0), 0.0)
         source = twin.source(name) + suffix if name in values else "not estimated separately"

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.identification.experiments import metres_per_count
 from rig.recording.runs import RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
@@ -121,7 +122,7 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     data, plan = window.data, run_facts.plan
-    dt, sea = float(plan["dt"]), plan.get("asked_sea")
+    dt, sea = float(plan["dt"]), plan.get("requested_sea")
     has_excitation = bool(np.any(data[REFERENCE] != 0.0))
     repeats = [float(sea["repeat_s"])] if sea else []
     if has_excitation:
@@ -144,7 +145,8 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
         strong = amplitude > 0.1 * max(sea["amplitude_m"], default=1e-9)
         excited[number[strong] - 1] = True  # lines in which the sea has significant energy
     omega = angular_frequencies(period * dt, lines)
-    velocity = 1j * omega * _metres_per_count(run_facts) * lines_of(COUNTS, ENCODER_AGE)
+    scale = metres_per_count(run_facts, "heave")
+    velocity = lines_of(COUNTS, ENCODER_AGE) * (1j * omega * scale)
     whole_periods = slice(0, window.span // period * period)
     current = data[CURRENT][whole_periods]
     return Record(
@@ -169,15 +171,6 @@ def sea_lines(sea: dict[str, Any], period: float, lines: int) -> tuple[NDArray[n
     number = np.rint(np.array(sea["cycles"]) * period / sea["repeat_s"]).astype(np.int64)
     present = (number >= 1) & (number <= lines)
     return number[present], np.array(sea["amplitude_m"])[present]
-
-
-def _metres_per_count(run_facts: RunInfo) -> float:
-    """Return the heave of one encoder count, m."""
-    ratio = run_facts.config_number("rig", "heave", "gear_ratio_rad_per_m")
-    counts = run_facts.config_number("rig", "heave", "counts_per_revolution")
-    if ratio is None or counts is None:
-        raise ValueError("its configuration has no gear ratio or encoder resolution")
-    return 2.0 * np.pi / ratio / counts
 
 
 def _power_blocks(data: Any, block: int) -> PowerBlocks:

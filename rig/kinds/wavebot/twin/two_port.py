@@ -7,7 +7,7 @@ from rig.config.law_settings import DEFAULT_LAW
 from rig.design.twoport.network import Motor, linear_drivetrain
 from rig.design.twoport.pictures import Case, TakeOff, vary, write_effects, write_transfer
 from rig.identification.identify import identify
-from rig.kinds.wavebot.twin.electrics import RESISTANCE, identify_winding
+from rig.kinds.wavebot.twin.drivetrain import RESISTANCE, identify_winding
 from rig.kinds.wavebot.twin.records import read_records
 from rig.recording.runs import RunError
 
@@ -22,18 +22,6 @@ class MeasuredDevice(NamedTuple):
     attributes: dict[str, Any]  # run id and mode
     spring_rate: float  # N/m, of the measured rows
     take_off: TakeOff  # its drivetrain is without the magnetic spring
-
-
-class VariationOptions(NamedTuple):
-    """The base setting, and the step of each parameter in both directions."""
-
-    kp: float = -2500.0  # N s/m
-    ki: float = 0.0  # N/m
-    spring_rate: float | None = None  # N/m; None: that of the measured rows
-    kp_step: float = 1000.0
-    ki_step: float = 4000.0
-    spring_step: float = 5000.0
-    gear_step: float = 0.25  # share of the gear ratio
 
 
 def device_from_run(run: Path) -> MeasuredDevice:
@@ -73,16 +61,22 @@ def device_from_run(run: Path) -> MeasuredDevice:
     )
 
 
-def write_pictures(device: MeasuredDevice, steps: VariationOptions, folder: Path) -> list[Path]:
-    """Draw the effects of gains, spring and gear, and power transfer with mismatch."""
+def write_pictures(
+    device: MeasuredDevice, kp: float, ki: float, spring_rate: float | None, folder: Path
+) -> list[Path]:
+    """Draw the effects of gains, spring and gear, and power transfer with mismatch.
+
+    The gains (N s/m, N/m) and the spring rate (N/m; None: that of the measured rows) are the base
+    setting, from which each parameter is changed in both directions.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    spring_rate = device.spring_rate if steps.spring_rate is None else steps.spring_rate
+    spring_rate = device.spring_rate if spring_rate is None else spring_rate
     take_off, gear = device.take_off, device.take_off.motor.gear
-    base = Case("base", steps.kp, steps.ki, spring_rate, gear)
+    base = Case("base", kp, ki, spring_rate, gear)
     description = f"Kp {base.kp:g} N s/m, Ki {base.ki:g} N/m, spring {base.spring_rate:g} N/m"
     variations = {
-        "gains": {"kp": steps.kp_step, "ki": steps.ki_step},
-        "spring_gear": {"spring_rate": steps.spring_step, "gear": steps.gear_step * gear},
+        "gains": {"kp": 1000.0, "ki": 4000.0},
+        "spring_gear": {"spring_rate": 5000.0, "gear": 0.25 * gear},
     }
     written = []
     for name, variation in variations.items():

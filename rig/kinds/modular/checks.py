@@ -1,0 +1,65 @@
+"""The checks of a modular rig's campaign with its rig, its limits and its simulated plant."""
+
+from collections.abc import Iterator
+from datetime import date
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from rig.campaign import AnyCampaign, CampaignParts, CheckReport, check_campaign
+from rig.campaign.files import no_extra_check
+from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
+from rig.config.problems import Problem
+from rig.emulation.campaign_sea import sea_problems
+from rig.kinds.modular.build import limits_problems
+from rig.kinds.modular.campaign import CAMPAIGNS
+from rig.kinds.modular.config import RigFile
+from rig.kinds.modular.rehearsal import job
+from rig.planning.input_files import ConfigSource
+
+_RIG: TypeAdapter[RigFile] = TypeAdapter(RigFile)
+
+
+def check(
+    path: Path, rig: Path | None = None, *, day: date | None = None, plant: bool = True
+) -> CheckReport:
+    """Return the report of a campaign and all its input files, without predictions.
+
+    ``rig`` replaces the rig that the campaign names; ``plant``: with laws and simulated plant.
+    """
+    extra_check = problems if plant else no_extra_check
+    report = check_campaign(CAMPAIGNS, path, extra_check, rig=rig, day=day)
+    if report.campaign is None:
+        return report
+    unlike = tuple(limits_of_other_axes(report.campaign))
+    return CheckReport(path, unlike, None, None) if unlike else report
+
+
+def limits_of_other_axes(campaign: AnyCampaign) -> Iterator[Problem]:
+    """Yield a problem for each axis that rig file and limits file of a campaign do not share."""
+    for key, message in limits_problems(campaign.rig, campaign.limits):
+        text = f"{'.'.join(key)}: {message}"
+        yield campaign.rig_locate.problem(("limits",), campaign.rig.limits, text)
+
+
+def problems(parts: CampaignParts) -> tuple[Problem, ...]:
+    """Return all problems that would keep loop or plant from starting."""
+    rig = _valid_rig(parts.rig)
+    ramps = {name: axis.gain_ramp_s for name, axis in rig.axes.items()} if rig else {}
+    found = [*(law_problems(parts, ramps) if rig else ()), *reference_problems(parts)]
+    bem = None
+    if parts.plant is not None:
+        locate = None if parts.rig is None else parts.rig.locate
+        rate = parts.rate_hz or DEFAULT_RATE_HZ
+        model, bad = job.plant_problems(parts.plant, rig, locate, rate)
+        found += bad
+        bem = job.first_bem(model) if model is not None else None
+    campaign = parts.campaign.locate
+    return (*found, *sea_problems(parts.sea, parts.elevation, campaign, bem, parts.rate_hz))
+
+
+def _valid_rig(source: ConfigSource | None) -> RigFile | None:
+    try:
+        return None if source is None else _RIG.validate_python(source.mapping, strict=True)
+    except ValidationError:
+        return None

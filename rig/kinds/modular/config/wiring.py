@@ -1,0 +1,123 @@
+"""The wiring of a modular rig: a torque drive for each axis, and the devices of its sensors.
+
+A sensor of the rig file names one value of the wiring as its source: `AXIS.analog_1` is the first
+analog input of an axis's drive, `BLOCK.VALUE` a value of a register block, `CELL.fz` a component of
+a load cell.
+"""
+
+import keyword
+from collections.abc import Collection, Iterator, Mapping
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from rig.config.model import RuleViolation
+from rig.config.wiring import (
+    PANEL_INPUTS,
+    WAVE_TRIGGER,
+    BlockContent,
+    CanBus,
+    LoadCell,
+    Registers,
+    TorqueDrive,
+    Wiring,
+)
+from rig.config.yaml_source import KeyPath
+from rig.stations import FIELD_NAME
+from rig.wires.messages import ACKNOWLEDGEMENT_SUFFIX, HEALTH_SUFFIX
+
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+"""Components of a load cell, in the order of its messages."""
+_MAX_VALUES = 256  # of a block, which a mailbox holds
+_STAMP = "stamp"  # of every message between processes
+
+
+class Source(NamedTuple):
+    """A value that the wiring gives."""
+
+    device: str  # axis of the drive, register block or load cell
+    place: int  # among the values of the device
+    key: KeyPath  # in the wiring
+
+
+class ModularWiring(Wiring):
+    """The wiring of a modular rig."""
+
+    can: CanBus
+    axes: dict[str, TorqueDrive] = Field(min_length=1)  # the drive of each axis
+    registers: dict[str, Registers] = Field(default={}, max_length=64)  # polled, for sensors
+    load_cells: dict[str, LoadCell] = Field(default={}, max_length=16)
+    inputs: Annotated[Registers, PANEL_INPUTS]
+    outputs: Annotated[Registers | None, WAVE_TRIGGER] = None
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check blocks and nodes, and that names can be those of mailboxes and of their fields."""
+        yield from super().check_rules()
+        own = ("can", "inputs", "outputs", f"outputs{ACKNOWLEDGEMENT_SUFFIX}")
+        taken = dict.fromkeys(own, "of every rig")
+        taken |= {f"{axis}{HEALTH_SUFFIX}": f"of the drive of {axis}" for axis in self.axes}
+        for field in ("axes", "registers", "load_cells"):
+            for name in getattr(self, field):
+                yield from _name_rules((field, name), name, taken)
+                taken[name] = f"one of the {field}"
+        for name, block in self.registers.items():
+            if len(block.values) > _MAX_VALUES:
+                message = f"{len(block.values)} values; allowed up to {_MAX_VALUES}"
+                yield RuleViolation(("registers", name, "values"), message)
+            for at, value in enumerate(block.values):
+                key = ("registers", name, "values", at, "name")
+                yield from _name_rules(key, value.name, {_STAMP: "the time of every message"})
+
+    def block_content(self, name: str) -> BlockContent:
+        """Return the content of a register block; that of sensors has no units of its own."""
+        if name not in self.registers:
+            return super().block_content(name)
+        values = self.registers[name].values
+        return BlockContent("registers of sensors", {value.name: "1" for value in values})
+
+    def sources(self) -> dict[str, Source]:
+        """Return every value that can be the source of a sensor, by its name."""
+        inputs = {
+            f"{name}.analog_{at + 1}": Source(name, at, ("axes", name, "analog_per_v", at))
+            for name, drive in self.axes.items()
+            for at in range(len(drive.analog_per_v))
+        }
+        polled = {
+            f"{name}.{value.name}": Source(name, at, ("registers", name, "values", at))
+            for name, block in self.registers.items()
+            for at, value in enumerate(block.values)
+        }
+        components = {
+            f"{name}.{component}": Source(name, at, ("load_cells", name))
+            for name in self.load_cells
+            for at, component in enumerate(WRENCH)
+        }
+        return {**inputs, **polled, **components}
+
+    def unused_sources(self, used: Collection[str]) -> dict[str, Source]:
+        """Return the sources that the wiring has in vain if only some are used.
+
+        An analog input is needed by a later one of its drive, a component of a load cell by any
+        other: the device sends them together.
+        """
+        sources = self.sources()
+        needed = {
+            (source.device, at)
+            for source in map(sources.__getitem__, used)
+            for at in (range(len(WRENCH)) if source.device in self.load_cells
+                       else range(source.place + 1) if source.device in self.axes
+                       else (source.place,))
+        }  # fmt: skip
+        return {
+            name: source
+            for name, source in sources.items()
+            if (source.device, source.place) not in needed
+        }
+
+
+def _name_rules(key: KeyPath, name: str, taken: Mapping[str, str]) -> Iterator[RuleViolation]:
+    if not FIELD_NAME.fullmatch(name) or keyword.iskeyword(name):
+        message = "no name of a signal; allowed [a-z][a-z0-9_]*, no __, no _ at the end"
+        yield RuleViolation(key, message, name)
+    elif name in taken:
+        yield RuleViolation(key, f"this name is {taken[name]}; allowed any other", name)

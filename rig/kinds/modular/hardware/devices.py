@@ -1,0 +1,122 @@
+"""A modular rig's real devices behind the loop's device interface.
+
+The tick exchanges CAN process data itself; slow lines and load cells go through mailboxes. The
+messages of the drivers become the composed `Sense`, by tables that are written once at the start.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from controllers.signals import PanelSense
+from rig.kinds.modular.tick import Composition, WaveSense, compose
+from rig.processes.mailbox import Mailbox
+from rig.wires import can_axes
+from rig.wires.can_axes import CanAxes
+from rig.wires.messages import open_mailboxes, wait_for_values
+
+_UNKNOWN_ELEVATION = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
+
+
+class SensorSource(NamedTuple):
+    """A sensor and the value of the wiring that it reads: its value is scale * reading + offset."""
+
+    name: str
+    device: str  # axis, for an analog input of its drive, or mailbox
+    place: int  # among the analog inputs, or the fields of the message
+    scale: float
+    offset: float
+
+
+class ModularDevices:
+    """All devices of a modular rig on their wires."""
+
+    def __init__(
+        self,
+        can: CanAxes,
+        slots: Mapping[str, Mailbox],
+        composition: Composition,
+        sources: Sequence[SensorSource],
+        trigger_divider: int,
+    ) -> None:
+        """``sources``: one of each sensor; ``trigger_divider``: ticks between two posts of it."""
+        self._can = can
+        self._axes = [axis.name for axis in composition.axes]
+        self._places = [self._axes.index(name) for name in can.axes]  # of the commands
+        by_name = {source.name: source for source in sources}
+        given = [by_name[part.name] for part in composition.sensors]
+        polled = dict.fromkeys(each.device for each in given if each.device not in self._axes)
+        devices = [*self._axes, *polled]
+        composed = compose(composition)
+        self._sense_type = composed.Sense
+        self._sensors = [
+            (kind, devices.index(each.device), each.place, each.scale, each.offset)
+            for kind, each in zip(composed.READINGS, given, strict=True)
+        ]
+        self._inputs = {name: slots[name] for name in (*polled, "inputs")}
+        *self._polled, self._panel = self._inputs.values()
+        self._trigger = slots.get("outputs")
+        self._trigger_divider = trigger_divider
+        self._writes = 0
+
+    def warm_up(self, dt: float) -> None:
+        """Wait for a value of every device and for an answer of every drive to every SYNC.
+
+        OSError names those without one.
+        """
+        wait_for_values(self._inputs, dt)
+        self._can.warm_up(dt)
+
+    def read(self, now: float) -> Any:
+        """Return the composed `Sense`."""
+        # Mailboxes before the time, or a value posted later would have a negative age.
+        messages = [slot.read() for slot in self._polled]
+        panel = self._panel.read()
+        can = self._can
+        time_now = can.receive()
+        drives = [can.read(name) for name in self._axes]
+        values = [(drive.analog, drive.analog_age) for drive in drives]
+        values += [(message, time_now - message.stamp) for message in messages]
+        parts: list[Any] = [can.sense(*each) for each in zip(self._axes, drives, strict=True)]
+        for kind, device, place, scale, offset in self._sensors:
+            reading, age = values[device]
+            parts.append(kind(scale * reading[place] + offset, age))
+        parts.append(_UNKNOWN_ELEVATION)
+        parts.append(PanelSense(panel.e_stop, panel.limit_switch, time_now - panel.stamp))
+        return self._sense_type(*parts)
+
+    def write(self, command: Any) -> None:
+        """Send the composed `Command`: one command of each axis, then the wave trigger."""
+        axes = [command[place] for place in self._places]
+        self._can.send([(axis.current, axis.enable) for axis in axes])
+        if self._writes % self._trigger_divider == 0:
+            self._post_trigger(command.waves)
+        self._writes += 1
+
+    def stop(self, reason: int) -> None:
+        """Command no current and no waves."""
+        self._can.release()
+        self._post_trigger(0)
+
+    def close(self) -> None:
+        """Give the bus back."""
+        self._can.close()
+
+    def _post_trigger(self, on: int) -> None:
+        if self._trigger is not None:
+            self._trigger.post((on, self._can.time))
+
+
+def connect(config: dict[str, Any], dt: float) -> ModularDevices:
+    """Return the devices for a configuration of `rig.kinds.modular.hardware.job`.
+
+    It also has "composition", the composition's text. LinkError if the bus cannot be opened.
+    """
+    slots = open_mailboxes(config["mailboxes"])
+    return ModularDevices(
+        can_axes.connect(config["can"], config["facts"]["can"], slots),
+        slots,
+        Composition.from_text(config["composition"]),
+        [SensorSource(*each) for each in config["sensors"]],
+        config["trigger_divider"],
+    )

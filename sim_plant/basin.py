@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_plant.bem import Bem, Complexes, Floats
+from sim_plant.sea_states import GRAVITY, Sea, elevation_at
 from sim_plant.sensors import Channel, measure
 from sim_plant.units import Hertz, Metre, MetrePerSecond, Second
-from sim_plant.waves import GRAVITY, Sea, elevation_at
 
 SAMPLE_RATE = 50.0  # Hz, of the basin's data acquisition
 DENSITY = 1000.0  # kg/m3, of the BEM files

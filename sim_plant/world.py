@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant import body, custom_drive, magnetic_spring, pto, wave_maker, wavebot, waves
+from sim_plant import body, custom_drive, magnetic_spring, pto, sea_states, wave_maker, wavebot
 from sim_plant.basin import SAMPLE_RATE, Basin
 from sim_plant.bem import Bem
 from sim_plant.bus import BusState
 from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
 from sim_plant.prescribed import MotionProfile, blend_in
+from sim_plant.sea_states import Sea
 from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.signals import OFF, Actuation, Readings
 from sim_plant.stepper import Stepper, StepperInputs
@@ -29,7 +30,6 @@ from sim_plant.units import (
     Second,
 )
 from sim_plant.wavebot import NO_HOIST, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
-from sim_plant.waves import Sea
 
 __all__ = ["OFF", "Actuation", "DriveSettings", "Readings", "Stepper", "Truth", "World"]
 
@@ -98,7 +98,7 @@ class World:
         """
         if not 0.0 < dt <= 0.005:
             raise ValueError(f"dt must be in (0, 0.005] s, got {dt}")
-        table = waves.tables(sea, bem, dt)
+        table = sea_states.tables(sea, bem, dt)
         self.params = plant.build()
         self.sea = sea
         self._plant = plant
@@ -107,7 +107,7 @@ class World:
         self._tables = wave_maker.WaveMakerTables(
             table.elevation.tolist(),
             table.excitation.tolist(),
-            waves.excitation(sea, surge_bem, dt).tolist(),
+            sea_states.excitation(sea, surge_bem, dt).tolist(),
             onset,
             math.ceil(onset / dt),
         )

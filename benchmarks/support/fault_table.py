@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 
 from benchmarks.support.recorded import ROOT
-from rig import kinds
+from rig.kinds import registry
 
 TABLES = ROOT / "configs" / "faults"
 REFUSED, GOES_ON, UNDETECTED = "refused at start", "goes on", "not detected"
@@ -22,8 +22,8 @@ _KEYS = {
 
 CATEGORY = {
     reason.name: reason.category
-    for kind in kinds.OWN_PACKAGES
-    for reason in kinds.find(kind).room("tick").find_kind("").reason_table.reasons
+    for kind in registry.OWN_PACKAGES
+    for reason in registry.find(kind).room("tick").find_kind("").reason_table.reasons
 }
 """The stop category of every reason, by name; both kinds of rig agree in those they share."""
 

@@ -7,9 +7,9 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from rig import kinds
 from rig.cli.output import STOPPED
-from rig.kinds import Command
+from rig.kinds import registry
+from rig.kinds.registry import Command
 
 COMMANDS = tuple(
     Command(name, f"rig.cli.{name}", text)
@@ -51,13 +51,13 @@ class CommandGroup(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
-        self._add(kinds.commands())
+        self._add(registry.commands())
         return super().list_commands(ctx)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command without its options; None for an unknown name."""
         if cmd_name not in self.commands:
-            self._add(kinds.commands())
+            self._add(registry.commands())
         return super().get_command(ctx, cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

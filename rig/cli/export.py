@@ -10,7 +10,7 @@ from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, Json, Run, Runs
 from rig.cli.output import OK, input_errors, print_json
 from rig.interop import tables
-from rig.kinds import optional_rooms
+from rig.kinds.registry import optional_rooms
 from rig.recording.runs import run_info
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rig.config.shipped_files import CAMPAIGNS, KINDS, RIGS, SESSIONS, find_file, local_copies
-from rig.kinds import find
+from rig.kinds.registry import find
 from rig.recording.runs import RunError, list_runs, run_info
 
 if TYPE_CHECKING:

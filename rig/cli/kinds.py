@@ -2,7 +2,7 @@
 
 from rig.cli.options import Json
 from rig.cli.output import OK, print_json
-from rig.kinds import RegisteredKind, registered
+from rig.kinds.registry import RegisteredKind, registered
 
 
 def command(as_json: Json = False) -> int:

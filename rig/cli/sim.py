@@ -23,7 +23,7 @@ from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, Wire, Wiring
 from rig.config.yaml_source import load_mapping
 from rig.emulation.addresses import occupied_addresses, unreachable_addresses
-from rig.kinds import find
+from rig.kinds.registry import find
 from rig.kinds.rig_file import load_rig
 from rig.presentation.console import table_console
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses

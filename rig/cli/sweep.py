@@ -30,7 +30,7 @@ from rig.row_contents import LAW, PANEL, X, Y
 from rig.stations import Station, find
 from rig.sweep import executors, sweep
 from rig.sweep.cases import LEAD_IN, Outcome
-from rig.sweep.journal import JOURNAL_FILE, load_report, store_report
+from rig.sweep.result_cache import JOURNAL_FILE, load_report, store_report
 from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from rig.config.yaml_source import SourceMap
 from rig.emulation.sea import build_sea
 from rig.planning.designed_sea import DesignedSea, design_sea
 from rig.planning.elevation import Elevation
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import Bem
 
 _DEFAULT_SEED = 0  # no check depends on phases
@@ -68,11 +68,11 @@ def requested_sea(sea_file: AnySea, seed: int, elevation: Elevation | None) -> d
         else getattr(sea_file, "repeat", sea.repeat)
     )
     periods = round(sea.repeat / repeat)  # a recorded window may hold several
-    frequency = waves.frequencies(sea)
+    frequency = sea_states.frequencies(sea)
     kept = (
         (sea.cycles % periods == 0)
-        & (frequency >= waves.MIN_FREQUENCY)
-        & (frequency <= waves.MAX_FREQUENCY)
+        & (frequency >= sea_states.MIN_FREQUENCY)
+        & (frequency <= sea_states.MAX_FREQUENCY)
     )
     return {
         "repeat_s": sea.repeat / periods,
@@ -103,7 +103,7 @@ def sea_problems(
             nearest = [(float(1 / f), f.denominator) for f in reversed(nearest_frequencies)]
         suggestions = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
         message = (
-            f"{value!r} {unit} repeats on no whole second up to {waves.MAX_REPEAT} s; "
+            f"{value!r} {unit} repeats on no whole second up to {sea_states.MAX_REPEAT} s; "
             f"the nearest allowed are {' and '.join(suggestions)}"
         )
         yield locate.problem(("sea", key), value, message)
@@ -111,7 +111,7 @@ def sea_problems(
     try:
         built = build_sea(sea_settings(sea, _DEFAULT_SEED, elevation))
         if bem is not None and rate_hz is not None:
-            waves.tables(built, bem, 1.0 / rate_hz)
+            sea_states.tables(built, bem, 1.0 / rate_hz)
     except ValueError as error:
         yield locate.problem(("sea",), sea.description(), str(error))
 
@@ -119,9 +119,9 @@ def sea_problems(
 def _nearest_repeating(frequency: float) -> list[Fraction]:
     """Return the nearest frequencies (Hz) below and above that repeat in time; none if it does."""
     try:
-        waves.regular(0.0, frequency)
+        sea_states.regular(0.0, frequency)
     except ValueError:
-        seconds = range(1, waves.MAX_REPEAT + 1)
+        seconds = range(1, sea_states.MAX_REPEAT + 1)
         exact = Fraction(frequency)
         return [
             max(Fraction(math.floor(exact * length), length) for length in seconds),

@@ -4,18 +4,18 @@ from typing import Any
 
 import numpy as np
 
-from sim_plant import waves
+from sim_plant import sea_states
 
 
-def build_sea(description: dict[str, Any]) -> waves.Sea:
+def build_sea(description: dict[str, Any]) -> sea_states.Sea:
     """Return the sea of a campaign's description; ValueError if it has no repeat period."""
     kind = description["kind"]
     if kind == "calm":
-        return waves.calm()
+        return sea_states.calm()
     if kind == "regular":
-        return waves.regular(description["amplitude_m"], description["frequency_hz"])
+        return sea_states.regular(description["amplitude_m"], description["frequency_hz"])
     if kind == "jonswap":
-        return waves.jonswap(
+        return sea_states.jonswap(
             description["hs_m"],
             description["tp_s"],
             description["gamma"],
@@ -23,10 +23,10 @@ def build_sea(description: dict[str, Any]) -> waves.Sea:
             description["seed"],
         )
     if kind == "components":
-        return waves.components(
+        return sea_states.components(
             description["repeat_s"],
             description["cycles"],
             description["amplitude_m"],
             description["phase_rad"],
         )
-    return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
+    return sea_states.recorded(np.array(description["elevation_m"]), description["rate_hz"])

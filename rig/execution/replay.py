@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig import kinds
+from rig.kinds import registry
 from rig.processes.run_types import RecordedTask
 from rig.realtime import cycle, safety
 from rig.recording import row_layout
@@ -251,9 +251,9 @@ class _Comparison:
 def _load_target(run_facts: RunInfo) -> _ReplayTarget:
     """Return the task that today's code builds from the configuration of a run."""
     try:
-        kind = kinds.find(run_facts.kind)
+        kind = registry.find(run_facts.kind)
         task: RecordedTask = kind.room("recorded").recorded_task(run_facts)
-    except kinds.KindError as error:
+    except registry.KindError as error:
         raise RunError(f"{run_facts.run}: {error}") from None
     except KeyError as error:
         raise RunError(f"{run_facts.run}: its record holds no configuration ({error})") from None

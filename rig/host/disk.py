@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.host.finding import ALL_USES, REALTIME, Check, Finding, Host, Verdict, grade
-from rig.kinds import row_types
+from rig.kinds.registry import row_types
 from rig.processes import supervisor
 from rig.processes.logger import FLUSH_INTERVAL
 from rig.recording import mcap_writer, row_layout

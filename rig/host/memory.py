@@ -5,7 +5,7 @@ import os
 import resource
 
 from rig.host.finding import ALL_USES, Check, Finding, Host, Verdict, grade
-from rig.kinds import row_types
+from rig.kinds.registry import row_types
 from rig.recording import ring, row_layout
 
 AREA = "memory"

@@ -13,7 +13,7 @@ from rig.config.rig_file import BaseRigFile
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire
 from rig.host.finding import REALTIME, Check, Finding, Host, Verdict, grade
 from rig.host.software import REINSTALL
-from rig.kinds import find
+from rig.kinds.registry import find
 from rig.processes.wire_locks import acquire, lockable
 from rig.recording.runs.create import BusyError
 from rig.wires import wire_check

@@ -1,8 +1,8 @@
 """What a kind of rig consists of: the rooms of its package, one protocol for each.
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
-uses. `rig.kinds.ROOMS` lists the rooms that every kind has. Optional are `commands`, `exports`,
-`campaign` for kinds with campaigns, and `simulation` for those that can be swept
+uses. `rig.kinds.registry.ROOMS` lists the rooms that every kind has. Optional are `commands`,
+`exports`, `campaign` for kinds with campaigns, and `simulation` for those that can be swept
 (`rig.sweep.simulator`).
 """
 
@@ -18,7 +18,7 @@ from rig.campaign.kind import CampaignKind
 from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
-from rig.kinds import Command
+from rig.kinds.registry import Command
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode, Outcome, RecordedTask, Task
 from rig.realtime import cycle

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from rig import kinds, laws
+from rig import laws
+from rig.kinds import registry
 from rig.kinds.new_files import write_new
 from rig.plug_ins import DISTRIBUTION
 
@@ -57,8 +58,8 @@ def name_problems(name: str, folder: Path) -> Iterator[str]:
         return
     if keyword.iskeyword(name) or YAML(typ="safe", pure=True).load(name) != name:
         yield f"{name!r} has another meaning in Python or YAML; allowed any other name"
-    for registry, noun in ((kinds.REGISTRY, "kind of rig"), (laws.REGISTRY, "law")):
-        entry = registry.find(name)
+    for names, noun in ((registry.REGISTRY, "kind of rig"), (laws.REGISTRY, "law")):
+        entry = names.find(name)
         if entry is not None:
             yield f"{entry.origin} has a {noun} {name!r} ({entry.module}); allowed any other name"
     package = f"wec_{name}"

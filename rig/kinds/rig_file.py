@@ -8,7 +8,7 @@ from rig.config.problems import ConfigError, format_value
 from rig.config.pydantic_errors import validate
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap, load_mapping
-from rig.kinds import KindError, RigKind, find, known, registered
+from rig.kinds.registry import KindError, RigKind, find, known, registered
 from rig.planning.input_files import ConfigSource, load_named_source
 
 

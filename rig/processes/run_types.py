@@ -11,7 +11,7 @@ class Task(NamedTuple):
     """A checked and planned campaign or session."""
 
     name: str  # of the campaign or session, and so of the run's folder
-    kind_name: str  # of the rig, in `rig.kinds`
+    kind_name: str  # of the rig, in `rig.kinds.registry`
     tick: str  # package of the kind's tick, whose find_kind() returns `kind`
     kind: cycle.Kind
     params: cycle.Params

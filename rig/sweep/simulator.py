@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from rig import kinds
 from rig.campaign import AnyCampaign, AnyPlan, CampaignKind, CampaignParts
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath, load_mapping
 from rig.identification.incident_waves import WaveDevice
+from rig.kinds import registry
 from rig.kinds.rig_file import kind_of_task
 from rig.planning.input_files import InputFile
 from rig.recording.runs.windows import Window
@@ -112,9 +112,9 @@ def campaign_kind(path: Path) -> CampaignKind:
     kind = kind_of_task(path)
     try:
         found: CampaignKind = kind.room(CAMPAIGN_ROOM).CAMPAIGNS
-    except kinds.KindError as error:
+    except registry.KindError as error:
         message = f"campaigns of kind {kind.name} cannot be swept: {error}"
-        raise kinds.KindError(message) from None
+        raise registry.KindError(message) from None
     return found
 
 
@@ -126,7 +126,7 @@ def simulation_of(campaign: AnyCampaign) -> Simulation:
 def simulation_of_rig(mapping: Mapping[str, Any]) -> Simulation | None:
     """Return the simulation of an unchecked rig file's kind; None for a kind that is not known."""
     kind = mapping.get("kind")
-    return _simulation(kind) if isinstance(kind, str) and kind in kinds.known() else None
+    return _simulation(kind) if isinstance(kind, str) and kind in registry.known() else None
 
 
 def problems(parts: CampaignParts) -> tuple[Problem, ...]:
@@ -136,5 +136,5 @@ def problems(parts: CampaignParts) -> tuple[Problem, ...]:
 
 
 def _simulation(kind: str) -> Simulation:
-    simulation: Simulation = kinds.find(kind).room(ROOM)
+    simulation: Simulation = registry.find(kind).room(ROOM)
     return simulation

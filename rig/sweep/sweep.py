@@ -27,7 +27,6 @@ from rig.recording import provenance
 from rig.recording.runs.create import BusyError, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest, single_row_campaign
 from rig.sweep.executors import Executor
-from rig.sweep.journal import Journal
 from rig.sweep.parameters import (
     OPTION,
     CampaignFiles,
@@ -35,6 +34,7 @@ from rig.sweep.parameters import (
     parameter_unit,
     parse_parameters,
 )
+from rig.sweep.result_cache import Journal
 from rig.sweep.simulator import simulation_of
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim_plant.bem import Bem, Floats
 from sim_plant.flap.body import FlapBodyParams
+from sim_plant.sea_states import GRAVITY, MAX_FREQUENCY
 from sim_plant.units import KilogramSquareMetre, Metre
-from sim_plant.waves import GRAVITY, MAX_FREQUENCY
 
 DENSITY = 1000.0  # kg/m3
 MIN_FREQUENCY, FREQUENCY_STEP = 0.02, 0.002  # Hz, of the table

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bench.signals import OFF, Actuation, BenchReading, BenchTruth
 from sim_plant.bench.stepper import StepperInputs
 from sim_plant.bench.wires import PlantInterface, check_tick
@@ -15,10 +15,10 @@ from sim_plant.flap import oswec
 from sim_plant.flap.body import FlapBodyState
 from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Stepper
+from sim_plant.sea_states import Sea, WaveTables
 from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
 from sim_plant.wave_maker import onset_ramp
-from sim_plant.waves import Sea, WaveTables
 
 __all__ = ["OFF", "Actuation", "BenchReading", "FlapTruth", "FlapWorld", "Stepper"]
 
@@ -50,7 +50,7 @@ class FlapWorld(PlantInterface):
         ``stepper`` may be another execution of the same step with bitwise equal results.
         """
         self.params = plant.build_flap()
-        table = waves.tables(sea, plant.coefficients(), check_tick(dt))
+        table = sea_states.tables(sea, plant.coefficients(), check_tick(dt))
         self._elevations: list[float] = table.elevation.tolist()
         self._moments: list[float] = table.excitation.tolist()
         self._onset = float(plant.water.onset.value)
@@ -73,7 +73,7 @@ class FlapWorld(PlantInterface):
         self._stepper.state = oswec.initial(self.params, angle)
 
     def change_waves(self, tables: WaveTables) -> None:
-        """Load another sea (`waves.tables`) into the wave maker and stop it."""
+        """Load another sea (`sea_states.tables`) into the wave maker and stop it."""
         self._elevations, self._moments = tables.elevation.tolist(), tables.excitation.tolist()
         self._wave_tick = -1
 

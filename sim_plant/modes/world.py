@@ -10,15 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.modes import building
 from sim_plant.modes import plant as modes
 from sim_plant.modes.bem import mode_bem
 from sim_plant.modes.building import PlantModel
 from sim_plant.modes.plant import ModesParams
+from sim_plant.sea_states import Sea
 from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.wave_maker import onset_ramp
-from sim_plant.waves import Sea
 
 
 class Actuation(NamedTuple):
@@ -217,11 +217,11 @@ class World:
 def excitation_table(model: PlantModel, sea: Sea, dt: float) -> NDArray[np.float64]:
     """Return excitation of each mode and elevation over one repeat period, (ticks, modes + 1).
 
-    Raises ValueError as `waves.tables`.
+    Raises ValueError as `sea_states.tables`.
     """
     count = len(model.bem.modes)
-    columns = [waves.excitation(sea, mode_bem(model.bem, k), dt) for k in range(count)]
-    return np.column_stack([*columns, waves.elevation_at(sea, 0.0, dt)])
+    columns = [sea_states.excitation(sea, mode_bem(model.bem, k), dt) for k in range(count)]
+    return np.column_stack([*columns, sea_states.elevation_at(sea, 0.0, dt)])
 
 
 def delay_ticks(delay: float, dt: float) -> int:

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from rehearsing import CONFIGS, write_campaign
 
-from rig import kinds
 from rig.config.problems import ConfigError
+from rig.kinds import registry
 from rig.sweep import sweep
 from rig.sweep.cases import Case
 from rig.sweep.simulator import ROOM, Simulation
@@ -127,7 +127,7 @@ def test_the_simulation_of_a_kind_has_all_that_sweeps_use() -> None:
     """A sweep imports no kind: the room `simulation` of a kind implements the protocol."""
     members = {name: each for name, each in vars(Simulation).items() if inspect.isfunction(each)}
     functions = {name: each for name, each in members.items() if not name.startswith("_")}
-    room = kinds.find("wavebot").room(ROOM)
+    room = registry.find("wavebot").room(ROOM)
     assert {*functions, *inspect.get_annotations(Simulation)} == set(room.__all__)
     for name, declared in functions.items():
         parameters = inspect.signature(getattr(room, name)).parameters

@@ -18,7 +18,7 @@ from rig.config.problems import ConfigError
 from rig.sweep import sweep
 from rig.sweep.cases import LEAD_IN, Case, Outcome
 from rig.sweep.executors import RunCase, thread_executor
-from rig.sweep.journal import JOURNAL_FILE, Journal
+from rig.sweep.result_cache import JOURNAL_FILE, Journal
 
 POINTS = [
     {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0},

@@ -18,7 +18,7 @@ from scipy.signal import welch
 from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import read_bem
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -72,7 +72,7 @@ def campaign(tmp_path: Path, sea: Path, device: str = "present") -> Any:
     return report
 
 
-def simulated_sea(report: Any) -> waves.Sea:
+def simulated_sea(report: Any) -> sea_states.Sea:
     return build_sea(plant_settings(report.campaign)["sea"])
 
 
@@ -106,7 +106,7 @@ def test_jonswap_seas(path: Path, tmp_path: Path) -> None:
     """
     sea = simulated_sea(campaign(tmp_path, path))
     hs, tp = sea_file(path)["hs_m"], sea_file(path)["tp_s"]
-    table = waves.tables(sea, BEM, DT).elevation
+    table = sea_states.tables(sea, BEM, DT).elevation
     assert 4.0 * table.std() == pytest.approx(hs, rel=1e-6)
     bins = np.fft.rfft(table) / table.size
     f = np.fft.rfftfreq(table.size, DT)
@@ -136,7 +136,7 @@ def test_welch_finds_the_spectrum(path: Path, tmp_path: Path) -> None:
     """
     sea = simulated_sea(campaign(tmp_path, path))
     hs, tp = sea_file(path)["hs_m"], sea_file(path)["tp_s"]
-    table = waves.tables(sea, BEM, DT).elevation[::20]
+    table = sea_states.tables(sea, BEM, DT).elevation[::20]
     f, result = welch(np.tile(table, 4), 50.0, nperseg=3750, noverlap=1875)
     for low in np.arange(0.2, 0.9, 0.1):
         inside = (f >= low) & (f < low + 0.1)
@@ -149,7 +149,7 @@ def test_welch_finds_the_spectrum(path: Path, tmp_path: Path) -> None:
 def test_the_pink_sea_is_that_of_the_report(tmp_path: Path) -> None:
     """The lines are 1/300 Hz apart from 0.2 to 1 Hz, with amplitude ~ f^-0.5 and an exact Hm0."""
     sea = simulated_sea(campaign(tmp_path, CONFIGS / "seas" / "pink_0p254m.yaml"))
-    tables = waves.tables(sea, BEM, DT)
+    tables = sea_states.tables(sea, BEM, DT)
     assert 4.0 * tables.elevation.std() == pytest.approx(0.254, rel=1e-6)
     bins = np.abs(np.fft.rfft(tables.elevation)) * 2.0 / 300_000
     k = np.arange(60, 301)
@@ -162,7 +162,7 @@ def test_the_pink_sea_is_that_of_the_report(tmp_path: Path) -> None:
 
 def test_the_multisine_sea_has_low_peaks(tmp_path: Path) -> None:
     sea = simulated_sea(campaign(tmp_path, CONFIGS / "seas" / "multisine_0p127m.yaml"))
-    table = waves.tables(sea, BEM, DT).elevation
+    table = sea_states.tables(sea, BEM, DT).elevation
     assert 4.0 * table.std() == pytest.approx(0.127, rel=1e-6)
     assert np.abs(table).max() / table.std() < 3.2  # random phases: 3.5 and more
     np.testing.assert_allclose(np.abs(sea.amplitude), np.abs(sea.amplitude[0]), rtol=1e-12)
@@ -176,8 +176,10 @@ def test_every_sea_file_repeats_exactly_and_is_the_same_in_every_campaign(
     report = campaign(tmp_path, path)
     one = simulated_sea(report)
     assert one.repeat == 300.0
-    table = waves.tables(one, BEM, 0.02).elevation
-    twice = waves.tables(one._replace(repeat=600.0, cycles=2 * one.cycles), BEM, 0.02).elevation
+    table = sea_states.tables(one, BEM, 0.02).elevation
+    twice = sea_states.tables(
+        one._replace(repeat=600.0, cycles=2 * one.cycles), BEM, 0.02
+    ).elevation
     np.testing.assert_allclose(twice[:15_000], twice[15_000:], atol=1e-15)
     np.testing.assert_allclose(twice[:15_000], table, atol=1e-14)
     text = (tmp_path / "campaign.yaml").read_text()
@@ -195,7 +197,7 @@ def test_the_requested_lines_are_those_of_the_plant(path: Path, tmp_path: Path) 
     result = np.zeros(time.size)
     for k, a, phase in zip(lines["cycles"], lines["amplitude_m"], lines["phase_rad"], strict=True):
         result += a * np.cos(2.0 * np.pi * k * time / 300.0 + phase)
-    table = waves.tables(simulated_sea(report), BEM, 0.01).elevation
+    table = sea_states.tables(simulated_sea(report), BEM, 0.01).elevation
     np.testing.assert_allclose(result, table[np.round(time / 0.01).astype(int)], atol=1e-12)
 
 
@@ -232,6 +234,6 @@ def test_another_process_builds_the_same_waves_and_realisations_differ() -> None
         [sys.executable, "-c", SCRIPT, str(paths[1])], capture_output=True, text=True, check=True
     )
     assert repeated.stdout.split() == [second]
-    tables = [waves.tables(sea, BEM, 0.02).elevation for sea in seas]
+    tables = [sea_states.tables(sea, BEM, 0.02).elevation for sea in seas]
     rho = np.corrcoef(tables)[np.triu_indices(3, 1)]
     assert np.abs(rho).max() < 4.0 / math.sqrt(2.0 * 241.0)

@@ -6,8 +6,8 @@ import pytest
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from rig import kinds
 from rig.cli.app import COMMANDS, app, load
+from rig.kinds import registry
 
 
 def commands(command: object, name: str) -> Iterator[tuple[str, TyperCommand]]:
@@ -18,7 +18,7 @@ def commands(command: object, name: str) -> Iterator[tuple[str, TyperCommand]]:
         yield name, command
 
 
-LISTED = (*COMMANDS, *kinds.commands())
+LISTED = (*COMMANDS, *registry.commands())
 ALL = dict(pair for each in LISTED for pair in commands(load(each), f"rig {each.name}"))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command_here import rig
 
-from rig import kinds
+from rig.kinds import registry
 from rig.kinds.interface import PROTOCOLS
 from rig.kinds.rig_file import kind_of_task
 
@@ -22,12 +22,12 @@ def test_every_room_has_a_protocol_with_its_names() -> None:
         room: {name for name in (*vars(protocol), *protocol.__annotations__) if name[0] != "_"}
         for room, protocol in PROTOCOLS.items()
     }
-    assert described == {room: set(names) for room, names in kinds.ROOMS.items()}
+    assert described == {room: set(names) for room, names in registry.ROOMS.items()}
 
 
-@pytest.mark.parametrize("name", kinds.OWN_PACKAGES)
+@pytest.mark.parametrize("name", registry.OWN_PACKAGES)
 def test_own_kinds_have_every_room(name: str) -> None:
-    assert kinds.interface_problem(kinds.find(name)) == ""
+    assert registry.interface_problem(registry.find(name)) == ""
 
 
 def plug_in(folder: Path, room: str) -> dict[str, str]:
@@ -45,7 +45,7 @@ def plug_in(folder: Path, room: str) -> dict[str, str]:
     info = folder / "my_rig-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-rig\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[{kinds.GROUP}]\nmy rig = my_rig\n")
+    (info / "entry_points.txt").write_text(f"[{registry.GROUP}]\nmy rig = my_rig\n")
     return os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
 
 

@@ -22,7 +22,7 @@ from sim_plant.modes.bem import read_modes
 from sim_plant.modes.building import build
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import Actuation, World
-from sim_plant.waves import regular
+from sim_plant.sea_states import regular
 
 WAVEBOT = Path(__file__).resolve().parents[2] / "configs" / "plants" / "wavebot_bem.nc"
 CYLINDER = WAVEBOT.with_name("cylinder_bem.nc")

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from rig.analysis import summary
-from rig.cli.run import RunPanel, row_as_json
+from rig.cli.run import row_as_json
+from rig.cli.run_panel import RunPanel
 from rig.config.problems import error_text
 from rig.host import disk
 from rig.kinds.wavebot import display

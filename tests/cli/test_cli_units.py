@@ -19,7 +19,7 @@ from rig.cli import run as run_command
 from rig.cli.app import app
 from rig.cli.input_files import find_run
 from rig.cli.output import BAD_INPUT, FAILED, FAULT, OK, STOPPED
-from rig.cli.run import RunPanel
+from rig.cli.run_panel import RunPanel
 from rig.cli.runs import command as list_command
 from rig.config.problems import Problem, error_text
 from rig.execution.task import RunResult

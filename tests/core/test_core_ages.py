@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rig import kinds
+from rig.kinds import registry
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.safety import OFF
 
@@ -23,7 +23,7 @@ HOSTS: dict[str, Any] = {
 UNCHECKED = {("wavebot", "probes", "age")}  # for the analysis only; no limit uses them
 TOO_OLD = 1e6  # s
 
-KINDS = {name: kinds.find(name).room("tick").find_kind("") for name in kinds.OWN_PACKAGES}
+KINDS = {name: registry.find(name).room("tick").find_kind("") for name in registry.OWN_PACKAGES}
 KINDS["modular"] = core_modular.KIND  # with two axes and sensors
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from controllers.signals import AxisSense, Demand
-from rig import kinds
+from rig.kinds import registry
 from rig.realtime import axis, safety
 from rig.realtime.reasons import Reason, TripReason, reason_table
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE, Mode
@@ -55,7 +55,8 @@ def test_a_stop_of_category_0_or_1_is_final() -> None:
 
 def test_every_reason_has_a_category() -> None:
     tables = [
-        kinds.find(name).room("tick").find_kind("").reason_table for name in kinds.OWN_PACKAGES
+        registry.find(name).room("tick").find_kind("").reason_table
+        for name in registry.OWN_PACKAGES
     ]
     for table in tables:
         known = {reason.name: (reason.number, reason.category) for reason in table.reasons}

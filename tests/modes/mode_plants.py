@@ -16,7 +16,7 @@ from sim_plant.modes.bem_content import Floats
 from sim_plant.modes.building import PlantModel, assemble, build
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import Stepper, World
-from sim_plant.waves import Sea
+from sim_plant.sea_states import Sea
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[2]

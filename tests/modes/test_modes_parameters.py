@@ -10,7 +10,7 @@ import pytest
 from mode_plants import AXIS, CYLINDER, HEAVE, PITCH, SURGE, mapping
 from pydantic import ValidationError
 
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.modes import building
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import World
@@ -91,13 +91,13 @@ def test_a_plant_too_fast_for_the_tick_is_refused() -> None:
     stop = {"position": 0.5, "stiffness": 1e10}
     model = mode_plants.model(mapping({"heave": {**HEAVE, "end_stop": stop}}))
     with pytest.raises(ValueError, match=r"fastest motion of the plant, \d+ rad/s, needs a tick"):
-        World(model, waves.calm(), dt=0.001, seed=1)
+        World(model, sea_states.calm(), dt=0.001, seed=1)
 
 
 def test_the_delay_is_a_whole_number_of_ticks() -> None:
     model = mode_plants.model(mapping({"heave": HEAVE}, delay_s=0.0015))
     with pytest.raises(ValueError, match=r"delay_s is 0.0015 s, no whole number of ticks"):
-        World(model, waves.calm(), dt=0.001, seed=1)
+        World(model, sea_states.calm(), dt=0.001, seed=1)
 
 
 def test_factors_couple_inertia() -> None:

@@ -14,7 +14,7 @@ from mode_plants import AXIS, DRIVE, DT, HEAVE, PITCH, SURGE, WAVEBOT, mapping, 
 from numpy.typing import NDArray
 
 from rig.kinds.modular.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import excitation_at
 from sim_plant.modes import building, radiation
 from sim_plant.modes.bem import impedance, mode_bem
@@ -30,7 +30,7 @@ def motion_in_waves(
     model: PlantModel, frequency: float, control: Control, settle: float, dt: float = DT
 ) -> tuple[Complexes, float, float]:
     """Return complex positions per metre (e^{+i}), mechanical and electric power of axis 0."""
-    simulated = world(model, waves.regular(AMPLITUDE, frequency), dt=dt)
+    simulated = world(model, sea_states.regular(AMPLITUDE, frequency), dt=dt)
     period = round(1.0 / frequency / dt)
     positions, shaft, electric = [], 0.0, 0.0
     factors = building.factor_matrix(model.plant)
@@ -162,7 +162,7 @@ def test_one_mode_of_the_wavebot_moves_as_the_wavebot() -> None:
         "pto__drivetrain_viscous": 0.0,
         "body__viscous_quadratic": 300.0,
     }
-    sea = waves.jonswap(0.1, 2.0, 3.3, 20.0, 3)
+    sea = sea_states.jonswap(0.1, 2.0, 3.3, 20.0, 3)
     other = plant_files.world(sea, "wavebot_linear", waves__onset=1.0, **changes)
     heave = {
         "dof": "Heave",
@@ -210,7 +210,7 @@ def rough() -> PlantModel:
 
 
 def test_compiled_and_interpreted_plants_are_equal_bit_for_bit() -> None:
-    model, sea = rough(), waves.jonswap(0.2, 3.0, 3.3, 10.0, 1)
+    model, sea = rough(), sea_states.jonswap(0.2, 3.0, 3.3, 10.0, 1)
     worlds = [world(model, sea, stepper=stepper) for stepper in (Stepper, CompiledStepper)]
     for tick in range(3000):
         drives = (6.0 * math.sin(0.003 * tick), 1.0, -1.0, float(tick % 900 > 100))
@@ -226,7 +226,7 @@ def test_compiled_and_interpreted_plants_are_equal_bit_for_bit() -> None:
 
 def test_a_seed_repeats_the_noise() -> None:
     def force(seed: int) -> float:
-        simulated = World(rough(), waves.calm(), dt=DT, seed=seed, stepper=CompiledStepper)
+        simulated = World(rough(), sea_states.calm(), dt=DT, seed=seed, stepper=CompiledStepper)
         simulated.advance(DT)
         simulated.advance(DT)
         simulated.advance(DT)
@@ -237,7 +237,7 @@ def test_a_seed_repeats_the_noise() -> None:
 
 def test_a_free_decay_loses_energy_and_comes_to_rest() -> None:
     model = mode_plants.four_mode_model()
-    simulated = world(model, waves.calm())
+    simulated = world(model, sea_states.calm())
     simulated.release([0.1, -0.05, 0.1, 0.05])
     largest = [max(abs(x) for x in simulated.truth().position)]
     for _ in range(6):
@@ -250,7 +250,7 @@ def test_a_free_decay_loses_energy_and_comes_to_rest() -> None:
 def test_an_end_stop_holds_the_body() -> None:
     stop = {"position": 0.05, "stiffness": 1e6, "damping": 1e4}
     free, clamped = (
-        world(mode_plants.model(mapping({"heave": mode})), waves.regular(0.2, 0.4))
+        world(mode_plants.model(mapping({"heave": mode})), sea_states.regular(0.2, 0.4))
         for mode in (HEAVE, {**HEAVE, "end_stop": stop})
     )
     largest = []
@@ -268,7 +268,9 @@ def test_coulomb_friction_holds_a_small_force() -> None:
     """A force below the friction only makes the body creep, at most at the regularised velocity."""
     axis = {**AXIS, "moves_with": {"surge": 1.0}, "coulomb_friction": 500.0}
     surge = {**SURGE, "stiffness": 0.0}
-    simulated = world(mode_plants.model(mapping({"surge": surge}, {"pto": axis})), waves.calm())
+    simulated = world(
+        mode_plants.model(mapping({"surge": surge}, {"pto": axis})), sea_states.calm()
+    )
     for _ in range(10_000):
         simulated.actuate(Actuation((400.0 / 18.0, 1.0), 0))
         simulated.advance(DT)
@@ -283,7 +285,7 @@ def test_a_two_body_axis_pushes_both_bodies_apart() -> None:
     axes = {"pto": {"moves_with": {"float": 1.0, "plate": -1.0}, "viscous_friction": 9000.0}}
     given = mapping(stiff, axes, sensors={"gap": {"signal": "pto.position"}}, delay_s=0.0)
     plant = building.Plant.model_validate(given)
-    simulated = world(building.assemble(plant, pair), waves.calm())
+    simulated = world(building.assemble(plant, pair), sea_states.calm())
     for _ in range(60_000):
         simulated.actuate(Actuation((1000.0 / 18.0, 1.0), 0))
         simulated.advance(DT)
@@ -304,7 +306,7 @@ def test_enable_delay_current_limit_and_watchdog() -> None:
     drive = {**DRIVE, "current_limit_a": 4.0, "enable_delay_s": 0.05, "watchdog_s": 0.1}
     axis = {**AXIS, "moves_with": {"heave": 1.0}, "drive": drive}
     simulated = world(
-        mode_plants.model(mapping({"heave": HEAVE}, {"pto": axis}, delay_s=0.0)), waves.calm()
+        mode_plants.model(mapping({"heave": HEAVE}, {"pto": axis}, delay_s=0.0)), sea_states.calm()
     )
     for tick in range(100):
         simulated.actuate(Actuation((10.0, 1.0), 0))
@@ -325,7 +327,9 @@ def test_regeneration_loses_a_share_of_absorbed_power() -> None:
     for efficiency in (1.0, 0.5):
         drive = {**DRIVE, "regeneration_efficiency": efficiency}
         axis = {**AXIS, "moves_with": {"heave": 1.0}, "drive": drive}
-        simulated = world(mode_plants.model(mapping({"heave": HEAVE}, {"pto": axis})), waves.calm())
+        simulated = world(
+            mode_plants.model(mapping({"heave": HEAVE}, {"pto": axis})), sea_states.calm()
+        )
         simulated.release([0.0], [0.5])
         for _ in range(110):
             simulated.actuate(Actuation((-10.0, 1.0), 0))
@@ -337,7 +341,7 @@ def test_regeneration_loses_a_share_of_absorbed_power() -> None:
 
 def test_readings_are_as_old_as_the_delay() -> None:
     simulated = world(
-        mode_plants.model(mapping({"heave": HEAVE}, delay_s=0.003)), waves.regular(0.1, 0.5)
+        mode_plants.model(mapping({"heave": HEAVE}, delay_s=0.003)), sea_states.regular(0.1, 0.5)
     )
     simulated.actuate(Actuation((0.0, 0.0), 1))
     elevations = []
@@ -350,7 +354,7 @@ def test_readings_are_as_old_as_the_delay() -> None:
 
 def test_the_wave_clock_starts_with_the_trigger() -> None:
     simulated = world(
-        mode_plants.model(mapping({"heave": HEAVE}, wave_onset_s=0.5)), waves.regular(0.1, 0.5)
+        mode_plants.model(mapping({"heave": HEAVE}, wave_onset_s=0.5)), sea_states.regular(0.1, 0.5)
     )
     values: list[Any] = []
     for trigger in (0, 1, 0, 1):

@@ -23,7 +23,7 @@ from rig.design.axis_params import metres_per_count
 from rig.design.estimator import design, response
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.predictions.prediction import RowPredictions
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
 
@@ -101,8 +101,8 @@ def test_regular_waves(f: float, tmp_path: Path, plant: Plant) -> None:
 def test_irregular_waves(tmp_path: Path, plant: Plant) -> None:
     sea_block = {"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5, "repeat_s": 300, "seed": 3}
     params, hull = plant.build(), read_bem(CONFIGS / "plants" / plant.bem)
-    sea = waves.jonswap(0.127, 2.5, 3.3, 300.0, 3)
-    lines, amplitude = waves.frequencies(sea), np.abs(sea.amplitude)
+    sea = sea_states.jonswap(0.127, 2.5, 3.3, 300.0, 3)
+    lines, amplitude = sea_states.frequencies(sea), np.abs(sea.amplitude)
     for (kp, ki), predicted in predict_gains(tmp_path, sea_block).items():
         controller = sampled_controller(plant, kp, ki)
         oracle = heave_response(params, hull, lines, amplitude, kp, ki, STIFF, controller)

@@ -20,7 +20,7 @@ from rig.design.impedance import design as design_zc
 from rig.kinds.wavebot.predictions.model import linear_body
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
-from sim_plant.waves import calm
+from sim_plant.sea_states import calm
 from sim_plant.world import OFF, World
 
 DT = 0.001

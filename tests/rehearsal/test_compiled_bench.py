@@ -12,7 +12,7 @@ from rig.kinds.oswec_bench.rehearsal.compiled_plant import (
     CompiledFlapStepper,
     CompiledStepper,
 )
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bench.stepper import Stepper
 from sim_plant.bench.wires import PlantInterface
 from sim_plant.bench.world import Actuation, BenchReading
@@ -59,7 +59,7 @@ def test_interpreted_and_compiled_read_the_same(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["oswec_flap", "oswec_flap_free"])
 def test_the_flap_reads_the_same(name: str) -> None:
-    sea = waves.jonswap(0.15, 1.5, 3.3, 20.0, seed=3)
+    sea = sea_states.jonswap(0.15, 1.5, 3.3, 20.0, seed=3)
     kinds = (flap_stepper.Stepper, CompiledFlapStepper)
     interpreted, compiled = (flap(sea, name, stepper=kind) for kind in kinds)
     for k in range(TICKS):

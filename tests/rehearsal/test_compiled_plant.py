@@ -8,7 +8,7 @@ import pytest
 from plant_files import DT, command, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.world import Actuation, DriveSettings, Readings, Stepper, World
 
 TICKS = 9000
@@ -46,7 +46,7 @@ def step(rig: World, k: int) -> Readings:
 
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_linear", "wavebot_custom_islanded"])
 def test_interpreted_and_compiled_read_the_same(name: str) -> None:
-    sea = waves.jonswap(0.254, 2.5, 3.3, 30.0, seed=1)
+    sea = sea_states.jonswap(0.254, 2.5, 3.3, 30.0, seed=1)
     interpreted, compiled = (world(sea, name, stepper=kind) for kind in (Stepper, CompiledStepper))
     for k in range(TICKS):
         # by repr: equal to the last bit, types too, and NaN is itself

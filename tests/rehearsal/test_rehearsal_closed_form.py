@@ -35,7 +35,7 @@ from rig.config.yaml_source import load_mapping
 from rig.design.axis_params import metres_per_count
 from rig.design.estimator import design, response
 from rig.kinds.wavebot.config.rig_file import RigFile
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
 
@@ -224,8 +224,8 @@ def test_irregular_waves(
         sweep_sequentially(campaign(tmp_path, sea, {"settle_s": 15, "interval_s": 115}))
     )
     assert set(row_powers) == set(GAINS)
-    spectrum = waves.jonswap(0.127, 2.5, 3.3, 100.0, 7)
-    lines = waves.frequencies(spectrum), np.abs(spectrum.amplitude)
+    spectrum = sea_states.jonswap(0.127, 2.5, 3.3, 100.0, 7)
+    lines = sea_states.frequencies(spectrum), np.abs(spectrum.amplitude)
     compare(row_powers, expected_in(*lines), 0.01, record_property, "as_sampled")
     published = expected_in(*lines, published=True)
     compare(row_powers, published, 0.02, record_property, "published", floor=math.inf)

@@ -6,11 +6,11 @@ from typing import Any
 
 from plant_files import mapping
 
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Stepper
 from sim_plant.flap.world import Actuation, FlapWorld
-from sim_plant.waves import Sea
+from sim_plant.sea_states import Sea
 
 DT = 0.001
 
@@ -55,7 +55,7 @@ def flap(
 ) -> FlapWorld:
     """Return a flap at 1 kHz in calm water, interpreted by default."""
     plant = changed(name, **values)
-    return FlapWorld(plant, sea or waves.calm(), dt=DT, seed=seed, stepper=stepper)
+    return FlapWorld(plant, sea or sea_states.calm(), dt=DT, seed=seed, stepper=stepper)
 
 
 def torque(current: float, *, locked: int = 0) -> Actuation:

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
 from sim_plant.prescribed import MotionProfile
-from sim_plant.waves import Sea, calm
+from sim_plant.sea_states import Sea, calm
 from sim_plant.world import Actuation, Stepper, World
 
 DT = 0.001

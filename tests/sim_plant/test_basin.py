@@ -9,7 +9,7 @@ import pytest
 from plant_files import CAPYTAINE, DT, QUIET, bem, command, plant, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.basin import Basin, Probe, radiated_wave, radiation_filter
 from sim_plant.bem import excitation_at
 from sim_plant.sensors import Channel
@@ -25,7 +25,7 @@ def probes(reading: Readings) -> tuple[float, float, float]:
 
 def test_empty_basin_is_the_undisturbed_wave_at_each_place() -> None:
     """a cos(k x - omega t) with k = omega²/g, sampled every 20 ms and held."""
-    rig = world(waves.regular(0.1, 0.5), device=False, **QUIET)
+    rig = world(sea_states.regular(0.1, 0.5), device=False, **QUIET)
     omega = math.pi
     k = omega**2 / G
     for tick in range(9000):
@@ -42,11 +42,11 @@ def test_empty_basin_is_the_undisturbed_wave_at_each_place() -> None:
 
 
 def test_an_irregular_sea_arrives_component_by_component() -> None:
-    sea = waves.jonswap(0.127, 2.0, 3.3, 60.0, seed=5)
-    elevations = waves.elevation_at(sea, -4.0, DT)[::977]
+    sea = sea_states.jonswap(0.127, 2.0, 3.3, 60.0, seed=5)
+    elevations = sea_states.elevation_at(sea, -4.0, DT)[::977]
     t = DT * np.arange(0, 60000, 977)
     expected = np.zeros(t.size)
-    for f, a in zip(waves.frequencies(sea), sea.amplitude, strict=True):
+    for f, a in zip(sea_states.frequencies(sea), sea.amplitude, strict=True):
         omega = 2 * np.pi * f
         expected += (a * np.exp(1j * (omega**2 / G * -4.0 - omega * t))).real
     np.testing.assert_allclose(elevations, expected, atol=1e-12)
@@ -54,7 +54,7 @@ def test_an_irregular_sea_arrives_component_by_component() -> None:
 
 def test_probe_at_the_device_reads_the_undisturbed_elevation() -> None:
     place = {"basin__probe_2__x": 0.0, "basin__probe_2__y": 0.0}
-    sea = waves.jonswap(0.127, 2.0, 3.3, 20.0, seed=5)
+    sea = sea_states.jonswap(0.127, 2.0, 3.3, 20.0, seed=5)
     rig = world(sea, device=False, sensors__delay_ticks=0, **place, **QUIET)
     last_elevation = 0.0
     for tick in range(1, 12000):
@@ -69,7 +69,7 @@ def test_probe_at_the_device_reads_the_undisturbed_elevation() -> None:
 
 
 def test_other_readings_are_constant_in_the_empty_basin() -> None:
-    rig = world(waves.regular(0.127, 0.5), device=False)
+    rig = world(sea_states.regular(0.127, 0.5), device=False)
     rows = []
     for k in range(3000):
         rig.actuate(command(10.0, wave_trigger=1, stator_target=40.0, stator_enable=1))
@@ -88,7 +88,7 @@ def test_other_readings_are_constant_in_the_empty_basin() -> None:
 
 
 def test_sampled_at_50_hz_and_held_with_its_age() -> None:
-    rig = world(waves.regular(0.1, 0.5), **QUIET)
+    rig = world(sea_states.regular(0.1, 0.5), **QUIET)
     samples, ages = set(), set()
     for _ in range(1000):
         rig.actuate(command(wave_trigger=1))
@@ -103,7 +103,7 @@ def test_sampled_at_50_hz_and_held_with_its_age() -> None:
 
 @pytest.mark.parametrize("dt", [0.0007, 0.003, 0.005])
 def test_50_hz_at_any_tick(dt: float) -> None:
-    sea = waves.recorded(np.sin(np.linspace(0, 2 * np.pi, 100)), 100 / (3000 * dt))
+    sea = sea_states.recorded(np.sin(np.linspace(0, 2 * np.pi, 100)), 100 / (3000 * dt))
     rig = world(sea, device=False, dt=dt, **QUIET)
     measured = 0
     last = None
@@ -211,7 +211,7 @@ def test_filter_has_no_response_outside_the_band_of_motion() -> None:
 def test_filter_is_causal_and_of_finite_length() -> None:
     """The response to a velocity pulse starts after it, is largest seconds later, and ends."""
     basin = Basin(
-        waves.calm(), bem(), [Probe(8.0, 0.0)], Channel(0.0, 0.0, 0.0, 1, 0), [0.0] * 131072,
+        sea_states.calm(), bem(), [Probe(8.0, 0.0)], Channel(0.0, 0.0, 0.0, 1, 0), [0.0] * 131072,
         dt=DT, device=True,
     )  # fmt: skip
     measured = np.array([basin.sample(-1, 1.0, 1.0 if k == 100 else 0.0)[0] for k in range(2000)])

@@ -10,7 +10,7 @@ from closed_form import controller, heave_response
 from plant_files import DT, QUIET, bem, command, plant, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 
 FORCE_PER_CURRENT = 76.9750217
 
@@ -44,7 +44,7 @@ def test_single_wave_equals_a_spectrum_except_for_the_mean_current() -> None:
 @pytest.mark.parametrize(("f", "kp", "ki"), [(0.4, -2500.0, 0.0), (0.5, -1500.0, 6000.0)])
 def test_world_in_closed_loop(f: float, kp: float, ki: float) -> None:
     """Perfect measurement, one tick of delay: powers within 0.3 % and 0.15 W of the closed form."""
-    rig = world(waves.regular(0.127, f), "wavebot_linear", stepper=CompiledStepper, **QUIET)
+    rig = world(sea_states.regular(0.127, f), "wavebot_linear", stepper=CompiledStepper, **QUIET)
     begin = 60.0
     periods = math.floor(10.0 * f + 1e-9)
     end = round((begin + periods / f) / DT)

@@ -9,7 +9,7 @@ import pytest
 from plant_files import DT, QUIET, command, plant, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import custom_drive, waves
+from sim_plant import custom_drive, sea_states
 from sim_plant.custom_drive import DPWM, HYSTERESIS, SINE_TRIANGLE, SVPWM
 from sim_plant.world import DriveSettings, World
 
@@ -149,7 +149,7 @@ def damped(rig: World, seconds: float, trigger: int = 1) -> list[Any]:
 
 def test_bus_is_sustained_by_waves_and_trips_without_them() -> None:
     """Supply off: an energetic sea keeps the bus up; calm water ends in undervoltage, code 2."""
-    rig = custom_world(name="wavebot_custom_islanded", sea=waves.regular(0.1, 0.4))
+    rig = custom_world(name="wavebot_custom_islanded", sea=sea_states.regular(0.1, 0.4))
     history = damped(rig, 60.0)
     assert rig.readings().heave_fault == 0
     assert min(truth.bus.voltage for truth in history[10000:]) > 69.0
@@ -169,7 +169,7 @@ def test_bus_is_sustained_by_waves_and_trips_without_them() -> None:
 
 def test_without_dump_resistors_it_trips_on_overvoltage() -> None:
     settings = SET._replace(bus_voltage=180.0, discharge_level=0)
-    rig = custom_world(settings, name="wavebot_custom_islanded", sea=waves.regular(0.127, 0.4))
+    rig = custom_world(settings, name="wavebot_custom_islanded", sea=sea_states.regular(0.127, 0.4))
     history = damped(rig, 60.0)
     read = rig.readings()
     assert (read.heave_fault, read.heave_enabled) == (3, 0)
@@ -180,7 +180,7 @@ def test_without_dump_resistors_it_trips_on_overvoltage() -> None:
 @pytest.mark.parametrize("name", ["wavebot_custom", "wavebot_custom_islanded"])
 def test_the_bus_loses_no_energy(name: str) -> None:
     """Stored = supplied - consumed - dumped, and consumed is exactly the analyser's DC power."""
-    rig = custom_world(name=name, sea=waves.regular(0.127, 0.4), drive__analyser_window=DT)
+    rig = custom_world(name=name, sea=sea_states.regular(0.127, 0.4), drive__analyser_window=DT)
     start = rig.truth().bus
     consumed = 0.0
     for k in range(30000):

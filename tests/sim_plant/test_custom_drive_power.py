@@ -13,7 +13,7 @@ import pytest
 from plant_files import DT, command, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.custom_drive import DPWM, HYSTERESIS, SINE_TRIANGLE, SVPWM
 from sim_plant.world import DriveSettings
 
@@ -26,7 +26,7 @@ def mean_dc(settings: DriveSettings | None, **values: Any) -> float:
     """Mean DC power over 12 whole periods, one tick of measurement delay, W."""
     name = "wavebot" if settings is None else "wavebot_custom"
     rig = world(
-        waves.regular(0.0635, 0.3), name, stepper=CompiledStepper, stator__start=47.0, **values
+        sea_states.regular(0.0635, 0.3), name, stepper=CompiledStepper, stator__start=47.0, **values
     )
     if settings is not None:
         rig.configure(settings)

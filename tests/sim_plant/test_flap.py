@@ -12,7 +12,7 @@ from plant_files import mapping
 from pydantic import ValidationError
 
 from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledFlapStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
 from sim_plant.flap.body import FlapBodyParams
@@ -100,7 +100,7 @@ def expected(world: FlapWorld, plant: FlapPlant, frequency: NDArray[np.float64])
 @pytest.mark.parametrize("frequency", [0.3, 0.5, 1.0])
 def test_response_to_regular_waves(frequency: float) -> None:
     """The free flap's response amplitude operator, complex, to 1e-3."""
-    sea = waves.regular(0.05, frequency)
+    sea = sea_states.regular(0.05, frequency)
     world = flap(sea, "oswec_flap_free", stepper=CompiledFlapStepper, **DAMPED)
     measured = response(world, sea.cycles.tolist(), sea.repeat)
     expected_response = expected(world, changed("oswec_flap_free"), np.array([frequency]))
@@ -110,7 +110,7 @@ def test_response_to_regular_waves(frequency: float) -> None:
 def test_response_to_irregular_waves() -> None:
     """The response to every line of an irregular sea equals that to a regular wave."""
     cycles, repeat = [5, 7, 11, 13, 17, 20], 20.0
-    sea = waves.components(repeat, cycles, [0.01] * 6, [0.0, 1.0, 4.0, 2.0, 5.0, 3.0])
+    sea = sea_states.components(repeat, cycles, [0.01] * 6, [0.0, 1.0, 4.0, 2.0, 5.0, 3.0])
     world = flap(sea, "oswec_flap_free", stepper=CompiledFlapStepper, **DAMPED)
     measured = response(world, cycles, repeat)
     expected_response = expected(world, changed("oswec_flap_free"), np.array(cycles) / repeat)
@@ -128,7 +128,7 @@ STIFF = {
 
 def absorbed(damping: float, frequency: float, amplitude: float) -> float:
     """Return the mean power that the motor absorbs as a linear damper of its own angle, W."""
-    sea = waves.regular(amplitude, frequency)
+    sea = sea_states.regular(amplitude, frequency)
     world = flap(sea, stepper=CompiledFlapStepper, **STIFF)
     world.make_waves(1)
     per_current = world.params.driveline.motor.torque_per_current
@@ -209,7 +209,7 @@ def test_radiation_is_passive() -> None:
 
 def test_energy() -> None:
     """In waves with the motor braking: wave work equals the work of water, seals and driveline."""
-    world = flap(waves.regular(0.05, 0.5))
+    world = flap(sea_states.regular(0.05, 0.5))
     body, per_current = world.params.body, 18.0
     gave = taken = 0.0
     world.make_waves(1)
@@ -236,7 +236,7 @@ def test_seal_friction_acts_before_the_load_cell() -> None:
     """In motion, gearbox torque exceeds the cell's reading by bearing and seal friction."""
     plant = changed(gearbox__dry=0.0, gearbox__breakaway=0.0, motor__viscous=0.0)
     drag = plant.build_flap().driveline
-    world = FlapWorld(plant, waves.calm(), dt=DT, seed=1)
+    world = FlapWorld(plant, sea_states.calm(), dt=DT, seed=1)
     for _ in range(600):
         world.actuate(torque(1.2))
         world.advance(DT)
@@ -257,7 +257,7 @@ def test_friction_holds_a_flap_that_is_nearly_upright() -> None:
 
 
 def test_clamped_flap_does_not_move() -> None:
-    world = flap(waves.regular(0.05, 0.5))
+    world = flap(sea_states.regular(0.05, 0.5))
     world.make_waves(1)
     for _ in range(4000):
         world.actuate(torque(2.0, locked=1))
@@ -282,7 +282,7 @@ def test_e_stop_and_limit_switch_remove_power() -> None:
 
 def test_equal_seeds_give_equal_readings() -> None:
     def measured(seed: int) -> list[float]:
-        world = flap(waves.jonswap(0.1, 1.5, 3.3, 20.0, seed=2), seed=seed)
+        world = flap(sea_states.jonswap(0.1, 1.5, 3.3, 20.0, seed=2), seed=seed)
         world.make_waves(1)
         read = []
         for _ in range(500):
@@ -295,7 +295,7 @@ def test_equal_seeds_give_equal_readings() -> None:
 
 
 def test_waves_stop_at_once_and_restart() -> None:
-    world = flap(waves.regular(0.05, 0.5))
+    world = flap(sea_states.regular(0.05, 0.5))
     world.make_waves(1)
     for _ in range(3100):
         world.advance(DT)

@@ -14,7 +14,7 @@ from closed_form import intrinsic_impedance
 from plant_files import DT, QUIET, bem, command, plant, surge_bem, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.signals import Actuation
 from sim_plant.wavebot import Excitation, WaveBotParams, WaveBotState, initial, step
 
@@ -43,10 +43,10 @@ def test_driven_linear_plant_is_the_closed_form(frequency: float) -> None:
 
 def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
     """Integrate one row of damping from rest in a regular sea at any step, drive long on."""
-    sea = waves.regular(0.127, 0.5)
+    sea = sea_states.regular(0.127, 0.5)
     often = math.ceil(seconds / sea.repeat) + 1
-    force = np.tile(waves.excitation(sea, bem(), dt), often)
-    surge_force = np.tile(waves.excitation(sea, surge_bem(), dt), often)
+    force = np.tile(sea_states.excitation(sea, bem(), dt), often)
+    surge_force = np.tile(sea_states.excitation(sea, surge_bem(), dt), often)
     state = initial(params, 27.0, 0.0)
     states = []
     hold = round(DT / dt)
@@ -77,7 +77,7 @@ def test_integrator_error(name: str) -> None:
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_linear", "wavebot_as_measured"])
 def test_energy_balance(name: str) -> None:
     """Work of all forces = change of kinetic and stored energy, to 1e-5 of the turnover."""
-    rig = world(waves.regular(0.127, 0.5), name)
+    rig = world(sea_states.regular(0.127, 0.5), name)
     body = rig.params.body
     work = dict.fromkeys(("excitation", "motor", "friction", "drag", "radiation"), 0.0)
     turned = 0.0

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from measured_data import reference
 from plant_files import bem
 
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import excitation_at
 
 DT = 0.001
@@ -18,9 +18,9 @@ MASK4 = [(0.127, 3.45), (0.127, 2.5), (0.127, 1.58), (0.254, 2.5), (0.254, 3.45)
 
 @pytest.mark.parametrize(("hs", "tp"), MASK4)
 def test_height_is_hs(hs: float, tp: float) -> None:
-    sea = waves.jonswap(hs, tp, 3.3, 300.0, seed=7)
-    elevation = waves.tables(sea, bem(), DT).elevation
-    assert waves.hm0(sea) == pytest.approx(hs, rel=1e-6)
+    sea = sea_states.jonswap(hs, tp, 3.3, 300.0, seed=7)
+    elevation = sea_states.tables(sea, bem(), DT).elevation
+    assert sea_states.hm0(sea) == pytest.approx(hs, rel=1e-6)
     assert 4.0 * elevation.std() == pytest.approx(hs, rel=1e-6)
     assert float(sea.description["hm0_raw_m"]) == pytest.approx(hs, rel=0.03)
 
@@ -31,11 +31,11 @@ def test_shape_has_the_moments_of_the_spectrum(tp: float, te: float) -> None:
 
     The known period is that of the full spectrum: the cut at 2 Hz lengthens the shortest by 0.6 %.
     """
-    sea = waves.jonswap(0.127, tp, 3.3, 300.0, seed=1)
-    f = waves.frequencies(sea)
+    sea = sea_states.jonswap(0.127, tp, 3.3, 300.0, seed=1)
+    f = sea_states.frequencies(sea)
     energy = 0.5 * np.abs(sea.amplitude) ** 2
     fine = np.linspace(f[0], f[-1], 200001)
-    density = waves.jonswap_density(fine, 0.127, tp, 3.3)
+    density = sea_states.jonswap_density(fine, 0.127, tp, 3.3)
     moments = {n: float(np.sum(energy * f**n)) for n in (-1, 0, 1)}
     total = {n: float(np.trapezoid(density * fine**n, fine)) for n in (-1, 0, 1)}
     for n in (-1, 1):
@@ -44,18 +44,18 @@ def test_shape_has_the_moments_of_the_spectrum(tp: float, te: float) -> None:
 
 
 def test_mhkit_factor_is_0_12_percent_high() -> None:
-    raw = waves.jonswap(0.254, 3.45, 3.3, 300.0, seed=1).description["hm0_raw_m"]
+    raw = sea_states.jonswap(0.254, 3.45, 3.3, 300.0, seed=1).description["hm0_raw_m"]
     assert float(raw) / 0.254 == pytest.approx(1.0012, abs=0.0005)
 
 
 def test_table_is_an_independent_cosine_sum() -> None:
     """Re(sum Fe a e^{-iwt}) term by term: amplitude, phase sign and time origin."""
-    sea = waves.jonswap(0.127, 2.5, 3.3, 20.0, seed=3)
-    table = waves.tables(sea, bem(), DT)
+    sea = sea_states.jonswap(0.127, 2.5, 3.3, 20.0, seed=3)
+    table = sea_states.tables(sea, bem(), DT)
     t = np.arange(0, 20000, 97) * DT
     elevation = np.zeros(t.size)
     force = np.zeros(t.size)
-    for f, a in zip(waves.frequencies(sea), sea.amplitude, strict=True):
+    for f, a in zip(sea_states.frequencies(sea), sea.amplitude, strict=True):
         coefficient = complex(excitation_at(bem(), np.array([f]))[0])
         turn = 2 * np.pi * f * t
         elevation += abs(a) * np.cos(turn - np.angle(a))
@@ -66,7 +66,7 @@ def test_table_is_an_independent_cosine_sum() -> None:
 
 def test_excitation_leads_at_a_crest() -> None:
     """Fe has a phase of -33 degrees at 0.5 Hz in e^{-iwt}: the force leads the crest."""
-    table = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
+    table = sea_states.tables(sea_states.regular(0.127, 0.5), bem(), DT)
     assert table.elevation[0] == pytest.approx(0.127)
     lead = (len(table.excitation) - int(np.argmax(table.excitation))) * DT
     phase = -np.angle(excitation_at(bem(), np.array([0.5]))[0])
@@ -75,19 +75,19 @@ def test_excitation_leads_at_a_crest() -> None:
 
 def test_nothing_excites_above_2_hz() -> None:
     rng = np.random.default_rng(0)
-    sea = waves.recorded(0.1 * rng.standard_normal(2000), 20.0)
-    table = waves.tables(sea, bem(), DT)
+    sea = sea_states.recorded(0.1 * rng.standard_normal(2000), 20.0)
+    table = sea_states.tables(sea, bem(), DT)
     f = np.fft.rfftfreq(table.excitation.size, DT)
     force = np.abs(np.fft.rfft(table.excitation))
     assert force[f > 2.0 + 1e-9].max() <= 1e-9 * force.max()
-    assert waves.frequencies(waves.jonswap(0.1, 1.0, 1.0, 300.0, 0)).max() <= 2.0
+    assert sea_states.frequencies(sea_states.jonswap(0.1, 1.0, 1.0, 300.0, 0)).max() <= 2.0
 
 
 @pytest.mark.parametrize(
     ("frequency", "repeat"), [(0.3, 10.0), (1 / 3.45, 69.0), (0.5, 2.0), (0.1 + 0.2, 10.0)]
 )
 def test_regular_repeat(frequency: float, repeat: float) -> None:
-    assert waves.regular(0.127, frequency).repeat == repeat
+    assert sea_states.regular(0.127, frequency).repeat == repeat
 
 
 @given(st.integers(1, 2000), st.integers(1, 1000))
@@ -96,7 +96,7 @@ def test_any_rational_frequency_repeats_exactly(numerator: int, denominator: int
     frequency = numerator / denominator
     if frequency > 2.0:
         return
-    sea = waves.regular(0.1, frequency)
+    sea = sea_states.regular(0.1, frequency)
     cycles = sea.repeat * frequency
     assert cycles == pytest.approx(round(cycles), abs=1e-9)
     assert int(sea.cycles[0]) == round(cycles)
@@ -104,26 +104,26 @@ def test_any_rational_frequency_repeats_exactly(numerator: int, denominator: int
 
 def test_refusals() -> None:
     with pytest.raises(ValueError, match="nearest that does"):
-        waves.regular(0.1, 0.2898550724)
+        sea_states.regular(0.1, 0.2898550724)
     with pytest.raises(ValueError, match="frequency"):
-        waves.regular(0.1, 2.5)
+        sea_states.regular(0.1, 2.5)
     with pytest.raises(ValueError, match="amplitude"):
-        waves.regular(float("nan"), 0.5)
+        sea_states.regular(float("nan"), 0.5)
     with pytest.raises(ValueError, match="no whole number"):
-        waves.tables(waves.recorded(np.arange(7.0), 13.0), bem(), DT)
+        sea_states.tables(sea_states.recorded(np.arange(7.0), 13.0), bem(), DT)
     with pytest.raises(ValueError, match="half the tick rate"):
-        waves.tables(waves.recorded(np.arange(5000.0), 1000.0), bem(), 0.005)
+        sea_states.tables(sea_states.recorded(np.arange(5000.0), 1000.0), bem(), 0.005)
     with pytest.raises(ValueError, match="finite"):
-        waves.recorded([0.0, 1.0, float("nan"), 1.0], 1.0)
+        sea_states.recorded([0.0, 1.0, float("nan"), 1.0], 1.0)
     for bad in ({"tp_s": 0.1}, {"gamma": 0.5}, {"repeat_s": 1.0}, {"hs_m": -1.0}):
         good = {"hs_m": 0.1, "tp_s": 2.0, "gamma": 3.3, "repeat_s": 300.0}
         with pytest.raises(ValueError, match=next(iter(bad)).split("_", maxsplit=1)[0]):
-            waves.jonswap(**{**good, **bad}, seed=0)
+            sea_states.jonswap(**{**good, **bad}, seed=0)
 
 
 def test_calm_and_seeds() -> None:
-    assert not np.any(waves.tables(waves.calm(), bem(), DT).excitation)
-    sea, repeated, other = (waves.jonswap(0.1, 2.0, 3.3, 60.0, seed) for seed in (1, 1, 2))
+    assert not np.any(sea_states.tables(sea_states.calm(), bem(), DT).excitation)
+    sea, repeated, other = (sea_states.jonswap(0.1, 2.0, 3.3, 60.0, seed) for seed in (1, 1, 2))
     assert np.array_equal(sea.amplitude, repeated.amplitude)
     assert not np.array_equal(sea.amplitude, other.amplitude)
 
@@ -142,8 +142,8 @@ def test_basin_record_drives_the_plant() -> None:
     window = (time >= 120.0 - 0.01) & (time < 1320.0 - 0.01)
     record = 0.0254 * inches[window]
     assert record.size == 24000
-    sea = waves.recorded(record, 20.0)
-    assert waves.hm0(sea) == pytest.approx(0.253, rel=0.005)
+    sea = sea_states.recorded(record, 20.0)
+    assert sea_states.hm0(sea) == pytest.approx(0.253, rel=0.005)
     centred = record - record.mean()
     shift = 6000
     product = float(np.sum(centred[:-shift] * centred[shift:]))
@@ -152,7 +152,7 @@ def test_basin_record_drives_the_plant() -> None:
     lags = range(shift - 200, shift + 201)
     peak = max(lags, key=lambda k: float(np.mean(centred[:-k] * centred[k:])))
     assert peak / 20.0 == pytest.approx(300.0, abs=0.05)
-    table = waves.tables(sea, bem(), DT)
+    table = sea_states.tables(sea, bem(), DT)
     assert table.elevation.size == 1_200_000
     np.testing.assert_allclose(table.elevation[::50], centred, atol=1e-4)
 
@@ -166,17 +166,17 @@ LINES = {
 
 
 def test_components_are_the_listed_cosines() -> None:
-    sea = waves.components(**LINES)
+    sea = sea_states.components(**LINES)
     t = np.arange(10_000) * DT
     expected = 0.1 * np.cos(2 * np.pi * 0.2 * t + 0.3) + 0.02 * np.cos(2 * np.pi * 2.0 * t - 2.0)
-    np.testing.assert_allclose(waves.tables(sea, bem(), DT).elevation, expected, atol=1e-14)
-    assert waves.hm0(sea) == pytest.approx(4.0 * np.sqrt(0.5 * (0.1**2 + 0.02**2)), rel=1e-12)
-    assert waves.frequencies(sea).tolist() == [0.2, 0.5, 2.0]
+    np.testing.assert_allclose(sea_states.tables(sea, bem(), DT).elevation, expected, atol=1e-14)
+    assert sea_states.hm0(sea) == pytest.approx(4.0 * np.sqrt(0.5 * (0.1**2 + 0.02**2)), rel=1e-12)
+    assert sea_states.frequencies(sea).tolist() == [0.2, 0.5, 2.0]
 
 
 def test_a_component_is_a_regular_sea_of_its_frequency() -> None:
-    tables = waves.tables(waves.components(2.0, [1], [0.127], [0.0]), bem(), DT)
-    regular = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
+    tables = sea_states.tables(sea_states.components(2.0, [1], [0.127], [0.0]), bem(), DT)
+    regular = sea_states.tables(sea_states.regular(0.127, 0.5), bem(), DT)
     assert tables.elevation.tobytes() == regular.elevation.tobytes()
     assert tables.excitation.tobytes() == regular.excitation.tobytes()
 
@@ -202,4 +202,4 @@ def test_a_component_is_a_regular_sea_of_its_frequency() -> None:
 )
 def test_invalid_components_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        waves.components(**{**LINES, **change})
+        sea_states.components(**{**LINES, **change})

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from plant_files import DT, QUIET, ROOT, bem, command, plant, surge_bem, world
 
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.world import Readings, World
 
 
@@ -27,7 +27,7 @@ def history(rig: World, ticks: int) -> list[Readings]:
 
 
 def test_equal_worlds_read_the_same_to_the_bit() -> None:
-    sea = waves.jonswap(0.127, 2.5, 3.3, 10.0, seed=4)
+    sea = sea_states.jonswap(0.127, 2.5, 3.3, 10.0, seed=4)
     first, second, other = (history(world(sea, seed=seed), 3000) for seed in (1, 1, 2))
     assert first == second
     assert first != other
@@ -35,7 +35,7 @@ def test_equal_worlds_read_the_same_to_the_bit() -> None:
 
 @pytest.mark.parametrize("delay", [0, 1, 7, 20])
 def test_readings_are_delay_ticks_old(delay: int) -> None:
-    rig = world(waves.regular(0.1, 0.5), **QUIET, sensors__delay_ticks=delay)
+    rig = world(sea_states.regular(0.1, 0.5), **QUIET, sensors__delay_ticks=delay)
     truths = []
     for k in range(2000):
         truths.append(rig.truth())
@@ -53,11 +53,11 @@ def test_advance_refuses_another_dt() -> None:
     with pytest.raises(ValueError, match="advances by"):
         world().advance(0.002)
     with pytest.raises(ValueError, match="dt must be"):
-        World(plant(), waves.calm(), bem(), surge_bem(), dt=0.1, seed=1)
+        World(plant(), sea_states.calm(), bem(), surge_bem(), dt=0.1, seed=1)
 
 
 def test_waves_start_at_the_rising_edge_and_repeat_to_the_bit() -> None:
-    rig = world(waves.regular(0.127, 0.5))
+    rig = world(sea_states.regular(0.127, 0.5))
     for _ in range(1000):
         rig.actuate(command())
         rig.advance(DT)

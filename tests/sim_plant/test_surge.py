@@ -14,12 +14,12 @@ import pytest
 from plant_files import DT, QUIET, command, plant, surge_bem, world
 
 from rig.kinds.wavebot.rehearsal.compiled_plant import CompiledStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import radiation_impedance
 from sim_plant.world import Truth, World
 
 PER_AMPERE = 76.9750217  # N/A
-WAVE = waves.regular(0.127, 0.5)
+WAVE = sea_states.regular(0.127, 0.5)
 
 
 def impedance(f_hz: float) -> complex:
@@ -70,7 +70,7 @@ def test_surge_resonates_at_half_a_hertz() -> None:
 
 def test_wave_driven_surge_matches_the_closed_form() -> None:
     """Regular waves, drives off: surge amplitude |Fe| a / |Z| omega within 0.2 %."""
-    rig = world(waves.regular(0.05, 0.4), stepper=CompiledStepper, **QUIET)
+    rig = world(sea_states.regular(0.05, 0.4), stepper=CompiledStepper, **QUIET)
     positions = []
     for k in range(65000):
         rig.actuate(command(heave_enable=0, wave_trigger=1))

@@ -13,7 +13,7 @@ from wavebot_ports import device, drive, sea
 
 from rig.design.twoport import network as n
 from rig.design.twoport.optimum import Bounds, Device, Optimum, Sea, Setting, optimum, powers
-from sim_plant import waves
+from sim_plant import sea_states
 
 STIFF = 490.9
 DT, LAG = 0.001, 0.001
@@ -151,9 +151,9 @@ def _waves(kind: str) -> tuple[Sea, dict[str, Any]]:
     if kind == "regular":
         sea_block = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}
         return sea(0.5, 0.127), sea_block
-    spectrum = waves.jonswap(0.254, 2.5, 3.3, 300.0, 3)
+    spectrum = sea_states.jonswap(0.254, 2.5, 3.3, 300.0, 3)
     sea_block = {"kind": "jonswap", "hs_m": 0.254, "tp_s": 2.5, "repeat_s": 300, "seed": 3}
-    return sea(waves.frequencies(spectrum), np.abs(spectrum.amplitude)), sea_block
+    return sea(sea_states.frequencies(spectrum), np.abs(spectrum.amplitude)), sea_block
 
 
 def test_a_device_without_pto_moves_as_the_hull() -> None:

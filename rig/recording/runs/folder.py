@@ -100,7 +100,7 @@ class RunInfo(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The kind of rig (`rig.kinds`); empty if the record does not name it."""
+        """The kind of rig (`rig.kinds.registry`); empty if the record does not name it."""
         rig = self.config.get("rig")
         recorded = rig.get("kind") if isinstance(rig, dict) else None
         return str(recorded or self.status.get("kind") or "")

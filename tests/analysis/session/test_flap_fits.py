@@ -21,7 +21,7 @@ from rig.kinds.oswec_bench.products.estimate import Estimate
 from rig.kinds.oswec_bench.products.flap_pto import PtoPoint
 from rig.kinds.oswec_bench.products.flap_stiffness import MovingSamples
 from rig.kinds.oswec_bench.rehearsal.compiled_plant import CompiledFlapStepper
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
 from sim_plant.flap.oswec import FlapParams
@@ -165,7 +165,7 @@ def test_the_response_to_an_irregular_sea_matches_the_closed_form() -> None:
         "repeat_s": repeat, "cycles": cycles,
         "amplitude_m": [0.01] * 5, "phase_rad": [0.0, 1.0, 4.0, 2.0, 5.0],
     }  # fmt: skip
-    components = waves.components(repeat, cycles, sea["amplitude_m"], sea["phase_rad"])
+    components = sea_states.components(repeat, cycles, sea["amplitude_m"], sea["phase_rad"])
     damped = {**SMOOTH, "flap__viscous_linear": 25.0}
     world = flap(components, "oswec_flap_free", stepper=CompiledFlapStepper, **damped)
     world.make_waves(1)

@@ -17,7 +17,7 @@ from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick import Composition
 from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import Bem
 from sim_plant.modes import building
 from sim_plant.modes.bem import mode_bem
@@ -87,7 +87,7 @@ def plant_problems(
         found += (*_missing_parts(model.plant, rig, rig_locate),)
         found += (*mismatches(rig_locate, plant.locate, _shared(model.plant, rig), "plant"),)
     try:
-        World(model, waves.calm(), dt=1.0 / rate_hz, seed=_DEFAULT_SEED)
+        World(model, sea_states.calm(), dt=1.0 / rate_hz, seed=_DEFAULT_SEED)
     except (ValueError, ArithmeticError) as error:
         found += (plant.locate.problem((), None, f"cannot be simulated: {error}"),)
     return (None if found else model), found

@@ -1,6 +1,6 @@
 """The bench's own commands of `rig` (`rig.kinds.interface.Commands`)."""
 
-from rig.kinds import Command
+from rig.kinds.registry import Command
 
 COMMANDS = (
     Command(

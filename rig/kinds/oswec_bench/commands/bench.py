@@ -8,7 +8,7 @@ import typer
 from rig.cli.input_files import SESSIONS
 from rig.cli.options import RUNS, Json, Realtime, Rig, Runs, Sim
 from rig.cli.run import EXIT_CODES, RunOptions, run_named
-from rig.kinds import find
+from rig.kinds.registry import find
 
 __all__ = ["EXIT_CODES", "command"]
 

@@ -12,7 +12,7 @@ from rig.kinds.oswec_bench.tick.signals import (
     ServoSense,
     WrenchSense,
 )
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Stepper
 from sim_plant.bench.wires import PlantInterface
@@ -20,7 +20,7 @@ from sim_plant.bench.world import OFF, Actuation, BenchWorld
 from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Stepper as FlapStepper
 from sim_plant.flap.world import FlapWorld
-from sim_plant.waves import WaveTables
+from sim_plant.sea_states import WaveTables
 
 HAND_SPEED = 0.3  # rad/s, with which a person turns the flap to its release angle
 
@@ -121,18 +121,20 @@ def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
     """Return the devices for {"plant": mapping, "seed": int, "seas": [...]}.
 
     "compiled" is as on the bench. A sea is {"repeat_s", "cycles", "amplitude_m", "phase_rad"}
-    (`sim_plant.waves.components`).
+    (`sim_plant.sea_states.components`).
     """
     plant = FlapPlant.model_validate(config["plant"])
     coefficients = plant.coefficients()
     tables = [
-        waves.tables(
-            waves.components(sea["repeat_s"], sea["cycles"], sea["amplitude_m"], sea["phase_rad"]),
+        sea_states.tables(
+            sea_states.components(
+                sea["repeat_s"], sea["cycles"], sea["amplitude_m"], sea["phase_rad"]
+            ),
             coefficients,
             dt,
         )
         for sea in config.get("seas", [])
     ]
     stepper = _stepper(config, FlapStepper)
-    world = FlapWorld(plant, waves.calm(), dt=dt, seed=config["seed"], stepper=stepper)
+    world = FlapWorld(plant, sea_states.calm(), dt=dt, seed=config["seed"], stepper=stepper)
     return FlapDevices(world, tables, dt)

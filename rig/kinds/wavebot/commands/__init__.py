@@ -1,6 +1,6 @@
 """The WaveBot's own commands of `rig` (`rig.kinds.interface.Commands`)."""
 
-from rig.kinds import Command
+from rig.kinds.registry import Command
 
 _NAME_MODULE_HELP = (
     ("import", "import_run",

@@ -22,14 +22,14 @@ from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.planning.reference import list_realisations
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.body import BodyParams
 from sim_plant.drive import DriveParams
 from sim_plant.electrics import ElectricsParams
 from sim_plant.parameters import Plant
+from sim_plant.sea_states import Sea
 from sim_plant.wavebot import WaveBotParams
-from sim_plant.waves import Sea
 
 MAX_PERIOD = 3600.0  # s, of the common repeat period of sea and reference
 
@@ -190,8 +190,8 @@ def _excitation_spectrum(grid: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> C
 
     ``repeats`` counts the sea's own periods in the period of the grid.
     """
-    frequency = waves.frequencies(sea)
-    in_band = frequency <= waves.MAX_FREQUENCY * (1.0 + 1.0e-12)
+    frequency = sea_states.frequencies(sea)
+    in_band = frequency <= sea_states.MAX_FREQUENCY * (1.0 + 1.0e-12)
     force = excitation_at(bem, frequency[in_band]) * sea.amplitude[in_band]
     cycles = sea.cycles[in_band] * repeats.numerator // repeats.denominator
     return spectrum_from_amplitudes(grid, cycles, force)

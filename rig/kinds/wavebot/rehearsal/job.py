@@ -22,7 +22,7 @@ from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.config.campaign_file import TURNAROUND_S, CampaignFile
 from rig.planning.input_files import ConfigSource
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
-from sim_plant import waves
+from sim_plant import sea_states
 from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
 from sim_plant.world import World
@@ -146,7 +146,7 @@ def _world_problems(
 ) -> tuple[Problem, ...]:
     dt = 1.0 / (pieces.rate_hz or DEFAULT_RATE_HZ)
     try:
-        World(plant, waves.calm(), *bem, dt=dt, seed=_DEFAULT_SEED)
+        World(plant, sea_states.calm(), *bem, dt=dt, seed=_DEFAULT_SEED)
     except (ValueError, ArithmeticError) as error:
         return (source.locate.problem((), None, f"cannot be simulated: {error}"),)
     return ()

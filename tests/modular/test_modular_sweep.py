@@ -114,8 +114,8 @@ def test_parameters_of_plant_rig_and_campaign(campaign: Path) -> None:
     assert dc[:, :, 1] == pytest.approx(0.5 * dc[:, :, 0], rel=1e-9)
     assert force[1] == pytest.approx(force[0], rel=1e-3)  # the rig knows the gear
     assert np.all(np.abs(power[:, 1] - power[:, 0]) > 1e-3 * np.abs(power[:, 0]))
-    again = run_rig("sweep", campaign, *options)
-    assert (again["run_now"], again["result"]) == (0, swept["result"])
+    repeated = run_rig("sweep", campaign, *options)
+    assert (repeated["run_now"], repeated["result"]) == (0, swept["result"])
 
 
 @pytest.mark.slow

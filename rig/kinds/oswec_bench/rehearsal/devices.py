@@ -45,8 +45,16 @@ class BenchPlantDevices(PlantDevices):
         )
 
     def write(self, command: Command) -> None:
-        mode, _, volts, _, current, enable, _, _, brake_current, locked, _, _ = command
-        self._world.actuate(Actuation(enable, mode, volts, current, brake_current, locked))
+        self._world.actuate(
+            Actuation(
+                command.enable,
+                command.mode,
+                command.volts,
+                command.current,
+                command.brake_current,
+                command.locked,
+            )
+        )
 
 
 class FlapDevices(BenchPlantDevices):

@@ -16,6 +16,7 @@ COMMANDS = tuple(
     for name, text in (
         ("run", "Run a campaign or session, and analyse it."),
         ("check", "Check a campaign or session: list every error, or describe the planned run."),
+        ("compile", "Compile the tick of a campaign or session ahead of its runs."),
         ("sim", "Emulate the devices of a wired rig, at the addresses of its rig file."),
         ("devices", "List the devices that answer on a rig's wires, and check their settings."),
         ("doctor", "Check whether this host is fit for real time on a rig; give advice if not."),

@@ -23,6 +23,9 @@ Realtime = Annotated[
 Sim = Annotated[
     bool, typer.Option("--sim", help="Emulate the devices at the far end of the rig's wires.")
 ]
+Interpreted = Annotated[
+    bool, typer.Option("--interpreted", help="Run the tick as plain Python, never compiled.")
+]
 CALIBRATIONS = Path("configs/calibrations")
 
 

@@ -12,7 +12,7 @@ from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
 from rig.cli.check import examine, print_problems
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
-from rig.cli.options import RUNS, TASK_HELP, Json, Realtime, Rig, Runs, Sim
+from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim
 from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors, print_json
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
@@ -48,6 +48,7 @@ class RunOptions(NamedTuple):
     rig: Path | None = None  # replaces the rig that the file names
     realtime: bool = False
     emulated: bool = False  # --sim
+    interpreted: bool = False
 
 
 def command(
@@ -55,6 +56,7 @@ def command(
     realtime: Realtime = False,
     rig: Rig = None,
     sim: Sim = False,
+    interpreted: Interpreted = False,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -64,7 +66,8 @@ def command(
     rehearsal on the simulated plant. A rig file with wiring runs on the rig's
     devices.
     """
-    return run_named("run", task, runs, RunOptions(rig, realtime, sim), as_json=as_json)
+    options = RunOptions(rig, realtime, sim, interpreted)
+    return run_named("run", task, runs, options, as_json=as_json)
 
 
 def run_named(
@@ -98,7 +101,7 @@ def run_named(
             print(f"warning: {shortage}", file=sys.stderr)
     title = f"{checked.file.name} on {checked.rig.name}"
     try:
-        mode = _execution_mode(tasks, checked, options)
+        mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
         with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
             ended = run_task(tasks.execution_task(checked, plan), runs, view, mode)
     except WiringError as error:

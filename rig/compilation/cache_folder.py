@@ -5,7 +5,9 @@ import inspect
 import json
 import os
 import platform
+import shutil
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from importlib.metadata import version
@@ -13,6 +15,8 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
+_DIGITS = 24  # of the name of a folder of code
+_KEPT_SECONDS = 90 * 86_400
 _COMPILERS = ("lifting.py", "column.py", "memory_access.py")  # compiled code depends on them
 
 
@@ -55,6 +59,24 @@ def cached_json(path: Path, compute: Callable[[], Any], is_valid: Callable[[Any]
     return value
 
 
+def mark_used(folder: Path) -> None:
+    """Set the time of a folder's last use, by which `remove_unused_code` goes."""
+    with suppress(OSError):
+        os.utime(folder)
+
+
+def remove_unused_code() -> int:
+    """Remove folders of compiled code that were not used for 90 days; return their number."""
+    limit = time.time() - _KEPT_SECONDS
+    removed = 0
+    for folder in cache_root().glob("[0-9a-f]" * _DIGITS):
+        with suppress(OSError):
+            if folder.stat().st_mtime < limit:
+                shutil.rmtree(folder)
+                removed += 1
+    return removed
+
+
 def processor_description() -> str:
     """Return the processor's model and flags: results may differ in the last bit between models."""
     try:
@@ -83,7 +105,7 @@ def code_folder(source: str, modules: Iterable[ModuleType]) -> Path:
     for module in modules:
         parts += [inspect.getsource(module), *_loaded_definitions(module)]
     parts.append(bounds_check)
-    return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:_DIGITS]
 
 
 def _loaded_definitions(module: ModuleType) -> Iterator[str]:

@@ -11,6 +11,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+from rig.compilation.cache_folder import mark_used
 from rig.compilation.tick_source import tick_source
 from rig.processes import handover
 from rig.processes.child import start_process
@@ -35,7 +36,9 @@ class TickCompiler:
         except (ValueError, TypeError, OSError):
             return
         self.folder = str(folder)
-        if not all((folder / name).exists() for name in FILES):
+        if all((folder / name).exists() for name in FILES):
+            mark_used(folder)
+        else:
             job = CompileJob(task.params, task.dt, task.law)
             self._process = start_process(MODULE, handover.dumps(job), (), errors, task.tick)
 

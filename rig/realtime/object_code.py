@@ -92,6 +92,10 @@ class ObjectCode:
             raise ObjectCodeError(f"damaged object code: {error}") from error
         _LOADED.append(self)
 
+    def ranges(self) -> list[tuple[int, int]]:
+        """Return length and address of each memory that holds code."""
+        return [(len(each), _address(each)) for each in self._memory]
+
     def function(self, symbol: str, own: bytes) -> Any:
         """Return the Python function of a symbol with the C signature of METH_NOARGS.
 
@@ -148,7 +152,7 @@ class _Object:
                 self._commons[index] = total
                 total += length
         self._map = mmap.mmap(-1, max(total, 1), flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-        self._base = ctypes.addressof(ctypes.c_char.from_buffer(self._map))
+        self._base = _address(self._map)
         for index, start in self._starts.items():
             each = self._sections[index]
             if each.kind != _ZEROS:
@@ -200,6 +204,10 @@ class _Object:
         if protect(ctypes.c_void_p(self._base), length, executable) != 0:
             raise ObjectCodeError(f"memory cannot be executed: error {ctypes.get_errno()}")
         return self._map
+
+
+def _address(memory: mmap.mmap) -> int:
+    return ctypes.addressof(ctypes.c_char.from_buffer(memory))
 
 
 def _external_address(name: str) -> int:

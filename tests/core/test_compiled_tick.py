@@ -1,0 +1,286 @@
+"""The compiled tick has the bits of the interpreted one, and what it cannot do it reports."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import math
+import platform
+import random
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from golden_runs import KINDS, record
+
+from rig import laws
+from rig.compilation.tick_code import CompilationError, compile_tick
+from rig.compilation.tick_source import TickSource, tick_source
+from rig.execution import replay
+from rig.realtime import compiled_tick, cycle, object_code, safety, tick_memory
+from rig.realtime.object_code import ObjectCode, ObjectCodeError
+from rig.realtime.tick import Changeover, InterpretedTick
+from rig.recording import ring
+from rig.recording.runs import reader, run_info
+
+WAVEBOT = "rig.kinds.wavebot.tick"
+TICKS_OF_LOADING = 100  # more than a changeover takes
+Inputs = tuple[Any, int, int, cycle.Timing, int]  # of `Tick.step`
+
+
+class Recorded(NamedTuple):
+    """A recorded run as inputs of its ticks."""
+
+    kind: cycle.Kind
+    params: cycle.Params
+    dt: float
+    inputs: tuple[Inputs, ...]
+
+
+@cache
+def recorded(kind: str) -> Recorded:
+    """Return a golden run."""
+    source = reader.open_files(record(kind))
+    target = replay._load_target(run_info(record(kind), source.contents))
+    task = target.task
+    cycle_replay = replay._CycleReplay(target, kind)
+    inputs = tuple(
+        (sense, 0, tick, timing, 1)
+        for block in reader.blocks(source)
+        for tick, timing, sense, _ in cycle_replay._read_inputs(block)
+    )
+    return Recorded(task.kind, task.params, task.dt, inputs)
+
+
+def law_request() -> str:
+    return laws.to_request(laws.own("impedance"))
+
+
+def source_of(run: Recorded) -> TickSource:
+    return tick_source(WAVEBOT, law_request(), run.params, run.dt)
+
+
+def code_of(run: Recorded) -> Path:
+    return compile_tick(source_of(run))
+
+
+def execute(run: Recorded, inputs: tuple[Inputs, ...], folder: Path | None, start: int) -> Any:
+    """Return rows, commands, last mode and reason; ``start``: tick in which loading begins."""
+    fd = ring.create(run.kind.row_type, 8192)
+    rows = ring.RingWriter(fd, run.kind.row_type, wait=False)
+    interpreted = InterpretedTick(run.kind, run.params, run.dt, rows)
+    execution: Any = interpreted
+    changeover, commands, changed = None, [], False
+    for i, each in enumerate(inputs):
+        commands.append(execution.step(*each))
+        execution.log()
+        if folder is not None and i == start:
+            changeover = Changeover(folder, run.kind, run.params, run.dt, rows, interpreted)
+        if changeover is not None and (found := changeover.advance()) is not None:
+            assert changeover.problem == ""
+            execution, changeover, changed = found, None, True
+    assert changed is (folder is not None)
+    return ring.RingReader(fd).remaining_rows(), commands, execution.mode, execution.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_changeover_at_any_tick_keeps_every_bit(kind: str) -> None:
+    """Ten ticks of each golden run, chosen by chance; rows, commands, mode and reason are equal."""
+    run = recorded(kind)
+    expected = execute(run, run.inputs, None, 0)
+    folder = code_of(run)
+    choose = random.Random(kind)
+    for _ in range(10):
+        start = choose.randrange(len(run.inputs) - TICKS_OF_LOADING)
+        assert execute(run, run.inputs, folder, start) == expected, start
+
+
+def disturbed(run: Recorded, seed: int) -> tuple[Inputs, ...]:
+    """Return inputs with requests, lost ticks, and readings that are late, faulty or no numbers."""
+    choose = random.Random(seed)
+    found, skipped = [], 0
+    for i, (logged, _, tick, _, _) in enumerate(run.inputs):
+        sense, periods, request = logged, 1, 0
+        if i > 600 and choose.random() < 0.01:
+            field = choose.choice(sense._fields)
+            part = getattr(sense, field)
+            name = choose.choice(part._fields)
+            value = getattr(part, name)
+            other = (
+                choose.choice([0, 1, -1, 2**31])
+                if isinstance(value, int)
+                else choose.choice([math.nan, math.inf, -math.inf, 0.0, 1e9, -1e-3])
+            )
+            sense = sense._replace(**{field: part._replace(**{name: other})})
+        if choose.random() < 0.01:
+            periods = choose.randrange(2, 30)
+            skipped += periods - 1
+        if choose.random() < 0.002:
+            request = choose.choice([safety.REQUEST_HOLD, safety.REQUEST_RESUME])
+        timing = cycle.Timing(choose.random() * 1e-3, choose.random() * 1e-4, skipped)
+        found.append((sense, request, tick + skipped, timing, periods))
+    return tuple(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_faults_requests_and_lost_ticks_are_equal_to_the_bit(seed: int) -> None:
+    run = recorded("cots")
+    inputs = disturbed(run, seed)
+    expected, got = (execute(run, inputs, folder, 0) for folder in (None, code_of(run)))
+    assert got[0] == expected[0]  # bytes: a NaN equals itself
+    assert got[2:] == expected[2:]
+
+
+def test_an_edit_of_any_function_of_the_cycle_gives_another_folder(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = recorded("cots")
+    before = source_of(run).folder
+    found = {module.__name__ for module in source_of(run).modules}
+    assert found >= {
+        "controllers.estimator", "controllers.impedance", "controllers.blocks",
+        "rig.kinds.wavebot.tick.cycle", "rig.kinds.wavebot.tick.check", "rig.realtime.axis",
+        "rig.realtime.limits", "rig.realtime.safety", "rig.realtime.sequence",
+    }  # fmt: skip
+    getsource = inspect.getsource
+    for edited in ("controllers.estimator", "rig.kinds.wavebot.tick.check", "rig.realtime.limits"):
+
+        def read(module: Any, edited: str = edited) -> str:
+            return getsource(module) + ("# edited" if module.__name__ == edited else "")
+
+        monkeypatch.setattr(inspect, "getsource", read)
+        assert source_of(run).folder != before, edited
+        monkeypatch.undo()
+    limits = importlib.import_module("rig.realtime.limits")
+    grant = limits.grant
+
+    def other(*given: Any) -> Any:  # loaded in this process, not in the file
+        return grant(*given)
+
+    other.__module__ = limits.__name__
+    monkeypatch.setattr(limits, "grant", other)
+    assert source_of(run).folder != before
+
+
+def test_plans_of_any_length_share_one_code() -> None:
+    run = recorded("cots")
+    segments = run.params.segments
+    longer = segments._replace(**{name: column * 2 for name, column in segments._asdict().items()})
+    other = run._replace(params=run.params._replace(segments=longer))
+    assert source_of(other).folder == source_of(run).folder
+
+
+def test_memory_gives_back_what_it_was_given() -> None:
+    run = recorded("open_loop")
+    state = cycle.start(run.kind, run.params, 0)
+    memory = tick_memory.of_kind(run.kind, run.params, state, run.dt)
+    assert memory.state() == state
+    step = cycle.make(run.kind)
+    for each in run.inputs[:50]:
+        sense, request, tick, timing, periods = each
+        state, _, _ = step(run.params, state, sense, request, tick, timing, periods, run.dt)
+    memory.set_state(state)
+    assert memory.state() == state
+    assert type(memory.state().rig) is type(state.rig)
+
+
+def load(contents: list[bytes]) -> ObjectCode:
+    code = ObjectCode(contents)
+    for _ in code.load():
+        pass
+    return code
+
+
+def objects() -> list[bytes]:
+    folder = code_of(recorded("cots"))
+    return [(folder / name).read_bytes() for name in compiled_tick.FILES]
+
+
+@pytest.mark.slow
+def test_damaged_code_is_refused() -> None:
+    """A cut or changed file is an error, never a crash: nothing of it runs."""
+    tick, entry = objects()
+    choose = random.Random(1)
+    for _ in range(60):
+        cut = tick[: choose.randrange(len(tick) - 3000)]  # the symbols stand at the end
+        with pytest.raises(ObjectCodeError):
+            load([cut, entry])
+    for at, value in ((0, 0), (4, 1), (16, 2), (18, 3)):  # magic, width, type, machine
+        changed = bytearray(tick)
+        changed[at] = value
+        with pytest.raises(ObjectCodeError):
+            load([bytes(changed), entry])
+
+
+@pytest.mark.slow
+def test_unknown_references_and_processors_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    tick, entry = objects()
+    with pytest.raises(ObjectCodeError, match="which neither Python nor libm has"):
+        load([entry])
+    missing = entry.replace(b"PyErr_SetString", b"PyErr_SetStrong")
+    with pytest.raises(ObjectCodeError, match="refers to PyErr_SetStrong"):
+        load([tick, missing])
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
+    with pytest.raises(ObjectCodeError, match="compiled for x86_64, this is riscv64"):
+        load([tick, entry])
+
+
+@pytest.mark.slow
+def test_the_loop_goes_on_interpreted_with_code_that_cannot_be_loaded(tmp_path: Path) -> None:
+    run = recorded("cots")
+    for name in compiled_tick.FILES:
+        (tmp_path / name).write_bytes(b"no code")
+    fd = ring.create(run.kind.row_type, 8192)
+    rows = ring.RingWriter(fd, run.kind.row_type, wait=False)
+    interpreted = InterpretedTick(run.kind, run.params, run.dt, rows)
+    changeover = Changeover(tmp_path, run.kind, run.params, run.dt, rows, interpreted)
+    found = None
+    while found is None:
+        found = changeover.advance()
+    assert found is interpreted
+    assert changeover.problem.startswith("damaged object code: ")
+
+
+@pytest.mark.slow
+def test_an_exception_in_the_code_is_raised(tmp_path: Path) -> None:
+    """A compiled function that raises ends in a Python exception, which stops the rig."""
+    from numba import njit
+
+    from rig.compilation.tick_code import _objects
+
+    @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    def fails(address: int) -> int:
+        if address != 0:
+            raise ValueError("no")
+        return 1
+
+    code = load(list(_objects(fails)))
+    run: Callable[[], int] = code.function(compiled_tick.ENTRY, (5).to_bytes(8, "little"))
+    with pytest.raises(ArithmeticError, match="the compiled tick raised an exception"):
+        run()
+    assert code.function(compiled_tick.ENTRY, bytes(8))() == 1
+
+
+def test_memory_is_never_writable_and_executable() -> None:
+    """The mapping that holds code loses its write permission before anything runs."""
+    load(objects())
+    _, base = object_code._LOADED[-1].ranges()[0]
+    permissions = [
+        access
+        for place, access, *_ in map(str.split, Path("/proc/self/maps").read_text().splitlines())
+        for first, end in [(int(each, 16) for each in place.split("-"))]
+        if first <= base < end
+    ]
+    assert permissions == ["r-xp"]
+
+
+def test_a_function_that_cannot_be_compiled_is_named() -> None:
+    run = recorded("cots")
+    source = source_of(run)
+    broken = source._replace(text=source.text.replace("step(", "unknown_name(", 1))
+    with pytest.raises(CompilationError, match="unknown_name"):
+        compile_tick(broken)

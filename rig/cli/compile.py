@@ -42,7 +42,7 @@ def command(
         folder = compile_tick(source)
     except (CompilationError, ValueError, OSError) as error:
         message = f"{path}: the tick cannot be compiled, so it runs interpreted: {error}"
-        return fail("compile", message, as_json=as_json, code=FAILED)
+        return fail("compile", CompilationError(message), as_json=as_json, code=FAILED)
     seconds, removed = time.monotonic() - began, remove_unused_code()
     if as_json:
         print_json({"folder": str(folder), "seconds": seconds, "removed": removed})

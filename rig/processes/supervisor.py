@@ -177,7 +177,8 @@ class SupervisedRun:
         try:
             self._io_processes.start()
             if not self._mode.interpreted:
-                self._compiler = TickCompiler(self._task, self.folder / "compiler.stderr")
+                errors = self.folder / "compiler.stderr"
+                self._compiler = TickCompiler(self._task, errors, real_clock=self._mode.real_clock)
             logger = self._start_logger()  # first: all rows then outlive this process
             self._post()
             loop = self._start_loop()

@@ -22,13 +22,18 @@ from rig.realtime.compiled_tick import FILES
 
 MODULE = "rig.processes.tick_compiler"
 _LOWEST_PRIORITY = 19
+_COMPILER_S = 30.0  # s that the compiler takes beside a run on two cores
+_INTERPRETED_TICK_S = 50e-6  # s of an interpreted tick of a rehearsal
 
 
 class TickCompiler:
     """The code of a task's tick: in the cache, or being compiled."""
 
-    def __init__(self, task: Task, errors: Path) -> None:
-        """Find the code or start its compilation, whose errors are appended to a file."""
+    def __init__(self, task: Task, errors: Path, *, real_clock: bool) -> None:
+        """Find the code or start its compilation, whose errors are appended to a file.
+
+        A run that ends before the compiler does is not compiled for.
+        """
         self.folder = ""  # of the code; empty for a tick that cannot be compiled
         self._process = None
         try:
@@ -38,7 +43,9 @@ class TickCompiler:
         self.folder = str(folder)
         if all((folder / name).exists() for name in FILES):
             mark_used(folder)
-        else:
+            return
+        ticks = sum(task.params.segments.ticks)
+        if ticks * (task.dt if real_clock else _INTERPRETED_TICK_S) > _COMPILER_S:
             job = CompileJob(task.params, task.dt, task.law)
             self._process = start_process(MODULE, handover.dumps(job), (), errors, task.tick)
 

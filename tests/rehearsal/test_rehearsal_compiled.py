@@ -1,0 +1,125 @@
+"""Runs with a compiled tick: from the first tick, from one in the middle, and not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_here import rig
+from rehearsing import CONFIGS, SilentView, rehearsal_mode, write_campaign
+
+from rig.compilation.tick_code import compile_tick
+from rig.compilation.tick_source import tick_source
+from rig.execution.task import run_task
+from rig.kinds.wavebot.campaign import check_campaign
+from rig.kinds.wavebot.tasks import execution_task
+from rig.realtime.compiled_tick import FILES
+from rig.recording.runs import open_run
+
+QUICK = CONFIGS / "campaigns" / "quick.yaml"
+
+
+def code_folder(campaign: Path) -> Path:
+    """Return the folder of a campaign's compiled tick, which is then there."""
+    report = check_campaign(campaign)
+    assert report.campaign is not None
+    assert report.plan is not None
+    task = execution_task(report.campaign, report.plan)
+    return compile_tick(tick_source(task.tick, task.law, task.params, task.dt))
+
+
+def run(campaign: Path, runs: Path, **changes: Any) -> tuple[Path, dict[str, Any]]:
+    """Rehearse a campaign; return folder and status."""
+    report = check_campaign(campaign)
+    assert report.campaign is not None
+    assert report.plan is not None
+    mode = rehearsal_mode(report.campaign, real_clock=False)._replace(**changes)
+    task = execution_task(report.campaign, report.plan)
+    ended = run_task(task, runs, SilentView(), mode)
+    return ended.folder, json.loads((ended.folder / "run.json").read_text())
+
+
+def assert_same_record(one: Path, other: Path) -> None:
+    first, second = open_run(one), open_run(other)
+    assert set(first.data_vars) == set(second.data_vars)
+    for name in first.data_vars:
+        np.testing.assert_array_equal(first[name].values, second[name].values, str(name))
+
+
+@pytest.mark.slow
+def test_a_run_changes_over_while_it_ticks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code appears in the cache during the run; no bit of the record shows it."""
+    code = code_folder(QUICK)
+    expected, status = run(QUICK, tmp_path, interpreted=True)
+    assert status["compiled_from"] == -1
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    place = tmp_path / "cache" / "wec-rig" / code.name
+
+    def provide() -> None:
+        while not list(tmp_path.glob("*_quick/run.mcap.part0"))[-1:] or time.monotonic() < begin:
+            time.sleep(0.05)
+        for name in FILES:
+            place.mkdir(parents=True, exist_ok=True)
+            shutil.copy(code / name, place / f".{name}")
+            (place / f".{name}").rename(place / name)
+
+    begin = time.monotonic() + 1.0
+    thread = threading.Thread(target=provide)
+    thread.start()
+    folder, status = run(QUICK, tmp_path)
+    thread.join()
+    assert 100 < status["compiled_from"] < status["ticks"] - 100
+    assert_same_record(expected, folder)
+
+
+@pytest.mark.slow
+def test_a_run_with_code_in_the_cache_is_compiled_from_its_beginning(tmp_path: Path) -> None:
+    code_folder(QUICK)
+    folder, status = run(QUICK, tmp_path)
+    assert status["status"] == "complete"
+    assert 0 < status["compiled_from"] < 100
+    assert not (folder / "compiler.stderr").exists()
+
+
+@pytest.mark.slow
+def test_the_command_compiles_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = code_folder(QUICK)
+    done = rig("compile", QUICK, "--json")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["folder"] == str(folder)
+
+
+@pytest.mark.slow
+def test_a_law_that_cannot_be_compiled_runs_interpreted(tmp_path: Path) -> None:
+    """The command names the reason; the run itself is complete."""
+    law = tmp_path / "sorted_law.py"
+    source = (CONFIGS.parent / "controllers" / "impedance.py").read_text()
+    first = "def step("
+    assert source.count(first) == 1
+    source = source.replace(
+        first, 'def _name() -> str:\n    return "{}".format(sorted({"a": 1}))\n\n\ndef step('
+    )
+    at = source.index("    ", source.index("def step("))
+    body = source.index('"""', source.index('"""', at) + 3) + 3
+    law.write_text(source[:body] + "\n    _name()" + source[body:])
+    campaign = write_campaign(
+        tmp_path,
+        law=str(law),
+        sea={"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5},
+        tare={"duration_s": 1},
+        start={"lead_in_s": 6},
+        timing={"settle_s": 2, "interval_s": 4},
+        matrix={"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
+    )
+    done = rig("compile", campaign)
+    assert done.returncode == 1
+    assert "the tick cannot be compiled, so it runs interpreted" in done.stderr
+    assert "sorted_law.py" in done.stderr
+    _, status = run(campaign, tmp_path / "runs")
+    assert (status["status"], status["compiled_from"]) == ("complete", -1)

@@ -27,6 +27,7 @@ from benchmarks import (
     ring,
     spring_map,
     start,
+    tick,
 )
 from benchmarks.support import host, report
 from benchmarks.support.fault_rigs import RIGS
@@ -36,6 +37,7 @@ RESULTS = Path(__file__).parent / "results"
 
 MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "cycle": cycle.measure,
+    "tick": tick.measure,
     "rehearsal": rehearsal.measure,
     "identification": identification.measure,
     "recommend": recommend.measure,

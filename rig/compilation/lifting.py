@@ -30,7 +30,7 @@ os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # SVML functions differ 
 import numba
 from numba.extending import register_jitable
 
-from rig.compilation.cache_folder import code_folder, write_atomically
+from rig.compilation.cache_folder import cache_root, code_folder, write_atomically
 
 Floats = npt.NDArray[np.float64]
 
@@ -186,13 +186,24 @@ def compilation_problem(function: Callable[..., Any], *arguments: Any) -> str:
     return ""
 
 
+_OUTER_ERROR = "Failed in nopython mode pipeline"  # of a function that calls the one at fault
+
+
 def first_reason(text: str) -> str:
     """Return numba's reason without its stack of candidates, and the place in the source."""
     lines = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines()]
     places = [line for line in lines if line.startswith("File ") and ", line " in line]
     heading = ("Failed in", "During:", "There are", "- Of which", "Overload", "File ", "No impl")
     reasons = [line for line in lines if line and not line.startswith(heading)]
-    known = [line for line in lines if "Error" in line or "Unknown attribute" in line]
+    known = [
+        line
+        for line in lines
+        if ("Error" in line or "Unknown attribute" in line) and _OUTER_ERROR not in line
+    ]
     reason = next(iter([*known, *reasons]), "unknown reason")
-    place = places[-1].rstrip(":") if places else ""
+    # The innermost place stands first; calls of generated code lead to it.
+    place = next(
+        (line for line in places if cache_root().name not in line), places[-1] if places else ""
+    )
+    place = place.rstrip(":")
     return f"{reason} ({place})" if place else reason

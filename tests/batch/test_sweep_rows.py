@@ -13,7 +13,6 @@ import xarray
 from rehearsing import CONFIGS, write_campaign
 from rig_command import rig_here
 
-from rig.cli import sweep as sweep_command
 from rig.config.problems import ConfigError
 from rig.sweep import sweep
 from rig.sweep.cases import LEAD_IN, Case, Outcome
@@ -282,7 +281,7 @@ def test_command_writes_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         code, lines, _ = rig_here("sweep", path, *options[:-1], "my.nc", "--json")
         assert (code, json.loads(lines)["run_now"]) == (0, 0)
         assert Path("my.nc").is_file()
-    monkeypatch.setattr(sweep_command, "_draw", interrupt_drawing)
+    monkeypatch.setattr("rig.sweep.pictures.write_pictures", interrupt_drawing)
     Path("my.nc").unlink()
     code, lines, _ = rig_here("sweep", path, *options[:-1], "my.nc", "--json")
     assert (code, json.loads(lines)["status"]) == (3, "stopped")

@@ -21,6 +21,7 @@ CLOCK_USERS = {
     "rig/realtime/clock.py": "the loop's clock",
     "rig/processes/loop_process.py": "the age of the supervisor's heartbeat; real clock only",
     "rig/realtime/loop.py": "duration of a tick; real clock only",
+    "rig/compilation/cache_folder.py": "age of compiled code that nothing uses",
     "rig/recording/ring.py": "the writer waits for a full ring on the virtual clock",
     "rig/processes/logger.py": "flushes by the second, retries a stalled disk",
     "rig/processes/last_logger.py": "time without a saved row after the end of the loop",

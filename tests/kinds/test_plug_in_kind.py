@@ -46,7 +46,11 @@ def test_its_own_tests_pass(lab: Path) -> None:
 def test_its_rig_file_with_an_unknown_kind_is_refused(lab: Path) -> None:
     file = lab / "wec_lift" / "configs" / "rig.yaml"
     file.write_text(file.read_text().replace("kind: lift", "kind: lifft"))
-    assert rig(lab, "devices", file)[0] == 2
+    problem = "kind: 'lifft' is not known; allowed wavebot, oswec bench, modular, lift"
+    for arguments in (("devices", file), ("check", file.parent / "holds.yaml")):
+        code, out, err = rig(lab, *arguments)
+        assert (code, out) == (2, "")
+        assert problem in err
 
 
 def test_its_task_is_not_swept(lab: Path) -> None:
@@ -118,7 +122,7 @@ def test_kind_that_raises_while_it_is_composed_breaks_no_other(lab: Path) -> Non
 def test_size_of_log_rows_needs_no_room_but_the_tick() -> None:
     """Every run asks for it before it starts."""
     program = (
-        "import sys; from rig.kinds import row_types; assert len(row_types()) >= 2; "
+        "import sys; from rig.kinds.registry import row_types; assert len(row_types()) >= 2; "
         "print([name for name in ('numpy', 'pydantic', 'matplotlib') if name in sys.modules])"
     )
     assert subprocess.check_output([sys.executable, "-c", program], text=True) == "[]\n"

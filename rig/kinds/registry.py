@@ -68,7 +68,7 @@ class RigKind(NamedTuple):
 class Command(NamedTuple):
     """A command of the command line."""
 
-    name: str
+    name: str  # of a group's command with that of the group: `new rig`
     module: str  # has the function `command`; imported when the command is used
     help: str  # one sentence
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from rig.kinds.registry import OWN_PACKAGES
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("controllers", "drivers", "rig", "sim_plant")
 SOURCES = sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
@@ -234,6 +236,10 @@ def test_import_contracts_are_complete() -> None:
     assert forbidden["controllers"] >= {"drivers", "rig", "sim_plant", "numpy"}
     assert forbidden["drivers"] >= {"controllers", "rig", "sim_plant"}
     assert forbidden["sim_plant"] >= {"controllers", "drivers", "rig"}
+    own = set(OWN_PACKAGES.values())
+    assert {name for name in forbidden["rig.sweep"] if name.startswith("rig.kinds")} == own
+    (kinds,) = (each for each in linter["contracts"] if each["name"].startswith("Kinds of rig"))
+    assert set(kinds["modules"]) == own
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
 
 

@@ -68,7 +68,7 @@ def test_a_broken_kind_breaks_no_command(tmp_path: Path) -> None:
     done = run(environment, "--help")
     assert done.returncode == 0
     assert "spring-map" in done.stdout
-    assert "my_rig.tick" in run(environment, "kinds").stdout  # the first missing room
+    assert "my_rig.tick" in run(environment, "kinds").stdout  # a missing room
 
 
 @pytest.mark.parametrize(

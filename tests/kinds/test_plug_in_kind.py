@@ -86,9 +86,13 @@ def test_unusable_kinds_are_listed_with_the_reason(lab: Path) -> None:
     text = (lab / "wec_lift" / "wec_lift" / "tick.py").read_text().replace("= 100", "= 60")
     write_kind(lab, "low", "low_numbers", text)
     problems = listed_problems(lab)
-    assert problems["bare_kind"] == "the kind of rig bare_kind has no module bare_kind.tick"
+    rooms = ("tick", "config", "recorded", "hardware", "rehearsal", "tasks", "display", "products")
+    assert problems["bare_kind"] == "; ".join(
+        f"the kind of rig bare_kind has no module bare_kind.{room}" for room in rooms
+    )
     assert "broken_kind/tick.py:1: ModuleNotFoundError" in problems["broken_kind"]
-    assert "low_numbers has no module low_numbers.config" in problems["low_numbers"]
+    assert "low_numbers has no module low_numbers.config; " in problems["low_numbers"]
+    assert "low_numbers.tick: reason 60 LINE_SLACK has a number" in problems["low_numbers"]
     for package in ("wec_lift", "another_lift"):
         assert "two distributions register the kind of rig 'lift'" in problems[package]
         assert "wec-lift 1.2 (wec_lift)" in problems[package]

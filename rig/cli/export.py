@@ -30,7 +30,7 @@ def command(
     form: Annotated[
         ExportFormat,
         typer.Option(
-            "--as", help="mat: MATLAB, as the test of the kind has it; netcdf: xarray, MHKiT; csv."
+            "--as", help="mat: MATLAB structure of a kind's test; netcdf: xarray, MHKiT; csv."
         ),
     ],
     fields: Annotated[

@@ -103,7 +103,7 @@ class TorqueDrive(Drive):
 
 
 class Actuator(Drive):
-    """An actuator of a station, such as the spring's stator, in profile position mode."""
+    """An actuator that moves a part of the rig between rows, in profile position mode."""
 
     description: ClassVar[str] = "actuator: profile position, homing"
 

@@ -55,3 +55,8 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
     velocity = data[names[0]].values[measured & (data["plan.row"].values == 0)]
     assert absorbed[0] == pytest.approx(first * float((velocity**2).mean()), rel=0.02)
     assert run_rig("replay", folder)["same"] is True
+    for command in ("recommend", "spring-map", "surge-damping", "twin", "twoport"):
+        refused = rig_here(command, folder)
+        assert (refused.returncode, refused.stdout) == (2, "")
+        reason = f"{folder}: needs a run of kind wavebot; this one is modular"
+        assert refused.stderr == f"rig {command}: {reason}\n"

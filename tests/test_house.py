@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("controllers", "drivers", "rig", "sim_plant")
@@ -235,6 +236,15 @@ def test_import_contracts_are_complete() -> None:
     assert forbidden["drivers"] >= {"controllers", "rig", "sim_plant"}
     assert forbidden["sim_plant"] >= {"controllers", "drivers", "rig"}
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
+
+
+def test_git_hooks_run_the_commands_of_lint() -> None:
+    hooks = YAML(typ="safe").load(ROOT / ".pre-commit-config.yaml")["repos"][0]["hooks"]
+    lint = (ROOT / "Makefile").read_text().partition("\nlint: setup\n")[2].partition("\n\n")[0]
+    commands = {re.sub(r" (\.|--check)(?= |$)", "", line) for line in lint.split("\n\t$(BIN)/")}
+    assert {hook["entry"].removeprefix(".venv/bin/").removesuffix(" --fix") for hook in hooks} == {
+        command.strip().removeprefix("$(BIN)/") for command in commands
+    }
 
 
 def module_name(path: Path, root: Path) -> str:

@@ -62,7 +62,7 @@ def run(environment: dict[str, str], *arguments: str) -> subprocess.CompletedPro
 
 def test_a_kind_adds_its_commands(tmp_path: Path) -> None:
     table = 'COMMANDS = (Command("polish", "my_rig.polish", "Polish the rig."),)\n'
-    environment = plug_in(tmp_path, f"from rig.kinds import Command\n{table}")
+    environment = plug_in(tmp_path, f"from rig.kinds.registry import Command\n{table}")
     assert "Polish the rig." in run(environment, "--help").stdout
     done = run(environment, "polish", "--times", "3")
     assert (done.returncode, done.stdout) == (1, "polished 3 times\n")

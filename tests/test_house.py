@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from rig.kinds.registry import OWN_PACKAGES
 
@@ -243,6 +244,15 @@ def test_import_contracts_are_complete() -> None:
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
 
 
+def test_git_hooks_run_the_commands_of_lint() -> None:
+    hooks = YAML(typ="safe").load(ROOT / ".pre-commit-config.yaml")["repos"][0]["hooks"]
+    lint = (ROOT / "Makefile").read_text().partition("\nlint: setup\n")[2].partition("\n\n")[0]
+    commands = {re.sub(r" (\.|--check)(?= |$)", "", line) for line in lint.split("\n\t$(BIN)/")}
+    assert {hook["entry"].removeprefix(".venv/bin/").removesuffix(" --fix") for hook in hooks} == {
+        command.strip().removeprefix("$(BIN)/") for command in commands
+    }
+
+
 def module_name(path: Path, root: Path) -> str:
     """Return the dotted name of a module or package from its file."""
     parts = path.relative_to(root).with_suffix("").parts
@@ -425,6 +435,46 @@ def test_comments_of_the_core_name_no_axis() -> None:
 )
 def test_names_of_kinds_are_found(source: str, *, found: bool) -> None:
     assert bool(KIND_NAMES.search(names_in_code(source))) is found
+
+
+# The first word of a docstring names a thing or an action. Two packages are under change.
+QUESTION = re.compile(r"\s*(What|How|Who|Which|Where|When|Why|Whose|Whoever|Whatever)\b")
+UNDER_CHANGE = ("rig/realtime/", "rig/compilation/")
+
+
+def questions(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield line and first line of docstrings, also of attributes, that begin with a question."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            text = node.value.value
+            if isinstance(text, str) and QUESTION.match(text):
+                yield node.lineno, text.strip().splitlines()[0]
+
+
+@pytest.mark.parametrize("folder", [*PACKAGES, "tests", "benchmarks"])
+def test_docstrings_begin_with_a_thing_or_an_action(folder: str) -> None:
+    found = [
+        f"{relative_name(path)}:{line}: {text}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if not relative_name(path).startswith(UNDER_CHANGE)
+        for line, text in questions(parse_file(path))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ('"""What a rig is."""', True),
+        ('class A:\n    """How it ends."""', True),
+        ('def f():\n    """\n    Who asks."""', True),
+        ('X = 1\n"""Which one."""', True),
+        ('"""Whatsoever."""', False),
+        ('def f():\n    """Return what a rig is."""\n    return "What?"', False),
+    ],
+)
+def test_questions_in_docstrings_are_found(source: str, *, found: bool) -> None:
+    assert bool(list(questions(ast.parse(source)))) is found
 
 
 MAX_UNPACKED = 6

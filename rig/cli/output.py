@@ -1,4 +1,4 @@
-"""How a command ends: its output for people or as JSON for programs, its errors, its exit code."""
+"""The end of a command: output for people or as JSON for programs, errors, exit code."""
 
 import json
 import sys

@@ -75,7 +75,7 @@ class Drive(FileModel, ABC):
     @property
     @abstractmethod
     def description(self) -> str:
-        """What the device is, for people."""
+        """The description of the device for people."""
 
 
 class TorqueDrive(Drive):
@@ -95,7 +95,7 @@ class TorqueDrive(Drive):
 
     @property
     def description(self) -> str:
-        """What the device is, for people."""
+        """The description of the device for people."""
         scale = self.scaling.replace("_", " ")
         return (
             f"torque drive, {'AMC scaling' if self.scaling == 'amc' else f'scaled by its {scale}'}"

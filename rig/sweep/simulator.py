@@ -1,4 +1,4 @@
-"""What a sweep needs of a kind of rig: the rooms `campaign` and `simulation` of its package."""
+"""Interface of sweeps to a kind of rig: the rooms `campaign` and `simulation` of its package."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What CONTRIBUTING.md has to add, added as it is printed: a log field, a picture, a sensor.
+"""The additions of CONTRIBUTING.md, made as they are printed: a log field, a picture, a sensor.
 
 A law, a station and a driver have tests of their own, which the table of the page names.
 """

@@ -21,7 +21,7 @@ help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
 	@echo "make wheel  build the package that pip installs; result in dist/"
 	@echo "make test   lint, types, import contracts, and all tests except most of the long ones"
-	@echo "make test-fast   lint and the tests that take at most a few seconds (3 min)"
+	@echo "make test-fast   lint and the tests that take at most a few seconds (some minutes)"
 	@echo "make test-long   lint and all tests"
 	@echo "make test-socketcan  the CAN driver on a kernel with SocketCAN (user-mode Linux, a minute)"
 	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"

@@ -61,7 +61,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """Whether the damper is disengaged, and since when."""
+    """The state of the damper: disengaged or not, and since when."""
 
     kp: Ramp
     turning: turning_point.State

@@ -69,7 +69,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """Whether the body is latched, since when, and where."""
+    """The state of the latch: on or off, since when, and the held position."""
 
     kp: Ramp
     turning: turning_point.State

@@ -1,4 +1,4 @@
-"""What a control law is: a module of pure functions that the axis of a rig calls once a tick.
+"""The interface of a control law: a module of pure functions that an axis calls once a tick.
 
 A law module defines
 

@@ -17,7 +17,7 @@ class Station(NamedTuple):
     """One power station, a row of its kind's table."""
 
     name: str  # the log field is ``power.NAME``, the variable of the row table ``power_NAME``
-    formula: str  # power in W from the signals of a tick, e.g. "lcb * velocity"
+    formula: str  # power in W from the signals of a tick, e.g. "force * velocity"
     label: str  # full name, in tables
     short_label: str  # on axes of pictures
     heading: str  # of a narrow column

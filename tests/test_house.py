@@ -9,6 +9,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
+
+from rig.kinds.registry import OWN_PACKAGES
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("controllers", "drivers", "rig", "sim_plant")
@@ -235,7 +238,20 @@ def test_import_contracts_are_complete() -> None:
     assert forbidden["controllers"] >= {"drivers", "rig", "sim_plant", "numpy"}
     assert forbidden["drivers"] >= {"controllers", "rig", "sim_plant"}
     assert forbidden["sim_plant"] >= {"controllers", "drivers", "rig"}
+    own = set(OWN_PACKAGES.values())
+    assert {name for name in forbidden["rig.sweep"] if name.startswith("rig.kinds")} == own
+    (kinds,) = (each for each in linter["contracts"] if each["name"].startswith("Kinds of rig"))
+    assert set(kinds["modules"]) == own
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
+
+
+def test_git_hooks_run_the_commands_of_lint() -> None:
+    hooks = YAML(typ="safe").load(ROOT / ".pre-commit-config.yaml")["repos"][0]["hooks"]
+    lint = (ROOT / "Makefile").read_text().partition("\nlint: setup\n")[2].partition("\n\n")[0]
+    commands = {re.sub(r" (\.|--check)(?= |$)", "", line) for line in lint.split("\n\t$(BIN)/")}
+    assert {hook["entry"].removeprefix(".venv/bin/").removesuffix(" --fix") for hook in hooks} == {
+        command.strip().removeprefix("$(BIN)/") for command in commands
+    }
 
 
 def module_name(path: Path, root: Path) -> str:
@@ -325,11 +341,36 @@ def test_only_listed_packages_import_the_simulated_plant() -> None:
         assert "sim_plant" not in roots, name
 
 
-# Names of kinds, axes and sensors, which belong to rig/kinds.
+# Names of kinds, of their tests, axes and sensors, which belong to the packages in rig/kinds.
 KIND_NAMES = re.compile(
-    r"wavebot|oswec|(?<![a-z])(heave|surge|stator|flap|lcb|trs|string_pot)s?(?![a-z])",
+    r"(wavebot|oswec|modular|mask_?4"
+    r"|(?<![a-z])(?:heave|surge|stator|flap|pitch|lcb|trs|string_pot|load_cell)(?=s?(?![a-z])))",
     re.IGNORECASE,
 )
+_OWN_KINDS = "the list of the kinds of this distribution"
+_DEVICE = "a type of device, which drivers name as well"
+_SCHEDULE = "the name of a published schedule of rows, for rigs of every kind"
+# Such names in the core, each with the reason: "file: name".
+CORE_TERMS = {
+    "rig/kinds/registry.py: wavebot": _OWN_KINDS,
+    "rig/kinds/registry.py: oswec": _OWN_KINDS,
+    "rig/kinds/registry.py: modular": _OWN_KINDS,
+    "rig/config/limits_file.py: load_cell": _DEVICE,
+    "rig/config/wiring.py: load_cell": _DEVICE,
+    "rig/emulation/devices.py: load_cell": _DEVICE,
+    "rig/wires/streams.py: load_cell": _DEVICE,
+    "rig/wires/survey.py: load_cell": _DEVICE,
+    "rig/config/task_file.py: mask4": _SCHEDULE,
+    "rig/planning/windows.py: mask4": _SCHEDULE,
+}
+# Axes and parts of single rigs, which comments and docstrings of the core do not name either.
+AXIS_NAMES = re.compile(
+    r"(?<![a-z])(heave|surge|stator|flap|lcb|trs|string_pot)(?=s?(?![a-z]))", re.IGNORECASE
+)
+CORE_EXAMPLES = {
+    "rig/emulation/control.py: heave": "an example of a request",
+    "rig/realtime/sequence.py: stator": "an example of a part that moves between rows",
+}
 
 
 def names_in_code(text: str) -> str:
@@ -344,16 +385,34 @@ def names_in_code(text: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", ast.unparse(tree))
 
 
+def core_files() -> Iterator[tuple[str, str]]:
+    """Yield name and text of the sources outside the packages of kinds.
+
+    Files of earlier rigs' formats (rig/interop/legacy) are theirs by name.
+    """
+    for path in SOURCES:
+        name = relative_name(path)
+        if name.startswith("rig/") and not re.match(r"rig/(kinds/.+/|interop/legacy/)", name):
+            yield name, path.read_text()
+
+
 def test_the_core_names_no_kind_no_axis_no_sensor() -> None:
-    """Files of earlier rigs' formats (rig/interop/legacy) are theirs by name."""
-    found = [
-        relative_name(path)
-        for path in SOURCES
-        if relative_name(path).startswith("rig/")
-        and not relative_name(path).startswith(("rig/kinds/", "rig/interop/legacy/"))
-        and KIND_NAMES.search(f"{relative_name(path)} {names_in_code(path.read_text())}")
-    ]
-    assert found == []
+    found = {
+        f"{name}: {term.lower()}"
+        for name, text in core_files()
+        for term in KIND_NAMES.findall(f"{name} {names_in_code(text)}")
+    }
+    assert sorted(found - CORE_TERMS.keys()) == []
+    assert sorted(CORE_TERMS.keys() - found) == [], "take them off the list"
+
+
+def test_comments_of_the_core_name_no_axis() -> None:
+    found = {
+        f"{name}: {term.lower()}"
+        for name, text in core_files()
+        for term in AXIS_NAMES.findall(text)
+    }
+    assert sorted(found - CORE_EXAMPLES.keys()) == []
 
 
 @pytest.mark.parametrize(
@@ -366,12 +425,57 @@ def test_the_core_names_no_kind_no_axis_no_sensor() -> None:
         ("def onHeave(): pass", True),
         ("from rig.kinds.wavebot import tick", True),
         ("STATORS = 2  # positions", True),
+        ("kind = 'modular'", True),
+        ("class LoadCells: pass", True),
+        ("def pitch(): pass", True),
+        ("x = 'MASK4 structure'", True),
+        ("pitched = 1", False),
         ('def f():\n    """Return the heave."""\n    return withheld.attrs', False),
         ("x = 1  # of surge", False),
     ],
 )
 def test_names_of_kinds_are_found(source: str, *, found: bool) -> None:
     assert bool(KIND_NAMES.search(names_in_code(source))) is found
+
+
+# The first word of a docstring names a thing or an action. Two packages are under change.
+QUESTION = re.compile(r"\s*(What|How|Who|Which|Where|When|Why|Whose|Whoever|Whatever)\b")
+UNDER_CHANGE = ("rig/realtime/", "rig/compilation/")
+
+
+def questions(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield line and first line of docstrings, also of attributes, that begin with a question."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            text = node.value.value
+            if isinstance(text, str) and QUESTION.match(text):
+                yield node.lineno, text.strip().splitlines()[0]
+
+
+@pytest.mark.parametrize("folder", [*PACKAGES, "tests", "benchmarks"])
+def test_docstrings_begin_with_a_thing_or_an_action(folder: str) -> None:
+    found = [
+        f"{relative_name(path)}:{line}: {text}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if not relative_name(path).startswith(UNDER_CHANGE)
+        for line, text in questions(parse_file(path))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ('"""What a rig is."""', True),
+        ('class A:\n    """How it ends."""', True),
+        ('def f():\n    """\n    Who asks."""', True),
+        ('X = 1\n"""Which one."""', True),
+        ('"""Whatsoever."""', False),
+        ('def f():\n    """Return what a rig is."""\n    return "What?"', False),
+    ],
+)
+def test_questions_in_docstrings_are_found(source: str, *, found: bool) -> None:
+    assert bool(list(questions(ast.parse(source)))) is found
 
 
 MAX_UNPACKED = 6

@@ -186,3 +186,45 @@ def test_prose_has_no_private_words(folder: str) -> None:
 )
 def test_private_words_in_prose_are_found(text: str, found: set[str]) -> None:
     assert prose_findings(text) == found
+
+
+# Sentences that need a second reading: passive riddles and subjects without a noun. CHANGELOG.md is
+# a record of its time.
+RIDDLES = re.compile(
+    r"\basked for\b|\bagain and again\b|\bless and less\b|\bwhoever\b"
+    r"|\bwhat (?:is|was) [^.,:;|\"]{1,40} (?:is|was|comes|goes|stays)\b",
+    re.IGNORECASE,
+)
+RIDDLE_FILES = [
+    *(path for path in PROSE_FILES if path.suffix == ".md"),
+    *(ROOT / "configs" / "faults").glob("*.yaml"),
+]
+
+
+def riddles(text: str) -> list[str]:
+    """Return the riddles of a text; a line may break within one, a paragraph may not."""
+    paragraphs = re.split(r"\n\s*\n", re.sub(r"^\s*# ", "", text, flags=re.MULTILINE))
+    return [
+        match.group().lower()
+        for paragraph in paragraphs
+        for match in RIDDLES.finditer(" ".join(paragraph.split()))
+    ]
+
+
+@pytest.mark.parametrize("path", RIDDLE_FILES, ids=relative_name)
+def test_pages_and_fault_tables_have_no_riddles(path: Path) -> None:
+    assert riddles(path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("what is written is read back", ["what is written is"]),
+        ("What is asked\n  for comes by it", ["what is asked for comes"]),
+        ("it is asked for the\n# stream again\n# and again", ["asked for", "again and again"]),
+        ("## What is not detected\n\nThe drive is silent.", []),
+        ("the task and what it was", []),
+    ],
+)
+def test_riddles_are_found(text: str, found: list[str]) -> None:
+    assert riddles(text) == found

@@ -1,1 +1,1 @@
-"""What the measurements share: results, host, recorded ticks, runs watched from outside."""
+"""Parts of all measurements: results, host, recorded ticks, runs watched from outside."""

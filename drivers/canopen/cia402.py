@@ -51,7 +51,7 @@ from drivers.canopen.statusword import (
 
 
 class DisarmReason(IntEnum):
-    """Why the drive has no permission to be enabled."""
+    """The reason why the drive has no permission to be enabled."""
 
     NONE = 0  # it has the permission
     NOT_REQUESTED = 1

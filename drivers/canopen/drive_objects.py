@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Access(IntEnum):
-    """How an object is accessed before arming."""
+    """The access to an object before arming."""
 
     SET = 0  # written, then read back
     VERIFY = 1  # only read: the drive's value must agree with the configuration

@@ -53,7 +53,7 @@ class Phase(IntEnum):
 
 
 class Failure(IntEnum):
-    """Why a homing failed."""
+    """The reason why a homing failed."""
 
     NONE = 0
     NOT_ACTING = 1  # the drive was not, or ceased to be, enabled in mode 6

@@ -35,7 +35,7 @@ class Phase(IntEnum):
 
 
 class Failure(IntEnum):
-    """Why a move failed."""
+    """The reason why a move failed."""
 
     NONE = 0
     NOT_ACTING = 1  # the drive was not, or ceased to be, enabled in mode 1

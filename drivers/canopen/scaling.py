@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 
 class LimitFlag(IntFlag):
-    """Why a raw number differs from the request."""
+    """The reasons why a raw number differs from the request."""
 
     SATURATED = 1
     NOT_FINITE = 2

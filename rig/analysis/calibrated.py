@@ -1,10 +1,10 @@
 """Correction of a run's rows with calibrations other than those of the run itself.
 
 The record does not change. A calibration of the spring rate corrects the recorded rate; a spring
-map replaces it by the rate at the recorded stator position. The run computed current as force over
-torque constant, so a corrected torque constant multiplies force and gains by the ratio of the
-corrected constant to the one in use. A corrected scale of the position multiplies travel, velocity
-and load cell power by that factor, and divides the gains, which acted on position, by it.
+map replaces it by the rate at the recorded position of the spring. The run computed current as
+force over torque constant, so a corrected torque constant multiplies force and gains by the ratio
+of the corrected constant to the one in use. A corrected scale of the position multiplies travel,
+velocity and load cell power by that factor, and divides the gains, which acted on position, by it.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What the analysis of a run hands over, the same for every kind of rig."""
+"""Results of the analysis of a run, as types that are the same for every kind of rig."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ class RunSummary(NamedTuple):
 
 
 class DrawOptions(NamedTuple):
-    """What to draw of a run; without any option, all its products."""
+    """Selection of the pictures of a run; without any option, all its products."""
 
     surface: tuple[str, str] | None = None  # columns along x and y
     left_out: tuple[str, ...] = ()  # columns, or column=value

@@ -1,4 +1,4 @@
-"""Where in its plan a run began to stop, and the ticks that the host lost before."""
+"""The place in its plan where a run began to stop, and the ticks that the host lost before."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -28,7 +28,7 @@ class PlanInputs(Protocol):
 
     @property
     def kind(self) -> CampaignKind:
-        """What the kind of rig adds."""
+        """The kind of rig's part of campaigns."""
         ...
 
     @property

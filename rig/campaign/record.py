@@ -1,4 +1,4 @@
-"""What a run records of its campaign, and the campaign of a recorded run."""
+"""The record of a campaign in its run, and the campaign of a recorded run."""
 
 import hashlib
 import json

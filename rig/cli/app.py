@@ -78,19 +78,29 @@ class CommandGroup(TyperGroup):
 
     def _add(self, commands: tuple[Command, ...]) -> None:
         for each in commands:
+            if " " in each.name:
+                continue  # of a group, which adds it when it is loaded
             self._listed.setdefault(each.name, each)
             self.commands.setdefault(each.name, TyperCommand(each.name, help=each.help))
 
 
 def load(listed: Command) -> Any:
-    """Return a command with its options: a function `command` of a module, or a group of some."""
+    """Return a command with its options: a function `command` of a module, or a group of some.
+
+    A group has its own commands, and those of kinds whose name begins with that of the group.
+    """
     module = import_module(listed.module)
     if isinstance(module.command, typer.Typer):
-        group: Any = typer.main.get_command(module.command)
+        group: Any = typer.main.get_group(module.command)  # without options of shells
         group.name, group.help = listed.name, listed.help
+        for each in registry.commands():
+            if each.name.startswith(f"{listed.name} "):
+                group.add_command(load(each))
         return group
     single = typer.Typer(add_completion=False)
-    single.command(listed.name, epilog=getattr(module, "EXIT_CODES", None))(module.command)
+    single.command(listed.name.split()[-1], epilog=getattr(module, "EXIT_CODES", None))(
+        module.command
+    )
     return typer.main.get_command(single)
 
 

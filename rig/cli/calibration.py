@@ -104,7 +104,7 @@ def apply(
     ] = None,
     run: Annotated[
         str | None,
-        typer.Option("--run", help="Run in which the values were recorded: 24 or MASK4_024."),
+        typer.Option("--run", help="Run in which the values were recorded: 24 or SERIES_024."),
     ] = None,
     date: Annotated[
         str | None,
@@ -142,7 +142,7 @@ def apply(
 
 
 def recording_time(known: CalibrationVersion, run: str | None, day: str | None) -> RecordingTime:
-    """Parse the run (24 or MASK4_024) and the day in which a value was recorded.
+    """Parse the run (24 or SERIES_024) and the day in which a value was recorded.
 
     A bare run number belongs to the series of the calibration file.
     """
@@ -152,7 +152,7 @@ def recording_time(known: CalibrationVersion, run: str | None, day: str | None) 
         runs = known.file.valid.runs
         series = series or (runs.series if runs is not None else "")
         if not digits.isdecimal():
-            raise ValueError(f"{run!r} is not a run; write 24 or MASK4_024")
+            raise ValueError(f"{run!r} is not a run; write 24 or SERIES_024")
         number = int(digits)
     try:
         return RecordingTime(

@@ -25,7 +25,8 @@ def command(
     """Check a campaign or session: list every error, or describe the planned run.
 
     For a campaign, the report also predicts motion, current and power of
-    each row.
+    each row. For a rig of standard parts (`rig new rig`) it does so once
+    `rig sweep` has compiled the rig's loop on this host.
     """
     with input_errors("check", as_json=as_json):
         path, rig = input_file(task, CAMPAIGNS, SESSIONS), rig_file(rig)

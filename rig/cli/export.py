@@ -29,7 +29,9 @@ def command(
     run: Run,
     form: Annotated[
         ExportFormat,
-        typer.Option("--as", help="mat: the MASK4 structure; netcdf: xarray, MHKiT; csv."),
+        typer.Option(
+            "--as", help="mat: MATLAB structure of a kind's test; netcdf: xarray, MHKiT; csv."
+        ),
     ],
     fields: Annotated[
         list[str] | None,
@@ -60,8 +62,8 @@ def command(
         if form is ExportFormat.MAT:
             if fields or rows:
                 raise ValueError(
-                    "--field and --row work with netcdf and csv only; the MASK4 structure holds "
-                    "all fields and rows"
+                    "--field and --row work with netcdf and csv only; a format of a kind holds all "
+                    "fields and rows"
                 )
             remarks = _format_of_a_kind(form)(record, rate, path)
         else:

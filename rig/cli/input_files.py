@@ -66,6 +66,15 @@ def find_run(name: Path, runs: Path) -> Path:
     raise RunError(f"{name}: no such run or campaign in {runs}/; the newest there: {newest}")
 
 
+def find_run_of_kind(kind: str, name: Path, runs: Path) -> Path:
+    """Return the path of a run as `find_run` does; RunError if its record names another kind."""
+    path = find_run(name, runs)
+    recorded = run_info(path).kind
+    if recorded not in ("", kind):  # records without the kind are imported or from early versions
+        raise RunError(f"{path}: needs a run of kind {kind}; this one is {recorded}")
+    return path
+
+
 def run_folder(run: Path) -> Path:
     """Return the folder of a run that is given by its folder or by an MCAP file."""
     return run if run.is_dir() else run.parent

@@ -1,4 +1,4 @@
-"""How a command ends: its output for people or as JSON for programs, its errors, its exit code."""
+"""The end of a command: output for people or as JSON for programs, errors, exit code."""
 
 import json
 import sys
@@ -36,8 +36,8 @@ def refuse(command: str, error: Exception, *, as_json: bool) -> int:
     if not (as_json and isinstance(error, ConfigError)):
         return fail(command, error, as_json=as_json)
     problems = [problem.as_dict() for problem in error.problems]
-    report = {"status": "bad input", "message": error.text(), "problems": problems}
-    print(json.dumps(report, ensure_ascii=False))
+    report = {"status": "bad input", "ok": False, "message": error.text(), "problems": problems}
+    print_json(report)
     return BAD_INPUT
 
 

@@ -36,7 +36,7 @@ class TransferFunction(FileModel):
 
 
 class LawSettings(FileModel):
-    """The heave law and its parameters; `law_model` adds the parameters."""
+    """The law of an axis and its parameters; `law_model` adds the parameters."""
 
     use: str = Field(default=DEFAULT_LAW, min_length=1)  # name, or path of a .py file
 

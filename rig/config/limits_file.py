@@ -20,7 +20,7 @@ class MotorPowerLimits(FileModel):
 
 
 class LoopLimits(FileModel):
-    """Limits of the loop and of the instruments that every rig has in addition to its drives."""
+    """Limits of the loop, and of load cell and panel."""
 
     lost_ticks_stop: WholeNumber = Field(ge=1, le=100_000)  # in one gap
     load_cell_age_stop_s: float = Field(gt=0, le=60)

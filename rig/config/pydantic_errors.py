@@ -56,7 +56,7 @@ def validate(mapping: dict[str, Any], locate: SourceMap, model: type[M]) -> M:
         raise ConfigError(problems_from(error, locate, model)) from None
 
 
-_MIN_SIMILARITY = 0.73  # difflib ratio above which a key is suggested; 'start'/'stator' is below
+_MIN_SIMILARITY = 0.73  # difflib ratio above which a key is suggested; 'start'/'static' is below
 
 
 def problems_from(

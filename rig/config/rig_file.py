@@ -1,4 +1,4 @@
-"""What the rig files of all kinds have in common."""
+"""Models that the rig files of all kinds share."""
 
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Literal, NamedTuple
@@ -12,7 +12,7 @@ from rig.config.yaml_source import KeyPath, SourceMap
 
 
 class Motor(FileModel):
-    """What every powered axis has, whether it translates or rotates."""
+    """Motor, encoder resolution and gain ramp of a powered axis, which translates or rotates."""
 
     torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
     counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)

@@ -75,7 +75,7 @@ class Drive(FileModel, ABC):
     @property
     @abstractmethod
     def description(self) -> str:
-        """What the device is, for people."""
+        """The description of the device for people."""
 
 
 class TorqueDrive(Drive):
@@ -95,7 +95,7 @@ class TorqueDrive(Drive):
 
     @property
     def description(self) -> str:
-        """What the device is, for people."""
+        """The description of the device for people."""
         scale = self.scaling.replace("_", " ")
         return (
             f"torque drive, {'AMC scaling' if self.scaling == 'amc' else f'scaled by its {scale}'}"
@@ -103,7 +103,7 @@ class TorqueDrive(Drive):
 
 
 class Actuator(Drive):
-    """An actuator of a station, such as the spring's stator, in profile position mode."""
+    """An actuator that moves a part of the rig between rows, in profile position mode."""
 
     description: ClassVar[str] = "actuator: profile position, homing"
 

@@ -1,4 +1,4 @@
-"""Whether a law can be compiled, and numba's reason if it cannot."""
+"""Trial compilation of a law, with numba's reason if it fails."""
 
 from typing import Any
 

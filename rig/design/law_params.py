@@ -1,4 +1,4 @@
-"""The constants of a heave law, from its settings in a campaign file."""
+"""The constants of a law, from its settings in a campaign file."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from rig.laws import Law
 
 
 def law_params(law: Law, settings: LawSettings, ramp: float, dt: float) -> Any:
-    """Return the Params of a heave law for a gain ramp and a period (s).
+    """Return the Params of a law for a gain ramp and a period (s).
 
     Raises ValueError for settings that do not fit together.
     """

@@ -4,12 +4,14 @@ The protocol is JSON lines on a loopback TCP port, with one answer to each reque
 request has the answer `error`. The port is for tests and for rehearsals of faults; neither loop nor
 driver uses it.
 
-    {"ask": "faults"}                     every fault of every device and link
-    {"ask": "switch", "device": "heave", "fault": "drive_fault", "on": true, "value": null}
-    {"ask": "clear"}                      all faults off
-    {"ask": "restart"}                    all faults off, a world at rest, every node switched on
-    {"ask": "world"}                      power, currents and counters now
-    {"ask": "power"}                      by motor the time at which it lost power, null with power
+    {"request": "faults"}                 every fault of every device and link
+    {"request": "switch", "device": "heave", "fault": "drive_fault", "on": true, "value": null}
+    {"request": "clear"}                  all faults off
+    {"request": "restart"}                all faults off, a world at rest, every node switched on
+    {"request": "world"}                  power, currents and counters now
+    {"request": "power"}                  by motor the time at which it lost power, null with power
+
+The key `ask`, the earlier name of `request`, is accepted, too.
 """
 
 import asyncio
@@ -176,6 +178,7 @@ class ControlServer:
     def _answer(self, line: bytes) -> dict[str, Any]:
         try:
             request = json.loads(line)
-            return self._handlers[request["ask"]](request)
+            kind = request["ask" if "ask" in request else "request"]
+            return self._handlers[kind](request)
         except (ValueError, KeyError, TypeError) as error:
             return {"error": f"{type(error).__name__}: {error}"}

@@ -28,7 +28,7 @@ class ControlClient:
 
     def request(self, kind: str, **arguments: Any) -> dict[str, Any]:
         """Send a request and return its answer; ControlError if it is refused, OSError if lost."""
-        self._socket.sendall(json.dumps({"ask": kind, **arguments}).encode() + b"\n")
+        self._socket.sendall(json.dumps({"request": kind, **arguments}).encode() + b"\n")
         line = self._lines.readline()
         if not line:
             raise OSError("the emulated devices closed the connection")

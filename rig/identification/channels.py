@@ -1,4 +1,4 @@
-"""What identification uses of a run's record: the channels of the axis that the reference moves.
+"""The channels of the axis that the reference moves, from a run's record.
 
 Every axis has its encoder, its command and the current of its drive (`controllers.signals`,
 `rig.config.axis`). What else there is, a kind of rig declares for each axis as `AxisChannels`, and

@@ -1,4 +1,4 @@
-"""What a kind of rig consists of: the rooms of its package, one protocol for each.
+"""The rooms of a kind of rig: one protocol for each module of its package that the core uses.
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
 uses. `rig.kinds.registry.ROOMS` lists the rooms that every kind has. Optional are `commands`,
@@ -98,7 +98,7 @@ class Report(Protocol):
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """Why it cannot run."""
+        """The reasons why it cannot run."""
         ...
 
     @property
@@ -233,7 +233,7 @@ class Products(Protocol):
     """Room `products`: what `rig run`, `rig show` and `rig plot` make of a run."""
 
     PROGRESS: str
-    """What `after_run` does, for people who wait."""
+    """Description of the work of `after_run`, for people who wait."""
 
     NO_PRODUCTS: RunProducts
     """Products of a run without a tick."""
@@ -260,7 +260,7 @@ class Campaigns(Protocol):
     """Room `campaign`, optional: campaigns of gain matrices."""
 
     CAMPAIGNS: CampaignKind
-    """What the kind adds to `rig.campaign`."""
+    """The kind's part of `rig.campaign`."""
 
 
 class Commands(Protocol):

@@ -68,7 +68,7 @@ class RigKind(NamedTuple):
 class Command(NamedTuple):
     """A command of the command line."""
 
-    name: str
+    name: str  # of a group's command with that of the group: `new rig`
     module: str  # has the function `command`; imported when the command is used
     help: str  # one sentence
 
@@ -127,16 +127,19 @@ def _kind(entry: Entry) -> RigKind:
 
 
 def interface_problem(kind: RigKind) -> str:
-    """Return the first reason why a package is no kind of rig; empty if it has all rooms."""
+    """Return all reasons why a package is no kind of rig; empty if it is one."""
+    problems: dict[str, str] = {}
     for room, names in ROOMS.items():
         try:
             module = kind.room(room)
         except KindError as error:
-            return str(error)
-        missing = [name for name in names if not hasattr(module, name)]
-        if missing:
-            return f"{kind.package}.{room} lacks {', '.join(missing)}"
-    return _reason_problem(kind)
+            problems[room] = str(error)
+            continue
+        if missing := [name for name in names if not hasattr(module, name)]:
+            problems[room] = f"{kind.package}.{room} lacks {', '.join(missing)}"
+    if "tick" not in problems:
+        problems["reasons"] = _reason_problem(kind)
+    return "; ".join(dict.fromkeys(filter(None, problems.values())))  # one cause may fail all rooms
 
 
 def _reason_problem(kind: RigKind) -> str:
@@ -166,8 +169,9 @@ def import_room(package: str, name: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except Exception as error:
-        if isinstance(error, ModuleNotFoundError) and error.name in (module, package):
-            raise KindError(f"the kind of rig {package} has no module {error.name}") from error
+        absent = error.name if isinstance(error, ModuleNotFoundError) else None
+        if absent and f"{module}.".startswith(f"{absent}."):  # the module or a package around it
+            raise KindError(f"the kind of rig {package} has no module {absent}") from error
         raise KindError(f"the kind of rig {package} is unusable: {error_text(error)}") from error
 
 

@@ -1,6 +1,5 @@
 """The kind of rig of a file: a rig file, or a campaign or session that names one."""
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,19 +42,17 @@ def kind_of(mapping: dict[str, Any], locate: SourceMap) -> RigKind:
 def kind_of_task(path: Path, rig: Path | None = None) -> RigKind:
     """Return the kind of rig of a campaign or session; ``rig`` replaces the rig that it names.
 
-    A file that leads to no usable kind gets the one whose files share most keys with it: the check
-    of that kind lists what is wrong. Raises KindError if the named kind cannot be used, or if none
-    can.
+    A file that names no rig gets the kind whose files share most keys with it: the check of that
+    kind lists what is wrong. Raises `ConfigError` if the file or its rig file cannot be read, or if
+    the rig file names no usable kind: the kind decides which keys the file may have. Raises
+    KindError if no kind can be used.
     """
-    keys: set[str] = set()
-    with suppress(ConfigError):
-        source = ConfigSource(*load_mapping(path))
-        keys = set(source.mapping)
-        named = ConfigSource(*load_mapping(rig)) if rig else load_named_source(source, ("rig",))
-        name = named and named.mapping.get("kind")
-        if name in known():
-            return find(str(name))
+    source = ConfigSource(*load_mapping(path))
+    named = ConfigSource(*load_mapping(rig)) if rig else load_named_source(source, ("rig",))
+    if named is not None:
+        return kind_of(*named)
     usable = [each.kind for each in registered() if not each.problem]
     if not usable:
         raise KindError("no kind of rig can be used; `rig kinds` lists the reasons")
+    keys = set(source.mapping)
     return max(usable, key=lambda kind: len(keys & set(kind.room("tasks").TaskFile.model_fields)))

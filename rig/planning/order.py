@@ -20,9 +20,8 @@ def order_points(
 ) -> tuple[PointRepetition, ...]:
     """Return the sequence in which every point is run ``repeat`` times.
 
-    ``places`` has, for each point, the place of the part that moves between rows (a spring's
-    stator, say). Repetitions stay within a block of one place, so they add no moves; only `random`
-    mixes all.
+    ``places`` has, for each point, the place of the part that moves between rows. Repetitions stay
+    within a block of one place, so they add no moves; only `random` mixes all.
     """
     if order == "random":
         shuffled = [PointRepetition(i, r) for r in range(repeat) for i in range(len(places))]

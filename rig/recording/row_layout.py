@@ -31,7 +31,7 @@ class Leaf(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Dotted path, e.g. ``heave.estimate.velocity``."""
+        """Dotted path, e.g. ``power.mechanical``."""
         return ".".join(self.path)
 
 

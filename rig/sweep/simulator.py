@@ -1,4 +1,4 @@
-"""What a sweep needs of a kind of rig: the rooms `campaign` and `simulation` of its package."""
+"""Interface of sweeps to a kind of rig: the rooms `campaign` and `simulation` of its package."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from rig.campaign import AnyCampaign, AnyPlan, CampaignKind, CampaignParts
 from rig.config.problems import Problem
-from rig.config.yaml_source import KeyPath, load_mapping
+from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
 from rig.kinds import registry
 from rig.kinds.rig_file import kind_of_task
@@ -106,9 +106,9 @@ class Simulation(Protocol):
 def campaign_kind(path: Path) -> CampaignKind:
     """Return what the kind of rig of a campaign file adds to campaigns.
 
-    Raises KindError for a file of a kind without campaigns, `ConfigError` for one that is no YAML.
+    Raises KindError for a file of a kind without campaigns, `ConfigError` for one whose kind cannot
+    be read.
     """
-    load_mapping(path)
     kind = kind_of_task(path)
     try:
         found: CampaignKind = kind.room(CAMPAIGN_ROOM).CAMPAIGNS

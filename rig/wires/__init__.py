@@ -1,1 +1,1 @@
-"""What all rigs share of their wires: CAN service, pollers, streams, surveys, scans."""
+"""Wires of all rigs: CAN service, pollers, streams, surveys, scans."""

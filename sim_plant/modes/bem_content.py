@@ -19,7 +19,7 @@ RIGID_MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 
 
 class Water(NamedTuple):
-    """What a plant file states of the water; None where the BEM file is to state it."""
+    """The water of a plant file; None for each number that the BEM file has to state."""
 
     density: float | None = None  # kg/m3
     gravity: float | None = None  # m/s2

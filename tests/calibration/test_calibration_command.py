@@ -84,7 +84,7 @@ def test_values_are_corrected_and_inverted() -> None:
     [
         (("-x", "1"), "no run number is known"),
         (("--run", "24"), "nothing to correct; give --value or --testlog"),
-        (("-x", "1", "--run", "abc"), "'abc' is not a run; write 24 or MASK4_024"),
+        (("-x", "1", "--run", "abc"), "'abc' is not a run; write 24 or SERIES_024"),
         (("-x", "1", "--date", "26.9.2023"), "'26.9.2023' is not a date; write it as 2023-09-26"),
         (("-x", "nan", "--run", "24"), "nan is not a finite number"),
     ],

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
+from command_here import rig
+from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
@@ -24,11 +26,12 @@ ALL = dict(pair for each in LISTED for pair in commands(load(each), f"rig {each.
 
 def test_all_commands_are_listed() -> None:
     assert len(ALL) > 20
-    assert {"rig run", "rig check", "rig scan modbus", "rig bench", "rig twin"} <= set(ALL)
+    own = {"rig run", "rig check", "rig scan modbus", "rig new kind"}
+    assert own | {"rig bench", "rig twin", "rig new rig"} <= set(ALL)
     group = get_command(app)
     assert isinstance(group, TyperGroup)
     listed = group.list_commands(group.make_context("rig", ["runs"]))
-    assert listed == [each.name for each in LISTED]
+    assert listed == [each.name for each in LISTED if " " not in each.name]  # no group's command
     assert len({each.name for each in LISTED}) == len(LISTED)
     assert all(each.help for each in LISTED)
 
@@ -39,3 +42,16 @@ def test_a_command_has_json_and_help_for_every_option(name: str) -> None:
     assert "--json" in options
     assert [flag for flag, option in options.items() if not getattr(option, "help", "")] == []
     assert ALL[name].help
+    assert not {"--install-completion", "--show-completion"} & set(options)
+    for text in (ALL[name].help, *(getattr(each, "help", "") for each in ALL[name].params)):
+        assert Text.from_markup(text).plain == text.replace("\\[", "[")  # no part is read as markup
+
+
+def test_help_of_a_group_has_its_commands_and_texts() -> None:
+    """That of a kind, too, and no options of shells."""
+    shown = rig("new", "--help").stdout
+    assert "Write a kind of rig as a package of its own" in shown
+    assert "Write rig, limits, plant and campaign file" in shown
+    assert "completion" not in shown
+    assert "Name of the kind: [a-z][a-z0-9_]*." in rig("new", "kind", "--help").stdout
+    assert "completion" not in rig("scan", "--help").stdout

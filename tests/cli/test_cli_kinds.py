@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -30,6 +31,12 @@ def test_own_kinds_have_every_room(name: str) -> None:
     assert registry.interface_problem(registry.find(name)) == ""
 
 
+def test_the_page_prints_what_the_program_prints() -> None:
+    page = (CONFIGS.parent / "docs" / "kinds.md").read_text()
+    sample = page.partition("```\n$ rig kinds\n")[2].partition("```")[0]
+    assert sample == rig("kinds").stdout
+
+
 def plug_in(folder: Path, room: str) -> dict[str, str]:
     """Install a kind of another distribution with a room `commands`; return the environment."""
     package = folder / "my_rig"
@@ -56,7 +63,7 @@ def run(environment: dict[str, str], *arguments: str) -> subprocess.CompletedPro
 
 def test_a_kind_adds_its_commands(tmp_path: Path) -> None:
     table = 'COMMANDS = (Command("polish", "my_rig.polish", "Polish the rig."),)\n'
-    environment = plug_in(tmp_path, f"from rig.kinds import Command\n{table}")
+    environment = plug_in(tmp_path, f"from rig.kinds.registry import Command\n{table}")
     assert "Polish the rig." in run(environment, "--help").stdout
     done = run(environment, "polish", "--times", "3")
     assert (done.returncode, done.stdout) == (1, "polished 3 times\n")
@@ -67,7 +74,7 @@ def test_a_broken_kind_breaks_no_command(tmp_path: Path) -> None:
     done = run(environment, "--help")
     assert done.returncode == 0
     assert "spring-map" in done.stdout
-    assert "my_rig.tick" in run(environment, "kinds").stdout  # the first missing room
+    assert "my_rig.tick" in run(environment, "kinds").stdout  # a missing room
 
 
 @pytest.mark.parametrize(
@@ -77,7 +84,7 @@ def test_a_broken_kind_breaks_no_command(tmp_path: Path) -> None:
         ("rig: {configs}/rigs/wavebot.yaml\n", "wavebot"),
         ("session: driveline\nname: x\nperiods: 2\n", "oswec bench"),  # by its keys
         ("name: x\nsea: {{kind: calm}}\nmatrix: {{}}\n", "wavebot"),
-        ("rig: nowhere.yaml\nsession: driveline\n", "oswec bench"),
+        ("rig: [no, name]\nsession: driveline\n", "oswec bench"),
     ],
 )
 def test_the_kind_of_a_file(text: str, kind: str, tmp_path: Path) -> None:
@@ -86,6 +93,46 @@ def test_the_kind_of_a_file(text: str, kind: str, tmp_path: Path) -> None:
     assert kind_of_task(path).name == kind
     bench = CONFIGS / "rigs" / "oswec_bench.yaml"
     assert kind_of_task(path, bench).name == "oswec bench"
+
+
+MODULAR_CAMPAIGN = "name: x\nrig: rig.yaml\nsea: {kind: calm}\nmatrix: {grid: [{kp: 1}]}\n"
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep"])
+@pytest.mark.parametrize(
+    ("rig_text", "problem"),
+    [
+        ("kind: nope\n", "rig.yaml:1: kind: 'nope' is not known; allowed {known}"),
+        ("kind: [modular]\n", "rig.yaml:1: kind: a list is not known; allowed {known}"),
+        ("name: x\n", "rig.yaml:1: kind: missing; allowed {known}"),
+        ("kind: modular\naxes: [1\n", "rig.yaml:3: YAML syntax: expected"),
+        ("- kind: modular\n", "rig.yaml:1: "),
+        (None, "file.yaml:2: rig: "),
+    ],
+)
+def test_a_rig_file_without_a_usable_kind_is_the_only_problem(
+    command: str, rig_text: str | None, problem: str, tmp_path: Path
+) -> None:
+    """The columns and keys of the campaign are those of no kind."""
+    path = tmp_path / "file.yaml"
+    path.write_text(MODULAR_CAMPAIGN)
+    if rig_text is not None:
+        (tmp_path / "rig.yaml").write_text(rig_text)
+    done = rig(command, path)
+    text = problem.format(known=", ".join(registry.known()))
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert text in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_json_of_a_rig_file_without_a_usable_kind(tmp_path: Path) -> None:
+    path = tmp_path / "file.yaml"
+    path.write_text(MODULAR_CAMPAIGN)
+    (tmp_path / "rig.yaml").write_text("kind: nope\n")
+    report = json.loads(rig("check", path, "--json").stdout)
+    (problem,) = report["problems"]
+    assert (report["ok"], problem["key"], problem["value"]) == (False, "kind", "nope")
 
 
 def test_a_run_of_a_missing_file_is_refused(tmp_path: Path) -> None:

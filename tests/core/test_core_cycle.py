@@ -259,7 +259,7 @@ def test_in_a_stop_the_force_fades_to_pure_damping() -> None:
 
 
 def test_a_change_between_law_and_stop_is_bumpless() -> None:
-    """Whatever the law demands, the force continues from its last value."""
+    """The force continues from its last value, at any demand of the law."""
     sense, motion = AxisSense(1000, 0.0, 0.0, 1, 0, 0.0), Estimate(0.01, 0.1, 0.0)
     memory, forces = axis.start(), []
     demand = Demand(0.0, 0.0, 0.0, 200.0)

@@ -1,4 +1,4 @@
-"""What CONTRIBUTING.md has to add, added as it is printed: a log field, a picture, a sensor.
+"""The additions of CONTRIBUTING.md, made as they are printed: a log field, a picture, a sensor.
 
 A law, a station and a driver have tests of their own, which the table of the page names.
 """
@@ -17,7 +17,6 @@ from lab_package import ROOT, rig, write_project
 from matplotlib.image import imread
 from ruamel.yaml import YAML
 
-from rig.kinds import registry
 from rig.recording.runs import open_run
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text()
@@ -110,7 +109,6 @@ def _add(content: Any, entries: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif("modular" not in registry.known(), reason="this version has no kind `modular`")
 def test_sensor_and_station_are_yaml_alone(tmp_path: Path) -> None:
     arguments = ("--bem", BEM, "--stiffness", "24337", "--folder", tmp_path)
     assert rig_here("new", "rig", "buoy", *arguments).returncode == 0

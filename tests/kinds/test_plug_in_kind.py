@@ -46,7 +46,11 @@ def test_its_own_tests_pass(lab: Path) -> None:
 def test_its_rig_file_with_an_unknown_kind_is_refused(lab: Path) -> None:
     file = lab / "wec_lift" / "configs" / "rig.yaml"
     file.write_text(file.read_text().replace("kind: lift", "kind: lifft"))
-    assert rig(lab, "devices", file)[0] == 2
+    problem = "kind: 'lifft' is not known; allowed wavebot, oswec bench, modular, lift"
+    for arguments in (("devices", file), ("check", file.parent / "holds.yaml")):
+        code, out, err = rig(lab, *arguments)
+        assert (code, out) == (2, "")
+        assert problem in err
 
 
 def test_its_task_is_not_swept(lab: Path) -> None:
@@ -82,9 +86,13 @@ def test_unusable_kinds_are_listed_with_the_reason(lab: Path) -> None:
     text = (lab / "wec_lift" / "wec_lift" / "tick.py").read_text().replace("= 100", "= 60")
     write_kind(lab, "low", "low_numbers", text)
     problems = listed_problems(lab)
-    assert problems["bare_kind"] == "the kind of rig bare_kind has no module bare_kind.tick"
+    rooms = ("tick", "config", "recorded", "hardware", "rehearsal", "tasks", "display", "products")
+    assert problems["bare_kind"] == "; ".join(
+        f"the kind of rig bare_kind has no module bare_kind.{room}" for room in rooms
+    )
     assert "broken_kind/tick.py:1: ModuleNotFoundError" in problems["broken_kind"]
-    assert "low_numbers has no module low_numbers.config" in problems["low_numbers"]
+    assert "low_numbers has no module low_numbers.config; " in problems["low_numbers"]
+    assert "low_numbers.tick: reason 60 LINE_SLACK has a number" in problems["low_numbers"]
     for package in ("wec_lift", "another_lift"):
         assert "two distributions register the kind of rig 'lift'" in problems[package]
         assert "wec-lift 1.2 (wec_lift)" in problems[package]
@@ -118,7 +126,7 @@ def test_kind_that_raises_while_it_is_composed_breaks_no_other(lab: Path) -> Non
 def test_size_of_log_rows_needs_no_room_but_the_tick() -> None:
     """Every run asks for it before it starts."""
     program = (
-        "import sys; from rig.kinds import row_types; assert len(row_types()) >= 2; "
+        "import sys; from rig.kinds.registry import row_types; assert len(row_types()) >= 2; "
         "print([name for name in ('numpy', 'pydantic', 'matplotlib') if name in sys.modules])"
     )
     assert subprocess.check_output([sys.executable, "-c", program], text=True) == "[]\n"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 from command_here import rig as rig_here
 
+from rig import laws
+from rig.kinds.modular.columns import axis_columns
 from rig.realtime.sequence import MEASURE
 from rig.recording.runs import open_run
 
@@ -21,6 +24,21 @@ def run_rig(*arguments: object) -> Any:
     done = rig_here(*arguments, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout)
+
+
+def test_the_page_of_laws_lists_the_columns_of_rotating_axes() -> None:
+    """Every column of every law of this distribution that has another key or unit there."""
+    page = (BEM.parents[2] / "docs" / "laws.md").read_text()
+    section = page.partition("## Columns of an axis that rotates")[2].partition("## ")[0]
+    listed = set(re.findall(r"^\| `(\w+)` \| `(\w+)` \| (\S+) \|$", section, re.MULTILINE))
+    own = [laws.own(name) for name in laws.OWN_MODULES]
+    turned = {
+        (column.key, rotary.key, rotary.unit)
+        for law in own
+        for column, rotary in zip(law.columns, axis_columns(law, "", rotates=True), strict=True)
+        if column != rotary
+    }
+    assert listed == turned
 
 
 @pytest.mark.parametrize("dof", ["Heave", "Pitch"])
@@ -55,3 +73,8 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
     velocity = data[names[0]].values[measured & (data["plan.row"].values == 0)]
     assert absorbed[0] == pytest.approx(first * float((velocity**2).mean()), rel=0.02)
     assert run_rig("replay", folder)["same"] is True
+    for command in ("recommend", "spring-map", "surge-damping", "twin", "twoport"):
+        refused = rig_here(command, folder)
+        assert (refused.returncode, refused.stdout) == (2, "")
+        reason = f"{folder}: needs a run of kind wavebot; this one is modular"
+        assert refused.stderr == f"rig {command}: {reason}\n"

@@ -69,7 +69,7 @@ _ROTARY = {
 
 
 class Options(NamedTuple):
-    """What a person gives; None is derived."""
+    """Options of `rig new rig`; None is derived."""
 
     bem: Path
     dof: str | None = None  # mode in the BEM file

@@ -1,4 +1,4 @@
-"""What is made of a modular rig's runs: rows, power surfaces and summary, as of every campaign."""
+"""Results of a modular rig's runs: rows, power surfaces and summary, as of every campaign."""
 
 from rig.analysis.report import NO_PRODUCTS, PROGRESS, after_run, draw, summarise
 

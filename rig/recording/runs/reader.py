@@ -175,7 +175,7 @@ def open_run(
 ) -> "xarray.Dataset":
     """Return a run as a Dataset over ``time`` (s from run start), variables named by dotted path.
 
-    ``fields``: names, prefixes (``heave.estimate``) or shell patterns (``power.*``); default all.
+    ``fields``: names, prefixes (``timing``) or shell patterns (``power.*``); default all.
     ``rows``: campaign row ids. Units come from the schema in the file, the dataset's attributes
     from its attachments. Row ids, phases, modes and flags are int16 where they fit.
     Finished files, files of a killed writer and damaged files are read alike: damaged parts are

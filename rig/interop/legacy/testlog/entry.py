@@ -14,7 +14,7 @@ class WaveKind(StrEnum):
 
 
 class Activity(StrEnum):
-    """What the rig did in a run."""
+    """The activity of the rig in a run."""
 
     GAIN_MATRIX = "gain matrix"
     GAINS = "gains"  # written in the entry itself

@@ -1,4 +1,4 @@
-"""What the loop runs of a modular rig: its composition, and the cycle that is composed from it."""
+"""The loop's part of a modular rig: its composition, and the cycle composed from it."""
 
 from rig.kinds.modular.tick.compose import compose, find_kind
 from rig.kinds.modular.tick.composition import AxisPart, Composition, SensorPart

@@ -52,7 +52,7 @@ SCHEME_STYLES = ((figures.BLUE, "s"), (figures.RED, "D"), (figures.GREEN, "^"))
 
 
 class Trend(NamedTuple):
-    """How a line through the set points is reported."""
+    """A line through the set points in the report."""
 
     line: str  # field of Regressions
     y: str  # field of ShaftLag

@@ -2,6 +2,8 @@
 
 from rig.kinds.registry import Command
 
+KIND = "wavebot"  # of the runs that these commands read
+
 _NAME_MODULE_HELP = (
     ("import", "import_run",
      "Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`."),

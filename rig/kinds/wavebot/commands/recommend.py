@@ -6,9 +6,10 @@ from typing import Annotated
 import typer
 
 from rig.cli.calibration_dates import warn_of_expired
-from rig.cli.input_files import CAMPAIGNS, find_run, input_file, run_folder
+from rig.cli.input_files import CAMPAIGNS, find_run_of_kind, input_file, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result
+from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.commands.twin import PLANT_HELP, PROBE_HELP
 from rig.kinds.wavebot.recommend import report
 from rig.kinds.wavebot.recommend.picture import write_surfaces
@@ -59,7 +60,7 @@ def command(
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
     with input_errors("recommend", as_json=as_json):
-        paths = [find_run(name, runs) for name in run_names]
+        paths = [find_run_of_kind(KIND, name, runs) for name in run_names]
         if campaign is not None:
             campaign = input_file(campaign, CAMPAIGNS)
         options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 import xarray
 
-from rig.cli.input_files import find_run, run_folder
+from rig.cli.input_files import find_run_of_kind, run_folder
 from rig.cli.options import (
     CALIBRATIONS,
     RUNS,
@@ -18,6 +18,7 @@ from rig.cli.options import (
     Runs,
 )  # fmt: skip
 from rig.cli.output import FAILED, INPUT_ERRORS, OK, fail, input_errors, print_json
+from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.spring_map.files import safe_strokes, write_calibration, write_map
 from rig.kinds.wavebot.spring_map.pictures import write_pictures
 from rig.kinds.wavebot.spring_map.result import findings, spring_map
@@ -45,7 +46,7 @@ def command(
     its `spring.map`.
     """
     with input_errors("spring-map", as_json=as_json):
-        path = find_run(run, runs)
+        path = find_run_of_kind(KIND, run, runs)
         newest_version = _newest_version(name, calibrations)
         table = spring_map(path, incomplete_rows=incomplete_rows)
         folder = output or run_folder(path)

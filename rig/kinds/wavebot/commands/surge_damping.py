@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.input_files import find_run, run_folder
+from rig.cli.input_files import find_run_of_kind, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_result
+from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.products import surge_damping
 from rig.kinds.wavebot.products.surge_damping import write_picture
 from rig.recording.runs.folder import run_info
@@ -39,7 +40,7 @@ def command(
     regular sea near the surge resonance.
     """
     with input_errors("surge-damping", as_json=as_json):
-        path = find_run(run, runs)
+        path = find_run_of_kind(KIND, run, runs)
         measurement = surge_damping.measure_rows(path, incomplete_rows=incomplete_rows)
         run_facts = run_info(path)
         allowed = surge_damping.allowed_stroke(run_facts) if stroke is None else stroke

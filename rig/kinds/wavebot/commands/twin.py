@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.input_files import find_run, run_folder
+from rig.cli.input_files import find_run_of_kind, run_folder
 from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.output import input_errors, print_result
+from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import identify_twin
 
@@ -36,7 +37,7 @@ def command(
     A campaign uses it with the key `plant: TWIN/plant.yaml`.
     """
     with input_errors("twin", as_json=as_json):
-        paths = [find_run(name, runs) for name in run_names]
+        paths = [find_run_of_kind(KIND, name, runs) for name in run_names]
         estimate = identify_twin(paths, plant, probe, incomplete_rows=incomplete_rows)
         written = plant_file.write(estimate, output or run_folder(paths[0]) / plant_file.FOLDER)
     summary = plant_file.as_dict(estimate)

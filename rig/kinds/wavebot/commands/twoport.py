@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.input_files import find_run, run_folder
+from rig.cli.input_files import find_run_of_kind, run_folder
 from rig.cli.options import RUNS, Json, OutputFolder, Runs
 from rig.cli.output import input_errors, print_result
+from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.twin.two_port import device_from_run, write_pictures
 
 _RUN = "A run in calm water with an open-loop reference: folder, MCAP file, id, campaign, 'last'."
@@ -26,7 +27,7 @@ def command(
 ) -> int:
     """Draw how gains, spring and gear change the impedance match and the transmitted power."""
     with input_errors("twoport", as_json=as_json):
-        path = find_run(run, runs)
+        path = find_run_of_kind(KIND, run, runs)
         device = device_from_run(path)
         written = write_pictures(device, kp, ki, spring, output or run_folder(path))
     return print_result({"model": device.model}, f"of {device.model}", written, as_json=as_json)

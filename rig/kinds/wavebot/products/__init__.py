@@ -1,4 +1,4 @@
-"""What is made of a WaveBot's runs: rows, power surfaces and summary of a campaign, as of every
+"""Results of a WaveBot's runs: rows, power surfaces and summary of a campaign, as of every
 kind with gain matrices, or the spring map of a hoist campaign; the surge damping.
 """
 

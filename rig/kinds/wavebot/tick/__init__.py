@@ -1,4 +1,4 @@
-"""What the loop runs of a WaveBot: its signals, its checks, its reasons, its part of the cycle."""
+"""The loop's part of a WaveBot: signals, checks, reasons of a stop, its part of the cycle."""
 
 from rig.kinds.wavebot.tick.check import check
 from rig.kinds.wavebot.tick.cycle import KIND, kind_with_law, observe

@@ -1,4 +1,4 @@
-"""What the loop executes: one axis that is held at the goal of the row."""
+"""The loop's part of the rig: one axis that is held at the goal of the row."""
 
 from enum import IntEnum
 from typing import NamedTuple

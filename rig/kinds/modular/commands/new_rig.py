@@ -1,0 +1,90 @@
+"""`rig new rig NAME`: the files of a rig with one axis, from a BEM file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.cli.new import EXIT_CODES, Folder, report_written
+from rig.cli.options import Json
+from rig.cli.output import input_errors
+from rig.kinds.modular.new_rig import Options, Water, write_rig
+
+__all__ = ["EXIT_CODES", "command"]
+
+
+def command(
+    name: Annotated[str, typer.Argument(help="Name of the rig and of the folder of its files.")],
+    bem: Annotated[
+        Path,
+        typer.Option(
+            help="Coefficients of the body: capytaine .nc, WAMIT .out or .1 (with .3 and .hst), "
+            "WEC-Sim BEMIO .h5."
+        ),
+    ],
+    dof: Annotated[
+        str | None, typer.Option(help="Mode of the file; needed if it has several.")
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Name of the axis in files and log; default: of the mode.")
+    ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(help="kg or kg*m2; default: inertia or displaced mass of the file."),
+    ] = None,
+    stiffness: Annotated[
+        float | None, typer.Option(help="N/m or N*m/rad; default: the file's hydrostatic one.")
+    ] = None,
+    frequency: Annotated[
+        float | None, typer.Option(help="Of the waves, Hz; default: below the body's resonance.")
+    ] = None,
+    amplitude: Annotated[
+        float | None, typer.Option(help="Of the waves, m; default: a tenth of 1 / wave number.")
+    ] = None,
+    torque_constant: Annotated[
+        float | None, typer.Option(help="Of the motor, N*m/A; default 1.")
+    ] = None,
+    gear_ratio: Annotated[
+        float | None,
+        typer.Option(help="Motor per axis, rad/m or rad/rad; default: 20 A for the peak force."),
+    ] = None,
+    direction: Annotated[
+        float | None, typer.Option(help="Of the waves, degrees; needed if the file has several.")
+    ] = None,
+    density: Annotated[
+        float | None, typer.Option(help="Of the water, kg/m3, if the file does not state it.")
+    ] = None,
+    gravity: Annotated[
+        float | None, typer.Option(help="m/s2, if the file does not state it.")
+    ] = None,
+    depth: Annotated[
+        float | None, typer.Option(help="Of the water, m, if the file does not state it.")
+    ] = None,
+    length_scale: Annotated[
+        float | None, typer.Option(help="ULEN of WAMIT's numeric files, m.")
+    ] = None,
+    folder: Folder = Path(),
+    as_json: Json = False,
+) -> int:
+    """Write rig, limits, plant and campaign file of a body with one axis, from its BEM file.
+
+    Two more files put the rig on its wires, with addresses on this computer for emulated devices.
+
+    The campaign is a gain matrix around the impedance match. Motor, gear and limits are derived
+    from its motion and forces; comments mark the numbers to choose. No Python is needed. The
+    command never overwrites a file.
+    """
+    options = Options(
+        bem, dof, axis, mass, stiffness, frequency, amplitude, torque_constant, gear_ratio,
+        direction, Water(density, gravity, depth, length_scale),
+    )  # fmt: skip
+    with input_errors("new rig", as_json=as_json):
+        written = write_rig(name, folder, options)
+    campaign, wired = folder / name / "campaign.yaml", folder / name / "rig_hil.yaml"
+    commands = (
+        f"rig check {campaign}",
+        f"rig run {campaign}",
+        f"rig sweep {campaign}",
+        f"rig run {campaign} --rig {wired} --sim",
+    )
+    return report_written(written, commands, "edit the lines marked `choose`", as_json)

@@ -85,7 +85,7 @@ class CoupledState(NamedTuple):
 
 
 class LoopSource(NamedTuple):
-    """What a kind of rig adds to the compiled loop.
+    """A kind of rig's part of the compiled loop.
 
     The expressions are source text over ``plant`` (constants), ``device`` (state), ``tick`` and
     ``dt``; the ``imports`` have their names.

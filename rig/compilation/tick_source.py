@@ -55,7 +55,7 @@ def tick(m):
 
 
 class TickSource(NamedTuple):
-    """What the code of a tick is compiled from."""
+    """The source of a tick, and the functions and modules that it needs."""
 
     text: str
     functions: tuple[FunctionType, ...]  # plain functions that it calls

@@ -19,7 +19,7 @@ EXTERNAL_REQUEST_INTERVAL = 0.05  # s of ticks between calls of ``external_reque
 
 
 class RequestSource(Protocol):
-    """Where the requests of people and of the supervisor come from."""
+    """The source of requests of people and of the supervisor."""
 
     def read(self) -> Any:
         """Return the newest message, with its ``request``; None before the first."""
@@ -27,7 +27,7 @@ class RequestSource(Protocol):
 
 
 class LoopResult(NamedTuple):
-    """How the loop ended."""
+    """The end of a loop."""
 
     ticks: int  # executed
     skipped: int  # periods lost

@@ -14,7 +14,7 @@ class Phase(IntEnum):
 
     TARE = 0  # calm water, drive off: the sensor zeros are measured
     LEAD_IN = 1  # waves build up before the first row
-    MOVING = 2  # the stator moves, or the drive is coming on
+    MOVING = 2  # a part moves between rows, or the drive is coming on
     SETTLE = 3  # the row's gains act, the transient decays
     MEASURE = 4  # whole wave periods
     TAIL = 5  # rest of the row's interval after its last whole period

@@ -16,7 +16,7 @@ _TICKS_BETWEEN_LOOKS = 100
 
 
 class RowSink(Protocol):
-    """Where the rows of the ticks go."""
+    """The receiver of the rows of the ticks."""
 
     def put(self, row: Any) -> None:
         """Take the row of a tick; never block on the real clock."""

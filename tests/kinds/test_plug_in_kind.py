@@ -118,7 +118,7 @@ def test_kind_that_raises_while_it_is_composed_breaks_no_other(lab: Path) -> Non
 def test_size_of_log_rows_needs_no_room_but_the_tick() -> None:
     """Every run asks for it before it starts."""
     program = (
-        "import sys; from rig.kinds import row_types; assert len(row_types()) >= 2; "
+        "import sys; from rig.kinds.registry import row_types; assert len(row_types()) >= 2; "
         "print([name for name in ('numpy', 'pydantic', 'matplotlib') if name in sys.modules])"
     )
     assert subprocess.check_output([sys.executable, "-c", program], text=True) == "[]\n"

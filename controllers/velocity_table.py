@@ -72,14 +72,14 @@ def params(settings: Settings, ramp: float, dt: float) -> Params:
     for velocity, force in zip(velocities, forces, strict=True):
         if velocity * force > 0.0:
             raise ValueError(
-                f"force_n is {force:g} at {velocity:g} m/s: force and velocity of one sign drive "
-                "the body; a table over velocity may only absorb"
+                f"force_n is {force:g} where velocity_m_per_s is {velocity:g}: force "
+                "and velocity of one sign drive the body; a table over velocity may only absorb"
             )
     at_rest = interpolate(0.0, velocities, forces)
     if at_rest != 0.0:
         raise ValueError(
-            f"the table gives {at_rest:g} N at rest and would drive the body on one side of it; "
-            "add the point 0 m/s, 0 N"
+            f"force_n is {at_rest:g} at rest and would drive the body on one side of it; "
+            "add the point 0 of velocity_m_per_s and force_n"
         )
     return Params(ramp, velocities, forces)
 

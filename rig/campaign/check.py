@@ -226,7 +226,8 @@ def check_campaign(
 def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
     """Return a line about each law but the default, which most campaigns have."""
     lines = []
-    for axis, (law, _) in campaign.axis_laws.items():
+    for axis, axis_law in campaign.axis_laws.items():
+        law = axis_law.law
         if law.name != DEFAULT_LAW or law.is_file:
             origin = display_path(Path(law.path)) if law.is_file else law.origin
             name = law.name if len(campaign.axis_laws) == 1 else f"{axis}: {law.name}"

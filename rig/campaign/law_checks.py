@@ -63,7 +63,8 @@ def compilation_problems(campaign: AnyCampaign, dt: float, consequence: str) -> 
 
     ``consequence`` is the beginning of the message.
     """
-    for axis, (law, _) in campaign.axis_laws.items():
+    for axis, axis_law in campaign.axis_laws.items():
+        law = axis_law.law
         if not law.is_file and law.name in laws.OWN_MODULES:
             continue
         from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
@@ -80,15 +81,15 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
     """
     source, dt = parts.campaign, 1.0 / (parts.rate_hz or DEFAULT_RATE_HZ)
     axis_laws = {} if parts.model is None else parts.model.axis_laws
-    for axis, (law, _) in axis_laws.items():
+    for axis, axis_law in axis_laws.items():
         key, given = law_key(axis_laws, axis), source.mapping.get("law", {})
         if len(axis_laws) > 1:
             given = given.get(axis, {}) if isinstance(given, dict) else {}
         mapping = {"use": given} if isinstance(given, str) else given
         with suppress(ValidationError):
-            settings = law_model(law).model_validate(mapping)
+            settings = law_model(axis_law).model_validate(mapping)
             try:
-                law_params(law, settings, ramps[axis], dt)
+                law_params(axis_law.law, settings, ramps[axis], dt)
             except ValueError as error:
                 yield source.locate.problem(
                     (*key, "zc") if "zc" in mapping else key, None, str(error)

@@ -28,8 +28,8 @@ def resolved_config(campaign: AnyCampaign) -> str:
     Equal campaigns give equal text.
     """
     records = {
-        axis: law.record() | {"path": display_path(Path(law.path))}
-        for axis, (law, _) in campaign.axis_laws.items()
+        axis: each.law.record() | {"path": display_path(Path(each.law.path))}
+        for axis, each in campaign.axis_laws.items()
     }
     config: dict[str, Any] = {
         "campaign": campaign.file.model_dump(mode="json", by_alias=True),
@@ -52,7 +52,9 @@ def law_source(campaign: AnyCampaign) -> str:
     Of several axes, the result is JSON text with the sources of such laws by axis.
     """
     sources = {
-        axis: laws.source_text(law) for axis, (law, _) in campaign.axis_laws.items() if law.is_file
+        axis: laws.source_text(each.law)
+        for axis, each in campaign.axis_laws.items()
+        if each.law.is_file
     }
     if len(campaign.axis_laws) == 1:
         return next(iter(sources.values()), "")

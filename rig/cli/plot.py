@@ -63,7 +63,8 @@ def command(
         )
         written = _draw(path, options, fields or [], rows or [])
     names = [str(each) for each in written]
-    print(json.dumps(names) if as_json else "\n".join(names))
+    none = "no pictures: the kind of this run draws none; --field draws log fields over time"
+    print(json.dumps(names) if as_json else "\n".join(names) or none)
     return OK
 
 

@@ -132,7 +132,7 @@ def with_laws(
 
 def _settings_field(axis_law: AxisLaw) -> Any:
     """Return type and default of the settings of an axis' law."""
-    settings = law_model(axis_law.law)
+    settings = law_model(axis_law)
     return (Annotated[settings, ExpandName], ... if _has_required(settings) else settings())
 
 

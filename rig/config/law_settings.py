@@ -1,7 +1,7 @@
 """The `law` key of a campaign or rig file: a law by name or path, and its parameters."""
 
 from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BeforeValidator, Field, create_model
 
@@ -18,10 +18,11 @@ IMPEDANCE = laws.own(DEFAULT_LAW)
 
 
 class AxisLaw(NamedTuple):
-    """The law of an axis, and its columns in a gain matrix."""
+    """The law of an axis, and the law's columns and parameters in the units of that axis."""
 
     law: laws.Law
     columns: tuple[LawColumn, ...]  # names and keys may have a prefix, so that axes differ
+    parameters: tuple[Parameter, ...]  # in the order of the law's
 
     def set_point(self, values: Any) -> Any:
         """Return the law's SetPoint from an object with an attribute for each column's name."""
@@ -36,20 +37,30 @@ class TransferFunction(FileModel):
 
 
 class LawSettings(FileModel):
-    """The law of an axis and its parameters; `law_model` adds the parameters."""
+    """The law of an axis; `law_model` adds its parameters."""
+
+    axis_parameters: ClassVar[tuple[Parameter, ...]] = ()  # as the axis has them
 
     use: str = Field(default=DEFAULT_LAW, min_length=1)  # name, or path of a .py file
 
-    def values(self, parameters: tuple[Parameter, ...]) -> Settings:
-        """Return the values of a law's parameters by key."""
-        given = ((each.key, getattr(self, each.key)) for each in parameters)
+    def values(self, law: laws.Law) -> Settings:
+        """Return the values of the law's parameters by the law's own keys."""
+        keys = self.law_keys(law).items()
+        given = ((own, getattr(self, key)) for own, key in keys)
         return {key: value if isinstance(value, tuple) else (value,) for key, value in given}
+
+    def law_keys(self, law: laws.Law) -> dict[str, str]:
+        """Return the key of each parameter in the file by the law's own key."""
+        pairs = zip(law.parameters, self.axis_parameters, strict=True)
+        return {own.key: each.key for own, each in pairs}
 
 
 class ImpedanceSettings(LawSettings):
     """Settings of the impedance law in addition to the gains of the matrix."""
 
-    zc: TransferFunction | None = None  # Z_c(s), N*s/m; adds the force Z_c v on the body
+    zc: TransferFunction | None = (
+        None  # Z_c(s), N*s/m or N*m*s/rad; adds the force Z_c v on the body
+    )
 
 
 ExpandName = BeforeValidator(lambda value: {"use": value} if isinstance(value, str) else value)
@@ -57,12 +68,14 @@ ExpandName = BeforeValidator(lambda value: {"use": value} if isinstance(value, s
 
 
 @cache
-def law_model(law: laws.Law) -> type[LawSettings]:
-    """Return the model of the settings of a law."""
-    if law.module is IMPEDANCE.module:
+def law_model(axis_law: AxisLaw) -> type[LawSettings]:
+    """Return the model of the settings of an axis's law."""
+    if axis_law.law.module is IMPEDANCE.module:
         return ImpedanceSettings
-    fields: dict[str, Any] = {each.key: _parameter_field(each) for each in law.parameters}
-    return create_model("LawSettings", __base__=LawSettings, **fields)
+    fields: dict[str, Any] = {each.key: _parameter_field(each) for each in axis_law.parameters}
+    created = create_model("LawSettings", __base__=LawSettings, **fields)
+    created.axis_parameters = axis_law.parameters
+    return created
 
 
 def _parameter_field(parameter: Parameter) -> Any:

@@ -1,5 +1,6 @@
-"""The constants of a law, from its settings in a campaign file."""
+"""The constants of an axis's law, from its settings in a campaign file."""
 
+import re
 from typing import Any
 
 from controllers.biquads import Biquad
@@ -9,11 +10,17 @@ from rig.laws import Law
 
 
 def law_params(law: Law, settings: LawSettings, ramp: float, dt: float) -> Any:
-    """Return the Params of a law for a gain ramp and a period (s).
+    """Return the Params of an axis's law for a gain ramp and a period (s).
 
-    Raises ValueError for settings that do not fit together.
+    Raises ValueError for settings that do not fit together; the message has the keys of the file.
     """
-    params = law.module.params(settings.values(law.parameters), ramp, dt)
+    try:
+        params = law.module.params(settings.values(law), ramp, dt)
+    except ValueError as error:
+        keys = settings.law_keys(law)
+        raise ValueError(
+            re.sub(r"\w+", lambda name: keys.get(name[0], name[0]), str(error))
+        ) from error
     if law.module is not IMPEDANCE.module:
         return params
     return params._replace(sections=zc_sections(settings, dt))

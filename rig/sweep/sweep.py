@@ -333,7 +333,7 @@ def _digest(request: SweepRequest, campaigns: Iterable[AnyCampaign]) -> str:
         json.dumps([request.parameters, request.sequential, request.lead_in]).encode()
     )
     for campaign in campaigns:  # separately: two files may have been swapped
-        laws = [(law.name, law.sha256) for law, _ in campaign.axis_laws.values()]
+        laws = [(each.law.name, each.law.sha256) for each in campaign.axis_laws.values()]
         inputs = (*campaign.files, *simulation_of(campaign).plant_data(campaign))
         files = [(file.role, file.sha256) for file in inputs]
         digest.update(json.dumps([files, *laws]).encode())

@@ -85,6 +85,7 @@ def model(laws: dict[str, Law], rig: dict[str, Any]) -> type[CampaignFile]:
                         column._replace(key=f"{axis}_{column.key}", name=f"{axis}_{column.name}")
                         for column in law.columns
                     ),
+                    law.parameters,
                 ),
             )
             for axis, law in laws.items()

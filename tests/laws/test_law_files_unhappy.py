@@ -130,7 +130,7 @@ def test_settings_that_do_not_fit_together(write: Write) -> None:
     )
     path.write_text(text)
     message = only_problem(path)["message"]
-    assert message.startswith("force_n is -500 at -1 m/s")
+    assert message.startswith("force_n is -500 where velocity_m_per_s is -1")
 
 
 def test_set_point_of_the_lead_in_is_of_the_impedance_law(write: Write) -> None:

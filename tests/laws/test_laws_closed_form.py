@@ -80,7 +80,7 @@ def test_scale_and_retract_factor_multiply_the_force() -> None:
     [
         ((0.0, 1.0, 1.0), (0.0, -1.0, -2.0), "must rise, but 1 follows 1"),
         ((-1.0, 1.0), (-5.0, 5.0), "drive the body"),
-        ((0.1, 1.0), (-5.0, -9.0), "-5 N at rest"),
+        ((0.1, 1.0), (-5.0, -9.0), "-5 at rest"),
         ((-1.0, 1.0), (5.0,), "2 values and force_n 1"),
     ],
 )

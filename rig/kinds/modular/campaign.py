@@ -9,11 +9,11 @@ from pydantic import Field
 from rig.campaign import CampaignKind
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
-from rig.config.law_settings import IMPEDANCE, AxisLaw, find_law
+from rig.config.law_settings import IMPEDANCE, find_law
 from rig.config.matrix import KindColumns
 from rig.config.model import WholeNumber
 from rig.kinds.modular.build import composition
-from rig.kinds.modular.columns import axis_columns
+from rig.kinds.modular.columns import axis_law
 from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.tick import compose
 from rig.kinds.modular.tick.composition import TRANSLATION
@@ -98,15 +98,15 @@ def _inherit_laws(campaign: ConfigSource, rig: ConfigSource, names: tuple[str, .
 def _model(motions: _Motions, axis_laws: tuple[Law, ...]) -> type[CampaignFile]:
     """Return the model of a campaign for the axes and laws of a rig."""
     several = len(motions) > 1
-    columns = {
-        name: axis_columns(law, name if several else "", rotates=motion != TRANSLATION)
+    by_axis = {
+        name: axis_law(law, name if several else "", rotates=motion != TRANSLATION)
         for (name, motion), law in zip(motions, axis_laws, strict=True)
     }
     details: dict[str, Any] = {}
-    for place, ((name, _), law) in enumerate(zip(motions, axis_laws, strict=True)):
-        if law.module is not IMPEDANCE.module:
+    for place, (name, each) in enumerate(by_axis.items()):
+        if each.law.module is not IMPEDANCE.module:
             continue
-        kp, ki, km = columns[name]
+        kp, ki, km = each.columns
         details |= {
             kp.key: {"field": f"{name}.demand.kp", "tolerance": 25.0},
             ki.key: {"field": f"{name}.demand.ki", "tolerance": 25.0},
@@ -115,11 +115,7 @@ def _model(motions: _Motions, axis_laws: tuple[Law, ...]) -> type[CampaignFile]:
         if place == 0:
             details[kp.key]["role"], details[ki.key]["role"] = Y, X
     own = KindColumns(first=None, others=_OTHERS, types=_TYPES, law_details=details)
-    by_axis = tuple(
-        (name, AxisLaw(law, columns[name]))
-        for (name, _), law in zip(motions, axis_laws, strict=True)
-    )
-    return with_laws(CampaignFile, own, by_axis)
+    return with_laws(CampaignFile, own, tuple(by_axis.items()))
 
 
 def _defaults(file: CampaignFile, rig: RigFile) -> dict[str, float]:

@@ -137,7 +137,9 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
 
     kind_columns = COLUMNS
     reference_axes = ("heave", "surge")
-    axis_laws: ClassVar[Mapping[str, AxisLaw]] = {"heave": AxisLaw(IMPEDANCE, IMPEDANCE.columns)}
+    axis_laws: ClassVar[Mapping[str, AxisLaw]] = {
+        "heave": AxisLaw(IMPEDANCE, IMPEDANCE.columns, IMPEDANCE.parameters)
+    }
 
     matrix: ImpedanceMatrix | None = None  # None without the device, and with a hoist
     start: Start = Start()
@@ -239,4 +241,4 @@ def campaign_model(law: Law) -> type[CampaignFile]:
     """Return the model of a campaign with a heave law: its columns and its parameters."""
     if law.module is IMPEDANCE.module:
         return CampaignFile
-    return with_laws(CampaignFile, COLUMNS, (("heave", AxisLaw(law, law.columns)),))
+    return with_laws(CampaignFile, COLUMNS, (("heave", AxisLaw(law, law.columns, law.parameters)),))

@@ -71,28 +71,53 @@ def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[
 
 def without_hoist(state: WaveBotState) -> WaveBotState:
     """Return the same state with a constant hoist; the compiler then removes the hoist's code."""
-    body, electric, stator, surge, passive, _, probes = state
-    return WaveBotState(body, electric, stator, surge, passive, NO_HOIST, probes)
+    return WaveBotState(
+        state.body,
+        state.electrics,
+        state.stator,
+        state.surge,
+        state.passive_force,
+        NO_HOIST,
+        state.probes,
+    )
 
 
 def sense(readings: Readings, age: float) -> Sense:
     """Return the loop's input for readings of the plant; ``age`` is their age, s."""
-    (
-        counts, current, enabled, fault,
-        surge_counts, surge_current, surge_enabled, surge_fault,
-        lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle,
-        stator, arrived, ac, dc, bus_voltage, analyser_age,
-        saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
-    ) = readings  # fmt: skip
     return Sense(
-        AxisSense(counts, age, current, enabled, fault, age),
-        AxisSense(surge_counts, age, surge_current, surge_enabled, surge_fault, age),
-        LoadSense(lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, age),
-        SpringSense(stator, arrived, age),
-        PowerSense(ac, dc, bus_voltage, analyser_age),
-        DriveSense(conducting, saturated, dump),
-        ProbeSense(probe_1, probe_2, probe_3, probe_age),
-        WaveSense(elevation),
+        AxisSense(
+            readings.heave_counts,
+            age,
+            readings.heave_current,
+            readings.heave_enabled,
+            readings.heave_fault,
+            age,
+        ),
+        AxisSense(
+            readings.surge_counts,
+            age,
+            readings.surge_current,
+            readings.surge_enabled,
+            readings.surge_fault,
+            age,
+        ),
+        LoadSense(
+            readings.force_lcb,
+            readings.force_trs,
+            readings.force_slew,
+            readings.force_stator_a,
+            readings.force_stator_b,
+            readings.string_pot,
+            readings.rotor_angle,
+            age,
+        ),
+        SpringSense(readings.stator_position, readings.stator_arrived, age),
+        PowerSense(
+            readings.power_ac, readings.power_dc, readings.bus_voltage, readings.analyser_age
+        ),
+        DriveSense(readings.drive_conducting, readings.drive_saturated, readings.drive_dump),
+        ProbeSense(readings.probe_1, readings.probe_2, readings.probe_3, readings.probe_age),
+        WaveSense(readings.elevation),
         PanelSense(0, 0, 0.0),
     )
 

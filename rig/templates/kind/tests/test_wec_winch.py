@@ -78,6 +78,8 @@ def test_rehearsal_has_the_closed_form_and_its_replay_no_difference(lab: Path) -
     run = report["folder"]
     code, out, _ = rig(lab, "show", run)
     assert (code, out.splitlines()[0][:6]) == (0, "row 0:")
+    code, out, err = rig(lab, "plot", run)
+    assert (code, out[:12], err) == (0, "no pictures:", "")
     code, out, err = rig(lab, "replay", run, "--json")
     assert code == 0, err
     assert json.loads(out)["same"] is True

@@ -41,7 +41,7 @@ def summarise(run: Path, calibrations: Any, *, incomplete_rows: bool) -> RunSumm
 
 
 def draw(run: Path, options: Any) -> list[Path]:
-    raise ValueError("a hold test has no pictures")
+    return []
 
 
 def _text(holds: list[dict[str, float]]) -> str:

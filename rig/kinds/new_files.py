@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 
-def write_new(files: Mapping[Path, str], problems: Iterable[str] = ()) -> list[Path]:
+def write_new(files: Mapping[Path, str | bytes], problems: Iterable[str] = ()) -> list[Path]:
     """Write new files and return their paths.
 
     Raises ValueError with ``problems`` and the names of the files that exist; then it writes none.
@@ -13,8 +13,8 @@ def write_new(files: Mapping[Path, str], problems: Iterable[str] = ()) -> list[P
     found += [f"{path}: exists; nothing is overwritten" for path in files if path.exists()]
     if found:
         raise ValueError("\n".join(found))
-    for path, text in files.items():
+    for path, content in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+        with path.open("xb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
     return list(files)

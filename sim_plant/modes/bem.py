@@ -18,7 +18,7 @@ from sim_plant.modes import bemio, capytaine, wamit
 from sim_plant.modes.bem_content import BemContent, Complexes, Floats, Water
 
 MAX_ASYMMETRY = 0.15  # of the diagonal's geometric mean: more is no radiation problem at rest
-SUFFIXES = (".nc", ".h5", ".out", ".1", ".3", ".hst")
+SUFFIXES = (".nc", ".h5", ".out", *wamit.NUMERIC_SUFFIXES)
 
 
 class BemModes(NamedTuple):
@@ -59,6 +59,14 @@ def read_modes(
         )
     content = reader(path, water or Water())
     return _choose(path, content, modes, direction)
+
+
+def bem_files(path: Path) -> tuple[Path, ...]:
+    """Return the existing files that `read_modes` reads: WAMIT's numeric output is several."""
+    if path.suffix.lower() not in wamit.NUMERIC_SUFFIXES:
+        return (path,)
+    parts = (path.with_suffix(suffix) for suffix in wamit.NUMERIC_SUFFIXES)
+    return tuple(each for each in parts if each.exists())
 
 
 def mode_bem(bem: BemModes, mode: int) -> Bem:

@@ -33,6 +33,9 @@ class Entries(NamedTuple):
     stiffness: dict[tuple[int, int], float]
 
 
+NUMERIC_SUFFIXES = (".1", ".3", ".hst")  # radiation, wave force, hydrostatic stiffness
+
+
 def mode_names(count: int) -> tuple[str, ...]:
     """Return the names of the first `count` rigid modes of one or several bodies."""
     if count <= 6:
@@ -43,7 +46,7 @@ def mode_names(count: int) -> tuple[str, ...]:
 
 def read_numeric(path: Path, water: Water) -> BemContent:
     """Return the content of `.1`, `.3` and, if it exists, `.hst`; `path` is any of them."""
-    radiation, wave = (path.with_suffix(suffix) for suffix in (".1", ".3"))
+    radiation, wave, hydrostatic = (path.with_suffix(suffix) for suffix in NUMERIC_SUFFIXES)
     for needed in (radiation, wave):
         if not needed.exists():
             raise ValueError(f"{path}: {needed.name} is missing; WAMIT's .1 and .3 are both needed")
@@ -58,7 +61,6 @@ def read_numeric(path: Path, water: Water) -> BemContent:
             raise ValueError(f"{line}: the damping is missing")
     for line, row in _rows(wave, (7,)):
         _store(line, found.force, (_omega(row[0]), row[1], _index(line, row[2])), complex(*row[5:]))
-    hydrostatic = path.with_suffix(".hst")
     if hydrostatic.exists():
         for line, row in _rows(hydrostatic, (3,)):
             found.stiffness[_index(line, row[0]), _index(line, row[1])] = row[2]

@@ -26,6 +26,7 @@ from sim_plant.sea_states import regular
 
 WAVEBOT = Path(__file__).resolve().parents[2] / "configs" / "plants" / "wavebot_bem.nc"
 CYLINDER = WAVEBOT.with_name("cylinder_bem.nc")
+WAMIT = Path(__file__).resolve().parents[1] / "modes" / "cylinder.1"
 STIFFNESS = 24_337.0  # N/m
 MODES = ["Surge", "Heave", "Pitch"]
 OMEGA = np.linspace(0.5, 12.0, 40)  # rad/s
@@ -70,7 +71,7 @@ def wavebot(folder: Path) -> dict[str, Any]:
     assert done.returncode == 0, done.stdout
     written = [Path(name) for name in json.loads(done.stdout)["written"]]
     assert {path.parent for path in written} == {folder / "buoy"}
-    return {path.stem: load(path) for path in written}
+    return {path.stem: load(path) for path in written if path.suffix == ".yaml"}
 
 
 def test_body_is_that_of_the_file() -> None:
@@ -115,7 +116,8 @@ def test_files_fit_each_other(tmp_path: Path) -> None:
     files = wavebot(tmp_path)
     plant = Plant.model_validate(files["plant"])
     rig_file, limits = files["rig"], files["limits"]["axes"]["heave"]
-    assert (tmp_path / "buoy" / plant.bem).resolve() == WAVEBOT
+    assert plant.bem == WAVEBOT.name
+    assert (tmp_path / "buoy" / plant.bem).read_bytes() == WAVEBOT.read_bytes()
     axis = rig_file["axes"]["heave"]
     RigFile.model_validate(rig_file)
     LimitsFile.model_validate(files["limits"])
@@ -238,12 +240,35 @@ def test_wrong_file_is_refused_by_name(name: str, tmp_path: Path) -> None:
     assert name in json.loads(done.stdout)["message"]
 
 
+def test_new_folder_can_be_moved(tmp_path: Path) -> None:
+    """It has copies of the BEM files, of which WAMIT's numeric output is several."""
+    arguments = ("--dof", "Heave", "--mass", 300, "--stiffness", 8000)
+    water = ("--density", 1000, "--gravity", 9.81, "--depth", 100, "--length-scale", 1)
+    done = new(tmp_path, "--bem", WAMIT, *arguments, *water, "--json")
+    assert done.returncode == 0, done.stderr
+    written = {Path(name).name for name in json.loads(done.stdout)["written"]}
+    assert {"cylinder.1", "cylinder.3"} <= written
+    moved = (tmp_path / "buoy").rename(tmp_path / "moved")
+    report = examine(moved / "campaign.yaml", moved / "rig_hil.yaml")
+    assert report.ok, report.text()
+    assert load(moved / "plant.yaml")["bem"] == WAMIT.name
+
+
+def test_bem_file_inside_the_new_folder_stays_where_it_is(tmp_path: Path) -> None:
+    inside = tmp_path / "buoy" / "bem"
+    inside.mkdir(parents=True)
+    bem = write_bem(inside)
+    assert new(tmp_path, "--bem", bem, "--dof", "Heave").returncode == 0
+    assert load(tmp_path / "buoy" / "plant.yaml")["bem"] == "bem/body.nc"
+    assert list((tmp_path / "buoy").rglob("*.nc")) == [bem]
+
+
 def test_no_file_is_overwritten(tmp_path: Path) -> None:
     wavebot(tmp_path)
     before = {path: path.read_bytes() for path in (tmp_path / "buoy").iterdir()}
     done = new(tmp_path, "--bem", WAVEBOT, "--stiffness", STIFFNESS)
     assert done.returncode == 2
-    assert done.stderr.count("exists; nothing is overwritten") == 6
+    assert done.stderr.count("exists; nothing is overwritten") == 7
     assert {path: path.read_bytes() for path in before} == before
 
 

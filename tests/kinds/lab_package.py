@@ -1,4 +1,9 @@
-"""The package that `rig new kind lift` writes, as an installer would leave it, and its commands."""
+"""The package that `rig new kind lift` writes, as an installer would leave it, and its commands.
+
+The metadata is written by hand: an installer builds the package with hatchling, which `make setup`
+does not install, and would have to fetch it for each test. `tests/cli/test_cli_installed.py`
+installs the package with an installer.
+"""
 
 from __future__ import annotations
 

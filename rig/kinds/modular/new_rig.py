@@ -6,7 +6,6 @@ to begin with: the texts mark what a laboratory has to choose.
 """
 
 import math
-import os
 import re
 from collections.abc import Iterator, Mapping
 from importlib import resources
@@ -22,7 +21,7 @@ from rig.config.problems import format_number
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
 from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.new_files import write_new
-from sim_plant.modes.bem import BemModes, read_modes
+from sim_plant.modes.bem import BemModes, bem_files, read_modes
 from sim_plant.modes.bem_content import Floats, Water
 
 __all__ = ["Options", "Water", "write_rig"]
@@ -115,18 +114,26 @@ class Grid(NamedTuple):
 def write_rig(name: str, folder: Path, options: Options) -> list[Path]:
     """Write the files of a new rig into ``folder/name``, and return their paths.
 
+    A copy of the BEM file, unless it is in that folder, lets the folder be moved.
+
     Raises ValueError with every reason why they cannot be derived or written; OSError for a BEM
     file that cannot be read.
     """
     folder = folder / name
-    found: dict[Path, str] = {folder / f"{text}.yaml": "" for text in TEXTS}
+    found: dict[Path, str | bytes] = {folder / f"{text}.yaml": "" for text in TEXTS}
     problems = list(_name_problems(name, options))
     if not problems:
         body = read_body(options)
         grid = first_grid(body, options.amplitude)
         texts = file_texts(name, folder, options, body, grid)
         found = {folder / f"{file}.yaml": text for file, text in texts.items()}
+        if not _is_inside(options.bem, folder):
+            found |= {folder / each.name: each.read_bytes() for each in bem_files(options.bem)}
     return write_new(found, problems)
+
+
+def _is_inside(path: Path, folder: Path) -> bool:
+    return path.resolve().is_relative_to(folder.resolve())
 
 
 def _name_problems(name: str, options: Options) -> Iterator[str]:
@@ -364,7 +371,11 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
         "dof": body.dof,
         "counts": str(max(_COUNTS, math.ceil(finest / _COUNTS) * _COUNTS)),
         "periods": "10",
-        "bem": os.path.relpath(options.bem.resolve(), folder.resolve()),
+        "bem": (
+            options.bem.resolve().relative_to(folder.resolve()).as_posix()
+            if _is_inside(options.bem, folder)
+            else options.bem.name
+        ),
         "bem_range": f"{body.band[0]:.3g} .. {body.band[1]:.3g} Hz",
         "water": _water_text(options),
         "mass_source": body.mass_source,

@@ -4,6 +4,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from functools import reduce
+from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -11,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig.campaign import CampaignParts
 from rig.campaign.files import valid_key
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
-from rig.config.problems import Problem, format_number
+from rig.config.problems import Problem, display_path, format_number
 from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import Axis, SharedValue, mismatches
 from rig.config.yaml_source import KeyPath
@@ -122,7 +123,12 @@ def _load_bem(source: ConfigSource, key: KeyPath) -> tuple[Bem | None, tuple[Pro
     name, heave = _file_name(source, key), _file_name(source, ("bem",))
     if name is None or heave is None:
         return None, ()  # already reported for the plant
-    path = source.locate.resolve_path(("bem",), heave).with_name(name)
+    path = source.locate.resolve_path(("bem",), heave)
+    if key != ("bem",):
+        if Path(name).name != name:
+            message = f"must be the name of a file in {display_path(path.parent)}"
+            return None, (source.locate.problem(key, name, message),)
+        path = path.with_name(name)
     try:
         with open_regular(path, MAX_TABLE_BYTES) as file:
             if path.suffix == ".npz":

@@ -126,7 +126,7 @@ def test_lines_show_time_left_losses_and_each_notice_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [1000.0]
-    monkeypatch.setattr("rig.cli.run.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4, axis_laws=CampaignFile.axis_laws)
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
@@ -172,7 +172,7 @@ def test_a_run_without_the_device_shows_waves_instead_of_rows(
 ) -> None:
     """The display has phase, time and probe levels, but no row, motion or power."""
     now = [1000.0]
-    monkeypatch.setattr("rig.cli.run.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
     plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)

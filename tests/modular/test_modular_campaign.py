@@ -12,7 +12,7 @@ import pytest
 from command_here import rig as rig_here
 
 from rig import laws
-from rig.kinds.modular.columns import axis_columns
+from rig.kinds.modular.columns import axis_law
 from rig.realtime.sequence import MEASURE
 from rig.recording.runs import open_run
 
@@ -35,7 +35,7 @@ def test_the_page_of_laws_lists_the_columns_of_rotating_axes() -> None:
     turned = {
         (column.key, rotary.key, rotary.unit)
         for law in own
-        for column, rotary in zip(law.columns, axis_columns(law, "", rotates=True), strict=True)
+        for column, rotary in zip(law.columns, axis_law(law, "", rotates=True).columns, strict=True)
         if column != rotary
     }
     assert listed == turned

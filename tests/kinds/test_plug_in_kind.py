@@ -141,7 +141,7 @@ def test_it_runs_on_its_wires_with_emulated_devices(lab: Path) -> None:
     task = configs / "one.yaml"
     task.write_text("name: hold\nrig: rig.yaml\nholds_m: [0.02]\nhold_s: 3\n")
     code, out, err = rig(lab, "run", task, "--rig", wired, "--sim", "--json")
-    assert code == 0, err
+    assert code == 0, out + err
     report = json.loads(out)
     assert (report["status"], report["reason"]) == ("complete", "PLAN_END")
     assert json.loads((lab / report["folder"] / "run.json").read_text())["mode"] == "hil"

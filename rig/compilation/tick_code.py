@@ -10,7 +10,7 @@ from llvmlite import binding, ir
 from rig.compilation import lifting
 from rig.compilation.cache_folder import write_bytes_atomically
 from rig.compilation.tick_source import TickSource
-from rig.realtime.compiled_tick import ENTRY, FILES
+from rig.realtime.compiled_tick import ENTRY, FILES, is_complete
 
 _FAILED = "the compiled tick raised an exception"
 
@@ -25,7 +25,7 @@ def compile_tick(source: TickSource) -> Path:
     Raises CompilationError with the compiler's reason, OSError if the cache cannot be written.
     """
     folder = source.folder
-    if all((folder / name).exists() for name in FILES):
+    if is_complete(folder):
         return folder
     lifting.lift_functions(source.functions)
     try:

@@ -18,7 +18,7 @@ from rig.processes.child import start_process
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.messages import CompileJob
 from rig.processes.run_types import Task
-from rig.realtime.compiled_tick import FILES
+from rig.realtime.compiled_tick import is_complete
 
 MODULE = "rig.processes.tick_compiler"
 _LOWEST_PRIORITY = 19
@@ -38,10 +38,10 @@ class TickCompiler:
         self._process = None
         try:
             folder = tick_source(task.tick, task.law, task.params, task.dt).folder
-        except (ValueError, TypeError, OSError):
+        except Exception:  # noqa: BLE001  a law may raise anything in its example tick; so may the loop
             return
         self.folder = str(folder)
-        if all((folder / name).exists() for name in FILES):
+        if is_complete(folder):
             mark_used(folder)
             return
         ticks = sum(task.params.segments.ticks)

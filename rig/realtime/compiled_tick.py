@@ -11,6 +11,11 @@ FILES = ("tick.o", "entry.o")
 ENTRY = "tick_entry"
 
 
+def is_complete(folder: Path) -> bool:
+    """Return whether a folder holds the whole code of a tick."""
+    return all((folder / name).exists() for name in FILES)
+
+
 def load(folder: Path, memory: TickMemory) -> Generator[None, None, Callable[[], int]]:
     """Load the code in steps of less than a tick each.
 

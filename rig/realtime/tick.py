@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rig.realtime import cycle, tick_memory
-from rig.realtime.compiled_tick import FILES, load
+from rig.realtime.compiled_tick import is_complete, load
 from rig.realtime.object_code import ObjectCodeError
 
 _TICKS_BETWEEN_LOOKS = 100
@@ -85,10 +85,12 @@ class InterpretedTick:
 class CompiledTick:
     """The same cycle compiled; it works on a `TickMemory` and writes rows in their place."""
 
-    def __init__(self, memory: tick_memory.TickMemory, code: Any, dt: float, rows: RowSink) -> None:
-        """``code`` is the function of `rig.realtime.compiled_tick.load`."""
+    def __init__(
+        self, memory: tick_memory.TickMemory, code: Any, dt: float, rows: RowSink, mode: int
+    ) -> None:
+        """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step."""
         self._memory, self._code, self._dt, self._rows = memory, code, dt, rows
-        self._mode: int = memory.state().safety.mode
+        self._mode = mode
 
     @property
     def mode(self) -> int:
@@ -140,11 +142,15 @@ class Changeover:
         return None
 
     def _load(self) -> Generator[None, None, Tick]:
-        while not all((self._folder / name).exists() for name in FILES):
+        while not is_complete(self._folder):
             for _ in range(_TICKS_BETWEEN_LOOKS):
                 yield
-        memory = tick_memory.of_kind(self._kind, self._params, self._interpreted.state, self._dt)
+        yield
+        sense, command = tick_memory.examples(self._kind, self._params, self._dt)
+        yield
+        state = self._interpreted.state  # of this tick; the last one comes with the code
+        memory = tick_memory.TickMemory(self._params, state, sense, command, self._dt)
         yield
         code = yield from load(self._folder, memory)
         memory.set_state(self._interpreted.state)
-        return CompiledTick(memory, code, self._dt, self._rows)
+        return CompiledTick(memory, code, self._dt, self._rows, self._interpreted.mode)

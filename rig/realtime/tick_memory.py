@@ -59,7 +59,7 @@ class TickMemory:
         _, _, self._state_at, self._sense_at, self._command_at = starts
         header, _, self._state_layout, _, self._command_layout = layouts
         self._pack_header, self._pack_sense = header.pack_into, packer(sense)
-        self._build_state, self._build_command = builder(state), builder(command)
+        self._start, self._build_command = state, builder(command)
 
     def named_sections(self) -> tuple[tuple[str, Any, int], ...]:
         """Return name, tree and first byte of each section."""
@@ -87,7 +87,8 @@ class TickMemory:
 
     def state(self) -> Any:
         """Return the state after the last tick."""
-        return self._build_state(self._state_layout.unpack_from(self._buffer, self._state_at))
+        build = builder(self._start)  # once or twice in a run, so it need not be kept
+        return build(self._state_layout.unpack_from(self._buffer, self._state_at))
 
     def command(self) -> Any:
         """Return the command of the last tick."""
@@ -99,10 +100,15 @@ def of_kind(kind: cycle.Kind, params: cycle.Params, state: cycle.State, dt: floa
 
     Its ``sense_type`` must be known.
     """
+    return TickMemory(params, state, *examples(kind, params, dt), dt)
+
+
+def examples(kind: cycle.Kind, params: cycle.Params, dt: float) -> tuple[Any, Any]:
+    """Return readings that are all zero, and the command of the first tick for them."""
     sense = example(kind.sense_type)
     start = cycle.start(kind, params, 0)
     _, command, _ = cycle.make(kind)(params, start, sense, 0, 0, _NO_TIMING, 1, dt)
-    return TickMemory(params, state, sense, command, dt)
+    return sense, command
 
 
 def is_named(tree: Any) -> bool:

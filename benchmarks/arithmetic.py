@@ -103,7 +103,7 @@ def build_model(folder: Path) -> Model:
     campaign, _ = open_checked(write_campaign_file(folder, 12.0))
     devices = job.plant_settings(campaign)
     dt = 1.0 / campaign.rig.rate_hz
-    begin = build_world(devices | {"compiled": False}, dt).initial_conditions()
+    begin = build_world(devices | {"compiled": False}, dt).conditions()
     params = begin.params
     return Model(
         params,

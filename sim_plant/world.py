@@ -58,15 +58,18 @@ class Truth(NamedTuple):
     wave_clock: Second  # since the trigger's last rising edge; 0 before the first
 
 
-class InitialConditions(NamedTuple):
-    """Initial conditions of a world, for callers that execute the step themselves."""
+class Conditions(NamedTuple):
+    """A world between two ticks, for callers that execute the step themselves from then on."""
 
     params: WaveBotParams
     state: WaveBotState
     tables: wave_maker.WaveMakerTables
+    waves: wave_maker.WaveMakerState
     normals: Sequence[float]  # noise table
     delay_line: tuple[Readings, ...]  # readings not yet delivered, oldest first
     delay: Second  # of a reading
+    actuation: Actuation  # last command
+    fresh: int  # 1: it arrived after the last step
 
 
 class World:
@@ -198,20 +201,28 @@ class World:
         """Return the readings sampled delay_ticks ago."""
         return self._delay_line[0]
 
-    def initial_conditions(self) -> InitialConditions:
-        """Return the initial conditions of a world with a device; call it before the first step.
+    def conditions(self) -> Conditions:
+        """Return the present conditions of a world with a device.
 
-        They do not include the basin probes: the probes depend on the body, but only the log on
-        them.
+        They do not include the basin probes, which the caller samples (`sample_probes`): the probes
+        depend on the body, but only the log on them.
         """
-        return InitialConditions(
+        return Conditions(
             self.params,
             self._stepper.state,
             self._tables,
+            self._waves,
             self._normals,
             tuple(self._delay_line),
             self.delay,
+            self._actuation,
+            self._fresh,
         )
+
+    @property
+    def next_probe_tick(self) -> int:
+        """Tick at which the probes are to be sampled, after the step to it."""
+        return self._next_probe_tick
 
     def truth(self) -> Truth:
         """Return the true motion and forces now, for tests and comparison with estimates."""
@@ -245,18 +256,23 @@ class World:
         middle = profile(end - 0.5 * self._dt)
         self._stepper.set_hoist(Hoist(1, *middle, *profile(end), 0.0))
 
-    def _sample_probes(self) -> None:
-        """Sample the probes; the rig receives the sample one tick later."""
-        _, velocity = self._stepper.motion()
-        probe_1, probe_2, probe_3 = self._basin.sample(
-            self._waves.tick, self._waves.onset_factor, velocity
-        )
-        self._probes = Probes(probe_1, probe_2, probe_3, 0.0)
-        self._stepper.set_probes(self._probes)
+    def sample_probes(self, wave_tick: int, onset: float, velocity: MetrePerSecond) -> Probes:
+        """Sample the probes; the rig receives the sample one tick later.
+
+        ``wave_tick`` and ``onset`` are those of the waves, ``velocity`` that of the hull.
+        """
+        probe_1, probe_2, probe_3 = self._basin.sample(wave_tick, onset, velocity)
         self._probe_sample_count += 1
         self._next_probe_tick = math.ceil(
             self._probe_sample_count / (SAMPLE_RATE * self._dt) - 1.0e-6
         )
+        return Probes(probe_1, probe_2, probe_3, 0.0)
+
+    def _sample_probes(self) -> None:
+        _, velocity = self._stepper.motion()
+        waves = self._waves
+        self._probes = self.sample_probes(waves.tick, waves.onset_factor, velocity)
+        self._stepper.set_probes(self._probes)
 
     def _empty_basin_readings(self, elevation: Metre) -> Readings:
         """Return the readings of a basin without a device."""

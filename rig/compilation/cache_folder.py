@@ -17,7 +17,8 @@ from typing import Any
 
 _DIGITS = 24  # of the name of a folder of code
 _KEPT_SECONDS = 90 * 86_400
-_COMPILERS = ("lifting.py", "column.py", "memory_access.py")  # compiled code depends on them
+# Compiled code depends on these modules.
+_COMPILERS = ("lifting.py", "column.py", "column_type.py", "memory_access.py")
 
 
 def cache_root() -> Path:
@@ -57,12 +58,6 @@ def cached_json(path: Path, compute: Callable[[], Any], is_valid: Callable[[Any]
     with suppress(OSError):
         write_atomically(path, json.dumps(value))
     return value
-
-
-def mark_used(folder: Path) -> None:
-    """Set the time of a folder's last use, by which `remove_unused_code` goes."""
-    with suppress(OSError):
-        os.utime(folder)
 
 
 def remove_unused_code() -> int:

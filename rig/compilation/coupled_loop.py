@@ -18,6 +18,7 @@ from rig.compilation.cache_folder import code_folder
 from rig.compilation.column import Column
 from rig.compilation.pages import PAGE_TICKS
 from rig.compilation.row_simulation import Progress, RowSimulation, Stored
+from rig.compilation.tick_source import PlantCode
 from rig.realtime import axis, cycle, limits, power, reasons, safety, sequence
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE, Segments
@@ -85,18 +86,12 @@ class CoupledState(NamedTuple):
 
 
 class LoopSource(NamedTuple):
-    """A kind of rig's part of the compiled loop.
-
-    The expressions are source text over ``plant`` (constants), ``device`` (state), ``tick`` and
-    ``dt``; the ``imports`` have their names.
-    """
+    """A kind of rig's part of the compiled loop."""
 
     name: str  # of the module
-    imports: str  # lines
+    imports: str  # lines, for the names in `kind`
     kind: str  # expression: the kind's `cycle.Kind`
-    advance: str  # the device one tick later
-    sense: str  # the loop's input
-    actuate: str  # over ``command``, too: the device, and whether the simulation is to return
+    plant: PlantCode
     fields: tuple[str, ...]  # stored of each measured tick
     lifted: tuple[ModuleType, ...]  # modules besides `LIFTED_MODULES`
     types: tuple[ModuleType, ...]  # modules besides `TYPE_MODULES`
@@ -117,8 +112,11 @@ class LoopSource(NamedTuple):
         stored = enumerate(self.fields)
         keep = (f"page[{i * PAGE_TICKS} + slot] = row.{name}" for i, name in stored)
         return _SOURCE.format(
-            **{name: getattr(self, name) for name in ("imports", "kind", "advance", "sense")},
-            actuate=self.actuate,
+            imports=f"{self.imports}\n{self.plant.imports}",
+            kind=self.kind,
+            advance=self.plant.advance,
+            sense=self.plant.sense,
+            actuate=self.plant.actuate,
             keep="\n            ".join(keep),
             fields=len(self.fields),
             ticks=PAGE_TICKS,

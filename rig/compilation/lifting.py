@@ -30,6 +30,7 @@ os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # SVML functions differ 
 import numba
 from numba.extending import register_jitable
 
+from rig.compilation import column, column_type  # noqa: F401  compiled code takes columns
 from rig.compilation.cache_folder import cache_root, code_folder, write_atomically
 
 Floats = npt.NDArray[np.float64]
@@ -62,9 +63,10 @@ def lift(modules: Iterable[ModuleType]) -> None:
 
 
 def lift_functions(functions: Iterable[Any]) -> None:
-    """Make functions callable from compiled code."""
+    """Make functions callable from compiled code; those of columns are already."""
     for function in functions:
-        register_jitable(forceinline=True)(function)
+        if function.__module__ != column.__name__:
+            register_jitable(forceinline=True)(function)
 
 
 def lift_closures(function: Any) -> None:

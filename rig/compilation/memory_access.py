@@ -7,7 +7,7 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from rig.compilation.column import ColumnType
+from rig.compilation.column_type import ColumnType
 
 _LLVM: Any = vars(cgutils)["ir"]  # llvmlite.ir, with which numba builds its code
 

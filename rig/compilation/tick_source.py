@@ -2,7 +2,8 @@
 
 The tick is `rig.realtime.cycle.make` of the kind with all the functions that it calls, which stay
 plain Python. The generated function reads parameters, state and readings from the memory of a tick
-(`rig.realtime.tick_memory`), and stores state, command and row there.
+(`rig.realtime.tick_memory`), and stores state, command and row there; or it executes many ticks
+together with a simulated plant (`rig.realtime.coupled_ticks`).
 """
 
 import hashlib
@@ -16,11 +17,13 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 from rig.compilation.cache_folder import code_folder
-from rig.realtime import cycle, tick_memory
-from rig.realtime.tick_memory import Table
+from rig.realtime import coupled_ticks, cycle, tick_memory
+from rig.realtime.coupled_ticks import Coupling
+from rig.realtime.safety import STOP_0
+from rig.realtime.tick_memory import FlatMemory, Table
 from rig.recording.row_layout import leaves
 
-_SOURCE = '''"""Generated: one tick of a rig on its memory.
+_HEAD = '''"""Generated: ticks of a rig on their memory.
 
 {generated}
 """
@@ -36,7 +39,9 @@ from rig.realtime import cycle
 
 find_kind = importlib.import_module("{tick}").find_kind
 step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
+'''
 
+_TICK = """
 
 @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def tick(m):
@@ -49,9 +54,65 @@ def tick(m):
         params, state, sense, header.request, header.tick, timing, header.periods, header.dt
     )
     out = header.row
-    {stores}
+    {store_row}
+    {store_state}
+    {store_command}
     return state.safety.mode
-'''
+"""
+
+# The state stays in memory from tick to tick: as a variable of the loop, all its numbers would be
+# alive at once, and the compiler would take many minutes.
+_COUPLED = """
+{plant_imports}
+
+NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+
+
+@njit("int64(int64, int64, int64)", error_model="numpy", no_cpython_wrapper=True,
+      no_cfunc_wrapper=True)
+def tick_once(m, tick, out):
+    header = {header}
+    params = {params}
+    state = {state}
+    plant = {plant}
+    device = {device}
+    dt = header.dt
+    if tick > 0:
+        device = {advance}
+    sensed = {sense_plant}
+    state, command, row = step(params, state, sensed, header.request, tick, NO_TIMING, 1, dt)
+    device, interrupted = {actuate}
+    {store_row}
+    {store_state}
+    {store_device}
+    return 1 if interrupted or state.safety.mode == {stop_0} else 0
+
+
+@njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def tick(m):
+    header = {header}
+    first, out = header.tick, header.row
+    tick, ended = first, 0
+    while tick - first < header.most and ended == 0:
+        ended = tick_once(m, tick, out)
+        tick += 1
+        out += {row_size}
+    return tick - first
+"""
+
+
+class PlantCode(NamedTuple):
+    """A simulated plant's part of compiled ticks of loop and plant.
+
+    The expressions are source text over ``plant`` (constants), ``device`` (state), ``tick`` and
+    ``dt``; the ``imports`` have their names.
+    """
+
+    imports: str  # lines
+    functions: tuple[Any, ...]  # that the expressions call
+    advance: str  # the device one tick later
+    sense: str  # the loop's input
+    actuate: str  # over ``command``, too: the device, and whether the ticks are to be interrupted
 
 
 class TickSource(NamedTuple):
@@ -76,24 +137,56 @@ def tick_source(tick: str, law: str, params: cycle.Params, dt: float) -> TickSou
     if kind.sense_type is None:
         raise ValueError(f"{tick} does not give the type of its readings (Kind.sense_type)")
     memory = tick_memory.of_kind(kind, params, cycle.start(kind, params, 0), dt)
+    return _source(_TICK, tick, law, kind, memory, ())
+
+
+def coupled_source(
+    tick: str, law: str, params: cycle.Params, coupling: Coupling, code: PlantCode
+) -> TickSource:
+    """Return the source of the ticks of a kind together with a simulated plant."""
+    kind: cycle.Kind = importlib.import_module(tick).find_kind(law)
+    memory = coupled_ticks.memory_of(params, cycle.start(kind, params, 0), coupling)
+    return _source(
+        _COUPLED,
+        tick,
+        law,
+        kind,
+        memory,
+        code.functions,
+        plant_imports=code.imports,
+        advance=code.advance,
+        sense_plant=code.sense,
+        actuate=code.actuate,
+        stop_0=STOP_0,
+    )
+
+
+def _source(
+    body: str,
+    tick: str,
+    law: str,
+    kind: cycle.Kind,
+    memory: FlatMemory,
+    others: Iterable[Any],
+    **texts: Any,
+) -> TickSource:
+    """Return the source with a body; ``others``: functions that it calls besides the cycle's."""
     names: dict[type, str] = {}
-    loads = {
-        name: _load(tree, start // 8, names)[0] for name, tree, start in memory.named_sections()
-    }
-    stores = [
-        line
-        for name, tree, start in memory.named_sections()
-        if name in ("state", "command")
-        for line in _stores(tree, name, start // 8)
-    ] + [
+    row = leaves(kind.row_type)
+    for name, (tree, start, _) in memory.sections.items():
+        texts[name] = _load(tree, start // 8, names)[0]
+        if name in ("state", "command", "device"):
+            texts[f"store_{name}"] = "\n    ".join(_stores(tree, name, start // 8))
+    texts["store_row"] = "\n    ".join(
         f"store_{'int' if leaf.code == 'q' else 'float'}(out, {i}, row.{leaf.name})"
-        for i, leaf in enumerate(leaves(kind.row_type))
-    ]
-    step, *functions = reachable(cycle.make(kind))
-    owners = {each.__module__ for each in (step, *functions, *names)} & sys.modules.keys()
+        for i, leaf in enumerate(row)
+    )
+    step, *called = reachable(cycle.make(kind), *others)
+    owners = {each.__module__ for each in (step, *called, *names)} & sys.modules.keys()
+    functions = [each for each in called if inspect.isfunction(each)]
     modules = [sys.modules[name] for name in sorted(owners)]
     without_source = [each for each in functions if each.__module__ not in sys.modules]
-    text = _SOURCE.format(
+    text = (_HEAD + body).format(
         imports="\n".join(
             f"from {each.__module__} import {each.__qualname__} as {name}"
             for each, name in names.items()
@@ -101,8 +194,8 @@ def tick_source(tick: str, law: str, params: cycle.Params, dt: float) -> TickSou
         generated=f"Byte code of its functions without a source: {_digest(without_source)}",
         tick=tick,
         law=law,
-        stores="\n    ".join(stores),
-        **loads,
+        row_size=8 * len(row),
+        **texts,
     )
     own = (tick_memory, sys.modules[__name__])
     return TickSource(text, tuple(functions), (*own, *modules))
@@ -139,16 +232,22 @@ def _stores(tree: Any, name: str, at: int) -> Iterator[str]:
     return visit(tree, name)
 
 
-def reachable(function: Any) -> Iterator[FunctionType]:
-    """Yield a function and all plain functions that it may call, each once."""
+def reachable(first: Any, *others: Any) -> Iterator[Any]:
+    """Yield functions, the first one first, and all that they may call, each once.
+
+    That is plain functions and types of NamedTuples.
+    """
     seen: set[Any] = set()
-    waiting = [function]
+    waiting = [*others, first]
     while waiting:
         each = waiting.pop()
-        if not inspect.isfunction(each) or each in seen:
+        is_record = isinstance(each, type) and issubclass(each, tuple)
+        if not (is_record or inspect.isfunction(each)) or each in seen:
             continue
         seen.add(each)
         yield each
+        if is_record:
+            continue
         waiting += [cell.cell_contents for cell in each.__closure__ or ()]
         names = set(_names(each.__code__))
         for name in names:

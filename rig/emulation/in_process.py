@@ -2,6 +2,10 @@
 
 from typing import Any, Protocol
 
+from rig.compilation.tick_source import PlantCode, TickSource, coupled_source
+from rig.realtime import cycle
+from rig.realtime.coupled_ticks import Coupling
+
 
 class World(Protocol):
     """A simulated rig with its delay line."""
@@ -40,6 +44,21 @@ class PlantDevices:
         while self._ticks < tick:
             self._plant.advance(self._dt)
             self._ticks += 1
+
+    def coupling(self) -> Coupling:
+        """Return the plant as it is between two ticks, for ticks compiled together with it.
+
+        A kind whose device module has a function `couple_devices` provides it, and `plant_code`.
+        """
+        raise NotImplementedError
+
+    def plant_code(self) -> PlantCode:
+        """Return the plant's part of the compiled ticks."""
+        raise NotImplementedError
+
+    def coupled_source(self, tick: str, law: str, params: cycle.Params) -> TickSource:
+        """Return the source of ticks together with the plant, as of `tick_source`."""
+        return coupled_source(tick, law, params, self.coupling(), self.plant_code())
 
     def stop(self, reason: int) -> None:
         """Command rest."""

@@ -23,9 +23,11 @@ from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
-from rig.processes.messages import LoopJob, LoopPrivileges, Refused, report
+from rig.processes.messages import CodeMissing, LoopJob, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
+from rig.realtime.compiled_tick import is_complete
+from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
 from rig.recording.ring import RingWriter
@@ -39,13 +41,15 @@ _ORPHANED_MESSAGE = (
 EXIT_NO_PRIVILEGES = 77  # exit code: the host did not grant what the rig file requires
 
 
-def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float], Devices]) -> None:
-    """Run the job on standard input with the devices that ``connect(config, dt)`` returns.
+def main(tick: Any, device_module: Any) -> None:
+    """Run the job on standard input for the package of a kind's tick and the module of its devices.
 
-    ``find_kind`` returns the kind of rig for the job's law; its `LawError` refuses the run.
+    `find_kind` of the package returns the kind of rig for the job's law; its `LawError` refuses the
+    run. ``connect(config, dt)`` of the module returns the devices, and `couple_devices`, if it has
+    one, a simulated plant whose ticks can be compiled together with those of the loop.
     """
     ignore_terminal_signals()
-    kind, job = _read_job(find_kind, sys.stdin.read())
+    kind, job = _read_job(tick.find_kind, sys.stdin.read())
     mailbox = Mailbox(job.mailbox, Request)
     last_logger = LastLogger(job.logger[0] if job.logger else None, job.supervisor)
     terminated = False
@@ -80,7 +84,7 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
     end: loop.LoopResult | None = None
     try:
         try:
-            devices = connect(job.devices, job.dt)
+            devices, code, couple = _connect(tick.__name__, device_module, job)
         except OSError as error:
             _refuse(error)
         granted = _privileges(job)
@@ -109,7 +113,8 @@ def main(find_kind: Callable[[str], cycle.Kind], connect: Callable[[Any, float],
             mailbox,
             external_request,
             measure_work=job.real_clock,
-            code=Path(job.code) if job.code else None,
+            code=code,
+            couple=couple,
         )
         report(end)
     finally:
@@ -124,6 +129,29 @@ def _read_job(find_kind: Callable[[str], cycle.Kind], text: str) -> tuple[cycle.
     except laws.LawError as error:
         _refuse(error)
     return kind, handover.loads(LoopJob, text, rig=kind.params_type, **dict(kind.any_types))
+
+
+def _connect(
+    tick: str, module: Any, job: LoopJob
+) -> tuple[Devices, Path | None, Callable[[], Coupling] | None]:
+    """Return the devices, the folder of the compiled ticks, and the plant that is part of them.
+
+    Report code that is missing.
+    """
+    if not job.code:
+        return module.connect(job.devices, job.dt), None, None
+    folder, devices = Path(job.code), None
+    if not job.real_clock and hasattr(module, "couple_devices"):
+        devices = module.couple_devices(job.devices, job.dt)
+    if devices is not None:
+        folder = devices.coupled_source(tick, job.law, job.params).folder
+    missing = not is_complete(folder)
+    if missing:
+        report(CodeMissing(coupled=devices is not None))
+    coupled = devices is not None
+    if devices is None or missing:  # a plant that runs by itself is compiled by itself
+        devices = module.connect(job.devices, job.dt)
+    return devices, folder, devices.coupling if coupled else None
 
 
 def _refuse(why: object, code: int = EXIT_NOT_READY) -> NoReturn:
@@ -141,5 +169,4 @@ def _privileges(job: LoopJob) -> scheduling.Privileges | None:
 
 
 if __name__ == "__main__":
-    tick, devices = (importlib.import_module(name) for name in sys.argv[1:])
-    main(tick.find_kind, devices.connect)
+    main(*map(importlib.import_module, sys.argv[1:]))

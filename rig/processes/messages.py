@@ -57,6 +57,8 @@ class CompileJob(NamedTuple):
     params: cycle.Params
     dt: float  # s
     law: str  # as of `LoopJob`
+    device_module: str = ""  # of the simulated plant with which ticks are coupled; empty: none
+    devices: dict[str, Any] = {}  # JSON values for its `couple_devices`  # noqa: RUF012
 
 
 MessageFields = tuple[tuple[str, ...], ...]
@@ -82,6 +84,12 @@ class LoopPrivileges(NamedTuple):
     """The loop has requested its privileges; none on the virtual clock."""
 
     privileges: tuple[Privileges, ...]
+
+
+class CodeMissing(NamedTuple):
+    """The loop runs interpreted until its ticks are compiled."""
+
+    coupled: bool  # together with the simulated plant
 
 
 class Refused(NamedTuple):
@@ -122,7 +130,15 @@ class RecordMoved(NamedTuple):
 
 
 Report = (
-    LoopPrivileges | LoopResult | Refused | Ready | Notice | DiskState | RecordLost | RecordMoved
+    LoopPrivileges
+    | LoopResult
+    | CodeMissing
+    | Refused
+    | Ready
+    | Notice
+    | DiskState
+    | RecordLost
+    | RecordMoved
 )
 _REPORTS: dict[str, type] = {kind.__name__: kind for kind in get_args(Report)}
 

@@ -23,6 +23,7 @@ from rig.processes.child import Child, StallTimer
 from rig.processes.io_processes import IoProcessError, IoProcesses
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.messages import (
+    CodeMissing,
     DiskState,
     LoggerJob,
     LoopJob,
@@ -178,7 +179,7 @@ class SupervisedRun:
             self._io_processes.start()
             if not self._mode.interpreted:
                 errors = self.folder / "compiler.stderr"
-                self._compiler = TickCompiler(self._task, errors, real_clock=self._mode.real_clock)
+                self._compiler = TickCompiler(self._task, self._mode, errors)
             logger = self._start_logger()  # first: all rows then outlive this process
             self._post()
             loop = self._start_loop()
@@ -359,6 +360,9 @@ class SupervisedRun:
                     granted = found[0]._asdict() if found else None
                     with suppress(OSError):
                         write_json(self.folder, log_process.PRIVILEGES, granted)
+                case CodeMissing(coupled):
+                    if self._compiler is not None:
+                        self._compiler.start(coupled=coupled)
                 case Refused(why):
                     self._refused = why
                 case LoopResult():

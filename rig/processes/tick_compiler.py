@@ -7,18 +7,17 @@ as soon as the code is in the cache. The process has the lowest priority and end
 import fcntl
 import importlib
 import os
+import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
 
-from rig.compilation.cache_folder import mark_used
-from rig.compilation.tick_source import tick_source
+from rig.compilation.tick_source import TickSource, tick_source
 from rig.processes import handover
 from rig.processes.child import start_process
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.messages import CompileJob
-from rig.processes.run_types import Task
-from rig.realtime.compiled_tick import is_complete
+from rig.processes.run_types import ExecutionMode, Task
 
 MODULE = "rig.processes.tick_compiler"
 _LOWEST_PRIORITY = 19
@@ -27,33 +26,45 @@ _INTERPRETED_TICK_S = 50e-6  # s of an interpreted tick of a rehearsal
 
 
 class TickCompiler:
-    """The code of a task's tick: in the cache, or being compiled."""
+    """The code of a task's ticks, and the process that compiles it if it is missing."""
 
-    def __init__(self, task: Task, errors: Path, *, real_clock: bool) -> None:
-        """Find the code or start its compilation, whose errors are appended to a file.
+    def __init__(self, task: Task, mode: ExecutionMode, errors: Path) -> None:
+        """The errors of the compiler are appended to a file."""
+        self._task, self._mode, self._errors = task, mode, errors
+        self._process: subprocess.Popen[str] | None = None
+        self.folder = ""  # of the tick's code; empty for a tick that cannot be compiled
+        # A law may raise anything in its example tick; so may the loop.
+        with suppress(Exception):
+            self.folder = str(tick_source(task.tick, task.law, task.params, task.dt).folder)
 
-        A run that ends before the compiler does is not compiled for.
-        """
-        self.folder = ""  # of the code; empty for a tick that cannot be compiled
-        self._process = None
-        try:
-            folder = tick_source(task.tick, task.law, task.params, task.dt).folder
-        except Exception:  # noqa: BLE001  a law may raise anything in its example tick; so may the loop
-            return
-        self.folder = str(folder)
-        if is_complete(folder):
-            mark_used(folder)
-            return
+    def start(self, *, coupled: bool) -> None:
+        """Compile the ticks, ``coupled`` with the mode's plant, unless the run ends before."""
+        task, mode = self._task, self._mode
         ticks = sum(task.params.segments.ticks)
-        if ticks * (task.dt if real_clock else _INTERPRETED_TICK_S) > _COMPILER_S:
-            job = CompileJob(task.params, task.dt, task.law)
-            self._process = start_process(MODULE, handover.dumps(job), (), errors, task.tick)
+        tick_s = task.dt if mode.real_clock else _INTERPRETED_TICK_S
+        if self._process is not None or ticks * tick_s < _COMPILER_S:
+            return
+        job = CompileJob(task.params, task.dt, task.law)
+        if coupled:
+            job = job._replace(device_module=mode.device_module, devices=mode.devices)
+        self._process = start_process(MODULE, handover.dumps(job), (), self._errors, task.tick)
 
     def end(self) -> None:
         """End a compilation that still runs."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
+
+
+def source_of(tick: str, job: CompileJob) -> TickSource:
+    """Return the source of a job. Raises ValueError for ticks that cannot be compiled."""
+    if not job.device_module:
+        return tick_source(tick, job.law, job.params, job.dt)
+    devices = importlib.import_module(job.device_module).couple_devices(job.devices, job.dt)
+    if devices is None:
+        raise ValueError("the simulated plant of this run is not compiled with its loop")
+    source: TickSource = devices.coupled_source(tick, job.law, job.params)
+    return source
 
 
 def main(tick: str) -> None:
@@ -63,7 +74,7 @@ def main(tick: str) -> None:
     text = sys.stdin.read()
     kind = importlib.import_module(tick).find_kind(handover.read_field(CompileJob, text, "law"))
     job: CompileJob = handover.loads(CompileJob, text, rig=kind.params_type, **dict(kind.any_types))
-    source = tick_source(tick, job.law, job.params, job.dt)
+    source = source_of(tick, job)
     with suppress(OSError):  # a cache that cannot be written
         source.folder.mkdir(parents=True, exist_ok=True)
         with (source.folder / "lock").open("w") as lock:

@@ -1,10 +1,12 @@
 """The object code of a compiled tick: its files, and the function that it becomes."""
 
+import os
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from pathlib import Path
 
 from rig.realtime.object_code import ObjectCode
-from rig.realtime.tick_memory import TickMemory
+from rig.realtime.tick_memory import FlatMemory
 
 FILES = ("tick.o", "entry.o")
 """Object code in a folder of the cache: the tick, and its entry for Python."""
@@ -16,13 +18,26 @@ def is_complete(folder: Path) -> bool:
     return all((folder / name).exists() for name in FILES)
 
 
-def load(folder: Path, memory: TickMemory) -> Generator[None, None, Callable[[], int]]:
+def load(folder: Path, memory: FlatMemory) -> Generator[None, None, Callable[[], int]]:
     """Load the code in steps of less than a tick each.
 
     Return the function that runs one tick on a memory and returns the mode after it. Raises OSError
     or ObjectCodeError if the code cannot be loaded here.
     """
+    with suppress(OSError):
+        os.utime(folder)  # `rig.compilation.cache_folder` removes code that is not used
     code = ObjectCode([(folder / name).read_bytes() for name in FILES])
     yield from code.load()
     run: Callable[[], int] = code.function(ENTRY, memory.address.to_bytes(8, "little"))
     return run
+
+
+def load_at_once(folder: Path, memory: FlatMemory) -> Callable[[], int]:
+    """Load the code as `load` does, in one step."""
+    steps = load(folder, memory)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            run: Callable[[], int] = end.value
+            return run

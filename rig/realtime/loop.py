@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from rig.realtime import cycle
 from rig.realtime.clock import Clock
+from rig.realtime.coupled_ticks import CoupledChangeover, CoupledTicks, Coupling
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import STOP_0
@@ -46,6 +47,7 @@ def run(
     *,
     measure_work: bool,
     code: Path | None = None,
+    couple: Callable[[], Coupling] | None = None,
 ) -> LoopResult:
     """Run ticks until the safety machine has removed the power, then `LINGER_TICKS` more.
 
@@ -54,14 +56,27 @@ def run(
     `EXTERNAL_REQUEST_INTERVAL` for a request that does not come by mailbox (supervisor lost,
     process terminated). ``measure_work``: log how long each tick took (real clock only, so that
     rehearsals repeat bit for bit). ``code``: folder where the code of the compiled tick is or will
-    be; without one the tick stays interpreted.
+    be; without one the tick stays interpreted. ``couple`` returns the simulated plant, on the
+    virtual clock: then the code is that of loop and plant together.
     """
     reason = Reason.EXCEPTION.value
+
+    def posted_request() -> int:
+        message = mailbox.read()
+        return 0 if message is None else message.request
+
+    def any_request() -> int:
+        return external_request() or posted_request()
+
     try:
         work, dt = 0.0, clock.dt
         interpreted = InterpretedTick(kind, params, dt, ring)
         execution: Tick = interpreted
-        changeover = code and Changeover(code, kind, params, dt, ring, interpreted)
+        changeover: Changeover | CoupledChangeover | None = None
+        if code and couple:
+            changeover = CoupledChangeover(code, couple, params, dt, ring, interpreted)
+        elif code:
+            changeover = Changeover(code, kind, params, dt, ring, interpreted)
         ticks = skipped = linger = external = 0
         compiled_from = -1
         timing = cycle.Timing(0.0, 0.0, 0)
@@ -73,8 +88,7 @@ def run(
             skipped += periods - 1
             if ticks % request_ticks == 0:
                 external = external_request()
-            message = mailbox.read()
-            request = external or (0 if message is None else message.request)
+            request = external or posted_request()
 
             sense = devices.read(now)
             if measure_work or periods != 1:  # otherwise the timing has not changed
@@ -86,6 +100,15 @@ def run(
                 linger += 1
             elif changeover and (found := changeover.advance()) is not None:
                 compiled_from = -1 if changeover.problem else tick + 1
+                if isinstance(found, CoupledTicks):
+                    ticks += _execute_to_end(
+                        found,
+                        tick + 1,
+                        request_ticks,
+                        lambda: external_request() or posted_request(),
+                    )
+                    reason = found.reason
+                    return LoopResult(ticks, skipped, reason, compiled_from)
                 execution, changeover = found, None
             work = time.perf_counter() - began if measure_work else 0.0
         reason = execution.reason
@@ -98,3 +121,17 @@ def run(
         finally:
             ring.finish()
             devices.close()
+
+
+def _execute_to_end(
+    coupled: CoupledTicks, tick: int, most: int, get_request: Callable[[], int]
+) -> int:
+    """Execute ticks from ``tick`` on, to the end as `run` does; return their number.
+
+    ``get_request`` is called every ``most`` ticks.
+    """
+    first, linger = tick, 0
+    while linger < LINGER_TICKS:
+        tick += coupled.execute(tick, get_request(), most)
+        linger += coupled.mode == STOP_0  # which ends a chunk
+    return tick - first

@@ -22,12 +22,15 @@ class RowSink(Protocol):
         """Take the row of a tick; never block on the real clock."""
         ...
 
-    def reserve(self) -> int:
-        """Return the address where the next row may be written; never block on the real clock."""
+    def reserve(self, most: int = 1) -> tuple[int, int]:
+        """Return the address where the next rows may be written, and their number, at least 1.
+
+        It never blocks on the real clock.
+        """
         ...
 
-    def publish(self) -> None:
-        """Take the row at the reserved address."""
+    def publish(self, count: int = 1) -> None:
+        """Take the rows at the reserved address."""
         ...
 
     def finish(self) -> None:
@@ -103,7 +106,8 @@ class CompiledTick:
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
         memory = self._memory
-        memory.set_header(request, tick, timing, periods, self._dt, self._rows.reserve())
+        row, _ = self._rows.reserve()
+        memory.set_header(request, tick, timing, periods, self._dt, row)
         memory.set_sense(sense)
         self._mode = self._code()
         return memory.command()

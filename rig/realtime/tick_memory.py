@@ -1,4 +1,4 @@
-"""Flat memory of a compiled tick: the numbers of its inputs, its state and its results.
+"""Flat memory of compiled ticks: the numbers of their inputs, their state and their results.
 
 Every number takes 8 bytes, int64 or float64, in the order of its tree of NamedTuples. Tables
 (``tuple[float, ...]`` or ``tuple[int, ...]``) stand in memory of their own; the parameters hold
@@ -12,7 +12,7 @@ import sys
 from array import array
 from collections.abc import Callable, Iterator
 from functools import cache
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, Protocol, get_args, get_origin, get_type_hints
 
 from rig.realtime import cycle
 
@@ -38,32 +38,87 @@ class Header(NamedTuple):
     row: int = 0  # address to which the tick writes its row
 
 
-_SECTIONS = ("header", "params", "state", "sense", "command")
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
-class TickMemory:
+class Numbers(Protocol):
+    """Numbers in memory of their own, such as `rig.compilation.column.Column`."""
+
+    address: int
+    length: int
+    code: str  # as of `Table`
+
+
+class Section(NamedTuple):
+    """A tree in flat memory."""
+
+    tree: Any  # an example with the same types
+    start: int  # first byte
+    layout: struct.Struct
+
+
+class FlatMemory:
+    """Trees of NamedTuples, section by section in one piece of memory."""
+
+    def __init__(self, **trees: Any) -> None:
+        """Store the trees; those named `params` and `plant` may hold tables."""
+        self._owners: list[Any] = []  # of the tables, whose memory must stay
+        self.sections: dict[str, Section] = {}
+        size = 0
+        for name, tree in trees.items():
+            stored = self._with_tables(name, tree)
+            self.sections[name] = Section(stored, size, _layout(stored))
+            size += self.sections[name].layout.size
+        self.buffer = bytearray(size)
+        self.address = ctypes.addressof(ctypes.c_char.from_buffer(self.buffer))
+        for section in self.sections.values():
+            section.layout.pack_into(self.buffer, section.start, *_numbers(section.tree))
+
+    def set(self, name: str, tree: Any) -> None:
+        """Replace the numbers of a section."""
+        _, start, layout = self.sections[name]
+        layout.pack_into(self.buffer, start, *_numbers(self._with_tables(name, tree)))
+
+    def get(self, name: str) -> Any:
+        """Return the present numbers of a section, which has no tables, as a tree."""
+        tree, start, layout = self.sections[name]
+        return builder(tree)(layout.unpack_from(self.buffer, start))
+
+    def bytes_of(self, name: str, *path: str) -> "memoryview[int]":
+        """Return the bytes of a part of a section, as they stand in memory."""
+        tree, start, _ = self.sections[name]
+        for field in path:
+            index = tree._fields.index(field)
+            start += 8 * sum(1 for _ in _numbers(tree[:index]))
+            tree = tree[index]
+        return memoryview(self.buffer)[start : start + 8 * sum(1 for _ in _numbers((tree,)))]
+
+    def number(self, name: str, *path: str) -> "memoryview[int] | memoryview[float]":
+        """Return one number of a section as it stands in memory, a view of length 1."""
+        tree = self.sections[name].tree
+        for field in path:
+            tree = getattr(tree, field)
+        return self.bytes_of(name, *path).cast("q" if isinstance(tree, int) else "d")
+
+    def _with_tables(self, name: str, tree: Any) -> Any:
+        return _with_tables(tree, self._owners) if name in ("params", "plant") else tree
+
+
+class TickMemory(FlatMemory):
     """The memory of one tick."""
 
     def __init__(self, params: Any, state: Any, sense: Any, command: Any, dt: float) -> None:
         """Store parameters and state; ``sense`` and ``command`` are examples, ``dt`` is in s."""
-        self._tables: list[Any] = []  # their memory must stay
-        trees = (Header(dt=dt), _with_tables(params, self._tables), state, sense, command)
-        layouts = [_layout(tree) for tree in trees]
-        starts = [sum(each.size for each in layouts[:i]) for i in range(len(layouts))]
-        self._sections = tuple(zip(_SECTIONS, trees, starts, strict=True))
-        self._buffer = bytearray(sum(each.size for each in layouts))
-        self.address = ctypes.addressof(ctypes.c_char.from_buffer(self._buffer))
-        for start, layout, tree in zip(starts, layouts, trees, strict=True):
-            layout.pack_into(self._buffer, start, *_numbers(tree))
-        _, _, self._state_at, self._sense_at, self._command_at = starts
-        header, _, self._state_layout, _, self._command_layout = layouts
-        self._pack_header, self._pack_sense = header.pack_into, packer(sense)
-        self._start, self._build_command = state, builder(command)
-
-    def named_sections(self) -> tuple[tuple[str, Any, int], ...]:
-        """Return name, tree and first byte of each section."""
-        return self._sections
+        super().__init__(
+            header=Header(dt=dt), params=params, state=state, sense=sense, command=command
+        )
+        self._pack_header, self._pack_sense = (
+            self.sections["header"].layout.pack_into,
+            packer(sense),
+        )
+        self._sense_at = self.sections["sense"].start
+        _, self._command_at, self._command_layout = self.sections["command"]
+        self._build_command = builder(command)
 
     def set_header(
         self,
@@ -75,24 +130,23 @@ class TickMemory:
         row: int,
     ) -> None:
         """Store the inputs of the next tick, as of `Header`."""
-        self._pack_header(self._buffer, 0, request, tick, *timing, periods, dt, row)
+        self._pack_header(self.buffer, 0, request, tick, *timing, periods, dt, row)
 
     def set_sense(self, sense: Any) -> None:
         """Store the readings of the next tick."""
-        self._pack_sense(self._buffer, self._sense_at, sense)
+        self._pack_sense(self.buffer, self._sense_at, sense)
 
     def set_state(self, state: Any) -> None:
         """Store the state before the next tick."""
-        self._state_layout.pack_into(self._buffer, self._state_at, *_numbers(state))
+        self.set("state", state)
 
     def state(self) -> Any:
         """Return the state after the last tick."""
-        build = builder(self._start)  # once or twice in a run, so it need not be kept
-        return build(self._state_layout.unpack_from(self._buffer, self._state_at))
+        return self.get("state")
 
     def command(self) -> Any:
         """Return the command of the last tick."""
-        return self._build_command(self._command_layout.unpack_from(self._buffer, self._command_at))
+        return self._build_command(self._command_layout.unpack_from(self.buffer, self._command_at))
 
 
 def of_kind(kind: cycle.Kind, params: cycle.Params, state: cycle.State, dt: float) -> TickMemory:
@@ -168,6 +222,10 @@ def _with_tables(tree: Any, tables: list[Any], hint: Any = None) -> Any:
 
     The parameters of a law keep their tuples: a law may iterate over them.
     """
+    if hasattr(tree, "address"):
+        numbers: Numbers = tree
+        tables.append(numbers)
+        return Table(numbers.address, numbers.length, numbers.code)
     if is_named(tree):
         if hasattr(sys.modules.get(type(tree).__module__), "COLUMNS"):  # the module is a law
             return tree

@@ -145,25 +145,31 @@ class RingWriter(_Ring):
 
     def put(self, row: Any) -> None:
         """Store a row, then publish it by moving the head."""
-        address = self.reserve()
+        address, _ = self.reserve()
         if not self._dropping:
             self._pack(self._map, address - self._address, row)
         self.publish()
 
-    def reserve(self) -> int:
-        """Return the address for the next row; in a full ring one whose row will be dropped."""
-        head, capacity = self._next, self.capacity
-        self._dropping = head - self._header[_TAIL] >= capacity and not self._wait_for_space(head)
-        if self._dropping:
-            return self._spare_address
-        return self._address + _HEADER + (head % capacity) * self.row_size
+    def reserve(self, most: int = 1) -> tuple[int, int]:
+        """Return the address for the next rows and their number, at least 1 and at most ``most``.
 
-    def publish(self) -> None:
-        """Publish the row at the reserved address by moving the head, or count it as dropped."""
+        In a full ring the address is that of one row that will be dropped.
+        """
+        head, capacity = self._next, self.capacity
+        free = capacity - head + self._header[_TAIL]
+        self._dropping = free <= 0 and not self._wait_for_space(head)
         if self._dropping:
-            self._header[_DROPPED] += 1
+            return self._spare_address, 1
+        first = head % capacity
+        address = self._address + _HEADER + first * self.row_size
+        return address, min(most, max(free, 1), capacity - first)
+
+    def publish(self, count: int = 1) -> None:
+        """Publish rows at the reserved address by moving the head, or count them as dropped."""
+        if self._dropping:
+            self._header[_DROPPED] += count
         else:
-            self._next += 1
+            self._next += count
             self._header[_HEAD] = self._next
 
     def _wait_for_space(self, head: int) -> bool:

@@ -41,17 +41,20 @@ class Truth(NamedTuple):
     wave_clock: float  # s, since the trigger's last rising edge; 0 before the first
 
 
-class InitialConditions(NamedTuple):
-    """Initial conditions of a world, for callers that execute the step themselves."""
+class Conditions(NamedTuple):
+    """A world between two ticks, for callers that execute the step themselves from then on."""
 
     params: ModesParams
     state: list[float]
-    readings: tuple[float, ...]  # at rest
-    delay_line: int  # readings that are not yet delivered, all at rest
+    delay_line: tuple[tuple[float, ...], ...]  # readings not yet delivered, oldest first
     table: NDArray[np.float64]  # of `excitation_table`
     onset: float  # s
     onset_ticks: int  # after which the sea has its full height
+    wave_tick: int  # since the wave maker was started; -1 while it is off
+    waves: Sequence[float]  # excitation of each mode, then the elevation
     normals: Sequence[float]  # noise table
+    actuation: Actuation  # last command
+    fresh: int  # 1: it arrived after the last step
 
 
 class Stepper:
@@ -171,17 +174,20 @@ class World:
         """Return the readings sampled `delay` ago."""
         return self._delay_line[0]
 
-    def initial_conditions(self) -> InitialConditions:
-        """Return the initial conditions; call it before the first step."""
-        return InitialConditions(
+    def conditions(self) -> Conditions:
+        """Return the present conditions."""
+        return Conditions(
             self.model.params,
             self._stepper.numbers(),
-            self._delay_line[0],
-            len(self._delay_line),
+            tuple(self._delay_line),
             self._table,
             self._onset,
             self._onset_ticks,
+            self._wave_tick,
+            self._waves,
             self._normals,
+            self._actuation,
+            self._fresh,
         )
 
     def release(self, position: Sequence[float], velocity: Sequence[float] | None = None) -> None:

@@ -31,8 +31,8 @@ from rig.compilation.cache_folder import code_folder
 from rig.compilation.column import Column
 from rig.compilation.pages import PAGE_TICKS
 from rig.config.law_settings import IMPEDANCE
+from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
-from rig.kinds.wavebot.simulation import plant_coupling
 from rig.kinds.wavebot.simulation.compiled import KEPT_FIELDS, loop_source
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick import KIND

@@ -7,7 +7,7 @@ import pytest
 
 from rig.compilation.column import Column, prefetch
 from rig.compilation.pages import PAGE_TICKS, flush_page
-from rig.kinds.wavebot.simulation.noise import CHANNELS_PER_TICK, interleaved
+from rig.kinds.wavebot.rehearsal.noise import CHANNELS_PER_TICK, interleaved
 from sim_plant.sensors import NOISE_LENGTH, Channel, SensorParams, measure
 
 RNG = np.random.default_rng(3)

@@ -16,6 +16,7 @@ from rig.realtime.safety import STOP_0, STOP_1
 # A loop process that reports its steps; `TROUBLE` is raised while the wires warm up.
 CODE = """
 import io, json, os, sys
+from types import SimpleNamespace
 from core_kinds import BENCH, DT
 from core_runs import bench, bench_params
 from rig.processes import handover, loop_process, mailbox
@@ -50,7 +51,9 @@ job = loop_process.LoopJob(False, False, DT, rows, mail, os.getppid(), bench_par
 sys.stdin = io.StringIO(handover.dumps(job))
 code = 0
 try:
-    loop_process.main(lambda law: BENCH, connect)
+    loop_process.main(
+        SimpleNamespace(__name__="tick", find_kind=lambda law: BENCH), SimpleNamespace(connect=connect)
+    )
 except SystemExit as end:
     code = end.code
 print(json.dumps(["order", order, code]))
@@ -61,6 +64,7 @@ print(json.dumps(["order", order, code]))
 # and request are those of a real supervisor; the plan takes 0.5 s or more.
 SILENT = """
 import io, json, os, sys, time
+from types import SimpleNamespace
 from core_kinds import BENCH, DT
 from core_runs import bench, bench_params
 from rig.processes import handover, loop_process, mailbox
@@ -75,7 +79,10 @@ devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monoton
 params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stall
 job = loop_process.LoopJob(True, False, DT, rows, mail, os.getppid(), params, {}, TIMEOUT)
 sys.stdin = io.StringIO(handover.dumps(job))
-loop_process.main(lambda law: BENCH, lambda config, dt: devices)
+loop_process.main(
+    SimpleNamespace(__name__="tick", find_kind=lambda law: BENCH),
+    SimpleNamespace(connect=lambda config, dt: devices),
+)
 reader, modes = ring.RingReader(rows), []
 while block := reader.take():
     row = row_layout.layout(BENCH.row_type)

@@ -4,8 +4,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.compilation.tick_source import PlantCode
 from rig.emulation.in_process import PlantDevices
 from rig.emulation.sea import build_sea
+from rig.kinds.modular.rehearsal.coupled_plant import CoupledModes, plant_code
 from rig.kinds.modular.rehearsal.coupling import couple
 from rig.kinds.modular.tick import Composition
 from sim_plant.modes import building
@@ -31,8 +33,8 @@ class ModularPlantDevices(PlantDevices):
         super().__init__(world, world.rest, dt)
         self._world = world
         plant = world.model.plant
-        coupled = couple(composition, tuple(plant.axes), tuple(plant.sensors))
-        self._sense, self._latch = coupled.sense, coupled.latch
+        self._conversion = conversion = couple(composition, tuple(plant.axes), tuple(plant.sensors))
+        self._sense, self._latch = conversion.sense, conversion.latch
         self._scales, self._offsets = sensor_scales(composition, scales)
         self._drives = list(world.rest.drives)
 
@@ -46,6 +48,14 @@ class ModularPlantDevices(PlantDevices):
         """Latch the composed `Command`: one command of each axis, then the wave maker."""
         waves = self._latch(command, self._drives)
         self._world.actuate(Actuation(tuple(self._drives), waves))
+
+    def coupling(self) -> CoupledModes:
+        """Return the plant as it is between two ticks."""
+        return CoupledModes(self._world, (self._scales, self._offsets))
+
+    def plant_code(self) -> PlantCode:
+        """Return the plant's part of the compiled ticks."""
+        return plant_code(self._conversion)
 
 
 def sensor_scales(
@@ -82,3 +92,11 @@ def connect(config: dict[str, Any], dt: float) -> ModularPlantDevices:
         Composition.from_text(config["composition"]),
         [SensorScale(*each) for each in config["sensors"]],
     )
+
+
+def couple_devices(config: dict[str, Any], dt: float) -> ModularPlantDevices:
+    """Return devices whose ticks can be compiled together with those of the loop.
+
+    They are interpreted until then.
+    """
+    return connect(config | {"compiled": False}, dt)

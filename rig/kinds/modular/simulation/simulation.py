@@ -3,8 +3,6 @@
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from rig.analysis.rows import table_fields
 from rig.compilation.column import Column
 from rig.compilation.coupled_loop import (
@@ -15,13 +13,13 @@ from rig.compilation.coupled_loop import (
     with_columns,
 )
 from rig.kinds.modular.build import campaign_composition, campaign_params
+from rig.kinds.modular.rehearsal import plant_coupling
 from rig.kinds.modular.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
+from rig.kinds.modular.rehearsal.coupled_plant import couple_world, plant_code
 from rig.kinds.modular.rehearsal.coupling import couple
 from rig.kinds.modular.rehearsal.devices import SensorScale, build_world, sensor_scales
 from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.row_contents import row_contents
-from rig.kinds.modular.simulation import plant_coupling
-from rig.kinds.modular.simulation.plant_coupling import AT_REST
 from rig.kinds.modular.simulation.waves import wave_sensors
 from rig.kinds.modular.tick import Composition, compose
 from rig.kinds.modular.tick import signals as modular_signals
@@ -31,11 +29,6 @@ from rig.realtime import cycle
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import REQUIRED_FIELDS
 from sim_plant import wave_maker
-
-_IMPORTS = """\
-from {coupling} import latch, sense
-from {tick} import KIND
-from rig.kinds.modular.simulation.plant_coupling import actuate, advance_plant"""
 
 
 class CampaignSimulator(LoopSimulator):
@@ -53,12 +46,10 @@ class CampaignSimulator(LoopSimulator):
         settings = campaign_settings(campaign)
         if sea is not None:
             settings = settings | {"sea": sea}
-        world = build_world(settings | {"compiled": False}, plan.dt)
-        self._begin, self._age = world.initial_conditions(), world.delay
+        self._world = build_world(settings | {"compiled": False}, plan.dt)
+        self._normals = Column(self._world.conditions().normals)
         given = [SensorScale(*each) for each in settings["sensors"]]
         self._sensors = sensor_scales(composition, given)
-        self._table = Column(self._begin.table.ravel())
-        self._normals = Column(self._begin.normals)
         self.params = campaign_params(campaign, plan)
         self._realisations = list_realisations(plan.setpoints.realisation)
 
@@ -66,33 +57,9 @@ class CampaignSimulator(LoopSimulator):
         """Return the loop at power-on with the set points of a plan."""
         placed = index_realisations(plan.setpoints, self._realisations)
         params = with_columns(self.params, plan.segments, placed)
-        start = CoupledState(0, cycle.start(self.kind, self.params, 0), AT_REST, 0)
-        return CoupledLoop(self.advance, params, self._plant(), self.dt, start)
-
-    def _plant(self) -> plant_coupling.Plant:
-        """Return the plant at rest, with columns of its own."""
-        begin = self._begin
-        sequences = begin.params._asdict().items()
-        columns: dict[str, Any] = {n: Column(v) for n, v in sequences if not isinstance(v, int)}
-        params = begin.params._replace(**columns)
-        scales, offsets = self._sensors
-        lines = begin.table.shape[1]
-        return plant_coupling.Plant(
-            params,
-            Column(np.array(begin.state)),
-            self._table,
-            begin.onset,
-            begin.onset_ticks,
-            Column(np.zeros(lines)),
-            Column(np.zeros(lines)),
-            self._normals,
-            Column(np.zeros(2 * begin.params.axes)),
-            Column(np.array(begin.readings)),
-            Column(np.tile(begin.readings, begin.delay_line)),
-            self._age,
-            Column(scales),
-            Column(offsets),
-        )
+        plant, device = couple_world(self._world, self._sensors, self._normals)
+        start = CoupledState(0, cycle.start(self.kind, self.params, 0), device, 0)
+        return CoupledLoop(self.advance, params, plant, self.dt, start)
 
 
 def loop_source(campaign: Any) -> LoopSource:
@@ -120,11 +87,9 @@ def _loop_source(
     helpers = dict.fromkeys(module for law in laws for module in helper_modules(law))
     return LoopSource(
         name=f"batch_{tick.__name__.rpartition('.')[2]}",
-        imports=_IMPORTS.format(coupling=coupling.__name__, tick=tick.__name__),
+        imports=f"from {tick.__name__} import KIND",
         kind="KIND",
-        advance="advance_plant(plant, device, tick, dt)",
-        sense="sense(plant.in_transit, device.oldest, plant.age, plant.scales, plant.offsets)",
-        actuate="actuate(plant, device, latch(command, plant.drives), dt)",
+        plant=plant_code(coupling),
         fields=fields,
         lifted=(*helpers, *PLANT, wave_maker, plant_coupling, coupling, tick),
         types=(modular_signals,),

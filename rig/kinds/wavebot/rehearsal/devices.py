@@ -5,11 +5,16 @@ from typing import Any
 
 from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from controllers.signals import DriveSettings as Settings
+from rig.compilation.tick_source import PlantCode
 from rig.emulation.in_process import PlantDevices
 from rig.emulation.sea import build_sea
+from rig.kinds.wavebot.rehearsal.coupled_plant import (
+    PLANT_CODE,
+    CoupledWaveBot,
+    plant_drive_settings,
+)
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant.bem import read_bem
-from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
 from sim_plant.prescribed import MotionProfile, hoist_cycle_profile
 from sim_plant.world import OFF, Actuation, Stepper, World
@@ -77,8 +82,14 @@ class WaveBotPlantDevices(PlantDevices):
     def _configure(self, settings: Settings) -> None:
         changed, self._last_settings = settings != self._last_settings, settings
         if changed and settings.bus_voltage > 0.0:  # all zero where the drive has none
-            scheme, voltage, period, tolerance, _, level = settings
-            self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
+            self._world.configure(plant_drive_settings(settings))
+
+    def coupling(self) -> CoupledWaveBot:
+        """Return the plant as it is between two ticks."""
+        return CoupledWaveBot(self._world, self._last_settings)
+
+    def plant_code(self) -> PlantCode:
+        return PLANT_CODE
 
 
 def build_world(config: dict[str, Any], dt: float) -> World:
@@ -118,3 +129,13 @@ def _hoist_profile(settings: dict[str, Any] | None) -> MotionProfile | None:
 def connect(config: dict[str, Any], dt: float) -> WaveBotPlantDevices:
     """Return the simulated devices for a configuration of `build_world`."""
     return WaveBotPlantDevices(build_world(config, dt), dt)
+
+
+def couple_devices(config: dict[str, Any], dt: float) -> WaveBotPlantDevices | None:
+    """Return devices whose ticks can be compiled together with those of the loop.
+
+    They are interpreted until then. None: a hoist or an empty basin is not compiled.
+    """
+    if config.get("hoist") is not None or config.get("device", "present") != "present":
+        return None
+    return connect(config | {"compiled": False}, dt)

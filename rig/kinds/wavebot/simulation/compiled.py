@@ -11,9 +11,10 @@ from controllers import drive_gating, magnetic_spring, position_hold, station_ke
 from rig.analysis.rows import table_fields
 from rig.compilation.coupled_loop import LoopSource
 from rig.config.law_settings import IMPEDANCE
+from rig.kinds.wavebot.rehearsal import noise, plant_coupling
 from rig.kinds.wavebot.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
+from rig.kinds.wavebot.rehearsal.coupled_plant import PLANT_CODE
 from rig.kinds.wavebot.row_contents import row_contents
-from rig.kinds.wavebot.simulation import noise, plant_coupling
 from rig.kinds.wavebot.tick import WaveBotRow, tare
 from rig.kinds.wavebot.tick import reasons as wavebot_reasons
 from rig.kinds.wavebot.tick import signals as wavebot_signals
@@ -33,7 +34,6 @@ _LIFTED: tuple[ModuleType, ...] = (
 _TYPES = (wavebot_signals, wavebot_reasons, plant_signals)
 _IMPORTS = """\
 import {law} as heave_law
-from rig.kinds.wavebot.simulation.plant_coupling import actuate, advance_plant, sense
 from rig.kinds.wavebot.tick import kind_with_law"""
 
 _WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
@@ -50,9 +50,7 @@ def loop_source(law: Law) -> LoopSource:
         name=f"batch_{law.module.__name__.rpartition('.')[2]}",
         imports=_IMPORTS.format(law=law.module.__name__),
         kind="kind_with_law(heave_law)",
-        advance="advance_plant(plant, device, tick, dt)",
-        sense="sense(device.in_transit[0], plant.age)",
-        actuate="actuate(plant, device, command, dt)",
+        plant=PLANT_CODE,
         fields=KEPT_FIELDS,
         lifted=(*_LIFTED, *helper_modules(law)),
         types=_TYPES,

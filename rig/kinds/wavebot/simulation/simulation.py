@@ -8,20 +8,15 @@ from rig.compilation.coupled_loop import CoupledLoop, CoupledState, LoopSimulato
 from rig.compilation.row_simulation import Progress
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan
-from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.rehearsal import job, plant_coupling
+from rig.kinds.wavebot.rehearsal.coupled_plant import couple, plant_drive_settings
 from rig.kinds.wavebot.rehearsal.devices import build_world
-from rig.kinds.wavebot.simulation import plant_coupling
 from rig.kinds.wavebot.simulation.compiled import loop_source
-from rig.kinds.wavebot.simulation.noise import interleaved
-from rig.kinds.wavebot.simulation.plant_coupling import Device
 from rig.kinds.wavebot.tick import kind_with_law
 from rig.planning.reference import index_realisations, list_realisations
 from rig.realtime import cycle
-from sim_plant import custom_drive, wave_maker, wavebot
+from sim_plant import custom_drive, wavebot
 from sim_plant.parameters import Plant
-from sim_plant.signals import OFF
-
-_NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
 class CampaignSimulator(LoopSimulator):
@@ -40,17 +35,11 @@ class CampaignSimulator(LoopSimulator):
         if sea is not None:
             devices["sea"] = sea
         self._plant_file = Plant.model_validate(devices["plant"])
-        self.begin = begin = build_world(
-            devices | {"compiled": False}, plan.dt
-        ).initial_conditions()
+        self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).conditions()
         self.params = wavebot_params(campaign, plan.segments, plan.setpoints)
         self._realisations = list_realisations(plan.setpoints.realisation)
-        elevation, heave, surge, onset, onset_ticks = begin.tables
-        waves: Any = [Column(table) for table in (elevation, heave, surge)]
-        tables = wave_maker.WaveMakerTables(waves[0], waves[1], waves[2], onset, onset_ticks)
-        self._sensors, normals = interleaved(begin.params.sensors, begin.normals)
-        constants = begin.params._replace(sensors=self._sensors)
-        self.plant = plant_coupling.Plant(constants, tables, normals, begin.delay)
+        self.plant, self._device = couple(begin)
+        self._sensors = self.plant.constants.sensors
 
     def loop(self, plan: Plan, place: float | None) -> "_WaveBotLoop":
         """Return the loop at power-on; ``place`` is the stator's position then, %."""
@@ -63,21 +52,20 @@ class CampaignSimulator(LoopSimulator):
 
     def start(self, place: float | None = None) -> CoupledState:
         """Return the state of loop and plant before the first tick."""
-        begin, state, line = self.begin, self.begin.state, self.begin.delay_line
+        begin, device = self.begin, self._device
         if place is not None:
             initial = wavebot.initial(begin.params, float(place), 0.0)
-            state = initial._replace(probes=state.probes)
+            state = initial._replace(probes=begin.state.probes)
             reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
-            line = (reading,) * len(line)
-        device = Device(state, wave_maker.STILL_WATER, line, OFF, 0, _NO_SETTINGS)
+            line = (reading,) * len(device.in_transit)
+            device = device._replace(state=state, in_transit=line)
         return CoupledState(0, cycle.start(self.kind, self.params, 0), device, 0)
 
     def set_drive(self, settings: DriveSettings) -> plant_coupling.Plant:
         """Return the plant's constants for settings of the custom drive; ValueError if invalid."""
         if self.plant.constants.electrics.custom == 0:
             return self.plant
-        scheme, voltage, period, tolerance, _, level = settings
-        drive_settings = custom_drive.DriveSettings(scheme, voltage, period, tolerance, level)
+        drive_settings = plant_drive_settings(settings)
         custom_drive.check_settings(drive_settings)
         constants = self._plant_file.build(drive_settings)._replace(sensors=self._sensors)
         return self.plant._replace(constants=constants)

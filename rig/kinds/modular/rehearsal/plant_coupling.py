@@ -39,9 +39,6 @@ class Device(NamedTuple):
     new_input: int  # 1: the drives got a command after the plant's last step
 
 
-AT_REST = Device(-1, 0, 0, 0, 0)
-
-
 def write_waves(plant: Plant, wave_tick: int, line: int, dt: float, waves: Any) -> None:
     """Write excitation and elevation of a tick of the wave clock; zeros before its start."""
     count = len(waves)

@@ -13,7 +13,7 @@ from controllers.signals import (
     ProbeSense,
     SpringSense,
 )
-from rig.kinds.wavebot.simulation.noise import prefetch_ahead
+from rig.kinds.wavebot.rehearsal.noise import prefetch_ahead
 from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import wave_maker
 from sim_plant.signals import Actuation, Readings
@@ -40,18 +40,28 @@ class Device(NamedTuple):
     plant_input: Actuation  # last command
     new_input: int  # 1: ``plant_input`` arrived after the plant's last step
     settings: DriveSettings  # last settings of the custom drive
+    sampled_tick: int  # of the sea when the plant was sampled, before a switch in the same tick
+    sampled_onset: float
 
 
 def advance_plant(plant: Plant, device: Device, tick: int, dt: float) -> Device:
     """Return the device one tick later, with its readings of ``tick`` in transit."""
-    state, sea, in_transit, plant_input, new_input, settings = device
+    state, sea, in_transit, plant_input, settings = (
+        device.state,
+        device.sea,
+        device.in_transit,
+        device.plant_input,
+        device.settings,
+    )
     prefetch_ahead(plant.tables, plant.normals, sea.table_index, tick)
     after = wave_maker.step(plant.tables, sea, dt)
     now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
-    state = plant_step(plant.constants, without_hoist(state), plant_input, new_input, now, then, dt)
+    state = plant_step(
+        plant.constants, without_hoist(state), plant_input, device.new_input, now, then, dt
+    )
     readings = sample(plant.constants, state, tick, after.elevation, plant.normals)
     line = in_transit[1:] + (readings,)  # noqa: RUF005 - what numba compiles
-    return Device(state, after, line, plant_input, 0, settings)
+    return Device(state, after, line, plant_input, 0, settings, after.tick, after.onset_factor)
 
 
 def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[Device, bool]:
@@ -66,7 +76,17 @@ def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[
     changed = settings != device.settings and settings.bus_voltage > 0.0
     if not changed:
         settings = device.settings
-    return Device(device.state, sea, device.in_transit, plant_input, 1, settings), changed
+    after = Device(
+        device.state,
+        sea,
+        device.in_transit,
+        plant_input,
+        1,
+        settings,
+        device.sampled_tick,
+        device.sampled_onset,
+    )
+    return after, changed
 
 
 def without_hoist(state: WaveBotState) -> WaveBotState:

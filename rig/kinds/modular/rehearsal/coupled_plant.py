@@ -1,0 +1,85 @@
+"""The simulated modular rig for ticks compiled together with it (`rig.realtime.coupled_ticks`)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rig.compilation.column import Column
+from rig.compilation.tick_source import PlantCode
+from rig.kinds.modular.rehearsal import plant_coupling
+from rig.kinds.modular.rehearsal.plant_coupling import Device, Plant
+from rig.realtime.tick_memory import FlatMemory
+from sim_plant.modes.world import World
+
+_IMPORTS = """\
+from {coupling} import latch, sense
+from rig.kinds.modular.rehearsal.plant_coupling import actuate, advance_plant"""
+_NEVER = 1 << 62
+
+
+def plant_code(coupling: Any) -> PlantCode:
+    """Return the plant's part of compiled ticks; ``coupling`` is the module of `couple`."""
+    own = plant_coupling
+    return PlantCode(
+        imports=_IMPORTS.format(coupling=coupling.__name__),
+        functions=(coupling.latch, coupling.sense, own.advance_plant, own.actuate),
+        advance="advance_plant(plant, device, tick, dt)",
+        sense="sense(plant.in_transit, device.oldest, plant.age, plant.scales, plant.offsets)",
+        actuate="actuate(plant, device, latch(command, plant.drives), dt)",
+    )
+
+
+def couple_world(
+    world: World, sensors: tuple[Sequence[float], Sequence[float]], normals: Column
+) -> tuple[Plant, Device]:
+    """Return constants and state of a world.
+
+    ``sensors``: of `devices.sensor_scales`; ``normals``: the noise table of the world's conditions.
+
+    The columns of the plant are its own: ticks change the state, but not the world.
+    """
+    now = world.conditions()
+    sequences = now.params._asdict().items()
+    columns: dict[str, Any] = {n: Column(v) for n, v in sequences if not isinstance(v, int)}
+    scales, offsets = sensors
+    plant = Plant(
+        now.params._replace(**columns),
+        Column(np.array(now.state)),
+        Column(now.table.ravel()),
+        now.onset,
+        now.onset_ticks,
+        Column(np.array(now.waves)),
+        Column(np.zeros(now.table.shape[1])),
+        normals,
+        Column(np.array(now.actuation.drives)),
+        Column(np.array(now.delay_line[-1])),
+        Column(np.ravel(now.delay_line)),
+        world.delay,
+        Column(np.array(scales, np.float64)),
+        Column(np.array(offsets, np.float64)),
+    )
+    line = now.wave_tick % now.table.shape[0] if now.wave_tick >= 0 else 0
+    return plant, Device(now.wave_tick, line, 0, now.actuation.wave_trigger, now.fresh)
+
+
+class CoupledModes:
+    """A world whose ticks run compiled; a `rig.realtime.coupled_ticks.Coupling`.
+
+    All of it is compiled, so nothing of it acts between chunks of ticks.
+    """
+
+    def __init__(self, world: World, sensors: tuple[Sequence[float], Sequence[float]]) -> None:
+        """``sensors``: of `devices.sensor_scales`."""
+        normals = Column(world.conditions().normals)
+        self.plant, self.device = couple_world(world, sensors, normals)
+
+    def attach(self, memory: FlatMemory) -> None:
+        """Nothing of the plant is outside of the memory."""
+
+    def ticks_until_due(self, tick: int) -> int:
+        """Return a number of ticks that no run has."""
+        return _NEVER
+
+    def act(self, tick: int) -> None:
+        """Nothing is due."""

@@ -1,0 +1,129 @@
+"""Ticks of a rig together with its simulated plant, compiled and executed many at a time.
+
+On the virtual clock nothing outside acts between two ticks, except for requests, and for the parts
+of a plant that are not compiled: so ticks run in chunks that end there. Rows go straight into the
+memory of the ring.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from rig.realtime import cycle
+from rig.realtime.compiled_tick import is_complete, load_at_once
+from rig.realtime.object_code import ObjectCodeError
+from rig.realtime.tick import InterpretedTick, RowSink
+from rig.realtime.tick_memory import FlatMemory
+
+_TICKS_BETWEEN_LOOKS = 100
+
+
+class Header(NamedTuple):
+    """The inputs of a chunk besides parameters, plant and states."""
+
+    request: int = 0
+    tick: int = 0  # the first one
+    most: int = 0  # ticks to execute
+    dt: float = 0.0  # s
+    row: int = 0  # address of the first row
+
+
+class Coupling(Protocol):
+    """A simulated plant as compiled ticks take it, and what of it acts between chunks."""
+
+    plant: Any
+    """Its constants, a NamedTuple that may hold `rig.realtime.tick_memory.Numbers`."""
+
+    device: Any
+    """Its state and the signals between plant and loop, after the last executed tick."""
+
+    def attach(self, memory: FlatMemory) -> None:
+        """Take the memory with the sections `plant` and `device`, on which ticks work from now."""
+        ...
+
+    def ticks_until_due(self, tick: int) -> int:
+        """Return how many ticks from ``tick`` on may be executed before `act`, at least 1."""
+        ...
+
+    def act(self, tick: int) -> None:
+        """Do what is due before ``tick``, the next one."""
+        ...
+
+
+def memory_of(params: cycle.Params, state: cycle.State, coupling: Coupling) -> FlatMemory:
+    """Return the memory of ticks from a state on."""
+    return FlatMemory(
+        header=Header(), params=params, state=state, plant=coupling.plant, device=coupling.device
+    )
+
+
+class CoupledTicks:
+    """The compiled ticks of loop and plant from a tick on."""
+
+    def __init__(
+        self, memory: FlatMemory, code: Callable[[], int], coupling: Coupling, dt: float,
+        rows: RowSink,
+    ) -> None:  # fmt: skip
+        """``code``: of `rig.realtime.compiled_tick.load_at_once` for the memory."""
+        self._memory, self._code, self._coupling = memory, code, coupling
+        self._dt, self._rows = dt, rows
+        self._pack_header = memory.sections["header"].layout.pack_into
+        self._mode = memory.number("state", "safety", "mode")
+        coupling.attach(memory)
+
+    @property
+    def mode(self) -> int:
+        """Mode of the safety machine after the last tick."""
+        return int(self._mode[0])
+
+    @property
+    def reason(self) -> int:
+        """Reason of a stop, as of the safety machine."""
+        state: cycle.State = self._memory.get("state")
+        return state.safety.reason
+
+    def execute(self, tick: int, request: int, most: int) -> int:
+        """Execute up to ``most`` ticks from ``tick`` on; return their number, at least 1.
+
+        Without power each chunk has one tick.
+        """
+        address, space = self._rows.reserve(min(most, self._coupling.ticks_until_due(tick)))
+        self._pack_header(self._memory.buffer, 0, request, tick, space, self._dt, address)
+        executed = self._code()
+        self._rows.publish(executed)
+        self._coupling.act(tick + executed)
+        return executed
+
+
+class CoupledChangeover:
+    """The way from ticks of their own to compiled ticks of loop and plant."""
+
+    def __init__(
+        self,
+        folder: Path,
+        couple: Callable[[], Coupling],
+        params: cycle.Params,
+        dt: float,
+        rows: RowSink,
+        interpreted: InterpretedTick,
+    ) -> None:
+        """``couple`` returns the plant as it is between two ticks."""
+        self._folder, self._couple = folder, couple
+        self._params, self._dt, self._rows = params, dt, rows
+        self._interpreted = interpreted
+        self._calls = 0
+        self.problem = ""  # why the code cannot be used
+
+    def advance(self) -> CoupledTicks | InterpretedTick | None:
+        """Return the ticks to go on with if the code is there; call it between two ticks."""
+        self._calls += 1
+        if self._calls % _TICKS_BETWEEN_LOOKS != 1 or not is_complete(self._folder):
+            return None
+        coupling = self._couple()
+        memory = memory_of(self._params, self._interpreted.state, coupling)
+        try:
+            code = load_at_once(self._folder, memory)
+        except (OSError, ObjectCodeError) as error:
+            self.problem = str(error)
+            return self._interpreted
+        return CoupledTicks(memory, code, coupling, self._dt, self._rows)

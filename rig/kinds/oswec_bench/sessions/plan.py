@@ -131,7 +131,7 @@ def setpoint_table(setpoints: tuple[Setpoint, ...]) -> Setpoints:
     sea, flap_held, hold_angle, pto_damping = zip(*flumes, strict=True)
     return Setpoints(
         Components(*(tuple(chain(*columns)) for columns in zip(*components, strict=True))),
-        tuple(accumulate(length[:-1], initial=0)),
+        tuple(accumulate(length, initial=0))[:-1],
         length,
         rise,
         fade_start,

@@ -33,7 +33,6 @@ from controllers.signals import (
     NewtonMetre,
     Radian,
     RadianPerSecond,
-    Ratio,
     Second,
     Turning,
 )
@@ -41,14 +40,14 @@ from controllers.signals import (
 PI = 3.141592653589793
 
 
-class Component(NamedTuple):
-    """One cosine of a reference, with its correction."""
+class Components(NamedTuple):
+    """Cosines of references with their corrections, by columns of one length."""
 
-    amplitude: float  # rad; N*m where the reference is a torque
-    omega: RadianPerSecond
-    phase: Radian  # at clock zero
-    gain: Ratio  # g: corrected over plain amplitude, 1 without correction
-    advance: Second  # tau, 0 without correction
+    amplitude: tuple[float, ...]  # rad; N*m where the reference is a torque
+    omega: tuple[float, ...]  # rad/s
+    phase: tuple[float, ...]  # rad, at clock zero
+    gain: tuple[float, ...]  # 1, g: corrected over plain amplitude, 1 without correction
+    advance: tuple[float, ...]  # s, tau, 0 without correction
 
 
 class EnvelopeTimes(NamedTuple):
@@ -56,6 +55,14 @@ class EnvelopeTimes(NamedTuple):
 
     rise: Second  # duration of the rise from 0 to 1, and of the fall to 0
     fade_start: Second  # start of the fall
+
+
+class PeriodicReference(NamedTuple):
+    """A reference: its components, consecutive in a table of them, and its envelope."""
+
+    first: int  # index of its first component
+    length: int  # number of its components
+    span: EnvelopeTimes
 
 
 class Params(NamedTuple):
@@ -99,43 +106,49 @@ def envelope(span: EnvelopeTimes, clock: float) -> tuple[float, float]:
     return 0.5 - 0.5 * cos(turn * before), sign * 0.5 * turn * sin(turn * before)
 
 
-def reference(components: tuple[Component, ...], span: EnvelopeTimes, clock: float) -> Turning:
+def reference(components: Components, periodic: PeriodicReference, clock: float) -> Turning:
     """Return value and rate of the plain reference at ``clock`` (s); 0 before the clock starts."""
+    first, length, span = periodic
     share, rate = envelope(span, clock)
     if not finite(share) or share == 0.0:
         return Turning(share, share)
     angle = velocity = 0.0
-    for amplitude, omega, phase, _, _ in components:
-        angle, velocity = _add_cosine(angle, velocity, amplitude, omega, omega * clock + phase)
+    for k in range(first, first + length):
+        omega = components.omega[k]
+        at = omega * clock + components.phase[k]
+        angle, velocity = _add_cosine(angle, velocity, components.amplitude[k], omega, at)
     return Turning(share * angle, share * velocity + rate * angle)
 
 
 def corrected_reference(
-    components: tuple[Component, ...], span: EnvelopeTimes, clock: float
+    components: Components, periodic: PeriodicReference, clock: float
 ) -> Turning:
     """Return the reference amplified and advanced component by component."""
+    first, length, span = periodic
     share, rate = envelope(span, clock)
     if not finite(share) or share == 0.0:
         return Turning(share, share)
     angle = velocity = 0.0
-    for amplitude, omega, phase, gain, advance in components:
-        at = omega * (clock + advance) + phase
-        angle, velocity = _add_cosine(angle, velocity, gain * amplitude, omega, at)
+    for k in range(first, first + length):
+        omega = components.omega[k]
+        amplitude = components.gain[k] * components.amplitude[k]
+        at = omega * (clock + components.advance[k]) + components.phase[k]
+        angle, velocity = _add_cosine(angle, velocity, amplitude, omega, at)
     return Turning(share * angle, share * velocity + rate * angle)
 
 
 def step(
     params: Params,
     state: State,
-    components: tuple[Component, ...],
-    span: EnvelopeTimes,
+    components: Components,
+    periodic: PeriodicReference,
     clock: Second,
     torque: NewtonMetre,
     dt: float,
 ) -> tuple[State, tuple[Turning, Turning]]:
     """Return the plain reference and the sum of its corrections; ``torque``: measured, tared."""
-    plain = reference(components, span, clock)
-    ahead = corrected_reference(components, span, clock)
+    plain = reference(components, periodic, clock)
+    ahead = corrected_reference(components, periodic, clock)
     angle, velocity = ahead.angle - plain.angle, ahead.velocity - plain.velocity
     if len(params.torques) == 0:
         return state, (plain, Turning(angle, velocity))

@@ -66,6 +66,16 @@ def _running_state(tables: WaveMakerTables, tick: int, index: int, dt: Second) -
     )
 
 
+def value_at(
+    table: Sequence[float], first: int, length: int, tick: int, onset: Second, dt: Second
+) -> float:
+    """Return the value of a sea's table at a tick of the wave clock, within the onset or after it.
+
+    The repeat period has ``length`` entries from index ``first`` on: a table may hold many seas.
+    """
+    return onset_ramp(tick * dt, onset) * table[first + tick % length]
+
+
 def onset_ramp(wave_time: Second, duration: Second) -> Ratio:
     """Return the onset factor of the waves, 0..1: half a cosine over `duration`, then exactly 1."""
     if not wave_time < duration:

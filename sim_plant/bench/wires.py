@@ -4,9 +4,22 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from sim_plant.bench.signals import OFF, Actuation, BenchReading
+from sim_plant.bench.stepper import Stepper, StepperInputs
+from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Flag, Second, Tick
+
+
+class InitialConditions(NamedTuple):
+    """Initial conditions of a world, for callers that execute the step themselves."""
+
+    stepper: StepperInputs
+    delay_line: tuple[BenchReading, ...]  # readings not yet delivered, oldest first
+    delay: Second  # of a reading
 
 
 class PlantInterface(ABC):
@@ -16,8 +29,17 @@ class PlantInterface(ABC):
     a command, advance(dt) steps to tick k + 1 under it. Without commands the drive goes into fault.
     """
 
-    def __init__(self, dt: Second, delay: Tick, rest_reading: BenchReading) -> None:
-        """`rest_reading` is the reading before the first tick."""
+    def __init__(
+        self, params: Any, state: Any, delay: Tick, *, dt: Second, seed: int, stepper: type[Stepper]
+    ) -> None:
+        """`params` and `state` are those of the stepper's plant, `delay` is that of a reading.
+
+        ``stepper`` may be any execution of the step with bitwise equal results. Raises ValueError
+        for a dt outside (0, 2 ms].
+        """
+        normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
+        self._start = StepperInputs(params, state, normals, check_tick(dt))
+        self._stepper = stepper(self._start)
         self._dt = dt
         self._actuation = OFF
         self._fresh: Flag = 0
@@ -25,8 +47,12 @@ class PlantInterface(ABC):
         self._tick: Tick = 0
         self.delay: Second = delay * dt  # age of a reading
         self._delay_line: deque[BenchReading] = deque(
-            [rest_reading] * (delay + 1), maxlen=delay + 1
+            [self._stepper.reading(0, 0)] * (delay + 1), maxlen=delay + 1
         )
+
+    def initial_conditions(self) -> InitialConditions:
+        """Return the initial conditions; call it before the first step."""
+        return InitialConditions(self._start, tuple(self._delay_line), self.delay)
 
     def actuate(self, actuation: Actuation) -> None:
         """Latch a command and reset its age."""

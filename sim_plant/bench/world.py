@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from sim_plant.bench import dynamometer
 from sim_plant.bench.dynamometer import BenchParams, BenchState
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.signals import OFF, Actuation, BenchReading, BenchTruth
-from sim_plant.bench.stepper import Stepper, StepperInputs
-from sim_plant.bench.wires import PlantInterface, check_tick
-from sim_plant.sensors import NOISE_LENGTH
+from sim_plant.bench.stepper import Stepper
+from sim_plant.bench.wires import PlantInterface
 from sim_plant.units import Count, Radian, Second
 
 __all__ = ["OFF", "Actuation", "BenchReading", "BenchTruth", "BenchWorld", "Stepper"]
@@ -22,17 +19,11 @@ class BenchWorld(PlantInterface):
     def __init__(
         self, plant: BenchPlant, *, dt: float, seed: int, stepper: type[Stepper] = Stepper
     ) -> None:
-        """Raise ValueError for a dt outside (0, 2 ms].
-
-        ``stepper`` may be another execution of the same step with bitwise equal results.
-        """
+        """Build the bench at rest; arguments and errors are those of `PlantInterface`."""
         self.params = plant.build()
-        normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
-        start = StepperInputs(
-            self.params, dynamometer.initial(self.params), normals, check_tick(dt)
-        )
-        self._stepper = stepper(start)
-        super().__init__(dt, plant.sensors.delay_ticks.value, self._stepper.reading(0, 0))
+        start = dynamometer.initial(self.params)
+        delay = plant.sensors.delay_ticks.value
+        super().__init__(self.params, start, delay, dt=dt, seed=seed, stepper=stepper)
         self._slip_counts: Count = 0
         self._brake_powered = True
 

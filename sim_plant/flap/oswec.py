@@ -49,6 +49,17 @@ def initial(params: FlapParams, angle: Radian) -> FlapState:
     return FlapState(driveline, FlapBodyState(angle, 0.0, 0.0, 0.0), 0.0)
 
 
+def turn_to(state: FlapState, angle: Radian) -> FlapState:
+    """Return the flap held at rest at an angle; its driveline, uncoupled, is unaffected."""
+    driveline = state.driveline
+    turned = BenchState(
+        driveline.drive, driveline.servo, driveline.gearbox, driveline.brake,
+        driveline.motor_angle, driveline.motor_velocity, angle, 0.0, 0.0, driveline.friction,
+        driveline.power, driveline.drift,
+    )  # fmt: skip
+    return FlapState(turned, FlapBodyState(angle, 0.0, 0.0, 0.0), state.coupling_torque)
+
+
 def step(
     params: FlapParams,
     state: FlapState,

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from sim_plant import sea_states
 from sim_plant.bench.signals import OFF, Actuation, BenchReading, BenchTruth
-from sim_plant.bench.stepper import StepperInputs
-from sim_plant.bench.wires import PlantInterface, check_tick
+from sim_plant.bench.wires import PlantInterface
 from sim_plant.bench.world import compute_truth
 from sim_plant.flap import oswec
-from sim_plant.flap.body import FlapBodyState
 from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Stepper
 from sim_plant.sea_states import Sea, WaveTables
-from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
-from sim_plant.wave_maker import onset_ramp
+from sim_plant.wave_maker import value_at
 
 __all__ = ["OFF", "Actuation", "BenchReading", "FlapTruth", "FlapWorld", "Stepper"]
 
@@ -45,21 +40,17 @@ class FlapWorld(PlantInterface):
         seed: int,
         stepper: type[Stepper] = Stepper,
     ) -> None:
-        """Raise ValueError for a dt outside (0, 2 ms] or a sea whose repeat is no multiple of it.
+        """Build the flap at rest; other arguments and errors are those of `PlantInterface`.
 
-        ``stepper`` may be another execution of the same step with bitwise equal results.
+        Raises ValueError for a sea whose repeat is no multiple of dt, too.
         """
         self.params = plant.build_flap()
-        table = sea_states.tables(sea, plant.coefficients(), check_tick(dt))
-        self._elevations: list[float] = table.elevation.tolist()
-        self._moments: list[float] = table.excitation.tolist()
-        self._onset = float(plant.water.onset.value)
+        start, delay = oswec.initial(self.params, 0.0), plant.sensors.delay_ticks.value
+        super().__init__(self.params, start, delay, dt=dt, seed=seed, stepper=stepper)
+        self.onset = float(plant.water.onset.value)  # s
         self._wave_tick = -1  # -1: the wave maker is off
         self._elevation = self._moment = 0.0
-        normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
-        start = oswec.initial(self.params, 0.0)
-        self._stepper = stepper(StepperInputs(self.params, start, normals, dt))
-        super().__init__(dt, plant.sensors.delay_ticks.value, self._stepper.reading(0, 0))
+        self.change_waves(sea_states.tables(sea, plant.coefficients(), dt))
 
     def make_waves(self, trigger: Flag) -> None:
         """Start the waves at t = 0 of the wave clock, or stop them at once."""
@@ -74,7 +65,8 @@ class FlapWorld(PlantInterface):
 
     def change_waves(self, tables: WaveTables) -> None:
         """Load another sea (`sea_states.tables`) into the wave maker and stop it."""
-        self._elevations, self._moments = tables.elevation.tolist(), tables.excitation.tolist()
+        self._elevations: list[float] = tables.elevation.tolist()
+        self._moments: list[float] = tables.excitation.tolist()
         self._wave_tick = -1
 
     def set_angle(self, angle: Radian) -> None:
@@ -84,12 +76,7 @@ class FlapWorld(PlantInterface):
         """
         if self.params.coupled == 1:
             raise ValueError("a flap on its driveline cannot be turned by hand")
-        state = self._stepper.state
-        driveline = state.driveline._replace(
-            shaft_angle=angle, shaft_velocity=0.0, shaft_torque=0.0
-        )
-        rest = FlapBodyState(angle, 0.0, 0.0, 0.0)
-        self._stepper.state = state._replace(driveline=driveline, body=rest)
+        self._stepper.state = oswec.turn_to(self._stepper.state, angle)
 
     def elevation(self) -> Metre:
         """Return the undisturbed elevation at the flap now."""
@@ -110,10 +97,9 @@ class FlapWorld(PlantInterface):
         self._elevation = self._moment = 0.0
         if self._wave_tick >= 0:
             self._wave_tick += 1
-            index = self._wave_tick % len(self._moments)
-            onset = onset_ramp(self._wave_tick * self._dt, self._onset)
-            self._elevation = onset * self._elevations[index]
-            self._moment = onset * self._moments[index]
+            at = (0, len(self._moments), self._wave_tick, self.onset, self._dt)
+            self._elevation = value_at(self._elevations, *at)
+            self._moment = value_at(self._moments, *at)
         return self._stepper.advance(
             self._actuation, self._fresh, self._stop_pressed, self._tick, self._moment
         )

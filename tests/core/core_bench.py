@@ -9,21 +9,20 @@ from typing import Any
 
 from core_runs import plan
 
-from controllers.oswec_position import Component, EnvelopeTimes
+from controllers.oswec_position import Components, EnvelopeTimes
 from controllers.signals import PanelSense
 from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.rehearsal.devices import BenchPlantDevices, connect
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.files import open_session
-from rig.kinds.oswec_bench.sessions.plan import plan_session
+from rig.kinds.oswec_bench.sessions.plan import NO_FLUME, Setpoint, plan_session, setpoint_table
 from rig.kinds.oswec_bench.tick import Sense
 from rig.kinds.oswec_bench.tick.signals import (
-    NO_FLUME,
     BrakeSense,
     Command,
     EncoderSense,
     ServoSense,
-    Setpoint,
+    Setpoints,
     WrenchSense,
 )
 from rig.realtime import cycle, safety, sequence
@@ -31,8 +30,16 @@ from rig.realtime.sequence import WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 DT = 0.001
-VELOCITY_COMPONENT = Component(math.radians(5.0), 2.0 * math.pi / 0.4, 0.0, 1.0, 0.0)
-TORQUE_COMPONENT = Component(20.0, 2.0 * math.pi / 0.4, -0.5 * math.pi, 1.0, 0.0)  # N*m
+
+
+def cosine(amplitude: float, period: float, phase: float = 0.0) -> Components:
+    """Return a reference of one cosine (rad or N*m, s, rad) without correction."""
+    return Components((amplitude,), (2.0 * math.pi / period,), (phase,), (1.0,), (0.0,))
+
+
+VELOCITY_REFERENCE = cosine(math.radians(5.0), 0.4)
+TORQUE_REFERENCE = cosine(20.0, 0.4, -0.5 * math.pi)
+SHORT_ROW = EnvelopeTimes(0.1, 0.8)
 
 SHORT_PLAN = plan(
     (-1, Phase.TARE, 60, 0, 0),
@@ -45,11 +52,13 @@ QUICK_SAFETY = safety.Params(enable_ticks=300, stop_ticks=200)
 
 
 def setpoints(
-    component: Component, damping: float = 60.0, brake_current: float = 0.0
-) -> tuple[Setpoint, ...]:
+    components: Components = VELOCITY_REFERENCE,
+    damping: float = 60.0,
+    brake_current: float = 0.0,
+    span: EnvelopeTimes = SHORT_ROW,
+) -> Setpoints:
     """Return a table of one set point."""
-    span = EnvelopeTimes(0.1, 0.8)
-    return (Setpoint((component,), span, damping, brake_current, NO_FLUME),)
+    return setpoint_table((Setpoint(components, span, damping, brake_current, NO_FLUME),))
 
 
 @cache
@@ -60,14 +69,14 @@ def shipped_params(name: str) -> cycle.Params:
 
 
 def params(
-    component: Component = VELOCITY_COMPONENT,
+    components: Components = VELOCITY_REFERENCE,
     segments: sequence.Segments = SHORT_PLAN,
     name: str = "driveline_short",
     **changes: Any,
 ) -> cycle.Params:
     """Return parameters of a short run with one set point; ``changes`` replace the kind's own."""
     base = shipped_params(name)
-    rig_params = base.rig._replace(**{"setpoints": setpoints(component), **changes})
+    rig_params = base.rig._replace(**{"setpoints": setpoints(components), **changes})
     return base._replace(rig=rig_params, segments=segments, safety=QUICK_SAFETY)
 
 

@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import golden_bench
 import pytest
 from golden_runs import KINDS, record
 
@@ -25,14 +26,17 @@ from rig.realtime.tick import Changeover, InterpretedTick
 from rig.recording import ring
 from rig.recording.runs import reader, run_info
 
-WAVEBOT = "rig.kinds.wavebot.tick"
+WAVEBOT, BENCH = "rig.kinds.wavebot.tick", "rig.kinds.oswec_bench.tick"
 TICKS_OF_LOADING = 100  # more than a changeover takes
+UNDISTURBED_TICKS = {"cots": 300, "bench_instantaneous": 1900, "bench_flap": 1900}  # rows move then
 Inputs = tuple[Any, int, int, cycle.Timing, int]  # of `Tick.step`
 
 
 class Recorded(NamedTuple):
     """A recorded run as inputs of its ticks."""
 
+    tick: str  # package of the kind's tick
+    law: str  # as `find_kind` of it takes it
     kind: cycle.Kind
     params: cycle.Params
     dt: float
@@ -51,15 +55,13 @@ def recorded(kind: str) -> Recorded:
         for block in reader.blocks(source)
         for tick, timing, sense, _ in cycle_replay._read_inputs(block)
     )
-    return Recorded(task.kind, task.params, task.dt, inputs)
-
-
-def law_request() -> str:
-    return laws.to_request(laws.own("impedance"))
+    on_bench = kind in golden_bench.MIN_MOTION
+    tick, law = (BENCH, "") if on_bench else (WAVEBOT, laws.to_request(laws.own("impedance")))
+    return Recorded(tick, law, task.kind, task.params, task.dt, inputs)
 
 
 def source_of(run: Recorded) -> TickSource:
-    return tick_source(WAVEBOT, law_request(), run.params, run.dt)
+    return tick_source(run.tick, run.law, run.params, run.dt)
 
 
 def code_of(run: Recorded) -> Path:
@@ -86,7 +88,7 @@ def execute(run: Recorded, inputs: tuple[Inputs, ...], folder: Path | None, star
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *golden_bench.MIN_MOTION])
 def test_a_changeover_at_any_tick_keeps_every_bit(kind: str) -> None:
     """Ten ticks of each golden run, chosen by chance; rows, commands, mode and reason are equal."""
     run = recorded(kind)
@@ -98,13 +100,16 @@ def test_a_changeover_at_any_tick_keeps_every_bit(kind: str) -> None:
         assert execute(run, run.inputs, folder, start) == expected, start
 
 
-def disturbed(run: Recorded, seed: int) -> tuple[Inputs, ...]:
-    """Return inputs with requests, lost ticks, and readings that are late, faulty or no numbers."""
+def disturbed(run: Recorded, undisturbed: int, seed: int) -> tuple[Inputs, ...]:
+    """Return inputs with requests, lost ticks, and readings that are late, faulty or no numbers.
+
+    The first ``undisturbed`` inputs are those of the run.
+    """
     choose = random.Random(seed)
-    found, skipped = [], 0
-    for i, (logged, _, tick, _, _) in enumerate(run.inputs):
+    found, skipped = list(run.inputs[:undisturbed]), 0
+    for logged, _, tick, _, _ in run.inputs[undisturbed:]:
         sense, periods, request = logged, 1, 0
-        if i > 600 and choose.random() < 0.01:
+        if choose.random() < 0.002:
             field = choose.choice(sense._fields)
             part = getattr(sense, field)
             name = choose.choice(part._fields)
@@ -116,7 +121,7 @@ def disturbed(run: Recorded, seed: int) -> tuple[Inputs, ...]:
             )
             sense = sense._replace(**{field: part._replace(**{name: other})})
         if choose.random() < 0.01:
-            periods = choose.randrange(2, 30)
+            periods = choose.choice([2, 2, 3, 29])
             skipped += periods - 1
         if choose.random() < 0.002:
             request = choose.choice([safety.REQUEST_HOLD, safety.REQUEST_RESUME])
@@ -127,9 +132,10 @@ def disturbed(run: Recorded, seed: int) -> tuple[Inputs, ...]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
-def test_faults_requests_and_lost_ticks_are_equal_to_the_bit(seed: int) -> None:
-    run = recorded("cots")
-    inputs = disturbed(run, seed)
+@pytest.mark.parametrize("kind", ["cots", "bench_instantaneous", "bench_flap"])
+def test_faults_requests_and_lost_ticks_are_equal_to_the_bit(kind: str, seed: int) -> None:
+    run = recorded(kind)
+    inputs = disturbed(run, UNDISTURBED_TICKS[kind], seed)
     expected, got = (execute(run, inputs, folder, 0) for folder in (None, code_of(run)))
     assert got[0] == expected[0]  # bytes: a NaN equals itself
     assert got[2:] == expected[2:]

@@ -9,7 +9,10 @@ from typing import Any
 import pytest
 from core_bench import (
     QUICK_SAFETY,
-    TORQUE_COMPONENT,
+    SHORT_PLAN,
+    SHORT_ROW,
+    TORQUE_REFERENCE,
+    VELOCITY_REFERENCE,
     Quiet,
     params,
     setpoints,
@@ -18,6 +21,8 @@ from core_bench import (
 from core_runs import RunResult, run
 from core_wavebot import ModifiedDevices
 
+from controllers.oswec_position import Components
+from rig.kinds.oswec_bench.sessions.plan import NO_COMPONENTS, REST, setpoint_table
 from rig.kinds.oswec_bench.tick import Sense
 from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
@@ -123,7 +128,7 @@ def test_a_non_finite_sensor_value_trips_and_never_reaches_a_command(leaf: Any, 
 
 def test_a_brake_without_its_commanded_current_trips_after_the_time_limit() -> None:
     """A wrong current trips after the permitted number of ticks, with its own reason."""
-    parameters = params(setpoints=setpoints(params().rig.setpoints[0].components[0], 0.0, 0.5))
+    parameters = params(setpoints=setpoints(damping=0.0, brake_current=0.5))
     ticks = parameters.rig.limits.brake_ticks_stop
     result, devices = run_bench(altered_sense("brake", current=0.0), parameters)
     assert devices.commands[FAULT_TICK - 1].brake_current == 0.5
@@ -210,7 +215,7 @@ def test_the_row_has_the_power_at_load_cell_and_motor() -> None:
 
 def test_a_torque_row_loads_the_clamped_shaft() -> None:
     result, _ = run_bench(
-        parameters=params(TORQUE_COMPONENT, name="torque_constant"), simulated=simulated_bench()
+        parameters=params(TORQUE_REFERENCE, name="torque_constant"), simulated=simulated_bench()
     )
     assert result.end is not None
     assert result.end.reason == Reason.PLAN_END
@@ -223,10 +228,10 @@ def test_a_torque_row_loads_the_clamped_shaft() -> None:
 
 
 @pytest.mark.parametrize(
-    ("component", "name"), [(None, "driveline_short"), (TORQUE_COMPONENT, "torque_constant")]
+    ("components", "name"), [(None, "driveline_short"), (TORQUE_REFERENCE, "torque_constant")]
 )
-def test_a_controlled_stop_brings_the_shaft_to_rest(component: Any, name: str) -> None:
-    parameters = params(component, name=name, locked=0) if component else params(name=name)
+def test_a_controlled_stop_brings_the_shaft_to_rest(components: Any, name: str) -> None:
+    parameters = params(components, name=name, locked=0) if components else params(name=name)
     result, _ = run_bench(altered_sense("panel", limit_switch=1), parameters, simulated_bench())
     stop = [row for row in result.rows if row.safety.mode == STOP_1]
     assert len(stop) == QUICK_SAFETY.stop_ticks
@@ -234,6 +239,27 @@ def test_a_controlled_stop_brings_the_shaft_to_rest(component: Any, name: str) -
     assert abs(stop[-1].shaft.velocity) < 0.3 * max(abs(stop[0].shaft.velocity), 0.1)
     after = [row for row in result.rows if row.safety.mode == STOP_0]
     assert all((row.command.enable, row.command.brake_current) == (0, 0.0) for row in after)
+
+
+def test_a_row_moves_by_the_components_of_its_own_set_point() -> None:
+    """The table has the components of all set points one after another; the first has none."""
+    two = Components((0.06, 0.02), (12.0, 31.0), (0.3, -1.0), (1.0, 1.0), (0.0, 0.0))
+    components = (NO_COMPONENTS, VELOCITY_REFERENCE, two)
+    table = setpoint_table(
+        tuple(REST._replace(components=each, span=SHORT_ROW) for each in components)
+    )
+    assert (table.first, table.length) == ((0, 0, 1), (0, 1, 2))
+    for index, own in enumerate(components):
+        segments = SHORT_PLAN._replace(setpoint=(index,) * len(SHORT_PLAN.row))
+        result, _ = run_bench(parameters=params(segments=segments, setpoints=table))
+        moving = [row for row in result.rows if 0.1 <= row.plan.wave_clock <= 0.8]
+        assert len(moving) > 600
+        for row in moving:
+            expected = sum(
+                amplitude * math.cos(omega * row.plan.wave_clock + phase)
+                for amplitude, omega, phase, _, _ in zip(*own, strict=True)
+            )
+            assert row.reference.angle == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_demand_beyond_the_limits_is_clipped_and_flagged() -> None:

@@ -11,14 +11,14 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from core_bench import cosine, setpoints
 from core_bench import params as bench_params
-from core_bench import setpoints
 from core_bench import simulated_bench as bench_plant
 from core_runs import RunResult, plan, run
 from core_wavebot import READY, ModifiedDevices, params, plant, table
 
 from controllers import impedance
-from controllers.oswec_position import Component, EnvelopeTimes
+from controllers.oswec_position import EnvelopeTimes
 from rig.kinds.oswec_bench.tick.cycle import KIND as BENCH
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.wavebot.tick import KIND, Sense, kind_with_law
@@ -219,7 +219,7 @@ def test_a_saturated_drive_may_supply_less_current() -> None:
 
 # --- the bench
 
-TURN = Component(math.radians(10.0), 2.0 * math.pi / 1.5, 0.0, 1.0, 0.0)
+TURN = cosine(math.radians(10.0), 1.5)
 SLOW = plan(
     (-1, Phase.TARE, 60, 0, 0),
     (0, Phase.MOVING, 200, WAIT_DRIVE, 0),
@@ -231,9 +231,8 @@ STRIKE = 2500
 
 
 def run_bench(sense: Any = None, command: Any = None) -> RunResult:
-    (point,) = setpoints(TURN, 60.0)
-    slow = point._replace(span=EnvelopeTimes(0.5, 7.0))
-    modified = bench_params(segments=SLOW, setpoints=(slow,))
+    slow = setpoints(TURN, 60.0, span=EnvelopeTimes(0.5, 7.0))
+    modified = bench_params(segments=SLOW, setpoints=slow)
     done = run(BENCH, modified, ModifiedDevices(bench_plant(), sense, command))
     assert done.error is None
     return done

@@ -27,7 +27,7 @@ from controllers import (
     station_keeping,
     torque_tracking,
 )
-from controllers.oswec_position import Component, EnvelopeTimes
+from controllers.oswec_position import Components, EnvelopeTimes, PeriodicReference
 from controllers.signals import Estimate, Gains, SpringCommand
 from rig.compilation import lifting
 from rig.design.impedance import design
@@ -83,14 +83,12 @@ def of_spring(rng: np.random.Generator, tick: int) -> Inputs:
 
 def of_position(rng: np.random.Generator, tick: int) -> Inputs:
     row = np.random.default_rng(tick // 500)
-    components = tuple(
-        Component(*(row.normal(size=5) * [0.2, 5.0, 3.0, 0.1, 0.01] + [0, 0, 0, 1, 0]).tolist())
-        for _ in range(3)
-    )
+    columns = row.normal(size=(4, 5)) * [0.2, 5.0, 3.0, 0.1, 0.01] + [0, 0, 0, 1, 0]
+    components = Components(*map(tuple, columns.T.tolist()))
     clock = DT * (tick % 500) - 0.05
     return (
         components,
-        EnvelopeTimes(0.1, 0.3),
+        PeriodicReference(1, 3, EnvelopeTimes(0.1, 0.3)),
         clock,
         float(40.0 * math.sin(0.02 * tick) + rng.normal()),
     )

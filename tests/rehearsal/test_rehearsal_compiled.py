@@ -12,36 +12,40 @@ from typing import Any
 import numpy as np
 import pytest
 from command_here import rig
-from rehearsing import CONFIGS, SilentView, rehearsal_mode, write_campaign
+from golden_bench import GOLDEN
+from rehearsing import CONFIGS, SilentView, write_campaign
 
 from rig.compilation.tick_code import compile_tick
 from rig.compilation.tick_source import tick_source
 from rig.execution.task import run_task
-from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.tasks import execution_task
+from rig.kinds.rig_file import kind_of_task
+from rig.processes.run_types import ExecutionMode, Task
 from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import open_run
 
 QUICK = CONFIGS / "campaigns" / "quick.yaml"
+SESSION = GOLDEN / "bench_flap.yaml"
 
 
-def code_folder(campaign: Path) -> Path:
-    """Return the folder of a campaign's compiled tick, which is then there."""
-    report = check_campaign(campaign)
-    assert report.campaign is not None
-    assert report.plan is not None
-    task = execution_task(report.campaign, report.plan)
+def open_task(path: Path) -> tuple[Task, ExecutionMode]:
+    """Return a campaign or session as a task, and the mode of its rehearsal."""
+    tasks = kind_of_task(path).room("tasks")
+    report = tasks.examine(path)
+    assert report.ok, report.text()
+    mode = tasks.rehearsal_mode(report.checked, real_clock=False)
+    return tasks.execution_task(report.checked, report.plan), mode
+
+
+def code_folder(path: Path) -> Path:
+    """Return the folder of the compiled tick of a campaign or session, which is then there."""
+    task, _ = open_task(path)
     return compile_tick(tick_source(task.tick, task.law, task.params, task.dt))
 
 
-def run(campaign: Path, runs: Path, **changes: Any) -> tuple[Path, dict[str, Any]]:
-    """Rehearse a campaign; return folder and status."""
-    report = check_campaign(campaign)
-    assert report.campaign is not None
-    assert report.plan is not None
-    mode = rehearsal_mode(report.campaign, real_clock=False)._replace(**changes)
-    task = execution_task(report.campaign, report.plan)
-    ended = run_task(task, runs, SilentView(), mode)
+def run(path: Path, runs: Path, **changes: Any) -> tuple[Path, dict[str, Any]]:
+    """Rehearse a campaign or session; return folder and status."""
+    task, mode = open_task(path)
+    ended = run_task(task, runs, SilentView(), mode._replace(**changes))
     return ended.folder, json.loads((ended.folder / "run.json").read_text())
 
 
@@ -79,18 +83,34 @@ def test_a_run_changes_over_while_it_ticks(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-def test_a_run_with_code_in_the_cache_is_compiled_from_its_beginning(tmp_path: Path) -> None:
-    code_folder(QUICK)
-    folder, status = run(QUICK, tmp_path)
+@pytest.mark.parametrize("path", [QUICK, SESSION], ids=lambda path: path.stem)
+def test_a_run_with_code_in_the_cache_is_compiled_from_its_beginning(
+    path: Path, tmp_path: Path
+) -> None:
+    code_folder(path)
+    folder, status = run(path, tmp_path)
     assert status["status"] == "complete"
     assert 0 < status["compiled_from"] < 100
     assert not (folder / "compiler.stderr").exists()
 
 
 @pytest.mark.slow
-def test_the_command_compiles_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = code_folder(QUICK)
-    done = rig("compile", QUICK, "--json")
+def test_a_compiled_session_of_the_bench_has_the_record_of_an_interpreted_one(
+    tmp_path: Path,
+) -> None:
+    code_folder(SESSION)
+    expected, status = run(SESSION, tmp_path, interpreted=True)
+    assert (status["status"], status["compiled_from"]) == ("complete", -1)
+    folder, status = run(SESSION, tmp_path)
+    assert 0 < status["compiled_from"] < 100
+    assert_same_record(expected, folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [QUICK, SESSION], ids=lambda path: path.stem)
+def test_the_command_compiles_ahead(path: Path) -> None:
+    folder = code_folder(path)
+    done = rig("compile", path, "--json")
     assert done.returncode == 0
     assert json.loads(done.stdout)["folder"] == str(folder)
 

@@ -2,27 +2,19 @@
 
 from typing import Any
 
-from controllers.signals import PanelSense
 from rig.emulation.in_process import PlantDevices
+from rig.kinds.oswec_bench.rehearsal import bench_coupling, flap_coupling
 from rig.kinds.oswec_bench.tick import Sense
-from rig.kinds.oswec_bench.tick.signals import (
-    BrakeSense,
-    Command,
-    EncoderSense,
-    ServoSense,
-    WrenchSense,
-)
+from rig.kinds.oswec_bench.tick.signals import Command
 from sim_plant import sea_states
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Stepper
 from sim_plant.bench.wires import PlantInterface
-from sim_plant.bench.world import OFF, Actuation, BenchWorld
+from sim_plant.bench.world import OFF, BenchWorld
 from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Stepper as FlapStepper
 from sim_plant.flap.world import FlapWorld
 from sim_plant.sea_states import WaveTables
-
-HAND_SPEED = 0.3  # rad/s, with which a person turns the flap to its release angle
 
 
 class BenchPlantDevices(PlantDevices):
@@ -35,26 +27,10 @@ class BenchPlantDevices(PlantDevices):
 
     def read(self, now: float) -> Sense:
         self._advance_to(now)
-        bench, late = self._world.sense(), self._delay
-        return Sense(
-            EncoderSense(bench.motor_counts, bench.shaft_counts, late),
-            ServoSense(bench.current_a, bench.enabled, bench.fault, late),
-            WrenchSense(bench.fx, bench.fy, bench.fz, bench.tx, bench.ty, bench.tz, late),
-            BrakeSense(bench.brake_current_a, late),
-            PanelSense(bench.e_stop, bench.limit_switch, late),
-        )
+        return bench_coupling.sense(self._world.sense(), self._delay)
 
     def write(self, command: Command) -> None:
-        self._world.actuate(
-            Actuation(
-                command.enable,
-                command.mode,
-                command.volts,
-                command.current,
-                command.brake_current,
-                command.locked,
-            )
-        )
+        self._world.actuate(bench_coupling.actuation_of(command))
 
 
 class FlapDevices(BenchPlantDevices):
@@ -64,7 +40,6 @@ class FlapDevices(BenchPlantDevices):
         super().__init__(world, dt)
         self._flap = world
         self._tables = tables
-        self._step = HAND_SPEED * dt
         self._running = -1
         self._hand: float | None = None  # angle at which the hand holds the flap, rad; None: free
 
@@ -96,7 +71,7 @@ class FlapDevices(BenchPlantDevices):
         position = self._hand
         if position is None:
             position = self._flap.truth().driveline.shaft_angle
-        self._hand = position + max(-self._step, min(angle - position, self._step))
+        self._hand = flap_coupling.turned(position, angle, self._dt)
         self._flap.set_angle(self._hand)
 
 
@@ -119,14 +94,19 @@ def _stepper(config: dict[str, Any], interpreted: type[Stepper]) -> Any:
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchPlantDevices:
-    """Return the simulated devices for a configuration of `build_bench` or `connect_flap`."""
+    """Return the simulated devices for a configuration of `build_bench` or `build_flap`."""
     if "flap" in config["plant"]:
         return connect_flap(config, dt)
     return BenchPlantDevices(build_bench(config, dt), dt)
 
 
 def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
-    """Return the devices for {"plant": mapping, "seed": int, "seas": [...]}.
+    """Return the devices for a configuration of `build_flap`."""
+    return FlapDevices(*build_flap(config, dt), dt)
+
+
+def build_flap(config: dict[str, Any], dt: float) -> tuple[FlapWorld, list[WaveTables]]:
+    """Return the flap and its seas for {"plant": mapping, "seed": int, "seas": [...]}.
 
     "compiled" is as on the bench. A sea is {"repeat_s", "cycles", "amplitude_m", "phase_rad"}
     (`sim_plant.sea_states.components`).
@@ -145,4 +125,4 @@ def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
     ]
     stepper = _stepper(config, FlapStepper)
     world = FlapWorld(plant, sea_states.calm(), dt=dt, seed=config["seed"], stepper=stepper)
-    return FlapDevices(world, tables, dt)
+    return world, tables

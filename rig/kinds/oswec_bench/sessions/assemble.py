@@ -11,7 +11,7 @@ from rig.design.estimator import design
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile, Encoder
 from rig.kinds.oswec_bench.sessions.files import Session
-from rig.kinds.oswec_bench.sessions.plan import SessionPlan
+from rig.kinds.oswec_bench.sessions.plan import SessionPlan, setpoint_table
 from rig.kinds.oswec_bench.tick import speed
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
 from rig.kinds.oswec_bench.tick.state import Homing, Limits, LoadLimits, Params, ShaftParams
@@ -81,7 +81,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             locked=1 if session_file.shaft == "clamped" else 0,
             limits=_limits(limits_file, in_torque_loop, dt),
             motor_power=motor_power_params(limits_file.power, dt),
-            setpoints=plan.setpoints,
+            setpoints=setpoint_table(plan.setpoints),
         ),
     )
 

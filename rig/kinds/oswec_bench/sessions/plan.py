@@ -7,11 +7,12 @@ measured, and the motion fades out (tail). The wave clock of each row starts wit
 """
 
 import math
+from itertools import accumulate, chain
 from typing import NamedTuple
 
 import numpy as np
 
-from controllers.oswec_position import PI, Component, EnvelopeTimes
+from controllers.oswec_position import PI, Components, EnvelopeTimes
 from rig.kinds.oswec_bench.config.session_file import (
     SESSION_COLUMNS,
     SESSION_KINDS,
@@ -20,7 +21,7 @@ from rig.kinds.oswec_bench.config.session_file import (
 )
 from rig.kinds.oswec_bench.sessions.correction import RowCorrection
 from rig.kinds.oswec_bench.sessions.files import Session
-from rig.kinds.oswec_bench.tick.signals import NO_FLUME, Flume, Setpoint
+from rig.kinds.oswec_bench.tick.signals import Setpoints
 from rig.planning.multisine import Multisine, design_multisine, scale_to_peak
 from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
@@ -38,6 +39,29 @@ class SessionRow(NamedTuple):
     measure: float  # s
 
 
+class Flume(NamedTuple):
+    """The flap's part of a set point; it takes the place of the brake's part."""
+
+    sea: int  # index into the session's seas; -1: still water
+    flap_held: int  # 1: a person holds the flap
+    hold_angle: float  # rad, of the held flap
+    pto_damping: float  # N*m*s/rad, of the motor acting as power take-off
+
+
+NO_FLUME = Flume(-1, 0, 0.0, 0.0)
+"""The flume part of a set point without a flap."""
+
+
+class Setpoint(NamedTuple):
+    """A set point of the plan, an entry of the tick's `Setpoints`."""
+
+    components: Components  # of the reference: rad in the velocity loop, N*m in torque
+    span: EnvelopeTimes  # rise from zero, and clock of the row at which the fade-out starts
+    damping: float  # N*m*s/rad, R of the brake law T = R |v|
+    brake_current: float  # A, added to the current of the brake law
+    flume: Flume
+
+
 class SessionPlan(NamedTuple):
     """A planned session, ready for `rig.realtime.sequence.step`."""
 
@@ -49,7 +73,10 @@ class SessionPlan(NamedTuple):
     phases: dict[str, float]  # planned duration of each phase, s, by its name
 
 
-REST = Setpoint((), EnvelopeTimes(0.1, 0.0), 0.0, 0.0, NO_FLUME)
+NO_COMPONENTS = Components((), (), (), (), ())
+"""The components of a set point at which the drive moves nothing."""
+
+REST = Setpoint(NO_COMPONENTS, EnvelopeTimes(0.1, 0.0), 0.0, 0.0, NO_FLUME)
 """The set point at rest: no demand on motor and brake."""
 
 
@@ -96,6 +123,27 @@ def plan_session(session: Session) -> SessionPlan:
     return SessionPlan(tuple(rows), segments, setpoints, 1.0 / rate, duration, phases)
 
 
+def setpoint_table(setpoints: tuple[Setpoint, ...]) -> Setpoints:
+    """Return the set points by columns, as the loop uses them."""
+    components, spans, damping, brake_current, flumes = zip(*setpoints, strict=True)
+    length = tuple(len(each.amplitude) for each in components)
+    rise, fade_start = zip(*spans, strict=True)
+    sea, flap_held, hold_angle, pto_damping = zip(*flumes, strict=True)
+    return Setpoints(
+        Components(*(tuple(chain(*columns)) for columns in zip(*components, strict=True))),
+        tuple(accumulate(length, initial=0))[:-1],
+        length,
+        rise,
+        fade_start,
+        damping,
+        brake_current,
+        sea,
+        flap_held,
+        hold_angle,
+        pto_damping,
+    )
+
+
 def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
     """Return repetition and point of every row, in the order of the plan."""
     rows = [(repetition, i) for repetition in range(file.repeat) for i in range(count)]
@@ -109,9 +157,7 @@ def _period(file: SessionFile, point: Point) -> float:
     return point.values["period"] if file.irregular is None else file.irregular.repeat_s
 
 
-def row_components(
-    session: Session, point: Point, row_correction: RowCorrection
-) -> tuple[Component, ...]:
+def row_components(session: Session, point: Point, row_correction: RowCorrection) -> Components:
     """Return the cosines of a row's reference, each with its share of the correction.
 
     Unit: rad in the velocity loop; N*m in the torque loop, where a sine starts at zero torque. The
@@ -119,7 +165,7 @@ def row_components(
     """
     file, values = session.file, point.values
     if "wave_amplitude" in values or "release" in values:
-        return ()  # waves or a person move the flap, not the drive
+        return NO_COMPONENTS  # waves or a person move the flap, not the drive
     if file.irregular is not None:
         repeat, *lines = irregular_signal(file.irregular)
         peak = math.radians(values["amplitude"])
@@ -137,7 +183,7 @@ def row_components(
     equivalent_amplitude = math.sqrt(sum(a * a for a, _, _ in cosines))
     gain = 1.0 + row_correction.extra_amplitude / equivalent_amplitude
     advance = row_correction.advance + session.constants.lag
-    return tuple(Component(a, w, phase, gain, advance) for a, w, phase in cosines)
+    return Components(*zip(*((*cosine, gain, advance) for cosine in cosines), strict=True))
 
 
 class Sea(NamedTuple):

@@ -2,6 +2,7 @@
 
 from controllers import brake_damping, oswec_position, torque_tracking
 from controllers.blocks import clamp
+from controllers.oswec_position import EnvelopeTimes, PeriodicReference
 from controllers.signals import Demand, Estimate, Turning
 from rig.kinds.oswec_bench.tick import speed, stations, tare
 from rig.kinds.oswec_bench.tick.check import check, motor_sense
@@ -16,7 +17,6 @@ from rig.kinds.oswec_bench.tick.signals import (
     Reference,
     Rotation,
     Sense,
-    Setpoint,
     TickSignals,
 )
 from rig.kinds.oswec_bench.tick.state import (
@@ -81,7 +81,7 @@ def control(
 
     The set point becomes a velocity or a torque within limits, and a current of the brake.
     """
-    brake, tare_state, active = state.brake, state.tare, params.setpoints[setpoint]
+    brake, tare_state, table = state.brake, state.tare, params.setpoints
     motor_motion, shaft_motion = motion
     encoders, servo, load, brake_sense, _ = sense
     _, phase, _, clock = plan
@@ -89,7 +89,7 @@ def control(
     torque = load.tz - tare_state.zeros.torque
     if mode == RUN:
         laws, reference, correction, demand = _step_laws(
-            params, state, active, motion, torque, clock, dt
+            params, state, setpoint, motion, torque, clock, dt
         )
     else:  # the laws are reset while they do not act
         laws, correction = LAWS_AT_REST, _NO_CORRECTION
@@ -100,7 +100,7 @@ def control(
         max_difference = params.limits.velocity_difference_stop
         mismatch = limits.count_mismatch(state.mismatch, deviation, max_difference)
     motor, speed_state, drive = _command_drive(params, state, sense, motor_motion, demand, mode, dt)
-    damps_only = mode == RUN and active.flume.pto_damping > 0.0 and len(active.components) == 0
+    damps_only = mode == RUN and table.pto_damping[setpoint] > 0.0 and table.length[setpoint] == 0
     power = stations.step(
         state.power,
         cell_torque=torque,
@@ -115,9 +115,13 @@ def control(
     )
     brake_command = brake_damping.start()
     if RUN <= mode <= STOP_1:  # the brake acts during a controlled stop, too
-        _, _, damping, brake_current, _ = active
         brake_command = brake_damping.step(
-            params.brake, brake.command, damping, brake_current, shaft_motion.velocity, dt
+            params.brake,
+            brake.command,
+            table.damping[setpoint],
+            table.brake_current[setpoint],
+            shaft_motion.velocity,
+            dt,
         )
     if phase == TARE or tare_state.samples > 0 or tare_state.seeded == 0:
         previous_tare = tare_state
@@ -138,14 +142,15 @@ def control(
         checked,
         tare_state,
     )
-    sea, flap_held, hold_angle, _ = active.flume
+    locked = 1 if params.locked == 1 or table.flap_held[setpoint] == 1 else 0
+    sea = table.sea[setpoint] if clock >= 0.0 else -1
     command = Command(
         *drive,
         brake_command.torque,
         brake_command.current,
-        1 if params.locked == 1 or flap_held == 1 else 0,
-        sea if clock >= 0.0 else -1,
-        hold_angle,
+        locked,
+        sea,
+        table.hold_angle[setpoint],
     )
     return new_state, command, (motion, tare_state.zeros, reference, correction, demand, power)
 
@@ -153,7 +158,7 @@ def control(
 def _step_laws(
     params: Params,
     state: State,
-    active: Setpoint,
+    setpoint: int,
     motion: Motion,
     torque: float,
     clock: float,
@@ -164,13 +169,15 @@ def _step_laws(
     Damping by the motor uses the shaft's velocity as the brake's law filters it. The motor's own
     velocity would close a loop over the resonance of the coupling.
     """
-    laws = state.laws
-    components, span, _, _, flume = active
+    laws, table = state.laws, params.setpoints
+    span = EnvelopeTimes(table.rise[setpoint], table.fade_start[setpoint])
+    periodic = PeriodicReference(table.first[setpoint], table.length[setpoint], span)
     if params.mode == TORQUE:
-        torque_reference = oswec_position.reference(components, span, clock).angle
-        if flume.pto_damping > 0.0:
+        torque_reference = oswec_position.reference(table.components, periodic, clock).angle
+        pto_damping = table.pto_damping[setpoint]
+        if pto_damping > 0.0:
             torque_reference += brake_damping.motor_damping_torque(
-                flume.pto_damping, state.brake.command.velocity
+                pto_damping, state.brake.command.velocity
             )
         tracking, tracking_output = torque_tracking.step(
             params.torque, laws.torque, torque_reference, torque, state.motor.saturation_deficit, dt
@@ -179,7 +186,7 @@ def _step_laws(
         demand = LoopDemand(tracking_output.torque, 0.0)
         return Laws(laws.position, tracking), reference, _NO_CORRECTION, demand
     position, (plain_motion, correction) = oswec_position.step(
-        params.position, laws.position, components, span, clock, torque, dt
+        params.position, laws.position, table.components, periodic, clock, torque, dt
     )
     angle, velocity = plain_motion
     if clock < 0.0:  # between rows: homing, so that drift does not accumulate
@@ -264,7 +271,11 @@ def row(
         timing,
         plan,
         guard,
-        *sense,
+        sense.encoders,
+        sense.servo,
+        sense.load,
+        sense.brake,
+        sense.panel,
         Rotation(*motor),
         Rotation(*shaft),
         zeros,

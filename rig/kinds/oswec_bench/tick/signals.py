@@ -8,7 +8,7 @@ positive angles; the brake's torque opposes the shaft's velocity.
 from enum import IntEnum
 from typing import NamedTuple
 
-from controllers.oswec_position import Component, EnvelopeTimes
+from controllers.oswec_position import Components
 from controllers.signals import (
     Ampere,
     Count,
@@ -164,27 +164,20 @@ class BenchRow(NamedTuple):
     tick_end: Tick
 
 
-class Flume(NamedTuple):
-    """The flap's part of a set point; it takes the place of the brake's part."""
+class Setpoints(NamedTuple):
+    """Table of set points by columns, all of one length; a plan segment holds its row's index."""
 
-    sea: Index  # index into the session's seas; -1: still water
-    flap_held: Flag  # 1: a person holds the flap
-    hold_angle: Radian  # of the held flap
-    pto_damping: float  # N*m*s/rad, of the motor acting as power take-off
-
-
-NO_FLUME = Flume(-1, 0, 0.0, 0.0)
-"""The flume part of a set point without a flap."""
-
-
-class Setpoint(NamedTuple):
-    """A set point; a plan segment names an index into the table of them."""
-
-    components: tuple[Component, ...]  # of the reference: rad in the velocity loop, N*m in torque
-    span: EnvelopeTimes  # rise from zero, and clock of the row at which the fade-out starts
-    damping: float  # N*m*s/rad, R of the brake law T = R |v|
-    brake_current: float  # A, added to the current of the brake law
-    flume: Flume
+    components: Components  # of the references of all set points, those of each one together
+    first: tuple[int, ...]  # index of the first component of the set point's reference
+    length: tuple[int, ...]  # number of its components
+    rise: tuple[float, ...]  # s, `EnvelopeTimes` of the reference
+    fade_start: tuple[float, ...]  # s
+    damping: tuple[float, ...]  # N*m*s/rad, R of the brake law T = R |v|
+    brake_current: tuple[float, ...]  # A, added to the current of the brake law
+    sea: tuple[int, ...]  # index into the session's seas; -1: still water
+    flap_held: tuple[int, ...]  # 1: a person holds the flap
+    hold_angle: tuple[float, ...]  # rad, of the held flap
+    pto_damping: tuple[float, ...]  # N*m*s/rad, of the motor acting as power take-off
 
 
 # Motion of motor and shaft relative to their zeros, as in `rig.realtime.axis`, rad for m.

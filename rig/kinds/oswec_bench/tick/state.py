@@ -5,7 +5,7 @@ from typing import NamedTuple
 from controllers import brake_damping, estimator, oswec_position, torque_tracking
 from controllers.signals import Estimate
 from rig.kinds.oswec_bench.tick import speed, stations, tare
-from rig.kinds.oswec_bench.tick.signals import EncoderSense, Setpoint
+from rig.kinds.oswec_bench.tick.signals import EncoderSense, Setpoints
 from rig.realtime import axis, motor_power
 
 
@@ -65,7 +65,7 @@ class Params(NamedTuple):
     locked: int  # 1: the shaft is clamped
     limits: Limits
     motor_power: motor_power.Params
-    setpoints: tuple[Setpoint, ...]
+    setpoints: Setpoints
 
 
 class ShaftState(NamedTuple):

@@ -39,24 +39,23 @@ from rig.realtime import cycle
 
 find_kind = importlib.import_module("{tick}").find_kind
 step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
+{accesses}
+store_row = storer({row})
 '''
 
 _TICK = """
 
 @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def tick(m):
-    header = {header}
-    params = {params}
-    state = {state}
-    sense = {sense}
+    header = load_header(m)
     timing = cycle.Timing(header.lateness, header.work, header.skipped)
     state, command, row = step(
-        params, state, sense, header.request, header.tick, timing, header.periods, header.dt
+        load_params(m + {at_params}), load_state(m + {at_state}), load_sense(m + {at_sense}),
+        header.request, header.tick, timing, header.periods, header.dt,
     )
-    out = header.row
-    {store_row}
-    {store_state}
-    {store_command}
+    store_row(header.row, row)
+    store_state(m + {at_state}, state)
+    store_command(m + {at_command}, command)
     return state.safety.mode
 """
 
@@ -71,26 +70,27 @@ NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 @njit("int64(int64, int64, int64)", error_model="numpy", no_cpython_wrapper=True,
       no_cfunc_wrapper=True)
 def tick_once(m, tick, out):
-    header = {header}
-    params = {params}
-    state = {state}
-    plant = {plant}
-    device = {device}
+    header = load_header(m)
+    plant = load_plant(m + {at_plant})
+    device = load_device(m + {at_device})
     dt = header.dt
     if tick > 0:
         device = {advance}
     sensed = {sense_plant}
-    state, command, row = step(params, state, sensed, header.request, tick, NO_TIMING, 1, dt)
+    state, command, row = step(
+        load_params(m + {at_params}), load_state(m + {at_state}), sensed,
+        header.request, tick, NO_TIMING, 1, dt,
+    )
     device, interrupted = {actuate}
-    {store_row}
-    {store_state}
-    {store_device}
+    store_row(out, row)
+    store_state(m + {at_state}, state)
+    store_device(m + {at_device}, device)
     return 1 if interrupted or state.safety.mode == {stop_0} else 0
 
 
 @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def tick(m):
-    header = {header}
+    header = load_header(m)
     first, out = header.tick, header.row
     tick, ended = first, 0
     while tick - first < header.most and ended == 0:
@@ -99,6 +99,10 @@ def tick(m):
         out += {row_size}
     return tick - first
 """
+
+
+_WRITTEN = ("state", "command", "device")  # sections that ticks change
+_NUMBERS = {"d": "FLOAT", "q": "INT"}
 
 
 class PlantCode(NamedTuple):
@@ -172,15 +176,14 @@ def _source(
 ) -> TickSource:
     """Return the source with a body; ``others``: functions that it calls besides the cycle's."""
     names: dict[type, str] = {}
-    row = leaves(kind.row_type)
+    accesses = []
     for name, (tree, start, _) in memory.sections.items():
-        texts[name] = _load(tree, start // 8, names)[0]
-        if name in ("state", "command", "device"):
-            texts[f"store_{name}"] = "\n    ".join(_stores(tree, name, start // 8))
-    texts["store_row"] = "\n    ".join(
-        f"store_{'int' if leaf.code == 'q' else 'float'}(out, {i}, row.{leaf.name})"
-        for i, leaf in enumerate(row)
-    )
+        kind_of_section = _numba_type(tree, names)
+        accesses.append(f"load_{name} = loader({kind_of_section})")
+        if name in _WRITTEN:
+            accesses.append(f"store_{name} = storer({kind_of_section})")
+        texts[f"at_{name}"] = start
+    row = leaves(kind.row_type)
     step, *called = reachable(cycle.make(kind), *others)
     owners = {each.__module__ for each in (step, *called, *names)} & sys.modules.keys()
     functions = [each for each in called if inspect.isfunction(each)]
@@ -194,6 +197,8 @@ def _source(
         generated=f"Byte code of its functions without a source: {_digest(without_source)}",
         tick=tick,
         law=law,
+        accesses="\n".join(accesses),
+        row=f"plain({', '.join(_NUMBERS[leaf.code] for leaf in row)})",
         row_size=8 * len(row),
         **texts,
     )
@@ -201,35 +206,17 @@ def _source(
     return TickSource(text, tuple(functions), (*own, *modules))
 
 
-def _load(tree: Any, at: int, names: dict[type, str]) -> tuple[str, int]:
-    """Return the expression that reads a tree from number ``at`` on, and the number after it."""
+def _numba_type(tree: Any, names: dict[type, str]) -> str:
+    """Return the expression of the type of a tree (`rig.compilation.memory_access`)."""
     if isinstance(tree, Table):
-        kind = "int" if tree.code == "q" else "float"
-        return f"{kind}_column(load_int(m, {at}), load_int(m, {at + 1}))", at + 2
+        return f"{_NUMBERS[tree.code]}S"
     if not isinstance(tree, tuple):
-        return f"load_{'int' if isinstance(tree, int) else 'float'}(m, {at})", at + 1
-    parts = []
-    for member in tree:
-        part, at = _load(member, at, names)
-        parts.append(part)
+        return _NUMBERS["q" if isinstance(tree, int) else "d"]
+    parts = [_numba_type(member, names) for member in tree]
     if not tick_memory.is_named(tree):
-        return f"({''.join(f'{part}, ' for part in parts)})", at
+        return f"plain({', '.join(parts)})"
     name = names.setdefault(type(tree), f"T{len(names)}")
-    return f"{name}({', '.join(parts)})", at
-
-
-def _stores(tree: Any, name: str, at: int) -> Iterator[str]:
-    """Yield the statements that store a tree from number ``at`` on."""
-    places = iter(range(at, sys.maxsize))
-
-    def visit(part: Any, text: str) -> Iterator[str]:
-        if isinstance(part, tuple):
-            for i, member in enumerate(part):
-                yield from visit(member, f"{text}[{i}]")
-        else:
-            yield f"store_{'int' if isinstance(part, int) else 'float'}(m, {next(places)}, {text})"
-
-    return visit(tree, name)
+    return f"record({', '.join([name, *parts])})"
 
 
 def reachable(first: Any, *others: Any) -> Iterator[Any]:

@@ -1,10 +1,12 @@
 """The simulated plant in the loop's own process: what the devices of all kinds of rig share."""
 
+import sys
 from typing import Any, Protocol
 
 from rig.compilation.tick_source import PlantCode, TickSource, coupled_source
 from rig.realtime import cycle
 from rig.realtime.coupled_ticks import Coupling
+from rig.realtime.tick_memory import FlatMemory
 
 
 class World(Protocol):
@@ -19,6 +21,23 @@ class World(Protocol):
     def actuate(self, actuation: Any, /) -> None:
         """Latch a command."""
         ...
+
+
+class WholePlant:
+    """A plant that is compiled as a whole: nothing of it acts between chunks of ticks."""
+
+    def __init__(self, plant: Any, device: Any) -> None:
+        self.plant, self.device = plant, device
+
+    def attach(self, memory: FlatMemory) -> None:
+        """Nothing of the plant is outside of the memory."""
+
+    def ticks_until_due(self, tick: int) -> int:
+        """Return a number of ticks that no run has."""
+        return sys.maxsize
+
+    def act(self, tick: int) -> None:
+        """Nothing is due."""
 
 
 class PlantDevices:

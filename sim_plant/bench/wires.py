@@ -14,12 +14,16 @@ from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Flag, Second, Tick
 
 
-class InitialConditions(NamedTuple):
-    """Initial conditions of a world, for callers that execute the step themselves."""
+class Conditions(NamedTuple):
+    """A world between two ticks, for callers that execute the step themselves from then on."""
 
-    stepper: StepperInputs
+    params: Any  # of the stepper's plant
+    state: Any
+    normals: list[float]  # noise table
     delay_line: tuple[BenchReading, ...]  # readings not yet delivered, oldest first
     delay: Second  # of a reading
+    actuation: Actuation  # last command
+    fresh: Flag  # 1: it arrived after the last step
 
 
 class PlantInterface(ABC):
@@ -38,8 +42,9 @@ class PlantInterface(ABC):
         for a dt outside (0, 2 ms].
         """
         normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
-        self._start = StepperInputs(params, state, normals, check_tick(dt))
-        self._stepper = stepper(self._start)
+        self._normals = normals
+        self._constants = params
+        self._stepper = stepper(StepperInputs(params, state, normals, check_tick(dt)))
         self._dt = dt
         self._actuation = OFF
         self._fresh: Flag = 0
@@ -50,9 +55,17 @@ class PlantInterface(ABC):
             [self._stepper.reading(0, 0)] * (delay + 1), maxlen=delay + 1
         )
 
-    def initial_conditions(self) -> InitialConditions:
-        """Return the initial conditions; call it before the first step."""
-        return InitialConditions(self._start, tuple(self._delay_line), self.delay)
+    def conditions(self) -> Conditions:
+        """Return the present conditions; nobody presses the emergency stop."""
+        return Conditions(
+            self._constants,
+            self._stepper.state,
+            self._normals,
+            tuple(self._delay_line),
+            self.delay,
+            self._actuation,
+            self._fresh,
+        )
 
     def actuate(self, actuation: Actuation) -> None:
         """Latch a command and reset its age."""

@@ -52,6 +52,11 @@ class FlapWorld(PlantInterface):
         self._elevation = self._moment = 0.0
         self.change_waves(sea_states.tables(sea, plant.coefficients(), dt))
 
+    @property
+    def wave_tick(self) -> int:
+        """Ticks since the waves were started; -1 in still water."""
+        return self._wave_tick
+
     def make_waves(self, trigger: Flag) -> None:
         """Start the waves at t = 0 of the wave clock, or stop them at once."""
         if trigger == 1 and self._wave_tick < 0:

@@ -52,7 +52,8 @@ sys.stdin = io.StringIO(handover.dumps(job))
 code = 0
 try:
     loop_process.main(
-        SimpleNamespace(__name__="tick", find_kind=lambda law: BENCH), SimpleNamespace(connect=connect)
+        SimpleNamespace(__name__="tick", find_kind=lambda law: BENCH),
+        SimpleNamespace(connect=connect),
     )
 except SystemExit as end:
     code = end.code

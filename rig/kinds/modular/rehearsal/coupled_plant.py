@@ -9,13 +9,11 @@ from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
 from rig.kinds.modular.rehearsal import plant_coupling
 from rig.kinds.modular.rehearsal.plant_coupling import Device, Plant
-from rig.realtime.tick_memory import FlatMemory
 from sim_plant.modes.world import World
 
 _IMPORTS = """\
 from {coupling} import latch, sense
 from rig.kinds.modular.rehearsal.plant_coupling import actuate, advance_plant"""
-_NEVER = 1 << 62
 
 
 def plant_code(coupling: Any) -> PlantCode:
@@ -61,25 +59,3 @@ def couple_world(
     )
     line = now.wave_tick % now.table.shape[0] if now.wave_tick >= 0 else 0
     return plant, Device(now.wave_tick, line, 0, now.actuation.wave_trigger, now.fresh)
-
-
-class CoupledModes:
-    """A world whose ticks run compiled; a `rig.realtime.coupled_ticks.Coupling`.
-
-    All of it is compiled, so nothing of it acts between chunks of ticks.
-    """
-
-    def __init__(self, world: World, sensors: tuple[Sequence[float], Sequence[float]]) -> None:
-        """``sensors``: of `devices.sensor_scales`."""
-        normals = Column(world.conditions().normals)
-        self.plant, self.device = couple_world(world, sensors, normals)
-
-    def attach(self, memory: FlatMemory) -> None:
-        """Nothing of the plant is outside of the memory."""
-
-    def ticks_until_due(self, tick: int) -> int:
-        """Return a number of ticks that no run has."""
-        return _NEVER
-
-    def act(self, tick: int) -> None:
-        """Nothing is due."""

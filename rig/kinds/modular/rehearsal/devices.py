@@ -4,12 +4,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
-from rig.emulation.in_process import PlantDevices
+from rig.emulation.in_process import PlantDevices, WholePlant
 from rig.emulation.sea import build_sea
-from rig.kinds.modular.rehearsal.coupled_plant import CoupledModes, plant_code
+from rig.kinds.modular.rehearsal.coupled_plant import couple_world, plant_code
 from rig.kinds.modular.rehearsal.coupling import couple
 from rig.kinds.modular.tick import Composition
+from rig.realtime.coupled_ticks import Coupling
 from sim_plant.modes import building
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import Actuation, Stepper, World
@@ -49,9 +51,10 @@ class ModularPlantDevices(PlantDevices):
         waves = self._latch(command, self._drives)
         self._world.actuate(Actuation(tuple(self._drives), waves))
 
-    def coupling(self) -> CoupledModes:
+    def coupling(self) -> Coupling:
         """Return the plant as it is between two ticks."""
-        return CoupledModes(self._world, (self._scales, self._offsets))
+        normals = Column(self._world.conditions().normals)
+        return WholePlant(*couple_world(self._world, (self._scales, self._offsets), normals))
 
     def plant_code(self) -> PlantCode:
         """Return the plant's part of the compiled ticks."""

@@ -17,8 +17,8 @@ from rig.kinds.oswec_bench.tick.signals import (
 )
 from sim_plant.bench import dynamometer
 from sim_plant.bench.dynamometer import BenchParams, BenchState
-from sim_plant.bench.signals import OFF, Actuation, BenchReading
-from sim_plant.bench.world import BenchWorld
+from sim_plant.bench.signals import Actuation, BenchReading
+from sim_plant.bench.wires import PlantInterface
 
 
 class Plant(NamedTuple):
@@ -38,11 +38,11 @@ class Device(NamedTuple):
     fresh: int  # 1: ``actuation`` arrived after the plant's last step
 
 
-def couple(world: BenchWorld) -> tuple[Plant, Device]:
-    """Return a bench before its first step; the world itself then no longer takes part."""
-    start, delay_line, delay = world.initial_conditions()
-    device = Device(start.state, delay_line, OFF, 0)
-    return Plant(start.params, tuple(start.normals), delay), device
+def couple(world: PlantInterface) -> tuple[Plant, Device]:
+    """Return a bench between two ticks; the world itself then no longer takes part."""
+    now = world.conditions()
+    device = Device(now.state, now.delay_line, now.actuation, now.fresh)
+    return Plant(now.params, tuple(now.normals), now.delay), device
 
 
 def advance_plant(plant: Plant, device: Device, tick: int, dt: float) -> Device:

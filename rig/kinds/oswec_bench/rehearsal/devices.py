@@ -1,11 +1,15 @@
 """The simulated bench or flap behind the loop's device interface, with wave maker and hand."""
 
+from types import ModuleType
 from typing import Any
 
-from rig.emulation.in_process import PlantDevices
+from rig.compilation.tick_source import PlantCode
+from rig.emulation.in_process import PlantDevices, WholePlant
 from rig.kinds.oswec_bench.rehearsal import bench_coupling, flap_coupling
+from rig.kinds.oswec_bench.rehearsal.flap_coupling import Hand
 from rig.kinds.oswec_bench.tick import Sense
 from rig.kinds.oswec_bench.tick.signals import Command
+from rig.realtime.coupled_ticks import Coupling
 from sim_plant import sea_states
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Stepper
@@ -32,6 +36,12 @@ class BenchPlantDevices(PlantDevices):
     def write(self, command: Command) -> None:
         self._world.actuate(bench_coupling.actuation_of(command))
 
+    def coupling(self) -> Coupling:
+        return WholePlant(*bench_coupling.couple(self._world))
+
+    def plant_code(self) -> PlantCode:
+        return _plant_code(bench_coupling)
+
 
 class FlapDevices(BenchPlantDevices):
     """The devices of a simulated flap; the wave maker has the session's seas by number."""
@@ -51,6 +61,13 @@ class FlapDevices(BenchPlantDevices):
         elif self._hand != command.clamp:
             self._turn_to(command.clamp)
         super().write(command)
+
+    def coupling(self) -> Coupling:
+        hand = flap_coupling.FREE if self._hand is None else Hand(1, self._hand)
+        return WholePlant(*flap_coupling.couple(self._flap, self._tables, self._running, hand))
+
+    def plant_code(self) -> PlantCode:
+        return _plant_code(flap_coupling)
 
     def stop(self, reason: int) -> None:
         self._make_waves(-1)
@@ -73,6 +90,18 @@ class FlapDevices(BenchPlantDevices):
             position = self._flap.truth().driveline.shaft_angle
         self._hand = flap_coupling.turned(position, angle, self._dt)
         self._flap.set_angle(self._hand)
+
+
+def _plant_code(module: ModuleType) -> PlantCode:
+    """Return the code of the coupling of bench or flap, whose signals are those of the bench."""
+    name, signals = module.__name__, bench_coupling.__name__
+    return PlantCode(
+        imports=f"from {name} import actuate, advance_plant\nfrom {signals} import sense",
+        functions=(module.actuate, module.advance_plant, bench_coupling.sense),
+        advance="advance_plant(plant, device, tick, dt)",
+        sense="sense(device.in_transit[0], plant.age)",
+        actuate="actuate(plant, device, command, dt)",
+    )
 
 
 def build_bench(config: dict[str, Any], dt: float) -> BenchWorld:
@@ -98,6 +127,14 @@ def connect(config: dict[str, Any], dt: float) -> BenchPlantDevices:
     if "flap" in config["plant"]:
         return connect_flap(config, dt)
     return BenchPlantDevices(build_bench(config, dt), dt)
+
+
+def couple_devices(config: dict[str, Any], dt: float) -> BenchPlantDevices:
+    """Return devices whose ticks can be compiled together with those of the loop.
+
+    They are interpreted until then.
+    """
+    return connect(config | {"compiled": False}, dt)
 
 
 def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from controllers.blocks import clamp
 from rig.kinds.oswec_bench.rehearsal.bench_coupling import actuation_of
 from rig.kinds.oswec_bench.tick.signals import Command
-from sim_plant.bench.signals import OFF, Actuation, BenchReading
+from sim_plant.bench.signals import Actuation, BenchReading
 from sim_plant.flap import oswec
 from sim_plant.flap.oswec import FlapParams, FlapState
 from sim_plant.flap.world import FlapWorld
@@ -62,17 +62,22 @@ class Device(NamedTuple):
     hand: Hand
 
 
-def couple(world: FlapWorld, tables: Sequence[WaveTables]) -> tuple[Plant, Device]:
-    """Return a flap before its first step; the world itself then no longer takes part."""
-    start, delay_line, delay = world.initial_conditions()
+def couple(
+    world: FlapWorld, tables: Sequence[WaveTables], sea: int = -1, hand: Hand = FREE
+) -> tuple[Plant, Device]:
+    """Return a flap between two ticks; the world itself then no longer takes part.
+
+    ``sea``: index of the running sea, -1 for still water.
+    """
+    now = world.conditions()
     length = tuple(len(table.excitation) for table in tables)
     seas = Seas(
         tuple(value for table in tables for value in table.excitation.tolist()),
         tuple(accumulate(length, initial=0))[:-1],
         length,
     )
-    device = Device(start.state, delay_line, OFF, 0, -1, -1, FREE)
-    return Plant(start.params, tuple(start.normals), delay, seas, world.onset), device
+    device = Device(now.state, now.delay_line, now.actuation, now.fresh, sea, world.wave_tick, hand)
+    return Plant(now.params, tuple(now.normals), now.delay, seas, world.onset), device
 
 
 def advance_plant(plant: Plant, device: Device, tick: int, dt: float) -> Device:

@@ -66,7 +66,8 @@ class TimingCertificate:
         in its part of the file that the next logger takes from the ring again.
         """
         rows = np.frombuffer(block, dtype="<i8").reshape(-1, self._width)
-        rows = rows[rows[:, 0] > self._last_tick]  # the first field of a row is its tick
+        if len(rows) and rows[0, 0] <= self._last_tick:  # the first field of a row is its tick
+            rows = rows[rows[:, 0] > self._last_tick]
         if not len(rows):
             return
         floats = rows.view("<f8")

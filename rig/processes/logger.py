@@ -238,9 +238,13 @@ class RunLogger:
         while not privileges.exists() and time.monotonic() < until:
             time.sleep(IDLE_INTERVAL)
         granted = json.loads(privileges.read_text()) if privileges.exists() else None
-        return self._certificate.result(
+        certificate = self._certificate.result(
             self._job.clock, self._job.rate_hz, self._reader.dropped, granted
         )
+        return certificate | {
+            "loop_waited_s": self._reader.waited_ns / 1e9,  # for space in the ring
+            "logger_cpu_s": time.process_time(),  # of this logger, all threads
+        }
 
     def _save(self, write: Callable[[], object]) -> bool:
         """Write to the record where it can be found; return False after a disk error."""

@@ -63,7 +63,7 @@ _INDEX_HEAD = struct.Struct("<BQHI")
 # Opcode, length, start and end time, uncompressed size, CRC, compression, length of the data.
 _CHUNK_HEAD = struct.Struct("<BQQQQII4sQ")
 
-_Index = records.ChunkIndex | records.AttachmentIndex | records.MetadataIndex
+_Entry = records.ChunkIndex | records.AttachmentIndex | records.MetadataIndex
 
 
 class _Encoded(NamedTuple):
@@ -73,7 +73,7 @@ class _Encoded(NamedTuple):
     """
 
     data: bytes
-    index: _Index | None = None
+    entry: _Entry | None = None
     rows: int = 0
 
 
@@ -262,19 +262,19 @@ class RowWriter:
             os.close(self.descriptor)
 
     def _enter(self, encoded: _Encoded) -> None:
-        """Count records that were written at the end of the file, and keep their index."""
-        index, at = encoded.index, self.committed
-        match index:
+        """Count records written at the end of the file, and keep their entry of the summary."""
+        entry, at = encoded.entry, self.committed
+        match entry:
             case records.ChunkIndex():
-                index.chunk_start_offset = at
-                index.message_index_offsets[CHANNEL_ID] += at
-                self._chunks.append(index)
+                entry.chunk_start_offset = at
+                entry.message_index_offsets[CHANNEL_ID] += at
+                self._chunks.append(entry)
             case records.AttachmentIndex():
-                index.offset = at
-                self._attachments.append(index)
+                entry.offset = at
+                self._attachments.append(entry)
             case records.MetadataIndex():
-                index.offset = at
-                self._metadata.append(index)
+                entry.offset = at
+                self._metadata.append(entry)
         self._rows += encoded.rows
         self.committed += len(encoded.data)
 

@@ -261,8 +261,9 @@ def merge_descriptions(
 def _scan_records(file: RecordFile, found: _ScanResult) -> tuple[bool, int]:
     """Store every record; return whether the file's end is whole, and the bytes left out."""
     at, unread = len(MCAP0_MAGIC), 0
+    following = file.record(at)
     while at < file.size:
-        record = file.record(at)
+        record = following
         if record is not None and record[0] == Opcode.DATA_END:
             summary = file.summary(at)
             if summary is None:
@@ -271,14 +272,15 @@ def _scan_records(file: RecordFile, found: _ScanResult) -> tuple[bool, int]:
             found.index(summary)
             return True, unread
         after = file.size if record is None else record[1] + record[2]
-        if record is None or (after < file.size and file.record(after) is None):
+        following = file.record(after) if after < file.size else None
+        if record is None or (after < file.size and following is None):
             next_start = file.next_record(at + 1)
             if record is None or next_start < after:  # no record, or shorter than its head states
                 unread += next_start - at
                 if next_start < file.size:
                     text = f"{found.path}: bytes {at} to {next_start} are not a record"
                     found.damage.append(text)
-                at = next_start
+                at, following = next_start, file.record(next_start)
                 continue
         found.take(file, *record)
         at = after

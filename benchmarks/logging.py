@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 from benchmarks.reading import rehearse_rows
 from benchmarks.support.result import Result, figure, ratios
 from rig.kinds.wavebot.tick import KIND
-from rig.processes.logger import TimingCertificate
+from rig.processes.logger import BLOCK_ROWS, TimingCertificate
 from rig.recording import ring
 from rig.recording.mcap_writer import CHUNK_BYTES, TOPIC, RowWriter
 from rig.recording.row_layout import CDR_HEADER, schema
@@ -71,7 +71,7 @@ def log_rows(ends: Ring, rows: Records, path: Path) -> LogCost:
         began, wall_began = process_time(), perf_counter()
         while True:
             at = [thread_time()]
-            block = reader.take()
+            block = reader.take(BLOCK_ROWS)
             at.append(thread_time())
             if not block:
                 break

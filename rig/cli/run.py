@@ -105,7 +105,7 @@ def run_named(
     try:
         mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
         if not mode.real_clock:
-            Thread(target=_import_products, args=(kind,), name="products", daemon=True).start()
+            Thread(target=_import_products, args=(kind,), name="products").start()
         with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
             ended = run_task(tasks.execution_task(checked, plan), runs, view, mode)
     except WiringError as error:

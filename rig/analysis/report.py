@@ -5,10 +5,15 @@ matrices. A kind with campaigns of a further sort gives its own function for `an
 """
 
 import json
+import os
+import signal
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import xarray
 
@@ -78,12 +83,16 @@ def has_excitation(run_facts: RunInfo) -> bool:
     return isinstance(plan.get("reference"), dict) and len(gains) == 1
 
 
+Write = Callable[[Path], list[Path]]
+"""Writes results into a folder and returns the paths of the files."""
+
+
 class Analysis(NamedTuple):
-    """The summary of a run, and the function that writes its other results into a folder."""
+    """The summary of a run, and the functions that write its other results."""
 
     summary: Summary
-    write_results: Callable[[Path], list[Path]]
-    table: xarray.Dataset | None = None  # row table of the summary page; None: no page
+    write_results: Write
+    pictures: tuple[Write, ...] = ()  # each is called in another process
 
 
 def analyse(
@@ -103,9 +112,8 @@ def analyse(
     table, summary = summarise_rows(run, calibrations, incomplete_rows=incomplete_rows)
     if summary.findings_of == OPEN_LOOP:
         return Analysis(summary, partial(write_rows, table))
-    return Analysis(
-        summary, lambda folder: [*write_rows(table, folder), *_write_pictures(table, folder)], table
-    )
+    page: Write = partial(write_page, summary, table)
+    return Analysis(summary, partial(_write_tables, table), (page, *_pictures(table)))
 
 
 def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
@@ -149,10 +157,18 @@ def write_products(
     found = analyse(run, calibrations, incomplete_rows=incomplete_rows)
     folder = products_folder(run, calibrations)
     folder.mkdir(exist_ok=True)
-    written = [*found.write_results(folder), *write_texts(found.summary, folder)]
-    if found.table is not None:
-        written += write_page(found.summary, found.table, folder)
-    return written
+    if not found.pictures:
+        return [*found.write_results(folder), *write_texts(found.summary, folder)]
+    # Drawing takes longer than the rest. Forked processes need no time to import matplotlib.
+    count = min(len(found.pictures), len(os.sched_getaffinity(0)))
+    no_interrupt: Any = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)}
+    with ProcessPoolExecutor(count, get_context("fork"), **no_interrupt) as pool:
+        drawn = [pool.submit(draw, folder) for draw in found.pictures]
+        written = [*found.write_results(folder), *write_texts(found.summary, folder)]
+        try:
+            return [*written, *(path for each in drawn for path in each.result())]
+        except BrokenProcessPool as error:
+            raise ChildProcessError("a process that drew pictures was killed") from error
 
 
 def products_folder(run: Path, calibrations: Sequence[CalibrationVersion]) -> Path:
@@ -162,17 +178,29 @@ def products_folder(run: Path, calibrations: Sequence[CalibrationVersion]) -> Pa
     return folder / f"read_by_{titles}" if titles else folder
 
 
-def _write_pictures(table: xarray.Dataset, folder: Path) -> list[Path]:
-    """Write surfaces, and slices, bars and effects if the matrix has data for them."""
-    gains = gain_matrix(table)
-    paths = [write_surfaces(table, folder / "surfaces.png")]
-    if gains.points and can_be_sliced(gains):
-        paths.append(write_sliced(table, folder / "surfaces_sliced.png"))
-    if gains.points and varies_drive(gains):
-        paths.append(write_bars(table, folder / "bars.png"))
+def _write_tables(table: xarray.Dataset, folder: Path) -> list[Path]:
+    """Write the row table, and effects if the matrix has data for them."""
+    paths = write_rows(table, folder)
     if effects := all_effects(table):
         paths.append(write_effects(effects, folder / "effects.csv"))
     return paths
+
+
+def _pictures(table: xarray.Dataset) -> list[Write]:
+    """Return the functions that draw surfaces, and slices and bars if the matrix has their data."""
+    gains = gain_matrix(table)
+    pictures: list[Write] = [partial(_draw, write_surfaces, table, "surfaces.png")]
+    if gains.points and can_be_sliced(gains):
+        pictures.append(partial(_draw, write_sliced, table, "surfaces_sliced.png"))
+    if gains.points and varies_drive(gains):
+        pictures.append(partial(_draw, write_bars, table, "bars.png"))
+    return pictures
+
+
+def _draw(
+    write: Callable[[xarray.Dataset, Path], Path], table: xarray.Dataset, name: str, folder: Path
+) -> list[Path]:
+    return [write(table, folder / name)]
 
 
 def after_run(folder: Path, outcome: Outcome, analyse: Analyse = analyse) -> RunProducts:

@@ -2,8 +2,10 @@
 
 import math
 import sys
+from contextlib import suppress
 from enum import IntEnum, IntFlag
 from pathlib import Path
+from threading import Thread
 from typing import Annotated, Any, NamedTuple
 
 import typer
@@ -102,6 +104,8 @@ def run_named(
     title = f"{checked.file.name} on {checked.rig.name}"
     try:
         mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
+        if not mode.real_clock:
+            Thread(target=_import_products, args=(kind,), name="products").start()
         with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
             ended = run_task(tasks.execution_task(checked, plan), runs, view, mode)
     except WiringError as error:
@@ -151,6 +155,12 @@ def _execution_mode(tasks: Tasks, checked: Checked, options: RunOptions) -> Exec
             f"{checked.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
         )
     return tasks.rehearsal_mode(checked, real_clock=options.realtime)
+
+
+def _import_products(kind: RigKind) -> None:
+    """Import the room of the results, which takes a second; errors appear when it is used."""
+    with suppress(KindError):
+        kind.room("products")
 
 
 def _analyse(kind: RigKind, ended: RunResult, planned_rows: int, *, quiet: bool) -> RunProducts:

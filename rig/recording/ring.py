@@ -34,6 +34,7 @@ class _Field(IntEnum):
     STATE = 6
     ABANDONED = 7  # set by the supervisor when no consumer will come any more
     START_UTC = 8  # UTC of run time zero, ns since 1970; set by the producer before its first row
+    WAITED = 9  # ns that the producer waited for space
 
 
 class ProducerState(IntEnum):
@@ -99,6 +100,7 @@ class _Ring:
     start_utc_ns: int = _header_value(
         _Field.START_UTC, "UTC of run time zero, ns since 1970; 0 until the producer has a clock."
     )
+    waited_ns: int = _header_value(_Field.WAITED, "Time that the producer waited for space, ns.")
 
     def __init__(self, fd: int) -> None:
         self._map = mmap.mmap(fd, os.fstat(fd).st_size)
@@ -173,14 +175,15 @@ class RingWriter(_Ring):
             self._header[_HEAD] = self._next
 
     def _wait_for_space(self, head: int) -> bool:
-        deadline = time.monotonic() + _FULL_RING_TIMEOUT
-        while self._wait and not self.abandoned:
-            if head - self.tail < self.capacity:
-                return True
-            if time.monotonic() > deadline and self._stop_requested():
+        began = time.monotonic()
+        has_space = False
+        while self._wait and not self.abandoned and not has_space:
+            if time.monotonic() > began + _FULL_RING_TIMEOUT and self._stop_requested():
                 self._wait = False
             time.sleep(0.001)
-        return False
+            has_space = head - self.tail < self.capacity
+        self._header[_Field.WAITED] += round(1e9 * (time.monotonic() - began))
+        return has_space
 
     def finish(self) -> None:
         """Mark the end of the rows."""

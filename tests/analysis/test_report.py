@@ -1,9 +1,13 @@
 """All products of complete, partial and crashed runs."""
 
 import json
+import os
 import re
+import shutil
+import signal
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +16,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rig.analysis import traces
-from rig.analysis.report import analyse, write_products
+from rig.analysis import report, traces
+from rig.analysis.report import after_run, analyse, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text, format_rows
 from rig.analysis.traces import decimate, write_traces
@@ -60,6 +64,25 @@ def test_all_products_exist(products: dict[str, Path]) -> None:
         "summary.png",
     }
     assert all(path.stat().st_size > 500 for path in products.values())
+
+
+def kill_this_process(*_: object) -> list[Path]:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return []
+
+
+def test_an_error_in_a_drawing_process_is_reported(
+    complete_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = shutil.copytree(complete_run, tmp_path / "run", ignore=shutil.ignore_patterns("*.png"))
+    (run / "surfaces.png").mkdir()
+    outcome: Any = None
+    assert "surfaces.png: Is a directory" in after_run(run, outcome).trouble
+    (run / "surfaces.png").rmdir()
+    monkeypatch.setattr(report, "write_page", kill_this_process)
+    assert "a process that drew pictures was killed" in after_run(run, outcome).trouble
+    monkeypatch.undo()
+    assert after_run(run, outcome).trouble == ""
 
 
 def test_a_changed_calibration_makes_every_product_stale(products: dict[str, Path]) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as runner
-from benchmarks import crash, cycle, lateness, reading, rehearsal, ring, start
+from benchmarks import crash, cycle, lateness, logging, reading, rehearsal, ring, start
 from benchmarks.support import host, kills, report
 from benchmarks.support.kills import Kill, KillOutcome
 from benchmarks.support.live_run import TickObservation
@@ -26,6 +26,7 @@ from benchmarks.support.recorded import (
     write_campaign_file,
 )
 from benchmarks.support.result import Figure, Result, figure, format_number, format_table, quantile
+from rig.recording.runs.mcap_file import blocks, scan
 
 HISTOGRAM = """\
 # /dev/cpu_dma_latency set to 0us
@@ -173,6 +174,19 @@ def test_reading_counts_rows_and_memory(recorded: RecordedTicks, tmp_path: Path)
     assert 10.0 < result.peak_mb < 2000.0
     assert reading.time_stock_reader(path) > 0.0
     assert reading.time_open_run(path) > 0.0
+
+
+def test_logging_measures_each_step(recorded: RecordedTicks, tmp_path: Path) -> None:
+    rows = np.ascontiguousarray(_packed(recorded))
+    cost = logging.log_rows(logging.open_ring(), rows, tmp_path / "ours.mcap")
+    assert all(value > 0.0 for value in cost)
+    assert cost.take + cost.frame + cost.certify + cost.write < cost.processor
+    assert logging.log_by_library(rows, tmp_path / "library.mcap") > 0.0
+    packed = [
+        np.concatenate(list(blocks(scan(tmp_path / name)))).tobytes()
+        for name in ("ours.mcap", "library.mcap")
+    ]
+    assert packed[0] == packed[1] == rows.tobytes()
 
 
 def _packed(recorded: RecordedTicks) -> Any:

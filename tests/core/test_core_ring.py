@@ -146,6 +146,7 @@ def test_a_writer_waits_for_space_in_a_full_ring(fd: int) -> None:
     late.join(timeout=10)
     assert not late.is_alive()
     assert (reader.head, reader.dropped) == (9, 0)
+    assert 0.05e9 < reader.waited_ns < 60e9
 
 
 def test_a_writer_does_not_wait_for_an_abandoned_reader(fd: int) -> None:

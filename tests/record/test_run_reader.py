@@ -4,6 +4,7 @@ import json
 import os
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,10 +118,8 @@ def test_the_fast_reader_equals_the_stock_reader(run: Path) -> None:
         assert np.array_equal(data[name].values, expected[str(name)])
 
 
-@pytest.mark.parametrize("compression", list(CompressionType))
-def test_files_of_other_writers_are_read(tmp_path: Path, compression: CompressionType) -> None:
-    data = files.rows(700)
-    path = tmp_path / "other.mcap"
+def write_elsewhere(path: Path, data: Any, compression: CompressionType) -> None:
+    """Write rows with the stock writer, with other messages between them."""
     with path.open("wb") as file:
         out = Writer(file, chunk_size=50_000, compression=compression)
         out.start("ros2")
@@ -128,16 +127,40 @@ def test_files_of_other_writers_are_read(tmp_path: Path, compression: Compressio
         schema = out.register_schema(name, "ros2msg", text.encode())
         other = out.register_channel("/words", "json", 0)
         channel = out.register_channel("/row", "cdr", schema)
-        for i in range(700):
+        for i in range(len(data)):
             message = row_layout.CDR_HEADER + data[i : i + 1].tobytes()
             out.add_message(channel, i, message, i, i)
             if i % 100 == 0:
                 out.add_message(other, i, b"{}", i)
         out.finish()
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_files_of_other_writers_are_read(tmp_path: Path, compression: CompressionType) -> None:
+    data = files.rows(700)
+    path = tmp_path / "other.mcap"
+    write_elsewhere(path, data, compression)
     for _ in ("whole", "without its end"):
         found = open_run(path, ["load.lcb", "tick"])
         assert np.array_equal(found["load.lcb"].values[:600], data["load.lcb"][:600])
         path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.99)])
+
+
+@pytest.mark.parametrize("compression", [None, CompressionType.LZ4])
+def test_selected_fields_are_those_of_whole_rows(
+    tmp_path: Path, compression: CompressionType | None
+) -> None:
+    path, data = tmp_path / "run.mcap", files.rows(3000)
+    if compression is None:
+        files.write(path, data)
+    else:
+        write_elsewhere(path, data, compression)
+    source = reader.open_files(path)
+    names = ["tick", "time", "plan.row", "timing.skipped", "heave.command.force"]
+    found = np.concatenate(list(reader.blocks(source, fields=["heave.command.force", "plan.row"])))
+    assert set(found.dtype.names or ()) == set(names)
+    assert found.dtype.itemsize == 8 * len(names)
+    assert all(np.array_equal(found[name], data[name]) for name in names)
 
 
 def test_a_killed_writers_parts_are_read_as_one_run(tmp_path: Path) -> None:

@@ -131,7 +131,10 @@ def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
     result = rehearse(campaign, tmp_path / "runs", on_snapshot)
     assert result.outcome.logger_restarts == 2
     inside = attachments(result.folder)
-    assert json.loads(inside["timing.json"])["ticks"] == result.outcome.ticks
+    timing = json.loads(inside["timing.json"])
+    assert timing["ticks"] == result.outcome.ticks
+    assert timing["loop_waited_s"] >= 0.0
+    assert timing["logger_cpu_s"] > 0.0
     assert json.loads(inside["status.json"])["status"] == "complete"
     assert np.array_equal(ticks(result.folder)["tick"].values, np.arange(result.outcome.ticks))
 

@@ -261,8 +261,9 @@ def merge_descriptions(
 def _scan_records(file: RecordFile, found: _ScanResult) -> tuple[bool, int]:
     """Store every record; return whether the file's end is whole, and the bytes left out."""
     at, unread = len(MCAP0_MAGIC), 0
+    following = file.record(at)
     while at < file.size:
-        record = file.record(at)
+        record = following
         if record is not None and record[0] == Opcode.DATA_END:
             summary = file.summary(at)
             if summary is None:
@@ -271,14 +272,15 @@ def _scan_records(file: RecordFile, found: _ScanResult) -> tuple[bool, int]:
             found.index(summary)
             return True, unread
         after = file.size if record is None else record[1] + record[2]
-        if record is None or (after < file.size and file.record(after) is None):
+        following = file.record(after) if after < file.size else None
+        if record is None or (after < file.size and following is None):
             next_start = file.next_record(at + 1)
             if record is None or next_start < after:  # no record, or shorter than its head states
                 unread += next_start - at
                 if next_start < file.size:
                     text = f"{found.path}: bytes {at} to {next_start} are not a record"
                     found.damage.append(text)
-                at = next_start
+                at, following = next_start, file.record(next_start)
                 continue
         found.take(file, *record)
         at = after
@@ -315,10 +317,40 @@ def row_dtype(leaves: tuple[Leaf, ...], prefix_bytes: int = 0) -> np.dtype[Any]:
     )
 
 
-def _rows(contents: FileContents, dtype: np.dtype[Any], chunk: Chunk, data: bytes) -> Records:
+class _Layout(NamedTuple):
+    """Layout of the rows that a reader returns."""
+
+    rows: np.dtype[Any]  # all fields; perhaps with other bytes between the rows
+    columns: Sequence[int] = ()  # selected fields; none: all
+    selected: np.dtype[Any] | None = None
+
+    def select(self, rows: Records) -> Records:
+        """Return the selected fields, packed; the rows as they are if none are selected.
+
+        All numbers have 8 bytes, so they are copied at once, in a third of the time of single
+        fields.
+        """
+        if self.selected is None:
+            return rows
+        names = rows.dtype.names or ()
+        offset = rows.dtype.fields[names[0]][1] if rows.dtype.fields else 0
+        shape, strides = (len(rows), len(names)), (rows.dtype.itemsize, 8)
+        numbers = np.ndarray(shape, "<i8", rows.data, offset, strides)
+        return numbers.take(self.columns, axis=1).view(self.selected)[:, 0]
+
+
+def _layout(leaves: tuple[Leaf, ...], fields: Sequence[str] | None, packed: bool) -> _Layout:
+    if fields is None:
+        return _Layout(row_dtype(leaves, 0 if packed else MESSAGE_BYTES))
+    columns = [i for i, leaf in enumerate(leaves) if leaf.name in fields]
+    selected = row_dtype(tuple(leaves[i] for i in columns))
+    return _Layout(row_dtype(leaves, MESSAGE_BYTES), columns, selected)
+
+
+def _rows(contents: FileContents, layout: _Layout, chunk: Chunk, data: bytes) -> Records:
     """Return the rows of a chunk; raise RunError if it is damaged."""
     try:
-        return _rows_in(contents, dtype, decompress(chunk, data))
+        return layout.select(_rows_in(contents, layout.rows, decompress(chunk, data)))
     except RunError as error:
         raise RunError(f"{contents.path}: chunk at byte {chunk.offset}: {error}") from error
 
@@ -361,15 +393,22 @@ def blocks(
 
 
 def merged_blocks(
-    parts: Sequence[FileContents], damage: list[str] | None = None, *, packed: bool = True
+    parts: Sequence[FileContents],
+    damage: list[str] | None = None,
+    *,
+    packed: bool = True,
+    fields: Sequence[str] | None = None,
 ) -> Iterator[Records]:
     """Yield the `blocks` of several files of one run, ordered by their first ticks.
 
     A chunk that is damaged in one file is thus replaced by that of an overlapping file. Chunks are
-    not ordered by the times in their heads, because these have no check sum.
+    not ordered by the times in their heads, because these have no check sum. With ``fields``, of
+    which one is the tick, the blocks have these alone, packed, in storage order.
     """
     with ThreadPoolExecutor(2) as pool:
-        files = [_file_blocks(each, pool, damage, packed) for each in parts]
+        files = [
+            _file_blocks(each, pool, damage, _layout(each.leaves, fields, packed)) for each in parts
+        ]
         yield from merge(*files, key=lambda block: int(block["tick"][0]))
 
 
@@ -390,10 +429,9 @@ def unrepeated(blocks: Iterable[Records]) -> Iterator[Records]:
 
 
 def _file_blocks(
-    contents: FileContents, pool: ThreadPoolExecutor, damage: list[str] | None, packed: bool
+    contents: FileContents, pool: ThreadPoolExecutor, damage: list[str] | None, layout: _Layout
 ) -> Iterator[Records]:
     """Yield the non-empty blocks of one file; some chunks are decompressed in advance."""
-    dtype = row_dtype(contents.leaves, 0 if packed else MESSAGE_BYTES)
     waiting: deque[Future[Records]] = deque()
 
     def next_block() -> Iterator[Records]:
@@ -409,7 +447,7 @@ def _file_blocks(
     with open_regular(contents.path) as file:
         for chunk in contents.chunks:
             data = os.pread(file.fileno(), chunk.length, chunk.offset)
-            waiting.append(pool.submit(_rows, contents, dtype, chunk, data))
+            waiting.append(pool.submit(_rows, contents, layout, chunk, data))
             if len(waiting) > _PREFETCH_CHUNKS:
                 yield from next_block()
         while waiting:
@@ -419,7 +457,7 @@ def _file_blocks(
         and not contents.chunks
         and len(rows := _stock_rows(contents, damage))
     ):
-        yield rows
+        yield layout.select(rows)
 
 
 def _stock_rows(contents: FileContents, damage: list[str] | None) -> Records:

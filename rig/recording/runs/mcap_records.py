@@ -18,6 +18,7 @@ _FOOTER = struct.Struct("<BQQQI")
 _SHORT, _LONG = struct.Struct("<I"), struct.Struct("<Q")
 _MIN_MESSAGE_BYTES = 22  # message without data
 _MAX_CHUNK_BYTES = 1 << 28  # decompressed; a larger size is a damaged length
+_HEAD_BYTES = 64  # read at once: enough for the lengths in a chunk or message index
 _SEARCH_BYTES = 1 << 20  # bytes searched at a time for the next whole record
 # Parts of each kind of record: a number of bytes; S, a text or list after a length of 4 bytes;
 # L, data after a length of 8 bytes.
@@ -54,9 +55,16 @@ class RecordFile:
     def __init__(self, fd: int, size: int) -> None:
         self.fd = fd
         self.size = size
+        self._head = (0, b"")  # offset and bytes of the last short read
 
     def read(self, at: int, length: int) -> bytes:
-        return os.pread(self.fd, max(0, min(length, self.size - at)), at)
+        length = max(0, min(length, self.size - at))
+        if length > _HEAD_BYTES:
+            return os.pread(self.fd, length, at)
+        begin, data = self._head
+        if not begin <= at <= at + length <= begin + len(data):
+            begin, data = self._head = at, os.pread(self.fd, _HEAD_BYTES, at)
+        return data[at - begin : at - begin + length]
 
     def record(self, at: int) -> tuple[int, int, int] | None:
         """Return kind, start and length of the content of the record at ``at``; None if not whole.

@@ -13,7 +13,7 @@ from rig.recording.mcap_writer import CHUNK_BYTES
 from rig.recording.row_layout import Leaf
 from rig.recording.runs import folder, mcap_file
 from rig.recording.runs.mcap_records import RunError
-from rig.recording.runs.state import RecordCheck, RecordState
+from rig.recording.runs.state import CHECKED_FIELDS, RecordCheck, RecordState
 
 if TYPE_CHECKING:
     import xarray
@@ -76,14 +76,19 @@ def select_fields(leaves: tuple[Leaf, ...], fields: Iterable[str] | None) -> lis
     return [name for name in names if name in selected]
 
 
-def blocks(run: RunFiles, check: RecordCheck | None = None) -> Iterator[mcap_file.Records]:
+def blocks(
+    run: RunFiles, check: RecordCheck | None = None, fields: Iterable[str] | None = None
+) -> Iterator[mcap_file.Records]:
     """Yield all rows as numpy records, block by block, each tick once even where files overlap.
 
-    Damaged parts are left out and reported to ``check``, which also counts the ticks. The blocks
-    are for selecting fields: other bytes may lie between the rows.
+    Damaged parts are left out and reported to ``check``, which also counts the ticks. Without
+    ``fields``, other bytes may lie between the rows; with names of fields, the blocks have these
+    and those that a check needs, in storage order.
     """
     damage = None if check is None else check.damage
-    for block in mcap_file.unrepeated(mcap_file.merged_blocks(run.contents, damage, packed=False)):
+    names = None if fields is None else [*fields, *CHECKED_FIELDS]
+    merged = mcap_file.merged_blocks(run.contents, damage, packed=False, fields=names)
+    for block in mcap_file.unrepeated(merged):
         if check is not None:
             check.add(block)
         yield block

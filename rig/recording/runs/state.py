@@ -19,6 +19,7 @@ from rig.recording.runs.mcap_file import FileContents, Records, merge_descriptio
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 SKIPPED = "timing.skipped"
+CHECKED_FIELDS = ("tick", "time", SKIPPED)  # that a check of a record uses, as far as it has them
 
 
 class Gap(NamedTuple):

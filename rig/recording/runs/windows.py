@@ -91,6 +91,8 @@ def lost_between_rows(data: Any) -> Any:
 
 
 def _select_fields(block: Records, dtype: np.dtype[Any]) -> Records:
+    if block.dtype == dtype:
+        return block
     selected = np.empty(len(block), dtype)
     for name in dtype.names or ():
         selected[name] = block[name]
@@ -138,7 +140,8 @@ def read_windows(
     names = reader.select_fields(run.leaves, [*REQUIRED_FIELDS, *skipped_fields, *fields])
     dtypes = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
     dtype = np.dtype([(name, dtypes[name]) for name in names])
-    for window in split_windows(reader.blocks(run, reading), dtype, recorded_reasons(plan)):
+    blocks = reader.blocks(run, reading, names)
+    for window in split_windows(blocks, dtype, recorded_reasons(plan)):
         length = lengths.get(window.row, 0)
         lost_at_edges = window.lost_at_edges
         if length:

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from drivers.canopen import socketcand_bus
 from drivers.canopen.bus_settings import BusSettings
-from drivers.canopen.link import _BUS_ERRORS, LinkError, open_bus, set_receive_filter
+from drivers.canopen.frame_port import BUS_ERRORS
+from drivers.canopen.link import LinkError, open_bus, set_receive_filter
 from drivers.canopen.socketcand_bus import SocketcandBus
 
 FRAMES = (b"< frame 705 1.5 05 >", b"< frame 185 1.6 AABB >", b"< frame 585 1.7 4300100092010200 >")
@@ -135,7 +136,7 @@ def test_no_text_raises_anything_but_what_the_link_counts(
 ) -> None:
     bus = object.__new__(SocketcandBus)
     bus._ids = ids
-    with suppress(*_BUS_ERRORS):
+    with suppress(*BUS_ERRORS):
         message = bus._decode_message(b"".join(pieces))
         assert (
             message is None

@@ -62,7 +62,7 @@ class BusCycle:
         """``own_node``: our node number; ``beat``: seconds between our heartbeats."""
         self._link = link
         self._receivers = {
-            cob_id: (node, divider)
+            cob_id: (node.receive, divider)
             for node in nodes
             for cob_id, divider in node.sync_dividers.items()
         }
@@ -92,20 +92,17 @@ class BusCycle:
         frames = self._link.drain()
         if not self._link.has_backlog:
             self._answered = self._syncs
-        latest = self._answered
+        receivers, answers, latest = self._receivers, self._answers, self._answered
         for cob_id, data in frames:
-            receiver = self._receivers.get(cob_id)
-            if receiver is None:
+            if cob_id not in receivers:
                 self.unexpected += 1
                 continue
-            node, divider = receiver
+            receive, divider = receivers[cob_id]
             number = latest
             if divider > 0:
-                count = self._answers[cob_id] = sync_count.record_answer(
-                    self._answers[cob_id], divider, latest
-                )
+                count = answers[cob_id] = sync_count.record_answer(answers[cob_id], divider, latest)
                 number = count.answered
-            node.receive(cob_id, data, self._sync_time(number))
+            receive(cob_id, data, self._sync_time(number))
         return self._link.now()
 
     def _sync_time(self, number: int) -> float:

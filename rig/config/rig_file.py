@@ -42,7 +42,7 @@ The heartbeat has a period of 0.1 s; the minimum tolerates a lost heartbeat on a
 SUPERVISOR_TIMEOUT: SupervisorTimeout = 1.0
 
 _SECOND = 10**9  # ns
-MAX_RATE = 2000  # Hz
+MAX_RATE = 5000  # Hz
 
 
 def whole_nanoseconds(min_rate: int) -> AfterValidator:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,10 @@ from sim_plant.sea_states import Sea, WaveTables
 from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
 from sim_plant.wave_maker import onset_ramp
+
+MAX_STEP: Second = 0.001
+"""Longest step of the driveline under torque: at 2 ms a fast flap crosses the coupling's gap within
+one step, and the coupling then transmits half of the motor's torque."""
 
 __all__ = ["OFF", "Actuation", "BenchReading", "FlapTruth", "FlapWorld", "Stepper"]
 
@@ -58,7 +63,8 @@ class FlapWorld(PlantInterface):
         self._elevation = self._moment = 0.0
         normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
         start = oswec.initial(self.params, 0.0)
-        self._stepper = stepper(StepperInputs(self.params, start, normals, dt))
+        self._steps = math.ceil(dt / MAX_STEP - 1e-9)  # of a tick
+        self._stepper = stepper(StepperInputs(self.params, start, normals, dt / self._steps))
         super().__init__(dt, plant.sensors.delay_ticks.value, self._stepper.reading(0, 0))
 
     def make_waves(self, trigger: Flag) -> None:
@@ -107,6 +113,7 @@ class FlapWorld(PlantInterface):
         )
 
     def _step_plant(self) -> BenchReading:
+        last_moment, fresh = self._moment, self._fresh
         self._elevation = self._moment = 0.0
         if self._wave_tick >= 0:
             self._wave_tick += 1
@@ -114,6 +121,10 @@ class FlapWorld(PlantInterface):
             onset = onset_ramp(self._wave_tick * self._dt, self._onset)
             self._elevation = onset * self._elevations[index]
             self._moment = onset * self._moments[index]
+        for step in range(1, self._steps):
+            moment = last_moment + (self._moment - last_moment) * step / self._steps
+            self._stepper.advance(self._actuation, fresh, self._stop_pressed, self._tick, moment)
+            fresh = 0
         return self._stepper.advance(
-            self._actuation, self._fresh, self._stop_pressed, self._tick, self._moment
+            self._actuation, fresh, self._stop_pressed, self._tick, self._moment
         )

@@ -246,7 +246,7 @@ def measure(short: bool) -> Result:
     ]
     return Result(
         "lateness",
-        f"wake-up of the real-time loop at {1e6 / INTERVAL_US:g} Hz, FIFO {PRIORITY}, last core",
+        f"wake-up of the real-time loop at {RATE_HZ} Hz, FIFO {PRIORITY}, last core",
         f"{2 * pairs if has_cyclictest else pairs} blocks of {seconds:g} s under each load"
         + (", loop and cyclictest alternating" if has_cyclictest else ""),
         tuple(figures),

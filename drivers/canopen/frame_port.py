@@ -18,7 +18,8 @@ from drivers.canopen.socketcand_bus import MAX_MESSAGE, SocketcandBus
 
 # The last two: invalid text of socketcand or slcan.
 BUS_ERRORS = (can.CanError, OSError, ValueError, LookupError)
-_ERROR_FLAG = 0x20000000  # of linux/can.h; other flags mark extended and remote frames
+_ERROR_FLAG = 0x20000000  # of linux/can.h; higher bits mark extended and remote frames
+_MAX_IDENTIFIER = 0x7FF  # of 11 bits, and no flag
 _KERNEL_FRAME = struct.Struct("=IB3x8s")  # struct can_frame: identifier and flags, length, data
 _FRAME_TEXT = re.compile(rb"< frame ([0-9A-Fa-f]{3}) [0-9.]+ ([0-9A-Fa-f ]*)>")
 _FRAME_TEXT_BYTES = 48  # of a frame with 8 data bytes
@@ -84,7 +85,7 @@ class KernelPort:
             identifier, length, data = _KERNEL_FRAME.unpack(frame)
             if identifier & _ERROR_FLAG:
                 error_frames += 1
-            else:
+            elif identifier <= _MAX_IDENTIFIER:  # no remote frame, which the filter lets through
                 frames.append(Frame(identifier, data[:length]))
         return Received(error_frames, True)
 

@@ -101,6 +101,12 @@ class BaseRigFile(FileModel):
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
 
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that drives expect a command in each tick."""
+        if self.wiring is not None:
+            for key, message, value in self.wiring.interpolation_rules(self.rate_hz):
+                yield RuleViolation(("wiring", *key), message, value)
+
 
 _RELATIVE_TOLERANCE = 1e-6
 

@@ -11,6 +11,7 @@ import pytest
 from modular_rigs import limits_mapping, plant_mapping, rig_mapping
 from modular_rigs import write_campaign as write_modular_campaign
 from rehearsing import CONFIGS, SilentView, write_campaign, write_yaml
+from rig_command import rig_here
 
 from rig.execution.task import run_task
 from rig.kinds.modular import tasks as modular
@@ -186,3 +187,21 @@ def test_a_drive_that_expects_commands_at_another_rate_is_refused(tmp_path: Path
         "1 x 10^-3 s lasts 0.5 ticks at rate_hz = 500; allowed only one tick, 0.002 s"
     )
     assert Path(heave.file).name == "wavebot_hil.yaml"
+
+
+def test_a_rate_that_overloads_the_can_bus_is_refused_by_check(tmp_path: Path) -> None:
+    one_tick = {"objects": {"interpolation_time": 5, "interpolation_exponent": -4}}
+    rig = {
+        "extends": str(CONFIGS / "rigs" / "wavebot_hil.yaml"),
+        "rate_hz": 2000,
+        "wiring": {"heave": one_tick, "surge": one_tick},
+    }
+    path = write_campaign(
+        tmp_path, rig=str(write_yaml(tmp_path / "rig.yaml", rig)), sea=SEA, **TIMES,
+        matrix={"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
+    )  # fmt: skip
+    code, _, message = rig_here("check", path)
+    assert code == 2
+    assert "WaveBot on wires at rate_hz = 2000: CAN bus at 1000 kbit/s: 1" in message
+    assert "above 80 %" in message
+    assert "heave status: 135 bits" in message

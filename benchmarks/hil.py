@@ -49,11 +49,15 @@ class HilRun(NamedTuple):
     refused: tuple[str, ...]
 
 
-def run_hil(campaign: Path, rig: Path, runs: Path) -> HilRun:
-    """Run a campaign on emulated devices to its end."""
+def run_wired(campaign: Path, rig: Path, runs: Path, *devices: str) -> dict[str, Any]:
+    """Run a campaign on emulated devices to its end; return its outcome, with its ``folder``.
+
+    ``devices``: another module of the loop's devices. RuntimeError if the run is not complete.
+    """
     wait_realtime_free()
+    module = "benchmarks.support.run_process"
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.support.run_process", campaign, runs, "hil", rig],
+        [sys.executable, "-m", module, campaign, runs, "hil", rig, *devices],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -64,6 +68,12 @@ def run_hil(campaign: Path, rig: Path, runs: Path) -> HilRun:
     outcome: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     if outcome["status"] != "complete":
         raise RuntimeError(f"the run is not complete: {outcome['status']}, {outcome['reason']}")
+    return outcome
+
+
+def run_hil(campaign: Path, rig: Path, runs: Path) -> HilRun:
+    """Run a campaign on emulated devices and measure its ticks."""
+    outcome = run_wired(campaign, rig, runs)
     folder = Path(outcome["folder"])
     data = open_run(folder, fields=["tick", "timing", *AGE_FIELDS.values()])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values

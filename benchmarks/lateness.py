@@ -22,7 +22,7 @@ from rig.realtime.scheduling import PRIORITY
 from rig.recording.runs import open_run
 
 MAX_P50_RATIO, MAX_P99_RATIO = 2.0, 3.0
-INTERVAL_US = 1000
+RATE_HZ = 1000
 BINS = 100_000  # us of cyclictest's histogram
 NO_CYCLICTEST = (
     "no comparison: cyclictest is not here (Debian, Ubuntu: apt-get install rt-tests; "
@@ -75,13 +75,14 @@ def parse_histogram(text: str) -> LatenessBlock:
     return summarise(late)
 
 
-def run_cyclictest(seconds: float) -> LatenessBlock:
+def run_cyclictest(seconds: float, rate_hz: int = RATE_HZ) -> LatenessBlock:
     """Run cyclictest: FIFO, absolute clock_nanosleep, memory locked, on the loop's core."""
+    interval_us = round(1e6 / rate_hz)
     command = [
         "cyclictest",
         *("--quiet", "--mlockall", "--policy=fifo", f"--priority={PRIORITY}", "--threads=1"),
-        *(f"--affinity={last_core()}", f"--interval={INTERVAL_US}", f"--histogram={BINS}"),
-        f"--loops={round(seconds * 1e6 / INTERVAL_US)}",
+        *(f"--affinity={last_core()}", f"--interval={interval_us}", f"--histogram={BINS}"),
+        f"--loops={round(seconds * rate_hz)}",
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
@@ -89,7 +90,7 @@ def run_cyclictest(seconds: float) -> LatenessBlock:
     return parse_histogram(done.stdout)
 
 
-def run_loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
+def run_loop_block(campaign: Path, runs: Path, seconds: float, rate_hz: int = RATE_HZ) -> LoopBlock:
     """Run the loop under the supervisor; the block begins with its first tick."""
     observations: list[TickObservation] = []
     with live_run(campaign, runs, real_clock=True) as run:
@@ -101,12 +102,12 @@ def run_loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
         outcome = run.wait_ended()
     if outcome["status"] != "stopped":
         raise RuntimeError(f"the loop ended before its block: {outcome['reason']}")
-    return loop_timing(run.folder, seconds, tick_drift(observations))
+    return loop_timing(run.folder, seconds, tick_drift(observations, rate_hz), rate_hz)
 
 
-def loop_timing(folder: Path, seconds: float, drifted: float) -> LoopBlock:
+def loop_timing(folder: Path, seconds: float, drifted: float, rate_hz: int = RATE_HZ) -> LoopBlock:
     """Return the timing of the first ``seconds`` of a run from its rows."""
-    periods = round(seconds * 1e6 / INTERVAL_US)
+    periods = round(seconds * rate_hz)
     data = open_run(folder, fields=["tick", "timing"])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
     within = ticks < periods
@@ -122,15 +123,13 @@ def loop_timing(folder: Path, seconds: float, drifted: float) -> LoopBlock:
     )
 
 
-def tick_drift(observations: list[TickObservation]) -> float:
+def tick_drift(observations: list[TickObservation], rate_hz: int = RATE_HZ) -> float:
     """Return the drift (periods) of the loop's tick against the monotonic clock.
 
     An observation is up to one period later than its tick, and later still if the host stalls. The
     earliest observations of the first and of the last quarter have neither error.
     """
-    ahead = [
-        each.tick - (each.time - observations[0].time) * 1e6 / INTERVAL_US for each in observations
-    ]
+    ahead = [each.tick - (each.time - observations[0].time) * rate_hz for each in observations]
     quarter = max(1, len(ahead) // 4)
     return max(ahead[-quarter:]) - max(ahead[:quarter])
 
@@ -143,19 +142,25 @@ class AlternatingBlocks(NamedTuple):
 
 
 def alternate_blocks(
-    folder: Path, seconds: float, pairs: int, *, busy: bool, has_cyclictest: bool
+    folder: Path,
+    seconds: float,
+    pairs: int,
+    *,
+    busy: bool,
+    has_cyclictest: bool,
+    rate_hz: int = RATE_HZ,
 ) -> AlternatingBlocks:
     """Alternate blocks of loop and cyclictest; ``busy``: while a process keeps a core busy."""
-    campaign = write_campaign_file(folder, seconds + 60.0)
+    campaign = write_campaign_file(folder, seconds + 60.0, rate_hz)
     blocks = AlternatingBlocks([], [])
     load: AbstractContextManager[object] = _BusyProcess() if busy else nullcontext()
     with load:
         for i in range(pairs):
             runs = folder / f"{'busy' if busy else 'calm'}{i}"
-            blocks.loop.append(run_loop_block(campaign, runs, seconds))
+            blocks.loop.append(run_loop_block(campaign, runs, seconds, rate_hz))
             shutil.rmtree(runs)
             if has_cyclictest:
-                blocks.cyclictest.append(run_cyclictest(seconds))
+                blocks.cyclictest.append(run_cyclictest(seconds, rate_hz))
     return blocks
 
 
@@ -174,7 +179,8 @@ class _BusyProcess:
         self._process.wait()
 
 
-def _figures(load: str, blocks: AlternatingBlocks) -> list[Figure]:
+def timing_figures(load: str, blocks: AlternatingBlocks) -> list[Figure]:
+    """Return the figures of alternating blocks, whose names begin with ``load``."""
     loop, cyclictest = blocks.loop, blocks.cyclictest
     figures: list[Figure] = []
     for name, loop_us, cyclictest_us, limit in (
@@ -233,14 +239,14 @@ def measure(short: bool) -> Result:
             blocks = alternate_blocks(
                 Path(scratch), seconds, pairs, busy=busy, has_cyclictest=has_cyclictest
             )
-            figures += _figures(name, blocks)
+            figures += timing_figures(name, blocks)
             refused.update(reason for block in blocks.loop for reason in block.refused)
     notes += [
         f"not granted to the loop, so not the same terms: {reason}" for reason in sorted(refused)
     ]
     return Result(
         "lateness",
-        f"wake-up of the real-time loop at {1e6 / INTERVAL_US:g} Hz, FIFO {PRIORITY}, last core",
+        f"wake-up of the real-time loop at {RATE_HZ} Hz, FIFO {PRIORITY}, last core",
         f"{2 * pairs if has_cyclictest else pairs} blocks of {seconds:g} s under each load"
         + (", loop and cyclictest alternating" if has_cyclictest else ""),
         tuple(figures),

@@ -28,6 +28,7 @@ loop: {{lost_ticks_stop: 100000}}
 _RIG = """\
 extends: {rig}
 limits: benchmark_limits.yaml
+rate_hz: {rate_hz}
 """
 _CAMPAIGN = """\
 name: benchmark
@@ -48,7 +49,7 @@ _POINTS = """\
 """
 
 
-def write_campaign_file(folder: Path, seconds: float) -> Path:
+def write_campaign_file(folder: Path, seconds: float, rate_hz: int = 1000) -> Path:
     """Write a campaign that lasts at least ``seconds``; return its path.
 
     The drive is enabled after a tare of 1 s. Rows last 12 s, with two spring rates in turn; one row
@@ -61,7 +62,7 @@ def write_campaign_file(folder: Path, seconds: float) -> Path:
     configs = ROOT / "configs"
     for name, text in (
         ("limits", _LIMITS.format(limits=_quoted(configs / "limits" / "wavebot.yaml"))),
-        ("rig", _RIG.format(rig=_quoted(configs / "rigs" / "wavebot.yaml"))),
+        ("rig", _RIG.format(rig=_quoted(configs / "rigs" / "wavebot.yaml"), rate_hz=rate_hz)),
     ):
         (folder / f"benchmark_{name}.yaml").write_text(text)
     path.write_text(_CAMPAIGN.format(repeat=repeat) + "".join(points))

@@ -1,8 +1,9 @@
 """Run one campaign under the real supervisor, without products, in a process to be observed.
 
-``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``, or ``hil RIG`` for
-emulated devices on a rig's wires; SIGTERM requests a controlled stop, a second one power off.
-With a core, supervisor, logger and loop are confined to it.
+``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``, or ``hil RIG
+[DEVICES]`` for emulated devices on a rig's wires, and another module of the loop's devices;
+SIGTERM requests a controlled stop, a second one power off. With a core, supervisor, logger and loop
+are confined to it.
 """
 
 import json
@@ -27,6 +28,8 @@ def main() -> None:
         if wires
         else rehearsal_mode(campaign, real_clock=clock == "real")
     )
+    if wires and len(more) > 1:
+        mode = mode._replace(device_module=more[1])
     result = run_task(execution_task(campaign, plan), Path(runs), SilentView(), mode)
     print(json.dumps({"folder": str(result.folder), **result.outcome._asdict()}))
 

@@ -7,13 +7,14 @@ old as the SYNC it answers (`sync_count`). Only the tick sends our heartbeat: if
 heartbeat stops, and every drive that monitors it stops by itself.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from drivers.canopen import heartbeat, sync_count
-from drivers.canopen.link import Frame
+from drivers.canopen.frame_port import Frame
 
 SYNC = 0x080
+_SYNC_FRAME = (SYNC, b"")
 _NEVER = -1e9  # s, earlier than any clock reading
 
 
@@ -26,8 +27,8 @@ class FrameLink(Protocol):
         """Return the time of the monotonic clock, s."""
         ...
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        """Send a frame without waiting; return False if it was not accepted."""
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        """Send frames in their order, without waiting; return the indices of those not accepted."""
         ...
 
     def drain(self) -> list[Frame]:
@@ -61,13 +62,15 @@ class BusCycle:
         """``own_node``: our node number; ``beat``: seconds between our heartbeats."""
         self._link = link
         self._receivers = {
-            cob_id: (node, divider)
+            cob_id: (node.receive, divider)
             for node in nodes
             for cob_id, divider in node.sync_dividers.items()
         }
         self._answers = dict.fromkeys(self._receivers, sync_count.start())
-        self._heartbeat_id = heartbeat.BASE + own_node
-        self._heartbeat = heartbeat.encode(heartbeat.NmtState.OPERATIONAL)
+        self._heartbeat = (
+            heartbeat.BASE + own_node,
+            heartbeat.encode(heartbeat.NmtState.OPERATIONAL),
+        )
         self._heartbeat_period = heartbeat_period
         self._heartbeat_sent = self._sync_sent = _NEVER  # s, when last sent
         self._sync_times = [_NEVER] * sync_count.MAX_OPEN  # s, of the last SYNCs, by their number
@@ -77,7 +80,7 @@ class BusCycle:
 
     @property
     def last_sync_time(self) -> float:
-        """Return when the bus accepted the last SYNC, s."""
+        """Return when the last SYNC that the bus accepted was sent, s."""
         return self._sync_sent
 
     def receive(self) -> float:
@@ -89,20 +92,17 @@ class BusCycle:
         frames = self._link.drain()
         if not self._link.has_backlog:
             self._answered = self._syncs
-        latest = self._answered
+        receivers, answers, latest = self._receivers, self._answers, self._answered
         for cob_id, data in frames:
-            receiver = self._receivers.get(cob_id)
-            if receiver is None:
+            if cob_id not in receivers:
                 self.unexpected += 1
                 continue
-            node, divider = receiver
+            receive, divider = receivers[cob_id]
             number = latest
             if divider > 0:
-                count = self._answers[cob_id] = sync_count.record_answer(
-                    self._answers[cob_id], divider, latest
-                )
+                count = answers[cob_id] = sync_count.record_answer(answers[cob_id], divider, latest)
                 number = count.answered
-            node.receive(cob_id, data, self._sync_time(number))
+            receive(cob_id, data, self._sync_time(number))
         return self._link.now()
 
     def _sync_time(self, number: int) -> float:
@@ -113,18 +113,19 @@ class BusCycle:
 
     def send(self, frames: Iterable[tuple[int, bytes]]) -> None:
         """Send the commands, then the SYNC on which they act, then the heartbeat when due."""
-        send = self._link.send
-        for cob_id, data in frames:
-            send(cob_id, data)
-        synced = send(SYNC, b"")
+        # The time before the call, so that no status looks younger than it is.
         now = self._link.now()
-        if synced:
+        sent = [*frames, _SYNC_FRAME]
+        sync_at = len(sent) - 1
+        beats = now - self._heartbeat_sent >= self._heartbeat_period
+        if beats:
+            sent.append(self._heartbeat)
+        refused = self._link.send(sent)
+        if sync_at not in refused:
             self._sync_sent = now
             self._syncs += 1
             self._sync_times[self._syncs % sync_count.MAX_OPEN] = now
-        if now - self._heartbeat_sent >= self._heartbeat_period and send(
-            self._heartbeat_id, self._heartbeat
-        ):
+        if beats and sync_at + 1 not in refused:
             self._heartbeat_sent = now
 
     def close(self) -> None:

@@ -211,10 +211,12 @@ def _command(params: Params, inputs: Inputs, drive: int, goal: int) -> tuple[int
 
 def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
     """Return state and output after one tick; raises nothing for any integers."""
-    armed, reason, missed, _, _, resetting, reached, previous, ticks = state
-    goal = inputs.goal if _SAFE <= inputs.goal <= _QUICK_STOP else _SAFE
-    fresh = 0.0 <= inputs.age <= params.max_status_age  # false for NaN
-    drive = decode(inputs.statusword) if fresh else UNKNOWN
+    armed, reason, missed, last_arm, last_reset, resetting, reached, previous, ticks = state
+    statusword, age, _, _, goal, arm, reset, mode_bits, setpoint = inputs
+    if not _SAFE <= goal <= _QUICK_STOP:
+        goal = _SAFE
+    fresh = 0.0 <= age <= params.max_status_age  # false for NaN
+    drive = decode(statusword) if fresh else UNKNOWN
     level = min(LEVEL[drive], MAX_LEVEL[goal])
 
     if armed == 1:
@@ -223,7 +225,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         armed = 1 if reason == _ARMED else 0
         reached = max(reached, level)
     elif (
-        inputs.arm != state.arm
+        arm != last_arm
         and goal != _QUICK_STOP
         # Only from these states: enabling always starts without power and takes every transition.
         and (drive == DISABLED or (drive == QUICK_STOPPING and params.resume == 1))
@@ -232,7 +234,7 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
 
     if drive != FAULT:
         resetting = 0
-    elif inputs.reset != state.reset:
+    elif reset != last_reset:
         resetting, previous = 1, 0
 
     permitted = goal if armed == 1 or goal == _QUICK_STOP else _SAFE
@@ -256,8 +258,6 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
         1 if armed == 1 and controlword == RUN and drive == ENABLED and awaited == _NOTHING else 0
     )
     if controlword == RUN and drive == ENABLED:
-        controlword |= inputs.mode_bits & (HALT | MODE_BITS if acting == 1 else HALT)
-    after = State(
-        armed, reason, missed, inputs.arm, inputs.reset, resetting, reached, awaited, ticks
-    )
-    return after, Output(controlword, inputs.setpoint if acting == 1 else 0, drive, acting)
+        controlword |= mode_bits & (HALT | MODE_BITS if acting == 1 else HALT)
+    after = State(armed, reason, missed, arm, reset, resetting, reached, awaited, ticks)
+    return after, Output(controlword, setpoint if acting == 1 else 0, drive, acting)

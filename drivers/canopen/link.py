@@ -7,14 +7,15 @@ on this host as our own.
 
 import logging
 import time
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import can
 
 from drivers import errors
 from drivers.canopen.bus_off import BUS_OFF
 from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.frame_port import BUS_ERRORS, Frame, frame_port
 from drivers.canopen.socketcand_bus import SocketcandBus
 
 # python-can warns of every partial message in a socket read: up to 1000 lines a second.
@@ -23,19 +24,6 @@ logging.getLogger("can").setLevel(logging.ERROR)
 # Interfaces whose kernel filters frames. python-can's own filters end a poll at the first frame
 # that does not match, which delays the frames behind it by one poll.
 _KERNEL_FILTERING = ("socketcan",)
-_BUS_ERRORS = (
-    can.CanError,
-    OSError,
-    ValueError,
-    LookupError,
-)  # the last two: invalid slcan text
-
-
-class Frame(NamedTuple):
-    """One received frame."""
-
-    cob_id: int
-    data: bytes
 
 
 class LinkError(errors.LinkError):
@@ -84,47 +72,38 @@ class Link:
         self.unsent = 0  # frames that the bus did not accept
         self.errors = 0  # error frames, and failed polls
         self.has_backlog = False  # True: the last `drain` ended before the bus was empty
-        self._cob_ids = frozenset(cob_ids)
-        self._bus = open_bus(bus, self._cob_ids)
+        cob_ids = frozenset(cob_ids)
+        self._bus = open_bus(bus, cob_ids)
+        self._port = frame_port(self._bus, cob_ids)
         self._clock = time.monotonic  # the wire is a place where time may be read
 
     def now(self) -> float:
         """Return the time of the monotonic clock (s), by which frames are timed."""
         return self._clock()
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        """Send a frame without waiting; return False if the bus did not accept it."""
-        message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, check=False)
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        """Send frames (COB-ID, data) in their order, without waiting.
+
+        Return the indices of those that the bus did not accept.
+        """
         try:
-            self._bus.send(message)
-        except _BUS_ERRORS:
-            self.unsent += 1
-            return False
-        return True
+            refused = self._port.send(frames)
+        except BUS_ERRORS:
+            refused = range(len(frames))
+        self.unsent += len(refused)
+        return refused
 
     def drain(self, max_frames: int = 64) -> list[Frame]:
         """Return the frames received since the last call, oldest first; never wait.
 
         ``max_frames`` bounds the time that a babbling node can take from a tick.
         """
-        frames = []
+        frames: list[Frame] = []
         self.has_backlog = False
         try:
-            for _ in range(max_frames):
-                message = self._bus.recv(0.0)
-                if message is None:
-                    break
-                if message.is_error_frame:
-                    self.errors += 1
-                elif (
-                    message.arbitration_id in self._cob_ids
-                    and not message.is_extended_id
-                    and not message.is_remote_frame
-                ):
-                    frames.append(Frame(message.arbitration_id, bytes(message.data)))
-            else:
-                self.has_backlog = True
-        except _BUS_ERRORS:
+            error_frames, self.has_backlog = self._port.receive(frames, max_frames)
+            self.errors += error_frames
+        except BUS_ERRORS:
             self.errors += 1
         return frames
 
@@ -132,5 +111,5 @@ class Link:
         """Close the bus; cannot raise."""
         try:
             self._bus.shutdown()
-        except _BUS_ERRORS:
+        except BUS_ERRORS:
             self.errors += 1

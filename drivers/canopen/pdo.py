@@ -133,6 +133,7 @@ def _fits(kind: str, value: int) -> bool:
 
 def unpack(pdo: Layout, data: bytes) -> tuple[int, ...]:
     """Return the values in the order of the entries; CodecError for a wrong length."""
-    if len(data) != pdo.packing.size:
-        raise wrong_length(pdo.cob_id, pdo.packing.size, len(data))
-    return pdo.packing.unpack(data)
+    try:
+        return pdo.packing.unpack(data)
+    except struct.error:
+        raise wrong_length(pdo.cob_id, pdo.packing.size, len(data)) from None

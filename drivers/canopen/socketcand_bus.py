@@ -24,7 +24,7 @@ from can.interfaces.socketcand.socketcand import convert_ascii_message_to_can_me
 _FRAME = b"< frame "
 _ID = slice(len(_FRAME), len(_FRAME) + 3)  # hexadecimal digits of an 11-bit identifier
 _ALL = 0x7FF
-_MAX_MESSAGE = 256  # bytes kept of a message that has not ended; a frame has 60
+MAX_MESSAGE = 256  # bytes kept of a message that has not ended; a frame has 60
 _BUS_MESSAGE = re.compile(rb"< (frame|error) [0-9A-Fa-f]+ [0-9.]+ ")  # not an error as an answer
 ANSWER_TIMEOUT = 5.0  # s for each answer of the handshake
 
@@ -42,14 +42,19 @@ class SocketcandBus(SocketCanDaemonBus):
         try:
             super().__init__(**settings)  # type: ignore[no-untyped-call]
         except can.CanError:
-            self._stream.close()
+            self.stream.close()
             raise
-        self._parse(b"")  # frames received after the last answer
 
     @property
-    def _stream(self) -> socket.socket:
+    def stream(self) -> socket.socket:
+        """The connection to the server."""
         stream: socket.socket = self._SocketCanDaemonBus__socket  # type: ignore[attr-defined]
         return stream
+
+    def take_buffer(self) -> bytes:
+        """Return the text received after the last answer; another reader of `stream` needs it."""
+        text, self._buffer = self._buffer, b""
+        return text
 
     def _expect_msg(self, msg: str) -> None:
         """Wait for an answer of the handshake; CanError names the message received instead."""
@@ -62,7 +67,7 @@ class SocketcandBus(SocketCanDaemonBus):
                     return
                 if not _BUS_MESSAGE.match(message):
                     raise can.CanError(self._handshake_error(message, request, msg))
-            if len(self._buffer) > _MAX_MESSAGE:
+            if len(self._buffer) > MAX_MESSAGE:
                 raise can.CanError(self._handshake_error(self._buffer, request, msg))
             data = self._receive(max(0.0, until - time.monotonic()))
             if not data or time.monotonic() > until:
@@ -82,17 +87,18 @@ class SocketcandBus(SocketCanDaemonBus):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._messages:
-            self._parse(self._receive(timeout))
+            has_whole_message = b">" in self._buffer  # received after the last answer
+            self._parse(b"" if has_whole_message else self._receive(timeout))
         return (self._messages.popleft(), False) if self._messages else (None, False)
 
     def _receive(self, timeout: float | None) -> bytes:
         """Return received bytes after waiting up to ``timeout`` (s); empty if none came."""
         try:
-            if not select.select([self._stream], [], [], timeout)[0]:
+            if not select.select([self.stream], [], [], timeout)[0]:
                 return b""
-            data = self._stream.recv(65536)
+            data = self.stream.recv(65536)
             if self._quick_ack:
-                self._stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+                self.stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         except OSError as error:
             raise can.CanError(f"Failed to receive: {error}") from error
         if not data:
@@ -101,7 +107,7 @@ class SocketcandBus(SocketCanDaemonBus):
 
     def _parse(self, data: bytes) -> None:
         *pieces, self._buffer = (self._buffer + data).split(b">")
-        self._buffer = self._buffer[-_MAX_MESSAGE:]
+        self._buffer = self._buffer[-MAX_MESSAGE:]
         self._messages.extend(
             message for piece in pieces if (message := self._decode_message(piece))
         )

@@ -35,7 +35,9 @@ def record_answer(count: AnswerCount, divider: int, latest: int) -> AnswerCount:
     answered before we listened, or a frame may arrive twice.
     """
     answered, min_open, window_end = count
-    number = min(answered + divider, latest) if answered > 0 else latest
+    number = answered + divider
+    if answered == 0 or number > latest:
+        number = latest
     open_syncs = latest - number
     if window_end == _NO_WINDOW:
         return AnswerCount(number, open_syncs, latest + WINDOW)

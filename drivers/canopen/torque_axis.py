@@ -6,6 +6,7 @@ SYNC. An emergency message delivers the error code earlier, together with the fa
 The conversation owns no bus: it receives and returns frames.
 """
 
+from operator import mul
 from typing import NamedTuple
 
 from drivers.canopen import cia402, emcy, pdo, scaling
@@ -71,14 +72,20 @@ class TorqueAxis:
         self.limit_flags = 0  # scaling.LimitFlag set: why the sent command differs from the request
         self._settings = settings
         self._layouts = layouts(settings.node, len(settings.analog))
-        self._emergency_id = emcy.BASE + settings.node
+        emergency_id = emcy.BASE + settings.node
         self.sync_dividers = {
-            self._emergency_id: 0,
+            emergency_id: 0,
             self._layouts.status.cob_id: 1,
             self._layouts.slow.cob_id: settings.slow_divider,
         }
+        self._receivers = {
+            emergency_id: self._receive_emergency,
+            self._layouts.status.cob_id: self._receive_status,
+            self._layouts.slow.cob_id: self._receive_slow_status,
+        }
         if self._layouts.analog is not None:
             self.sync_dividers[self._layouts.analog.cob_id] = 1
+            self._receivers[self._layouts.analog.cob_id] = self._receive_analog
         self._machine = cia402.start(0, 0)
         self._arm = self._reset = 0
         self._enable = 0
@@ -93,26 +100,29 @@ class TorqueAxis:
     def receive(self, cob_id: int, data: bytes, sync_time: float) -> None:
         """Process a frame of the drive; ``sync_time``: send time (s) of the SYNC it answers."""
         try:
-            if cob_id == self._layouts.status.cob_id:
-                self._statusword, self._raw, position = pdo.unpack(self._layouts.status, data)
-                counts = (
-                    scaling.unwrap_counts(self._counts, position)
-                    if self._has_position
-                    else position
-                )
-                self._counts, self._has_position, self._sample_time = counts, True, sync_time
-            elif cob_id == self._layouts.slow.cob_id:
-                self._mode_display, self._error = pdo.unpack(self._layouts.slow, data)
-                self._slow_sample_time = sync_time
-            elif self._layouts.analog is not None and cob_id == self._layouts.analog.cob_id:
-                raw = pdo.unpack(self._layouts.analog, data)
-                pairs = zip(raw, self._settings.analog, strict=True)
-                self._analog = tuple(value * scale for value, scale in pairs)
-                self._analog_sample_time = sync_time
-            elif cob_id == self._emergency_id:
-                self._emergency_code = emcy.decode(cob_id, data).code
+            self._receivers[cob_id](data, sync_time)
         except CodecError:
             self.refused += 1
+
+    def _receive_status(self, data: bytes, sync_time: float) -> None:
+        self._statusword, self._raw, position = pdo.unpack(self._layouts.status, data)
+        self._counts = (
+            scaling.unwrap_counts(self._counts, position) if self._has_position else position
+        )
+        self._has_position, self._sample_time = True, sync_time
+
+    def _receive_slow_status(self, data: bytes, sync_time: float) -> None:
+        self._mode_display, self._error = pdo.unpack(self._layouts.slow, data)
+        self._slow_sample_time = sync_time
+
+    def _receive_analog(self, data: bytes, sync_time: float) -> None:
+        assert self._layouts.analog is not None
+        raw = pdo.unpack(self._layouts.analog, data)
+        self._analog = tuple(map(mul, raw, self._settings.analog))
+        self._analog_sample_time = sync_time
+
+    def _receive_emergency(self, data: bytes, _: float) -> None:
+        self._emergency_code = emcy.decode(emcy.BASE + self._settings.node, data).code
 
     def read(self, now: float) -> TorqueAxisReading:
         """Return the last status with its ages at ``now`` (s)."""

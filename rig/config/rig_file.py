@@ -42,7 +42,7 @@ The heartbeat has a period of 0.1 s; the minimum tolerates a lost heartbeat on a
 SUPERVISOR_TIMEOUT: SupervisorTimeout = 1.0
 
 _SECOND = 10**9  # ns
-MAX_RATE = 2000  # Hz
+MAX_RATE = 5000  # Hz
 
 
 def whole_nanoseconds(min_rate: int) -> AfterValidator:
@@ -100,6 +100,12 @@ class BaseRigFile(FileModel):
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that drives expect a command in each tick."""
+        if self.wiring is not None:
+            for key, message, value in self.wiring.interpolation_rules(self.rate_hz):
+                yield RuleViolation(("wiring", *key), message, value)
 
 
 _RELATIVE_TOLERANCE = 1e-6

@@ -20,6 +20,7 @@ Node = Annotated[WholeNumber, Field(ge=1, le=127)]
 Int32 = Annotated[WholeNumber, Field(ge=-(2**31), le=2**31 - 1)]
 """A signed 32-bit value; no object of a drive is larger."""
 Period = Annotated[float, Field(ge=0.002, le=60)]
+_RELATIVE_TOLERANCE = 1e-6
 Divider = Annotated[WholeNumber, Field(ge=1, le=240)]
 """Number of SYNCs per frame."""
 
@@ -342,6 +343,26 @@ class Wiring(FileModel):
                 message = f"{node} is the number of {taken[node]}, too; two nodes need two numbers"
                 yield RuleViolation(key, message, node)
             taken[node] = ".".join(key)
+
+    def interpolation_rules(self, rate: int) -> Iterator[RuleViolation]:
+        """Yield a violation for each drive whose interpolation time (0x60C2) is not the tick.
+
+        ``rate`` in Hz. The drive would reach the command of a tick too early or too late.
+        """
+        for key, part in self._parts():
+            if isinstance(part, TorqueDrive):
+                time = part.objects.get("interpolation_time")
+                exponent = part.objects.get("interpolation_exponent")
+                if time is None or exponent is None:
+                    continue
+                ticks = rate * time * 10.0**exponent
+                if abs(ticks - 1.0) > _RELATIVE_TOLERANCE:
+                    yield RuleViolation(
+                        (*key, "objects", "interpolation_time"),
+                        f"{time} x 10^{exponent} s lasts {format_number(ticks)} ticks at rate_hz = "
+                        f"{rate}; allowed only one tick, {format_number(1.0 / rate)} s",
+                        time,
+                    )
 
     def wires(self) -> tuple[Wire, ...]:
         """Return every wire: buses and ports in the order of the fields, then the lines."""

@@ -126,7 +126,7 @@ class SupervisedRun:
         self._run, self._attachments = folder.name, attachments
         self._folder_lock, self._wire_locks = folder_lock, wire_locks
         self._reasons = task.kind.reason_table
-        self._ring_fd = ring.create(task.kind.row_type)
+        self._ring_fd = ring.create(task.kind.row_type, _ring_capacity(task.dt))
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
         self._mailbox = Mailbox(self._mailbox_fd, Request)
@@ -415,6 +415,11 @@ class SupervisedRun:
             moved=self._whereabouts.problem,
             compiled_from=end.compiled_from if end else -1,
         )
+
+
+def _ring_capacity(dt: float) -> int:
+    """Return the rows of a ring for ticks of ``dt`` (s): 65 s, in which a logger is replaced."""
+    return max(ring.CAPACITY, round(1e-3 * ring.CAPACITY / dt))
 
 
 _REQUEST_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}

@@ -34,17 +34,25 @@ class PlantInterface(ABC):
     """
 
     def __init__(
-        self, params: Any, state: Any, delay: Tick, *, dt: Second, seed: int, stepper: type[Stepper]
+        self,
+        params: Any,
+        state: Any,
+        delay: Tick,
+        *,
+        dt: Second,
+        seed: int,
+        stepper: type[Stepper],
+        steps: int = 1,
     ) -> None:
         """`params` and `state` are those of the stepper's plant, `delay` is that of a reading.
 
-        ``stepper`` may be any execution of the step with bitwise equal results. Raises ValueError
-        for a dt outside (0, 2 ms].
+        The stepper takes ``steps`` steps in a tick of ``dt``; it may be any execution of the step
+        with bitwise equal results. Raises ValueError for a dt outside (0, 2 ms].
         """
         normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
         self._normals = normals
         self._constants = params
-        self._stepper = stepper(StepperInputs(params, state, normals, check_tick(dt)))
+        self._stepper = stepper(StepperInputs(params, state, normals, check_tick(dt) / steps))
         self._dt = dt
         self._actuation = OFF
         self._fresh: Flag = 0

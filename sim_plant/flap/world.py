@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from sim_plant import sea_states
@@ -14,6 +15,10 @@ from sim_plant.flap.stepper import Stepper
 from sim_plant.sea_states import Sea, WaveTables
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
 from sim_plant.wave_maker import value_at
+
+MAX_STEP: Second = 0.001
+"""Longest step of the driveline under torque: at 2 ms a fast flap crosses the coupling's gap within
+one step, and the coupling then transmits half of the motor's torque."""
 
 __all__ = ["OFF", "Actuation", "BenchReading", "FlapTruth", "FlapWorld", "Stepper"]
 
@@ -46,7 +51,10 @@ class FlapWorld(PlantInterface):
         """
         self.params = plant.build_flap()
         start, delay = oswec.initial(self.params, 0.0), plant.sensors.delay_ticks.value
-        super().__init__(self.params, start, delay, dt=dt, seed=seed, stepper=stepper)
+        self.steps = math.ceil(dt / MAX_STEP - 1e-9)  # of a tick
+        super().__init__(
+            self.params, start, delay, dt=dt, steps=self.steps, seed=seed, stepper=stepper
+        )
         self.onset = float(plant.water.onset.value)  # s
         self._wave_tick = -1  # -1: the wave maker is off
         self._elevation = self._moment = 0.0
@@ -56,6 +64,11 @@ class FlapWorld(PlantInterface):
     def wave_tick(self) -> int:
         """Ticks since the waves were started; -1 in still water."""
         return self._wave_tick
+
+    @property
+    def moment(self) -> NewtonMetre:
+        """Excitation of the flap by the waves now."""
+        return self._moment
 
     def make_waves(self, trigger: Flag) -> None:
         """Start the waves at t = 0 of the wave clock, or stop them at once."""
@@ -99,12 +112,17 @@ class FlapWorld(PlantInterface):
         )
 
     def _step_plant(self) -> BenchReading:
+        last_moment, fresh = self._moment, self._fresh
         self._elevation = self._moment = 0.0
         if self._wave_tick >= 0:
             self._wave_tick += 1
             at = (0, len(self._moments), self._wave_tick, self.onset, self._dt)
             self._elevation = value_at(self._elevations, *at)
             self._moment = value_at(self._moments, *at)
+        for step in range(1, self.steps):
+            moment = last_moment + (self._moment - last_moment) * step / self.steps
+            self._stepper.advance(self._actuation, fresh, self._stop_pressed, self._tick, moment)
+            fresh = 0
         return self._stepper.advance(
-            self._actuation, self._fresh, self._stop_pressed, self._tick, self._moment
+            self._actuation, fresh, self._stop_pressed, self._tick, self._moment
         )

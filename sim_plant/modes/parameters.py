@@ -156,7 +156,7 @@ class Plant(StrictModel):
     modes: Annotated[dict[Name, Mode], Field(min_length=1, max_length=24)]
     axes: Annotated[dict[Name, Axis], Field(min_length=1, max_length=24)]
     sensors: dict[Name, Sensor] = Field(default={})
-    delay_s: Delay = 0.001  # age of a reading
+    delay_s: Delay = 0.001  # age of a reading, rounded up to whole ticks
     wave_onset_s: Annotated[float, Field(ge=0.0, le=100.0), _SECOND] = 5.0  # cosine
 
     @model_validator(mode="after")

@@ -118,7 +118,7 @@ class World:
         seed: int,
         stepper: type[Stepper] = Stepper,
     ) -> None:
-        """Raise ValueError if dt suits neither the plant's fastest motion, its delay nor the sea.
+        """Raise ValueError if dt suits neither the plant's fastest motion nor the sea.
 
         `stepper` may be another execution of the same step with bitwise equal results.
         """
@@ -231,10 +231,5 @@ def excitation_table(model: PlantModel, sea: Sea, dt: float) -> NDArray[np.float
 
 
 def delay_ticks(delay: float, dt: float) -> int:
-    """Return the delay of a reading in ticks. Raises ValueError if it is no whole number of dt."""
-    ticks = round(delay / dt)
-    if abs(ticks * dt - delay) > 1.0e-6 * dt:
-        raise ValueError(
-            f"delay_s is {delay:g} s, no whole number of ticks of {dt:g} s; nearest: {ticks * dt:g}"
-        )
-    return ticks
+    """Return the delay of a reading in ticks, rounded up: a loop reads only at its ticks."""
+    return math.ceil(delay / dt - 1.0e-6)

@@ -42,7 +42,7 @@ class Bus:
     has_backlog = False
     def now(self): return time.monotonic()
     def drain(self): return []
-    def send(self, cob_id, data): return True
+    def send(self, frames): return ()
     def close(self): pass
 
 default = Composition.default()

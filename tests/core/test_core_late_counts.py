@@ -6,7 +6,7 @@ import math
 import random
 import struct
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pytest
 from core_kinds import AXIS, DT
@@ -44,11 +44,11 @@ class Bus:
     def now(self) -> float:
         return self.time
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        if cob_id == SYNC:
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        if (SYNC, b"") in frames:
             status = struct.pack("<Hhi", 0x1237, 0, self.counts)
             self._held.append(Frame(0x180 + NODE, status))
-        return True
+        return ()
 
     def drain(self) -> list[Frame]:
         return [self._held.popleft() for _ in range(min(self.through, len(self._held)))]

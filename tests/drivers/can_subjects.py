@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 import struct
 from collections import deque
+from collections.abc import Sequence
 
 from drive_402 import PARAMS, Drive
 
@@ -44,14 +45,13 @@ class FaultyBus:
     def close(self) -> None:
         return
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        if self.fault == "silent" or self.powered_off:
-            return True
-        if cob_id == 0x200 + NODE:
-            self._controlword, self._commanded_at = struct.unpack_from("<H", data)[0], self.time
-        elif cob_id == SYNC:
-            self._answer_sync()
-        return True
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        for cob_id, data in () if self.fault == "silent" or self.powered_off else frames:
+            if cob_id == 0x200 + NODE:
+                self._controlword, self._commanded_at = struct.unpack_from("<H", data)[0], self.time
+            elif cob_id == SYNC:
+                self._answer_sync()
+        return ()
 
     def drain(self) -> list[Frame]:
         frames = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from drivers.canopen import cia402, profile_position, scaling
 from drivers.canopen.arming import (
@@ -130,11 +130,9 @@ class FakeLink:
     def now(self) -> float:
         return self.time
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        if cob_id in self.refused_ids:
-            return False
-        self.sent.append(Frame(cob_id, data))
-        return True
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        self.sent += [Frame(*frame) for frame in frames if frame[0] not in self.refused_ids]
+        return [index for index, frame in enumerate(frames) if frame[0] in self.refused_ids]
 
     def drain(self) -> list[Frame]:
         coming, self.incoming = self.incoming, []

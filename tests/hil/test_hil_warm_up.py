@@ -58,9 +58,10 @@ class Bus:
     def now(self) -> float:
         return self.syncs * DT
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        self.sent.append(cob_id)
-        if cob_id == SYNC:
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        cob_ids = [cob_id for cob_id, _ in frames]
+        self.sent += cob_ids
+        if SYNC in cob_ids:
             self.syncs += 1
             for node in (HEAVE, SURGE):
                 status = struct.pack("<Hhi", 0x0250, 0, self.syncs)
@@ -70,7 +71,7 @@ class Bus:
                 self._queued[STATOR].append(
                     Frame(0x180 + STATOR, struct.pack("<Hbi", 0x0250, 1, self.syncs))
                 )
-        return True
+        return ()
 
     def drain(self) -> list[Frame]:
         frames: list[Frame] = []
@@ -122,7 +123,8 @@ def test_the_warm_up_ends_with_a_sync_and_the_first_tick_finds_the_answers(
     assert bus.syncs <= DIVIDER + 2
     sense = devices.read(0.0)
     assert sense.heave.counts == sense.surge.counts == bus.syncs
-    assert sense.heave.encoder_age == pytest.approx(0.0)  # this bus's clock advances with SYNC
+    # This bus's clock advances with SYNC, whose time is taken before it is sent.
+    assert sense.heave.encoder_age == pytest.approx(DT)
     assert sense.heave.enabled == sense.surge.enabled == 0
 
 

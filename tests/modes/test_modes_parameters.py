@@ -94,10 +94,16 @@ def test_a_plant_too_fast_for_the_tick_is_refused() -> None:
         World(model, sea_states.calm(), dt=0.001, seed=1)
 
 
-def test_the_delay_is_a_whole_number_of_ticks() -> None:
-    model = mode_plants.model(mapping({"heave": HEAVE}, delay_s=0.0015))
-    with pytest.raises(ValueError, match=r"delay_s is 0.0015 s, no whole number of ticks"):
-        World(model, sea_states.calm(), dt=0.001, seed=1)
+@pytest.mark.parametrize(
+    ("delay", "dt", "age"),
+    [
+        (0.0, 0.001, 0.0), (0.001, 0.001, 0.001), (0.0015, 0.001, 0.002), (0.001, 0.005, 0.005),
+        (0.001, 0.0002, 0.001), (0.003, 0.001, 0.003),
+    ],
+)  # fmt: skip
+def test_the_delay_is_rounded_up_to_whole_ticks(delay: float, dt: float, age: float) -> None:
+    model = mode_plants.model(mapping({"heave": HEAVE}, delay_s=delay))
+    assert World(model, sea_states.calm(), dt=dt, seed=1).delay == pytest.approx(age)
 
 
 def test_factors_couple_inertia() -> None:

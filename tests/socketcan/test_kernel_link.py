@@ -43,17 +43,17 @@ def far() -> Iterator[Link]:
 
 
 def test_frames_go_both_ways_and_keep_their_order(link: Link, far: Link) -> None:
-    assert all(link.send(COMMAND, bytes([number])) for number in range(20))
+    assert not link.send([(COMMAND, bytes([number])) for number in range(20)])
     assert far.drain() == [Frame(COMMAND, bytes([number])) for number in range(20)]
-    assert far.send(STATUS, b"")
-    assert far.send(OTHER, bytes(range(8)))
+    assert not far.send([(STATUS, b"")])
+    assert not far.send([(OTHER, bytes(range(8)))])
     assert link.drain() == [Frame(STATUS, b""), Frame(OTHER, bytes(range(8)))]
     assert (link.unsent, link.errors, far.unsent, far.errors) == (0, 0, 0, 0)
 
 
 def test_own_frames_are_excluded_but_other_local_sockets_receive_them(link: Link) -> None:
     twin = Link(BUS, {STATUS})
-    assert link.send(STATUS, b"\x01")
+    assert not link.send([(STATUS, b"\x01")])
     assert link.drain() == []
     assert twin.drain() == [Frame(STATUS, b"\x01")]
     twin.close()
@@ -87,14 +87,14 @@ def test_a_bus_that_goes_down_is_counted_and_serves_again_when_it_is_up(
     try:
         assert far.drain() == []
         assert far.errors == 1
-        assert [link.send(COMMAND, b"\x01") for _ in range(3)] == [False] * 3
+        assert list(link.send([(COMMAND, b"\x01")] * 3)) == [0, 1, 2]
         assert link.drain() == []
         assert (link.unsent, link.errors) == (3, 0), "each socket gets the error once"
     finally:
         switch(NAME, up=True)
-    assert link.send(COMMAND, b"\x02")
+    assert not link.send([(COMMAND, b"\x02")])
     assert far.drain() == [Frame(COMMAND, b"\x02")]
-    assert far.send(STATUS, b"\x03")
+    assert not far.send([(STATUS, b"\x03")])
     assert link.drain() == [Frame(STATUS, b"\x03")]
 
 
@@ -117,11 +117,11 @@ def test_a_full_transmit_buffer_refuses_at_once() -> None:
     with slow_interface() as slow:
         link = Link(BUS._replace(channel=slow.name), {STATUS})
         sent = 0
-        while link.send(COMMAND, bytes(8)) and sent < 20_000:
+        while not link.send([(COMMAND, bytes(8))]) and sent < 20_000:
             sent += 1
         assert 10 <= sent < 20_000
         assert link.unsent == 1
-        assert not link.send(COMMAND, bytes(8))
+        assert link.send([(COMMAND, bytes(8))])
         assert link.drain() == []
         assert link.errors == 0
         link.close()
@@ -131,7 +131,7 @@ def test_an_interface_that_is_pulled_out_is_counted() -> None:
     with slow_interface() as slow:
         link = Link(BUS._replace(channel=slow.name), {STATUS})
         slow.hang_up()
-        assert not link.send(COMMAND, b"")
+        assert list(link.send([(COMMAND, b"")])) == [0]
         assert link.drain() == []
         assert (link.unsent, link.errors) == (1, 1)
         link.close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
 import can
@@ -75,9 +75,9 @@ class Backlog:
         self.time += 0.001
         return self.time
 
-    def send(self, cob_id: int, data: bytes) -> bool:
-        self.sent.append(cob_id)
-        return True
+    def send(self, frames: Sequence[tuple[int, bytes]]) -> Sequence[int]:
+        self.sent += [cob_id for cob_id, _ in frames]
+        return ()
 
     def drain(self) -> list[Any]:
         return [(COB_ID, b"")]

@@ -48,7 +48,7 @@ def drained(link: Link, count: int, timeout_s: float = 5.0) -> list[Frame]:
 
 
 def test_frames_go_both_ways(link: Link, far: can.BusABC) -> None:
-    assert link.send(COMMAND, b"\x01\x02")
+    assert not link.send([(COMMAND, b"\x01\x02")])
     received = far.recv(1.0)
     assert received is not None
     assert (received.arbitration_id, received.is_extended_id) == (COMMAND, False)
@@ -107,7 +107,7 @@ def test_a_marked_frame_of_another_local_process_is_received(link: Link) -> None
 
 def test_a_lost_bus_is_counted_and_raises_nothing(link: Link) -> None:
     link.close()
-    assert not link.send(COMMAND, b"")
+    assert list(link.send([(COMMAND, b"")])) == [0]
     assert link.drain() == []
     assert (link.unsent, link.errors) == (1, 1)
     link.close()
@@ -125,7 +125,7 @@ def test_whatever_an_interface_raises_is_counted(
     with monkeypatch.context() as patch:
         for name in ("send", "recv", "shutdown"):
             patch.setattr(link._bus, name, fails)
-        assert not link.send(COMMAND, b"")
+        assert list(link.send([(COMMAND, b"")])) == [0]
         assert link.drain() == []
         link.close()
     assert (link.unsent, link.errors) == (1, 2)
@@ -211,7 +211,7 @@ def serial_link(adapter: Adapter) -> Iterator[Link]:
 
 
 def test_slcan_carries_frames_over_a_serial_line(adapter: Adapter, serial_link: Link) -> None:
-    assert serial_link.send(COMMAND, b"\x37\x02")
+    assert not serial_link.send([(COMMAND, b"\x37\x02")])
     assert adapter.received_text(lambda text: "\r" in text) == "t20523702\r"
     adapter.send_text("t18520102\rt1870\rT000001851FF\rr1858\rt1860\r")
     assert drained(serial_link, 2) == [Frame(STATUS, b"\x01\x02"), Frame(OTHER, b"")]
@@ -232,7 +232,7 @@ def test_a_serial_line_that_hangs_up_is_counted(adapter: Adapter, serial_link: L
     while serial_link.errors == 0 and time.monotonic() < end:
         assert serial_link.drain() == []
     assert serial_link.errors > 0
-    serial_link.send(COMMAND, b"")
+    serial_link.send([(COMMAND, b"")])
     assert serial_link.unsent == 1
 
 
@@ -241,10 +241,10 @@ def test_multicast_gives_back_what_was_sent_and_the_link_keeps_it_out() -> None:
     bus = BusSettings("udp_multicast", "239.74.163.2", 1_000_000, (("port", unserved()),))
     link, far = Link(bus, {STATUS}), Link(bus, {COMMAND})
     try:
-        if not link.send(COMMAND, b"\x01"):
+        if link.send([(COMMAND, b"\x01")]):
             pytest.skip("this host has no route for multicast")
         assert drained(far, 1) == [Frame(COMMAND, b"\x01")]
-        assert far.send(STATUS, b"\x02")
+        assert not far.send([(STATUS, b"\x02")])
         assert drained(link, 1) == [Frame(STATUS, b"\x02")], "and not its own command"
         assert link.drain() == far.drain() == []
         assert link.errors == far.errors == 0

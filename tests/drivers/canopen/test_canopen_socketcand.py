@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from drivers.canopen import socketcand_bus
 from drivers.canopen.bus_settings import BusSettings
-from drivers.canopen.link import _BUS_ERRORS, LinkError, open_bus, set_receive_filter
+from drivers.canopen.frame_port import BUS_ERRORS, Frame, SocketcandPort
+from drivers.canopen.link import LinkError, open_bus, set_receive_filter
 from drivers.canopen.socketcand_bus import SocketcandBus
 
 FRAMES = (b"< frame 705 1.5 05 >", b"< frame 185 1.6 AABB >", b"< frame 585 1.7 4300100092010200 >")
@@ -124,6 +125,112 @@ def test_text_without_end_is_not_kept(server: Server, bus: can.BusABC) -> None:
     assert len(bus._buffer) <= 256  # type: ignore[attr-defined]
 
 
+@pytest.fixture
+def stream_port(server: Server, bus: can.BusABC) -> SocketcandPort:
+    assert isinstance(bus, SocketcandBus)
+    return SocketcandPort(bus, (0x705, 0x185))
+
+
+def looked_at(port: SocketcandPort, count: int) -> list[Frame]:
+    """Return the frames of a port as soon as there are ``count``, after 2 s at the latest."""
+    frames: list[Frame] = []
+    end = time.monotonic() + 2.0
+    while len(frames) < count and time.monotonic() < end:
+        port.receive(frames, 64)
+    return frames
+
+
+@pytest.mark.parametrize("cut", range(1, len(FRAMES[0]) + len(FRAMES[1])))
+def test_a_tick_reads_frames_in_two_pieces(
+    server: Server, stream_port: SocketcandPort, cut: int
+) -> None:
+    data = FRAMES[0] + FRAMES[1]
+    server.send(data[:cut])
+    first = looked_at(stream_port, 1 if cut >= len(FRAMES[0]) else 0)
+    server.send(data[cut:])
+    frames = first + looked_at(stream_port, 2 - len(first))
+    assert frames == [Frame(0x705, b"\x05"), Frame(0x185, b"\xaa\xbb")]
+
+
+def test_a_tick_passes_over_what_is_no_frame_for_it(
+    server: Server, stream_port: SocketcandPort
+) -> None:
+    empty, lower, foreign = b"< frame 185 1.7  >", b"< frame 185 1.8 aabb >", FRAMES[2]
+    extended = b"< frame 00000185 1.9 AA >"
+    server.send(b"noise>" + foreign + extended + b"< ok >< frame 185 <" + empty + lower)
+    assert looked_at(stream_port, 2) == [Frame(0x185, b""), Frame(0x185, b"\xaa\xbb")]
+    assert stream_port.receive([], 64) == (0, False)
+
+
+def test_a_tick_counts_error_frames_and_reports_a_backlog(
+    server: Server, stream_port: SocketcandPort
+) -> None:
+    server.send(b"< error 20000040 1.5 >" + FRAMES[0] * 200)
+    time.sleep(0.05)
+    frames: list[Frame] = []
+    assert stream_port.receive(frames, 64) == (1, True)
+    assert 64 <= len(frames) < 200
+    looked_at(stream_port, 200 - len(frames))
+    assert stream_port.receive([], 64) == (0, False)
+
+
+def test_a_tick_keeps_what_came_with_the_last_answer() -> None:
+    server = Server(HI, OK, (b"< ok >" + EARLY + EARLY[:7],))
+    bus = opened(server)
+    assert isinstance(bus, SocketcandBus)
+    port = SocketcandPort(bus, (0x705,))
+    assert looked_at(port, 1) == [Frame(0x705, b"\x05")]
+    server.send(EARLY[7:])
+    assert looked_at(port, 1) == [Frame(0x705, b"\x05")]
+    server.close()
+    with pytest.raises(OSError, match=r"the server has ended|reset"):
+        looked_at(port, 1)
+    bus.shutdown()
+
+
+class Stream:
+    """A stream that takes the given numbers of bytes; None: none, it is full."""
+
+    def __init__(self, *accepted: int | None) -> None:
+        self.sent = b""
+        self._accepted = list(accepted)
+
+    def send(self, data: bytes, flags: int) -> int:
+        assert flags == socket.MSG_DONTWAIT
+        accepted = self._accepted.pop(0)
+        if accepted is None:
+            raise BlockingIOError
+        self.sent += data[:accepted]
+        return min(accepted, len(data))
+
+
+COMMANDS = [(0x205, b"\x0f\x00\xd2\x04"), (0x206, b"\x0f\x00\x00\x00"), (0x080, b"")]
+COMMAND_TEXT = b"< send 205 4 0f 00 d2 04 >< send 206 4 0f 00 00 00 >< send 080 0  >"
+
+
+@pytest.mark.parametrize("first", [None, *range(len(COMMAND_TEXT) + 1)])
+def test_a_full_stream_refuses_whole_frames(stream_port: SocketcandPort, first: int | None) -> None:
+    """However much the stream takes, the server reads only whole frames, each once."""
+    stream = Stream(first, 3, 1000, 1000)
+    stream_port._stream = stream  # type: ignore[assignment]
+    accepted = []
+    for commands in (COMMANDS, COMMANDS[:1], COMMANDS[1:2], COMMANDS[2:]):
+        refused = stream_port.send(commands)
+        accepted += [each for index, each in enumerate(commands) if index not in refused]
+    words = [piece.split()[2:] for piece in stream.sent.split(b">")[:-1]]
+    assert stream.sent.endswith(b">")
+    sent = [(int(w[0], 16), bytes.fromhex(b"".join(w[2:]).decode())) for w in words]
+    assert sent == accepted
+    assert all(len(data) == int(w[1]) for (_, data), w in zip(sent, words, strict=True))
+
+
+def test_the_text_of_commands(stream_port: SocketcandPort) -> None:
+    stream = Stream(1000)
+    stream_port._stream = stream  # type: ignore[assignment]
+    assert not stream_port.send(COMMANDS)
+    assert stream.sent == COMMAND_TEXT
+
+
 PIECES = st.sampled_from(
     (b"< ", b"<", b"frame ", b"error ", b"705 ", b"1.5 ", b"05 ", b"zz ", b"\xff", b"20000040 ")
 )
@@ -135,7 +242,7 @@ def test_no_text_raises_anything_but_what_the_link_counts(
 ) -> None:
     bus = object.__new__(SocketcandBus)
     bus._ids = ids
-    with suppress(*_BUS_ERRORS):
+    with suppress(*BUS_ERRORS):
         message = bus._decode_message(b"".join(pieces))
         assert (
             message is None

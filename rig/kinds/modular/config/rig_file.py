@@ -100,6 +100,7 @@ class RigFile(BaseRigFile):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the names of axes and sensors, the formulas of the stations, and the wiring."""
+        yield from super().check_rules()
         yield from self._name_rules()
         if self.wiring is not None:
             yield from self._drive_rules(self.wiring)

@@ -48,6 +48,7 @@ class Plant(NamedTuple):
     age: float  # s, of the readings
     seas: Seas
     onset: float  # s, of every sea
+    steps: int  # of the flap in a tick
 
 
 class Device(NamedTuple):
@@ -59,6 +60,7 @@ class Device(NamedTuple):
     fresh: int  # 1: ``actuation`` arrived after the plant's last step
     sea: int  # index of the running sea; -1: still water
     wave_tick: int  # since the waves were started; -1 in still water
+    moment: float  # N*m, of the waves on the flap
     hand: Hand
 
 
@@ -76,22 +78,38 @@ def couple(
         tuple(accumulate(length, initial=0))[:-1],
         length,
     )
-    device = Device(now.state, now.delay_line, now.actuation, now.fresh, sea, world.wave_tick, hand)
-    return Plant(now.params, tuple(now.normals), now.delay, seas, world.onset), device
+    device = Device(
+        now.state,
+        now.delay_line,
+        now.actuation,
+        now.fresh,
+        sea,
+        world.wave_tick,
+        world.moment,
+        hand,
+    )
+    return Plant(now.params, tuple(now.normals), now.delay, seas, world.onset, world.steps), device
 
 
 def advance_plant(plant: Plant, device: Device, tick: int, dt: float) -> Device:
     """Return the device one tick later, with the readings of ``tick`` in transit."""
-    state, in_transit, actuation, fresh, sea, wave_tick, hand = device
+    state, in_transit, actuation, fresh, sea, wave_tick, last_moment, hand = device
     excitation, first, length = plant.seas
-    moment = 0.0
+    steps, normals, moment = plant.steps, plant.normals, 0.0
     if wave_tick >= 0:
         wave_tick += 1
         moment = value_at(excitation, first[sea], length[sea], wave_tick, plant.onset, dt)
-    state = oswec.step(plant.constants, state, actuation, fresh, 0, moment, plant.normals, dt)
-    reading = oswec.sample(plant.constants, state, 0, tick, plant.normals)
+    for step in range(1, steps + 1):
+        present = moment
+        if step < steps:
+            present = last_moment + (moment - last_moment) * step / steps
+        state = oswec.step(
+            plant.constants, state, actuation, fresh, 0, present, normals, dt / steps
+        )
+        fresh = 0
+    reading = oswec.sample(plant.constants, state, 0, tick, normals)
     line = in_transit[1:] + (reading,)  # noqa: RUF005 - what numba compiles
-    return Device(state, line, actuation, 0, sea, wave_tick, hand)
+    return Device(state, line, actuation, 0, sea, wave_tick, moment, hand)
 
 
 def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[Device, bool]:
@@ -100,7 +118,7 @@ def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[
     A change of the sea starts its waves anew. The hand turns a locked flap to the command's angle;
     a flap that is coupled to its motor stays where it was clamped.
     """
-    state, in_transit, _, _, sea, wave_tick, hand = device
+    state, in_transit, _, _, sea, wave_tick, moment, hand = device
     if command.sea != sea:
         sea = command.sea
         wave_tick = 0 if sea >= 0 else -1
@@ -110,7 +128,7 @@ def actuate(plant: Plant, device: Device, command: Command, dt: float) -> tuple[
         angle = hand.angle if hand.holds == 1 else state.driveline.shaft_angle
         hand = Hand(1, turned(angle, command.clamp, dt))
         state = oswec.turn_to(state, hand.angle)
-    return Device(state, in_transit, actuation_of(command), 1, sea, wave_tick, hand), False
+    return Device(state, in_transit, actuation_of(command), 1, sea, wave_tick, moment, hand), False
 
 
 def turned(angle: float, target: float, dt: float) -> float:

@@ -27,7 +27,9 @@ class WaveBotDevices:
     def __init__(self, can: CanAxes, slots: Mapping[str, Mailbox], trigger_divider: int) -> None:
         """``trigger_divider``: ticks between two posts of the outputs."""
         self._can = can
-        self._slots = slots
+        self._polled = {name: slots[name] for name in _POLLED}
+        self._analyser, self._cells, self._probes, self._panel = self._polled.values()
+        self._outputs = slots["outputs"]
         self._trigger_divider = trigger_divider
         self._writes = 0
 
@@ -36,14 +38,13 @@ class WaveBotDevices:
 
         OSError names those without one.
         """
-        wait_for_values({name: self._slots[name] for name in _POLLED}, dt)
+        wait_for_values(self._polled, dt)
         self._can.warm_up(dt)
 
     def read(self, now: float) -> Sense:
         # Mailboxes before the time, or a value posted later would have a negative age.
-        analyser = self._slots["analyser"].read()
-        cells, probes = self._slots["cells"].read(), self._slots["probes"].read()
-        panel = self._slots["inputs"].read()
+        analyser, cells = self._analyser.read(), self._cells.read()
+        probes, panel = self._probes.read(), self._panel.read()
         can = self._can
         time_now = can.receive()
         heave, surge = can.read("heave"), can.read("surge")
@@ -78,12 +79,12 @@ class WaveBotDevices:
             ((spring.target, spring.enable),),
         )
         if self._writes % self._trigger_divider == 0:
-            self._slots["outputs"].post((trigger, self._can.time))
+            self._outputs.post((trigger, self._can.time))
         self._writes += 1
 
     def stop(self, reason: int) -> None:
         self._can.release()
-        self._slots["outputs"].post((0, self._can.time))
+        self._outputs.post((0, self._can.time))
 
     def close(self) -> None:
         self._can.close()

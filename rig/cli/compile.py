@@ -19,7 +19,10 @@ def command(
     rig: Rig = None,
     as_json: Json = False,
 ) -> int:
-    """Compile the tick of a campaign or session, and remove old compiled code.
+    """Compile the ticks of a campaign or session, and remove old compiled code.
+
+    One code is the tick for wires and the real clock, the other one is that of a
+    rehearsal: many ticks together with the simulated plant.
 
     A run does so by itself, beside its first ticks. On a rig, compile ahead:
     then the run is compiled from its first tick on. Changes of numbers in the
@@ -33,21 +36,29 @@ def command(
         return print_problems(report, as_json=as_json)
     from rig.compilation.cache_folder import remove_unused_code
     from rig.compilation.tick_code import CompilationError, compile_tick
-    from rig.compilation.tick_source import tick_source
+    from rig.processes.messages import CompileJob
+    from rig.processes.tick_compiler import source_of
 
     planned = tasks.execution_task(report.checked, report.plan)
-    began = time.monotonic()
+    mode = tasks.rehearsal_mode(report.checked, real_clock=False)
+    alone = CompileJob(planned.params, planned.dt, planned.law)
+    coupled = alone._replace(device_module=mode.device_module, devices=mode.devices)
+    began, folders = time.monotonic(), {}
     try:
-        source = tick_source(planned.tick, planned.law, planned.params, planned.dt)
-        folder = compile_tick(source)
+        for name, job in (("tick", alone), ("rehearsal", coupled)):
+            source = source_of(planned.tick, job)
+            folders[name] = str(compile_tick(source)) if source else None
     except (CompilationError, ValueError, OSError) as error:
         message = f"{path}: the tick cannot be compiled, so it runs interpreted: {error}"
         return fail("compile", CompilationError(message), as_json=as_json, code=FAILED)
     seconds, removed = time.monotonic() - began, remove_unused_code()
     if as_json:
-        print_json({"folder": str(folder), "seconds": seconds, "removed": removed})
+        print_json({**folders, "seconds": seconds, "removed": removed})
     else:
-        print(f"compiled in {seconds:.1f} s: {folder}")
+        print(f"compiled in {seconds:.1f} s")
+        print(f"tick       {folders['tick']}")
+        alone_only = "as the tick: its simulated plant is not compiled with the loop"
+        print(f"rehearsal  {folders['rehearsal'] or alone_only}")
         if removed:
-            print(f"removed  {removed} folders of code that nothing used for 90 days")
+            print(f"removed    {removed} folders of code that nothing used for 90 days")
     return OK

@@ -116,8 +116,9 @@ class CoupledChangeover:
 
     def advance(self) -> CoupledTicks | InterpretedTick | None:
         """Return the ticks to go on with if the code is there; call it between two ticks."""
+        looks = self._calls % _TICKS_BETWEEN_LOOKS == 0
         self._calls += 1
-        if self._calls % _TICKS_BETWEEN_LOOKS != 1 or not is_complete(self._folder):
+        if not looks or not is_complete(self._folder):
             return None
         coupling = self._couple()
         memory = memory_of(self._params, self._interpreted.state, coupling)

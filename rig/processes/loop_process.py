@@ -149,7 +149,8 @@ def _connect(
     if missing:
         report(CodeMissing(coupled=devices is not None))
     coupled = devices is not None
-    if devices is None or missing:  # a plant that runs by itself is compiled by itself
+    if devices is None or (missing and not job.compiles):
+        # The compiled step of a plant alone: it takes less to compile, but more time in a tick.
         devices = module.connect(job.devices, job.dt)
     return devices, folder, devices.coupling if coupled else None
 

@@ -49,6 +49,7 @@ class LoopJob(NamedTuple):
     law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
     logger: tuple[LoggerJob, ...] = ()  # the present logger's; none: unsaved rows are lost
     code: str = ""  # folder where the compiled tick is or will be; empty: it stays interpreted
+    compiles: bool = False  # missing code is compiled beside the run
 
 
 class CompileJob(NamedTuple):

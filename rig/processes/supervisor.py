@@ -339,6 +339,7 @@ class SupervisedRun:
             law=task.law,
             logger=(self._logger_job(),),
             code=self._compiler.folder if self._compiler else "",
+            compiles=self._compiler.compiles if self._compiler else False,
         )
         slots = (slot.fd for slot in self._io_processes.slots.values())
         locks = (self._folder_lock, *self._wire_locks)

@@ -36,13 +36,14 @@ class TickCompiler:
         # A law may raise anything in its example tick; so may the loop.
         with suppress(Exception):
             self.folder = str(tick_source(task.tick, task.law, task.params, task.dt).folder)
+        tick_s = task.dt if mode.real_clock else _INTERPRETED_TICK_S
+        self.compiles = sum(task.params.segments.ticks) * tick_s > _COMPILER_S
+        """Whether the run is longer than the compiler takes."""
 
     def start(self, *, coupled: bool) -> None:
-        """Compile the ticks, ``coupled`` with the mode's plant, unless the run ends before."""
+        """Compile the ticks, ``coupled`` with the mode's plant, if that is worth its time."""
         task, mode = self._task, self._mode
-        ticks = sum(task.params.segments.ticks)
-        tick_s = task.dt if mode.real_clock else _INTERPRETED_TICK_S
-        if self._process is not None or ticks * tick_s < _COMPILER_S:
+        if self._process is not None or not self.compiles:
             return
         job = CompileJob(task.params, task.dt, task.law)
         if coupled:

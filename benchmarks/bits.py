@@ -15,8 +15,7 @@ from benchmarks.support.campaigns import open_checked
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
-from rig.kinds.wavebot.simulation.compiled import KEPT_FIELDS
-from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.recording.runs import reader, run_info
 from rig.recording.runs.windows import read_windows

@@ -5,46 +5,40 @@ lifted (rig/compilation/lifting.py). This module adds the order of operations in
 selection of the logged fields; a kind adds the three steps of its plant (`LoopSource`).
 """
 
+import importlib
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from types import ModuleType
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from controllers import biquads, blocks, estimator, law, open_loop, signals
-from rig import stations
-from rig.compilation import column, lifting, pages
+from rig.compilation import lifting, pages
 from rig.compilation.cache_folder import code_folder
 from rig.compilation.column import Column
 from rig.compilation.pages import PAGE_TICKS
 from rig.compilation.row_simulation import Progress, RowSimulation, Stored
-from rig.compilation.tick_source import PlantCode
-from rig.realtime import axis, cycle, limits, power, reasons, safety, sequence
+from rig.compilation.tick_source import Dependencies, PlantCode, dependencies
+from rig.realtime import cycle, safety
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE, Segments
 
-LIFTED_MODULES = (
-    biquads, blocks, estimator, open_loop, axis, limits, safety, sequence, pages, cycle,
-)  # fmt: skip
-"""Modules of the loop of every kind."""
+_SOURCE = '''"""Generated: ticks of loop and plant together.
 
-TYPE_MODULES = (
-    signals, law, column, power, reasons, stations, sys.modules[__name__],
-)  # fmt: skip
-"""Modules that are not lifted, but whose types or generated functions compiled code contains."""
+Byte code of its functions without a file: {digest}
+"""
 
-_SOURCE = '''"""Generated: ticks of loop and plant together."""
+import importlib
 
 from numba import njit
 from numba.extending import register_jitable
 
-from rig.compilation import column
 from rig.compilation.coupled_loop import CoupledState
 from rig.compilation.pages import flush_page
 from rig.realtime import cycle
 {imports}
 
-loop_step = register_jitable(forceinline=True)(cycle.make({kind}))
+find_kind = importlib.import_module("{tick}").find_kind
+loop_step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
 NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
@@ -88,32 +82,31 @@ class CoupledState(NamedTuple):
 class LoopSource(NamedTuple):
     """A kind of rig's part of the compiled loop."""
 
-    name: str  # of the module
-    imports: str  # lines, for the names in `kind`
-    kind: str  # expression: the kind's `cycle.Kind`
+    tick: str  # package of the kind's tick
+    law: str  # for its `find_kind`
     plant: PlantCode
     fields: tuple[str, ...]  # stored of each measured tick
-    lifted: tuple[ModuleType, ...]  # modules besides `LIFTED_MODULES`
-    types: tuple[ModuleType, ...]  # modules besides `TYPE_MODULES`
 
     @property
-    def lifted_modules(self) -> tuple[ModuleType, ...]:
-        """All lifted modules of loop and plant."""
-        every = dict.fromkeys((*LIFTED_MODULES, *self.lifted))
-        return tuple(module for module in every if module not in self.type_modules)
+    def kind(self) -> cycle.Kind:
+        """The kind of rig with its law."""
+        kind: cycle.Kind = importlib.import_module(self.tick).find_kind(self.law)
+        return kind
 
-    @property
-    def type_modules(self) -> tuple[ModuleType, ...]:
-        """All modules that are not lifted, but are part of the compiled code."""
-        return tuple(dict.fromkeys((*TYPE_MODULES, *self.types)))
+    def dependencies(self) -> Dependencies:
+        """Return all that the code is made of."""
+        own = (pages.flush_page, CoupledState, cycle.Timing)
+        return dependencies(self.kind, (*self.plant.functions, *own))
 
-    def text(self) -> str:
-        """Return the source of the compiled loop."""
+    def text(self, digest: str) -> str:
+        """Return the source of the compiled loop; ``digest``: of its dependencies."""
         stored = enumerate(self.fields)
         keep = (f"page[{i * PAGE_TICKS} + slot] = row.{name}" for i, name in stored)
         return _SOURCE.format(
-            imports=f"{self.imports}\n{self.plant.imports}",
-            kind=self.kind,
+            digest=digest,
+            imports=self.plant.imports,
+            tick=self.tick,
+            law=self.law,
             advance=self.plant.advance,
             sense=self.plant.sense,
             actuate=self.plant.actuate,
@@ -125,8 +118,8 @@ class LoopSource(NamedTuple):
             measure=MEASURE,
         )
 
-    def load(self, kind: cycle.Kind) -> Any:
-        """Return the compiled ``advance`` for a kind, that of the expression `kind`.
+    def load(self) -> Any:
+        """Return the compiled ``advance``.
 
         ``advance(params, plant, dt, coupled, until, page, columns, filled)`` simulates up to tick
         ``until``, or until a few ticks after power was removed, the end of a window, or an
@@ -134,14 +127,18 @@ class LoopSource(NamedTuple):
         on, through a ``page`` (rig/compilation/pages.py). It returns the new `CoupledState` and the
         number of stored ticks.
         """
-        lifting.lift_closures(kind.control)
-        modules = (self.lifted_modules, self.type_modules)
-        return lifting.load(self.name, self.text(), *modules).advance
+        needed = self.dependencies()
+        lifting.lift_functions(needed.functions)
+        text, folder = self._cached(needed)
+        return lifting.load("loop", text, (), folder=folder).advance
 
     def is_compiled(self) -> bool:
         """Return whether this host has already compiled ``advance``."""
-        modules = (*self.lifted_modules, *self.type_modules)
-        return lifting.is_compiled(code_folder(self.text(), modules))
+        return lifting.is_compiled(self._cached(self.dependencies())[1])
+
+    def _cached(self, needed: Dependencies) -> tuple[str, Path]:
+        text = self.text(needed.digest)
+        return text, code_folder(text, (sys.modules[__name__], *needed.modules))
 
 
 class CoupledLoop:
@@ -166,11 +163,11 @@ class CoupledLoop:
 class LoopSimulator(ABC):
     """A campaign's rig in its sea; each simulation starts anew. Threads may share a simulator."""
 
-    def __init__(self, kind: cycle.Kind, source: LoopSource, dt: float) -> None:
+    def __init__(self, source: LoopSource, dt: float) -> None:
         """``source`` has the kind's loop and plant, ``dt`` is the period, s."""
-        self.kind, self.dt = kind, dt
-        self.advance = source.load(kind)
-        self.stored = Stored.of_row(kind.row_type, source.fields)
+        self.kind, self.dt = source.kind, dt
+        self.advance = source.load()
+        self.stored = Stored.of_row(self.kind.row_type, source.fields)
 
     @abstractmethod
     def loop(self, plan: Any, place: float | None) -> CoupledLoop:

@@ -69,41 +69,22 @@ def lift_functions(functions: Iterable[Any]) -> None:
             register_jitable(forceinline=True)(function)
 
 
-def lift_closures(function: Any) -> None:
-    """Make a function and the functions that it holds in its closure callable from compiled code.
-
-    Their modules belong to the ``modules`` of `load`, because closures have no source of their own.
-    """
-    if function in _lifted_closures:
-        return
-    _lifted_closures.add(function)
-    for cell in function.__closure__ or ():
-        if inspect.isfunction(cell.cell_contents) and cell.cell_contents.__name__ != "<lambda>":
-            lift_closures(cell.cell_contents)
-    if function.__closure__ or function.__module__ not in sys.modules:
-        register_jitable(forceinline=True)(function)
-
-
-_lifted_closures: set[Any] = set()
-
-
 def load(
     name: str,
     source: str,
     modules: Iterable[ModuleType],
-    type_modules: Iterable[ModuleType] = (),
     folder: Path | None = None,
 ) -> ModuleType:
     """Import generated source whose compiled functions are cached on disk.
 
     The folder of the source is named by a hash of all its inputs, so an edit of any lifted module
-    or of ``type_modules`` (types and constants in compiled code) leads to a new folder. If it
+    leads to a new folder. If it
     cannot be written, a temporary folder is used and the code is compiled each time. ``folder`` is
     that of modules which the caller has lifted.
     """
     modules = tuple(modules)
     lift(modules)
-    path = (folder or code_folder(source, (*modules, *type_modules))) / f"{name}.py"
+    path = (folder or code_folder(source, modules)) / f"{name}.py"
     if not path.exists():
         try:
             write_atomically(path, source)

@@ -12,6 +12,7 @@ import inspect
 import marshal
 import sys
 from collections.abc import Iterable, Iterator
+from enum import Enum
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -184,17 +185,13 @@ def _source(
             accesses.append(f"store_{name} = storer({kind_of_section})")
         texts[f"at_{name}"] = start
     row = leaves(kind.row_type)
-    step, *called = reachable(cycle.make(kind), *others)
-    owners = {each.__module__ for each in (step, *called, *names)} & sys.modules.keys()
-    functions = [each for each in called if inspect.isfunction(each)]
-    modules = [sys.modules[name] for name in sorted(owners)]
-    without_source = [each for each in functions if each.__module__ not in sys.modules]
+    needed = dependencies(kind, others, names)
     text = (_HEAD + body).format(
         imports="\n".join(
             f"from {each.__module__} import {each.__qualname__} as {name}"
             for each, name in names.items()
         ),
-        generated=f"Byte code of its functions without a source: {_digest(without_source)}",
+        generated=f"Byte code of its functions without a file: {needed.digest}",
         tick=tick,
         law=law,
         accesses="\n".join(accesses),
@@ -203,7 +200,7 @@ def _source(
         **texts,
     )
     own = (tick_memory, sys.modules[__name__])
-    return TickSource(text, tuple(functions), (*own, *modules))
+    return TickSource(text, needed.functions, (*own, *needed.modules))
 
 
 def _numba_type(tree: Any, names: dict[type, str]) -> str:
@@ -219,21 +216,41 @@ def _numba_type(tree: Any, names: dict[type, str]) -> str:
     return f"record({', '.join([name, *parts])})"
 
 
+class Dependencies(NamedTuple):
+    """All that compiled ticks of a kind are made of."""
+
+    functions: tuple[FunctionType, ...]  # plain functions, besides the cycle's step
+    modules: tuple[ModuleType, ...]  # of functions and types
+    digest: str  # of the byte code of functions that were written by the program
+
+
+def dependencies(
+    kind: cycle.Kind, others: Iterable[Any], known: Iterable[type] = ()
+) -> Dependencies:
+    """Return what the cycle of a kind and ``others``, functions and types, depend on."""
+    step, *called = reachable(cycle.make(kind), *others)
+    owners = {each.__module__ for each in (step, *called, *known)} & sys.modules.keys()
+    functions = tuple(each for each in called if inspect.isfunction(each))
+    without_source = [each for each in functions if each.__code__.co_filename.startswith("<")]
+    modules = tuple(sys.modules[name] for name in sorted(owners))
+    return Dependencies(functions, modules, _digest(without_source))
+
+
 def reachable(first: Any, *others: Any) -> Iterator[Any]:
     """Yield functions, the first one first, and all that they may call, each once.
 
-    That is plain functions and types of NamedTuples.
+    That is plain functions, types of NamedTuples and enumerations.
     """
     seen: set[Any] = set()
     waiting = [*others, first]
     while waiting:
         each = waiting.pop()
-        is_record = isinstance(each, type) and issubclass(each, tuple)
-        if not (is_record or inspect.isfunction(each)) or each in seen:
+        is_type = isinstance(each, type) and issubclass(each, tuple | Enum)
+        if not (is_type or inspect.isfunction(each)) or each in seen:
             continue
         seen.add(each)
         yield each
-        if is_record:
+        if is_type:
             continue
         waiting += [cell.cell_contents for cell in each.__closure__ or ()]
         names = set(_names(each.__code__))

@@ -33,14 +33,13 @@ from rig.compilation.pages import PAGE_TICKS
 from rig.config.law_settings import IMPEDANCE
 from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
-from rig.kinds.wavebot.simulation.compiled import KEPT_FIELDS, loop_source
-from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator, loop_source
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode
 
 SOURCE = loop_source(IMPEDANCE)
-LIFTED, TYPE_MODULES = SOURCE.lifted_modules, SOURCE.type_modules
+MODULES = SOURCE.dependencies().modules
 LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -318,40 +317,43 @@ def imported_modules(modules: Any) -> set[str]:
 
 def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None:
     """An edit of any module of cycle, plant or their types leads to another folder."""
-    parts = {module.__name__ for module in (*LIFTED, *TYPE_MODULES)}
-    passing = {
-        "controllers",
-        "rig",  # for `rig.laws`, which finds a law before its code is compiled
-        "rig.kinds.wavebot.tick",
-        "rig.realtime",
-        "sim_plant",
-    }  # packages that only re-export
-    # `sim_plant.units` has nothing but types.
-    assert imported_modules(LIFTED) - parts <= passing | {"sim_plant.units"}
-    now = code_folder("x", (*LIFTED, *TYPE_MODULES))
+    parts = {module.__name__ for module in MODULES}
+    passing = {  # packages that only re-export, and modules with nothing but types
+        "controllers", "rig.kinds.wavebot.tick", "rig.realtime", "sim_plant",
+        "controllers.law", "sim_plant.units",
+    }  # fmt: skip
+    # They write or find code before it is compiled; what they give is in text and digest.
+    writing = {"rig.compilation", "rig.kinds.wavebot.tick.law_columns", "rig.stations",
+               "rig.realtime.loop"}  # fmt: skip
+    missing = {
+        name for name in imported_modules(MODULES) - parts
+        if not name.startswith("rig.compilation.")
+    }  # fmt: skip
+    assert missing <= passing | writing
+    now = code_folder("x", MODULES)
     getsource = inspect.getsource
-    for edited in (*LIFTED, *TYPE_MODULES):
+    for edited in MODULES:
 
         def read(module: Any, edited: Any = edited) -> str:
             return getsource(module) + ("# edited" if module is edited else "")
 
         monkeypatch.setattr(inspect, "getsource", read)
-        assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now, edited.__name__
+        assert code_folder("x", MODULES) != now, edited.__name__
     monkeypatch.setattr(inspect, "getsource", getsource)
-    assert code_folder("x", (*LIFTED, *TYPE_MODULES)) == now
+    assert code_folder("x", MODULES) == now
     monkeypatch.setattr(cache_folder, "_COMPILERS", (*cache_folder._COMPILERS, "pages.py"))
-    assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now
+    assert code_folder("x", MODULES) != now
     monkeypatch.undo()
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
-    assert code_folder("x", (*LIFTED, *TYPE_MODULES)) != now
+    assert code_folder("x", MODULES) != now
 
 
 PRINT_CACHE_FOLDER = """
 from rig.compilation.cache_folder import code_folder
 from rig.config.law_settings import IMPEDANCE
-from rig.kinds.wavebot.simulation.compiled import loop_source
+from rig.kinds.wavebot.simulation.simulation import loop_source
 source = loop_source(IMPEDANCE)
-print(code_folder("x", (*source.lifted_modules, *source.type_modules)))
+print(code_folder("x", source.dependencies().modules))
 """
 
 
@@ -383,17 +385,13 @@ def test_edited_law_is_recompiled_and_no_index_leaves_its_table(tmp_path: Path) 
     root, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
     for name in ("controllers", "rig", "sim_plant"):
         shutil.copytree(root / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) == str(
-        code_folder("x", (*LIFTED, *TYPE_MODULES))
-    )
+    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) == str(code_folder("x", MODULES))
     law = tree / "controllers" / "impedance.py"
     text = law.read_text()
     edited = text.replace("force = kp * velocity", "force = 1.01 * kp * velocity", 1)
     assert edited != text
     law.write_text(edited)
-    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) != str(
-        code_folder("x", (*LIFTED, *TYPE_MODULES))
-    )
+    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) != str(code_folder("x", MODULES))
     program = str(Path(__file__).with_name("both_ways.py"))
     compiled_result, interpreted_result = json.loads(
         run_in_tree(tree, program, str(path), NUMBA_BOUNDSCHECK="1")

@@ -1,6 +1,5 @@
 """Simulation of a campaign of a modular rig: loop, plant and sea as compiled code takes them."""
 
-from functools import lru_cache
 from typing import Any
 
 from rig.analysis.rows import table_fields
@@ -13,22 +12,17 @@ from rig.compilation.coupled_loop import (
     with_columns,
 )
 from rig.kinds.modular.build import campaign_composition, campaign_params
-from rig.kinds.modular.rehearsal import plant_coupling
-from rig.kinds.modular.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
 from rig.kinds.modular.rehearsal.coupled_plant import couple_world, plant_code
 from rig.kinds.modular.rehearsal.coupling import couple
 from rig.kinds.modular.rehearsal.devices import SensorScale, build_world, sensor_scales
 from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.simulation.waves import wave_sensors
-from rig.kinds.modular.tick import Composition, compose
-from rig.kinds.modular.tick import signals as modular_signals
-from rig.laws import from_request, helper_modules
+from rig.kinds.modular.tick import compose
 from rig.planning.reference import index_realisations, list_realisations
 from rig.realtime import cycle
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import REQUIRED_FIELDS
-from sim_plant import wave_maker
 
 
 class CampaignSimulator(LoopSimulator):
@@ -42,7 +36,7 @@ class CampaignSimulator(LoopSimulator):
         Raises ValueError if plant or sea cannot be simulated.
         """
         composition = campaign_composition(campaign)
-        super().__init__(compose(composition).KIND, loop_source(campaign), plan.dt)
+        super().__init__(loop_source(campaign), plan.dt)
         settings = campaign_settings(campaign)
         if sea is not None:
             settings = settings | {"sea": sea}
@@ -70,27 +64,7 @@ def loop_source(campaign: Any) -> LoopSource:
     waves = wave_sensors(campaign.rig).fields
     fields = dict.fromkeys([*REQUIRED_FIELDS, *table_fields(contents, logged), *waves])
     plant = campaign.plant
-    return _loop_source(
-        composition, tuple(plant["axes"]), tuple(plant.get("sensors", ())), tuple(fields)
-    )
-
-
-@lru_cache(8)
-def _loop_source(
-    composition: Composition,
-    axes: tuple[str, ...],
-    sensors: tuple[str, ...],
-    fields: tuple[str, ...],
-) -> LoopSource:
-    tick, coupling = compose(composition), couple(composition, axes, sensors)
-    laws = [from_request(axis.law) for axis in composition.axes]
-    helpers = dict.fromkeys(module for law in laws for module in helper_modules(law))
+    coupling = couple(composition, tuple(plant["axes"]), tuple(plant.get("sensors", ())))
     return LoopSource(
-        name=f"batch_{tick.__name__.rpartition('.')[2]}",
-        imports=f"from {tick.__name__} import KIND",
-        kind="KIND",
-        plant=plant_code(coupling),
-        fields=fields,
-        lifted=(*helpers, *PLANT, wave_maker, plant_coupling, coupling, tick),
-        types=(modular_signals,),
+        "rig.kinds.modular.tick", composition.to_text(), plant_code(coupling), tuple(fields)
     )

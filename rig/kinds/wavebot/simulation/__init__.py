@@ -65,7 +65,7 @@ def open_simulator(
 
 def is_compiled(campaign: Campaign) -> bool:
     """Return whether this host has already compiled the loop with a campaign's law."""
-    from rig.kinds.wavebot.simulation.compiled import loop_source  # noqa: PLC0415
+    from rig.kinds.wavebot.simulation.simulation import loop_source  # noqa: PLC0415
 
     return loop_source(campaign.file.heave_law).is_compiled()
 

@@ -3,20 +3,42 @@
 from typing import Any
 
 from controllers.signals import DriveSettings
+from rig.analysis.rows import table_fields
 from rig.compilation.column import Column
-from rig.compilation.coupled_loop import CoupledLoop, CoupledState, LoopSimulator, with_columns
+from rig.compilation.coupled_loop import (
+    CoupledLoop,
+    CoupledState,
+    LoopSimulator,
+    LoopSource,
+    with_columns,
+)
 from rig.compilation.row_simulation import Progress
+from rig.config.law_settings import IMPEDANCE
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job, plant_coupling
-from rig.kinds.wavebot.rehearsal.coupled_plant import couple, plant_drive_settings
+from rig.kinds.wavebot.rehearsal.coupled_plant import PLANT_CODE, couple, plant_drive_settings
 from rig.kinds.wavebot.rehearsal.devices import build_world
-from rig.kinds.wavebot.simulation.compiled import loop_source
-from rig.kinds.wavebot.tick import kind_with_law
+from rig.kinds.wavebot.row_contents import row_contents
+from rig.kinds.wavebot.tick import WaveBotRow
+from rig.laws import Law, to_request
 from rig.planning.reference import index_realisations, list_realisations
 from rig.realtime import cycle
+from rig.recording.row_layout import leaves
+from rig.recording.runs.windows import REQUIRED_FIELDS
 from sim_plant import custom_drive, wavebot
 from sim_plant.parameters import Plant
+
+_WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
+          "wave.elevation")  # fmt: skip
+_TABLE = table_fields(row_contents(IMPEDANCE.columns), [leaf.name for leaf in leaves(WaveBotRow)])
+KEPT_FIELDS = tuple(dict.fromkeys([*REQUIRED_FIELDS, *_TABLE, *_WAVES]))
+"""Fields of a tick that the row table and the recovery of waves need."""
+
+
+def loop_source(law: Law) -> LoopSource:
+    """Return the source of loop and plant with a heave law."""
+    return LoopSource("rig.kinds.wavebot.tick", to_request(law), PLANT_CODE, KEPT_FIELDS)
 
 
 class CampaignSimulator(LoopSimulator):
@@ -29,8 +51,7 @@ class CampaignSimulator(LoopSimulator):
 
         Raises ValueError if plant or sea cannot be simulated.
         """
-        law = campaign.file.heave_law
-        super().__init__(kind_with_law(law.module), loop_source(law), plan.dt)
+        super().__init__(loop_source(campaign.file.heave_law), plan.dt)
         devices = job.plant_settings(campaign)
         if sea is not None:
             devices["sea"] = sea

@@ -101,12 +101,7 @@ def run(
             elif changeover and (found := changeover.advance()) is not None:
                 compiled_from = -1 if changeover.problem else tick + 1
                 if isinstance(found, CoupledTicks):
-                    ticks += _execute_to_end(
-                        found,
-                        tick + 1,
-                        request_ticks,
-                        lambda: external_request() or posted_request(),
-                    )
+                    ticks += _execute_to_end(found, tick + 1, request_ticks, any_request)
                     reason = found.reason
                     return LoopResult(ticks, skipped, reason, compiled_from)
                 execution, changeover = found, None

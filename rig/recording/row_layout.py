@@ -13,6 +13,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
+from rig.realtime import tick_memory
 from rig.stations import FIELD_NAME
 
 CDR_HEADER = b"\x00\x01\x00\x00"  # little-endian CDR, no options
@@ -60,28 +61,9 @@ def layout(row_type: type) -> struct.Struct:
 
 
 def packer(row_type: type) -> Callable[[Any, int, Any], None]:
-    """Return ``pack(buffer, at, row)``, which stores a row's numbers at byte ``at``.
-
-    The code is generated as one call of `struct.Struct.pack_into`: unpacking sub-tuples costs a few
-    nanoseconds a number, while visiting the fields by name would cost as much as the cycle.
-    """
-
-    def parts(kind: type, expression: str) -> list[str]:
-        hints = list(_fields(kind).values())
-        if not any(map(_is_nested, hints)):
-            return [f"*{expression}"]
-        out: list[str] = []
-        for i, hint in enumerate(hints):
-            here = f"{expression}[{i}]"
-            out += parts(hint, here) if _is_nested(hint) else [here]
-        return out
-
+    """Return ``pack(buffer, at, row)``, which stores a row's numbers at byte ``at``."""
     leaves(row_type)  # raise for an invalid type before generating code from it
-    source = f"lambda buffer, at, row: pack_into(buffer, at, {', '.join(parts(row_type, 'row'))})"
-    pack: Callable[[Any, int, Any], None] = eval(
-        source, {"__builtins__": {}, "pack_into": layout(row_type).pack_into}
-    )
-    return pack
+    return tick_memory.packer(tick_memory.example(row_type))
 
 
 class RowSchema(NamedTuple):

@@ -254,6 +254,15 @@ def test_new_folder_can_be_moved(tmp_path: Path) -> None:
     assert load(moved / "plant.yaml")["bem"] == WAMIT.name
 
 
+def test_infinite_depth_is_the_largest_that_a_plant_may_have(tmp_path: Path) -> None:
+    arguments = ("--dof", "Heave", "--mass", 300, "--stiffness", 8000)
+    water = ("--density", 1000, "--gravity", 9.81, "--depth", "inf", "--length-scale", 1)
+    assert new(tmp_path, "--bem", WAMIT, *arguments, *water).returncode == 0
+    assert load(tmp_path / "buoy" / "plant.yaml")["depth_m"] == 20_000
+    report = examine(tmp_path / "buoy" / "campaign.yaml")
+    assert report.ok, report.text()
+
+
 def test_bem_file_inside_the_new_folder_stays_where_it_is(tmp_path: Path) -> None:
     inside = tmp_path / "buoy" / "bem"
     inside.mkdir(parents=True)

@@ -40,6 +40,7 @@ _DAMPING_RATIO = 0.02
 _PEAK_CURRENT = 20.0  # A, of the first motor
 _MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 _SEA_HZ = (0.05, 2.0)  # the band of all seas
+_DEEPEST = 2.0e4  # m, the largest depth that a plant file may have: infinite for any wave
 _COMMENT_COLUMN = 36  # of the written files
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match
 _KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
@@ -392,6 +393,8 @@ def _water_text(options: Options) -> str:
         "length_scale": "length_scale_m",
     }  # fmt: skip
     given = {key: getattr(options.water, field) for field, key in keys.items()}
+    if given["depth_m"] == math.inf:
+        given["depth_m"] = _DEEPEST
     given["wave_direction_deg"] = options.direction
     return "".join(f"\n{key}: {v:g}" for key, v in given.items() if v is not None)
 

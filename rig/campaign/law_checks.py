@@ -36,7 +36,7 @@ _REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
 
 
 class _Trial(NamedTuple):
-    forces: list[float]  # N, one a tick
+    forces: list[float]  # N or N m, one a tick
     error: str  # of the tick after the last force; empty: none
 
 
@@ -129,11 +129,11 @@ def _examine(
     name = campaign.axis_laws[axis].law.name
     for tick, (one, other) in enumerate(zip(first.forces, second.forces, strict=False)):
         if not finite(one):
-            return "force", f"the law {name} demands a force of {one} N in tick {tick} of a trial"
+            return "force", f"the law {name} demands {one} in tick {tick} of a trial"
         if one != other:
             return "memory", (
                 f"the law {name} keeps memory outside its State: two equal trials differ first in "
-                f"tick {tick}, {one:.6g} N and {other:.6g} N"
+                f"tick {tick}: it demands {one:.6g} and {other:.6g}"
             )
     if first.error:
         at = f"in tick {len(first.forces)} of a trial"

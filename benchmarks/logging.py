@@ -55,7 +55,8 @@ def fill(writer: ring.RingWriter, rows: Records) -> None:
     """Put packed rows into the ring."""
     address, size = rows.ctypes.data, rows.dtype.itemsize
     for i in range(len(rows)):
-        ctypes.memmove(writer.reserve(), address + i * size, size)
+        place, _ = writer.reserve()
+        ctypes.memmove(place, address + i * size, size)
         writer.publish()
 
 

@@ -14,6 +14,7 @@ from benchmarks import (
     bits,
     cluster,
     counterfactual,
+    coupled,
     coverage,
     crash,
     cycle,
@@ -41,6 +42,7 @@ RESULTS = Path(__file__).parent / "results"
 MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "cycle": cycle.measure,
     "tick": tick.measure,
+    "coupled": coupled.measure,
     "rehearsal": rehearsal.measure,
     "identification": identification.measure,
     "recommend": recommend.measure,

@@ -1,20 +1,17 @@
-"""The couplings of bench and flap give the bits of their devices, interpreted and compiled."""
+"""The couplings of bench and flap give the bits of their devices.
+
+Compiled ones are compared in `test_coupled_ticks`.
+"""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numba
 import pytest
 from golden_bench import GOLDEN
 
-from rig.compilation import lifting
-from rig.compilation.column import Column
-from rig.compilation.coupled_loop import as_columns
-from rig.compilation.tick_source import reachable
 from rig.kinds.oswec_bench.rehearsal import bench_coupling, flap_coupling
 from rig.kinds.oswec_bench.rehearsal.devices import build_bench, build_flap, connect
 from rig.kinds.oswec_bench.rehearsal.job import plant_settings
@@ -22,7 +19,6 @@ from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.files import open_session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
 from rig.kinds.oswec_bench.tick.cycle import KIND
-from rig.kinds.oswec_bench.tick.signals import Command
 from rig.realtime import cycle
 from rig.realtime.safety import STOP_0
 
@@ -91,36 +87,3 @@ def test_a_session_on_the_coupling_has_the_bits_of_the_devices(name: str, tmp_pa
         faults.add(read.servo.fault)
         tick += 1
     assert faults == {0, 1}
-
-
-def compiled(function: Any) -> Any:
-    """Return a function compiled with all functions that it calls."""
-    own, *called = reachable(function)
-    lifting.lift_functions(called)
-    return numba.njit(error_model="numpy")(own)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["bench_velocity", *SECOND_ROWS])
-def test_the_compiled_coupling_has_the_bits_of_the_interpreted_one(
-    name: str, tmp_path: Path
-) -> None:
-    """Commands of every kind, a locked flap and changing seas; a boxed tick takes long."""
-    module, plant, device = couple(plant_settings(session_of(name, tmp_path)))
-    columns = plant._replace(normals=Column(plant.normals))
-    if module is flap_coupling:
-        some = plant.seas if plant.seas.first else flap_coupling.Seas((0.0,), (0,), (1,))
-        columns = columns._replace(seas=as_columns(some))
-    advance, actuate = compiled(module.advance_plant), compiled(module.actuate)
-    other, seas = device, len(plant.seas.first) if module is flap_coupling else 0
-    for tick in range(1500):
-        on, part = 1 if tick > 20 else 0, tick // 300
-        volts, amperes = 2.0 * math.sin(0.01 * tick), 4.0 * math.sin(0.02 * tick)
-        locked, sea = 1 if part == 2 else 0, min(part, seas) - 1
-        command = Command(part % 2, 0.0, volts, 0.0, amperes, on, 0, 0.0, 0.3, locked, sea, 0.05)
-        if tick > 0:
-            device = module.advance_plant(plant, device, tick, DT)
-            other = advance(columns, other, tick, DT)
-        device, _ = module.actuate(plant, device, command, DT)
-        other, _ = actuate(columns, other, command, DT)
-        assert repr(other) == repr(device), tick

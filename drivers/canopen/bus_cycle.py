@@ -59,7 +59,7 @@ class BusCycle:
     def __init__(
         self, link: FrameLink, nodes: Iterable[Node], own_node: int, heartbeat_period: float
     ) -> None:
-        """``own_node``: our node number; ``beat``: seconds between our heartbeats."""
+        """``own_node``: our node number; ``heartbeat_period``: seconds between our heartbeats."""
         self._link = link
         self._receivers = {
             cob_id: (node.receive, divider)

@@ -146,7 +146,7 @@ class SocketcandPort:
         self._text = text[end:][-MAX_MESSAGE:]
         find = self._cob_ids.get
         for digits, octets in _FRAME_TEXT.findall(text, 0, end):
-            cob_id = find(digits)
+            cob_id = find(digits.upper())
             if cob_id is not None:
                 frames.append(Frame(cob_id, bytes.fromhex(octets.decode())))
         return Received(text.count(b"< error ", 0, end), data is not None and len(data) == size)

@@ -4,6 +4,7 @@ This module is the room `products` (`rig.kinds.interface`) of kinds whose campai
 matrices. A kind with campaigns of a further sort gives its own function for `analyse`.
 """
 
+import ctypes
 import json
 import os
 import signal
@@ -11,9 +12,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import xarray
 
@@ -138,6 +139,8 @@ def _write_waves(waves: xarray.Dataset | None, folder: Path) -> list[Path]:
     return [*written, write_picture(waves, folder / "wave_calibration.png")]
 
 
+_PR_SET_PDEATHSIG = 1  # prctl: the signal that a process gets when its parent ends
+
 Analyse = Callable[..., Analysis]
 """Analyses a run, as `analyse`; a kind of rig may know further sorts of runs."""
 
@@ -161,14 +164,23 @@ def write_products(
         return [*found.write_results(folder), *write_texts(found.summary, folder)]
     # Drawing takes longer than the rest. Forked processes need no time to import matplotlib.
     count = min(len(found.pictures), len(os.sched_getaffinity(0)))
-    no_interrupt: Any = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)}
-    with ProcessPoolExecutor(count, get_context("fork"), **no_interrupt) as pool:
+    with ProcessPoolExecutor(count, get_context("fork"), initializer=_begin_drawing) as pool:
         drawn = [pool.submit(draw, folder) for draw in found.pictures]
-        written = [*found.write_results(folder), *write_texts(found.summary, folder)]
         try:
+            written = [*found.write_results(folder), *write_texts(found.summary, folder)]
             return [*written, *(path for each in drawn for path in each.result())]
         except BrokenProcessPool as error:
             raise ChildProcessError("a process that drew pictures was killed") from error
+        except KeyboardInterrupt:  # do not wait for the pictures
+            for child in active_children():
+                child.kill()
+            raise
+
+
+def _begin_drawing() -> None:
+    """Leave Ctrl-C to the parent, and end with it, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def products_folder(run: Path, calibrations: Sequence[CalibrationVersion]) -> Path:

@@ -10,7 +10,7 @@ import typer
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
 from rig.cli.output import BAD_INPUT, OK, fail, input_errors
-from rig.kinds.interface import Display, HardwareJob, Report, Tasks
+from rig.kinds.interface import Display, Report, Tasks
 from rig.kinds.rig_file import kind_of_task
 from rig.wires.job import WiringError
 
@@ -36,9 +36,8 @@ def command(
         display: Display = kind.room("display")
     report = examine(tasks, path, rig)
     if report.checked is not None and report.checked.rig.wiring is not None:
-        hardware: HardwareJob = kind.room("hardware.job")
         try:
-            hardware.build_job(report.checked.rig)
+            tasks.wired_mode(report.checked, emulated=False)
         except WiringError as error:
             name, rate = report.checked.rig.name, report.checked.rig.rate_hz
             refusal = WiringError(f"{name} at rate_hz = {rate}: {error}")

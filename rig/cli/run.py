@@ -104,14 +104,17 @@ def run_named(
     title = f"{checked.file.name} on {checked.rig.name}"
     try:
         mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
+        importing = Thread(target=_import_products, args=(kind,), name="products")
         if not mode.real_clock:
-            Thread(target=_import_products, args=(kind,), name="products").start()
+            importing.start()
         with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
             ended = run_task(tasks.execution_task(checked, plan), runs, view, mode)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
         return fail(command_name, error, as_json=as_json, code=FAILED)
+    if importing.ident is not None:
+        importing.join()
     products = _analyse(kind, ended, len(plan.rows), quiet=as_json)
     trouble = "; ".join(filter(None, (ended.save_error, products.trouble)))
     outcome, lost = ended.outcome, lost_ticks(ended)
@@ -159,7 +162,7 @@ def _execution_mode(tasks: Tasks, checked: Checked, options: RunOptions) -> Exec
 
 def _import_products(kind: RigKind) -> None:
     """Import the room of the results, which takes a second; errors appear when it is used."""
-    with suppress(KindError):
+    with suppress(Exception):
         kind.room("products")
 
 

@@ -18,7 +18,7 @@ from typing import Any
 _DIGITS = 24  # of the name of a folder of code
 _KEPT_SECONDS = 90 * 86_400
 # Compiled code depends on these modules.
-_COMPILERS = ("lifting.py", "column.py", "column_type.py", "memory_access.py")
+_COMPILERS = ("lifting.py", "column.py", "column_type.py", "memory_access.py", "tick_code.py")
 
 
 def cache_root() -> Path:
@@ -91,6 +91,7 @@ def code_folder(source: str, modules: Iterable[ModuleType]) -> Path:
     parts = [
         source,
         version("numba"),
+        version("llvmlite"),
         version("numpy"),
         sys.version,
         platform.machine(),
@@ -111,21 +112,22 @@ def _loaded_definitions(module: ModuleType) -> Iterator[str]:
     """
     for name, value in sorted(vars(module).items()):
         if inspect.isfunction(value) and value.__module__ == module.__name__:
-            yield f"{name} {_code_text(value.__code__)}"
+            yield f"{name} {code_text(value.__code__)}"
         elif isinstance(value, type) and issubclass(value, tuple):
             yield f"{name} {getattr(value, '_fields', ())}"
-        elif not name.startswith("__") and _is_plain(value):
+        elif not name.startswith("__") and is_plain(value):
             yield f"{name} {value!r}"
 
 
-def _code_text(code: CodeType) -> str:
+def code_text(code: CodeType) -> str:
     """Return the operations of a function as text, without its position in the file."""
-    nested = [_code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
-    constants = [repr(each) for each in code.co_consts if _is_plain(each)]
+    nested = [code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
+    constants = [repr(each) for each in code.co_consts if is_plain(each)]
     return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
 
 
-def _is_plain(value: Any) -> bool:
+def is_plain(value: Any) -> bool:
+    """Return whether a value is a number, a text, None, or a tuple of such."""
     if isinstance(value, tuple):
-        return all(map(_is_plain, value))
+        return all(map(is_plain, value))
     return value is None or isinstance(value, int | float | str)

@@ -1,4 +1,4 @@
-"""Lifting of pure step functions into compiled code: the only file that imports numba.
+"""Lifting of pure step functions into compiled code, by numba.
 
 The functions stay plain Python; `register_jitable` makes the very same ones callable from compiled
 code. numba's own cache checks only the file of the compiled function and would return a stale law
@@ -63,7 +63,7 @@ def lift(modules: Iterable[ModuleType]) -> None:
 
 
 def lift_functions(functions: Iterable[Any]) -> None:
-    """Make functions callable from compiled code; those of columns are already."""
+    """Make functions callable from compiled code; those of a column are so by their type."""
     for function in functions:
         if function.__module__ != column.__name__:
             register_jitable(forceinline=True)(function)
@@ -78,9 +78,8 @@ def load(
     """Import generated source whose compiled functions are cached on disk.
 
     The folder of the source is named by a hash of all its inputs, so an edit of any lifted module
-    leads to a new folder. If it
-    cannot be written, a temporary folder is used and the code is compiled each time. ``folder`` is
-    that of modules which the caller has lifted.
+    leads to a new folder. If it cannot be written, a temporary folder is used and the code is
+    compiled each time. ``folder`` is that of modules which the caller has lifted.
     """
     modules = tuple(modules)
     lift(modules)

@@ -9,7 +9,6 @@ together with a simulated plant (`rig.realtime.coupled_ticks`).
 import hashlib
 import importlib
 import inspect
-import marshal
 import sys
 from collections.abc import Iterable, Iterator
 from enum import Enum
@@ -17,9 +16,9 @@ from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
-from rig.compilation.cache_folder import code_folder
+from rig.compilation.cache_folder import code_folder, code_text, is_plain
 from rig.realtime import coupled_ticks, cycle, tick_memory
-from rig.realtime.coupled_ticks import Coupling
+from rig.realtime.coupled_ticks import ChunkHeader, Coupling
 from rig.realtime.safety import STOP_0
 from rig.realtime.tick_memory import FlatMemory, Table
 from rig.recording.row_layout import leaves
@@ -42,6 +41,7 @@ find_kind = importlib.import_module("{tick}").find_kind
 step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
 {accesses}
 store_row = storer({row})
+store_executed = storer(INT)
 '''
 
 _TICK = """
@@ -94,9 +94,10 @@ def tick(m):
     header = load_header(m)
     first, out = header.tick, header.row
     tick, ended = first, 0
-    while tick - first < header.most and ended == 0:
+    while tick - first < header.max_ticks and ended == 0:
         ended = tick_once(m, tick, out)
         tick += 1
+        store_executed(m + {at_executed}, tick - first)
         out += {row_size}
     return tick - first
 """
@@ -163,6 +164,7 @@ def coupled_source(
         sense_plant=code.sense,
         actuate=code.actuate,
         stop_0=STOP_0,
+        at_executed=8 * ChunkHeader._fields.index("executed"),
     )
 
 
@@ -220,8 +222,8 @@ class Dependencies(NamedTuple):
     """All that compiled ticks of a kind are made of."""
 
     functions: tuple[FunctionType, ...]  # plain functions, besides the cycle's step
-    modules: tuple[ModuleType, ...]  # of functions and types
-    digest: str  # of the byte code of functions that were written by the program
+    modules: tuple[ModuleType, ...]  # of functions, types and constants
+    digest: str  # of functions that were written by the program, and of values in closures
 
 
 def dependencies(
@@ -229,17 +231,19 @@ def dependencies(
 ) -> Dependencies:
     """Return what the cycle of a kind and ``others``, functions and types, depend on."""
     step, *called = reachable(cycle.make(kind), *others)
-    owners = {each.__module__ for each in (step, *called, *known)} & sys.modules.keys()
+    used = {each.__name__ for each in called if isinstance(each, ModuleType)}
+    called = [each for each in called if not isinstance(each, ModuleType)]
+    owners = (used | {each.__module__ for each in (step, *called, *known)}) & sys.modules.keys()
     functions = tuple(each for each in called if inspect.isfunction(each))
-    without_source = [each for each in functions if each.__code__.co_filename.startswith("<")]
     modules = tuple(sys.modules[name] for name in sorted(owners))
-    return Dependencies(functions, modules, _digest(without_source))
+    return Dependencies(functions, modules, _digest((step, *functions)))
 
 
 def reachable(first: Any, *others: Any) -> Iterator[Any]:
     """Yield functions, the first one first, and all that they may call, each once.
 
-    That is plain functions, types of NamedTuples and enumerations.
+    That is plain functions, types of NamedTuples, enumerations, and modules of this project or of a
+    user from which a function reads.
     """
     seen: set[Any] = set()
     waiting = [*others, first]
@@ -257,6 +261,9 @@ def reachable(first: Any, *others: Any) -> Iterator[Any]:
         for name in names:
             value = each.__globals__.get(name)
             if isinstance(value, ModuleType):
+                if value not in seen and _has_own_source(value):
+                    seen.add(value)
+                    yield value
                 waiting += [getattr(value, attribute, None) for attribute in names]
             else:
                 waiting.append(value)
@@ -269,7 +276,18 @@ def _names(code: CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
+def _has_own_source(module: ModuleType) -> bool:
+    """Return whether a module is neither built in nor of a library whose version is in the hash."""
+    root = module.__name__.partition(".")[0]
+    return root not in (*sys.stdlib_module_names, "numba", "numpy") and hasattr(module, "__file__")
+
+
 def _digest(functions: Iterable[FunctionType]) -> str:
-    """Return a hash of functions by their byte code."""
-    codes = sorted(marshal.dumps(each.__code__) for each in functions)
-    return hashlib.sha256(b"".join(codes)).hexdigest()
+    """Return a hash of functions without a file, and of the plain values in all closures."""
+    texts = []
+    for each in functions:
+        if each.__code__.co_filename.startswith("<"):
+            texts.append(code_text(each.__code__))
+        cells = [cell.cell_contents for cell in each.__closure__ or ()]
+        texts += [f"{each.__name__} {value!r}" for value in cells if is_plain(value)]
+    return hashlib.sha256("\n".join(sorted(texts)).encode()).hexdigest()

@@ -3,10 +3,9 @@
 The command names the package of the kind's tick and the module of its devices, so that this process
 imports no other part of the kind. The supervisor sends a job on standard input and inherited file
 descriptors. The process reports before the first tick and at the end. It ignores Ctrl-C, to which
-the supervisor
-reacts, and treats a termination signal as an abort. The loop stops when the supervisor is gone, or
-on the real clock when its heartbeat is too old (suspended, hung): nobody could request a stop any
-more. On the virtual clock nothing moves, and a suspended rehearsal waits.
+the supervisor reacts, and treats a termination signal as an abort. The loop stops when the
+supervisor is gone, or on the real clock when its heartbeat is too old (suspended, hung): nobody
+could request a stop any more. On the virtual clock nothing moves, and a suspended rehearsal waits.
 """
 
 import importlib
@@ -144,7 +143,11 @@ def _connect(
     if not job.real_clock and hasattr(module, "couple_devices"):
         devices = module.couple_devices(job.devices, job.dt)
     if devices is not None:
-        folder = devices.coupled_source(tick, job.law, job.params).folder
+        try:
+            folder = devices.coupled_source(tick, job.law, job.params).folder
+        except (OSError, TypeError, ValueError) as error:  # as for the tick: it stays interpreted
+            print(f"the tick runs interpreted, it has no source: {error}", file=sys.stderr)
+            return devices, None, None
     missing = not is_complete(folder)
     if missing:
         report(CodeMissing(coupled=devices is not None))

@@ -412,7 +412,7 @@ class SupervisedRun:
             logger_restarts=max(0, self._parts - 1),
             last_row=row,
             died=self._died,
-            messages=tuple(self._io_processes.messages),
+            messages=(*self._io_processes.messages, *_code_messages(end)),
             moved=self._whereabouts.problem,
             compiled_from=end.compiled_from if end else -1,
         )
@@ -421,6 +421,12 @@ class SupervisedRun:
 def _ring_capacity(dt: float) -> int:
     """Return the rows of a ring for ticks of ``dt`` (s): 65 s, in which a logger is replaced."""
     return max(ring.CAPACITY, round(1e-3 * ring.CAPACITY / dt))
+
+
+def _code_messages(end: LoopResult | None) -> tuple[str, ...]:
+    if end is None or not end.code_problem:
+        return ()
+    return (f"the tick ran interpreted, its code cannot be used: {end.code_problem}",)
 
 
 _REQUEST_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}

@@ -9,6 +9,7 @@ import importlib
 import os
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -32,6 +33,8 @@ class TickCompiler:
         """The errors of the compiler are appended to a file."""
         self._task, self._mode, self._errors = task, mode, errors
         self._process: subprocess.Popen[str] | None = None
+        self._thread: threading.Thread | None = None
+        self._lock, self._ended = threading.Lock(), False
         self.folder = ""  # of the tick's code; empty for a tick that cannot be compiled
         # A law may raise anything in its example tick; so may the loop.
         with suppress(Exception):
@@ -41,20 +44,36 @@ class TickCompiler:
         """Whether the run is longer than the compiler takes."""
 
     def start(self, *, coupled: bool) -> None:
-        """Compile the ticks, ``coupled`` with the mode's plant, if that is worth its time."""
+        """Compile the ticks, ``coupled`` with the mode's plant, if that is worth its time.
+
+        It returns at once: the process reads its job only after its imports.
+        """
         task, mode = self._task, self._mode
-        if self._process is not None or not self.compiles:
+        if self._thread is not None or not self.compiles:
             return
         job = CompileJob(task.params, task.dt, task.law)
         if coupled:
             job = job._replace(device_module=mode.device_module, devices=mode.devices)
-        self._process = start_process(MODULE, handover.dumps(job), (), self._errors, task.tick)
+        self._thread = threading.Thread(target=self._start, args=(job,), daemon=True)
+        self._thread.start()
+
+    def _start(self, job: CompileJob) -> None:
+        text, tick = handover.dumps(job), self._task.tick
+        with suppress(OSError):  # a full disk, or no more processes: the tick stays interpreted
+            process = start_process(MODULE, text, (), self._errors, tick)
+            with self._lock:
+                self._process = process
+                if self._ended:
+                    process.kill()
 
     def end(self) -> None:
-        """End a compilation that still runs."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+        """End a compilation that still runs, and start none any more."""
+        self.compiles = False
+        with self._lock:
+            self._ended, process = True, self._process
+        if process is not None:
+            process.kill()
+            process.wait()
 
 
 def source_of(tick: str, job: CompileJob) -> TickSource | None:
@@ -82,16 +101,15 @@ def main(tick: str) -> None:
     source = source_of(tick, job)
     if source is None:
         return
-    with suppress(OSError):  # a cache that cannot be written
+    from rig.compilation.tick_code import CompilationError, compile_tick  # noqa: PLC0415
+
+    try:
         source.folder.mkdir(parents=True, exist_ok=True)
         with (source.folder / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # the first of several processes compiles
-            from rig.compilation.tick_code import CompilationError, compile_tick  # noqa: PLC0415
-
-            try:
-                compile_tick(source)
-            except CompilationError as error:
-                sys.exit(f"the tick runs interpreted, it cannot be compiled: {error}")
+            compile_tick(source)
+    except (CompilationError, OSError) as error:
+        sys.exit(f"the tick runs interpreted, it cannot be compiled: {error}")
 
 
 if __name__ == "__main__":

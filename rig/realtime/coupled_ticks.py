@@ -5,6 +5,7 @@ of a plant that are not compiled: so ticks run in chunks that end there. Rows go
 memory of the ring.
 """
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -18,14 +19,15 @@ from rig.realtime.tick_memory import FlatMemory
 _TICKS_BETWEEN_LOOKS = 100
 
 
-class Header(NamedTuple):
+class ChunkHeader(NamedTuple):
     """The inputs of a chunk besides parameters, plant and states."""
 
     request: int = 0
     tick: int = 0  # the first one
-    most: int = 0  # ticks to execute
+    max_ticks: int = 0
     dt: float = 0.0  # s
     row: int = 0  # address of the first row
+    executed: int = 0  # ticks, written by the code after each one
 
 
 class Coupling(Protocol):
@@ -52,9 +54,8 @@ class Coupling(Protocol):
 
 def memory_of(params: cycle.Params, state: cycle.State, coupling: Coupling) -> FlatMemory:
     """Return the memory of ticks from a state on."""
-    return FlatMemory(
-        header=Header(), params=params, state=state, plant=coupling.plant, device=coupling.device
-    )
+    own = {"params": params, "state": state}
+    return FlatMemory(header=ChunkHeader(), **own, plant=coupling.plant, device=coupling.device)
 
 
 class CoupledTicks:
@@ -69,6 +70,7 @@ class CoupledTicks:
         self._dt, self._rows = dt, rows
         self._pack_header = memory.sections["header"].layout.pack_into
         self._mode = memory.number("state", "safety", "mode")
+        self._executed = memory.number("header", "executed")
         coupling.attach(memory)
 
     @property
@@ -82,15 +84,17 @@ class CoupledTicks:
         state: cycle.State = self._memory.get("state")
         return state.safety.reason
 
-    def execute(self, tick: int, request: int, most: int) -> int:
-        """Execute up to ``most`` ticks from ``tick`` on; return their number, at least 1.
+    def execute(self, tick: int, request: int, max_ticks: int) -> int:
+        """Execute ticks from ``tick`` on; return their number, at least 1.
 
-        Without power each chunk has one tick.
+        Without power each chunk has one tick. If a tick raises, the rows before it are kept.
         """
-        address, space = self._rows.reserve(min(most, self._coupling.ticks_until_due(tick)))
-        self._pack_header(self._memory.buffer, 0, request, tick, space, self._dt, address)
-        executed = self._code()
-        self._rows.publish(executed)
+        address, space = self._rows.reserve(min(max_ticks, self._coupling.ticks_until_due(tick)))
+        self._pack_header(self._memory.buffer, 0, request, tick, space, self._dt, address, 0)
+        try:
+            executed = self._code()
+        finally:
+            self._rows.publish(int(self._executed[0]))
         self._coupling.act(tick + executed)
         return executed
 
@@ -120,11 +124,11 @@ class CoupledChangeover:
         self._calls += 1
         if not looks or not is_complete(self._folder):
             return None
-        coupling = self._couple()
-        memory = memory_of(self._params, self._interpreted.state, coupling)
         try:
+            coupling = self._couple()
+            memory = memory_of(self._params, self._interpreted.state, coupling)
             code = load_at_once(self._folder, memory)
-        except (OSError, ObjectCodeError) as error:
+        except (OSError, ObjectCodeError, struct.error) as error:
             self.problem = str(error)
             return self._interpreted
         return CoupledTicks(memory, code, coupling, self._dt, self._rows)

@@ -34,6 +34,7 @@ class LoopResult(NamedTuple):
     skipped: int  # periods lost
     reason: int  # `rig.realtime.reasons`
     compiled_from: int = -1  # first tick that ran compiled; -1: all ran interpreted
+    code_problem: str = ""  # why code that is there was not used
 
 
 def run(
@@ -73,12 +74,14 @@ def run(
         interpreted = InterpretedTick(kind, params, dt, ring)
         execution: Tick = interpreted
         changeover: Changeover | CoupledChangeover | None = None
-        if code and couple:
-            changeover = CoupledChangeover(code, couple, params, dt, ring, interpreted)
-        elif code:
-            changeover = Changeover(code, kind, params, dt, ring, interpreted)
+        if code:
+            changeover = (
+                CoupledChangeover(code, couple, params, dt, ring, interpreted)
+                if couple
+                else Changeover(code, kind, params, dt, ring, interpreted)
+            )
         ticks = skipped = linger = external = 0
-        compiled_from = -1
+        compiled_from, problem = -1, ""
         timing = cycle.Timing(0.0, 0.0, 0)
         request_ticks = max(1, round(EXTERNAL_REQUEST_INTERVAL / dt))
         while linger < LINGER_TICKS:
@@ -99,7 +102,8 @@ def run(
             if execution.mode == STOP_0:
                 linger += 1
             elif changeover and (found := changeover.advance()) is not None:
-                compiled_from = -1 if changeover.problem else tick + 1
+                problem = changeover.problem
+                compiled_from = -1 if problem else tick + 1
                 if isinstance(found, CoupledTicks):
                     ticks += _execute_to_end(found, tick + 1, request_ticks, any_request)
                     reason = found.reason
@@ -107,7 +111,7 @@ def run(
                 execution, changeover = found, None
             work = time.perf_counter() - began if measure_work else 0.0
         reason = execution.reason
-        return LoopResult(ticks, skipped, reason, compiled_from)
+        return LoopResult(ticks, skipped, reason, compiled_from, problem)
     finally:
         try:
             for _ in range(STOP_REPEATS):

@@ -101,6 +101,8 @@ class ObjectCode:
 
         ``own`` is its first argument, `self`.
         """
+        if symbol not in self._symbols:
+            raise ObjectCodeError(f"damaged object code: no {symbol}")
         address = self._symbols[symbol]
         definition = _MethodDefinition(b"compiled", address, _NO_ARGUMENTS, None)
         self._definitions.append(definition)  # the function refers to it

@@ -4,6 +4,7 @@ The loop starts with the interpreted tick. As soon as the code of the compiled o
 `Changeover` loads it and hands over the state between two ticks.
 """
 
+import struct
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,7 +23,7 @@ class RowSink(Protocol):
         """Take the row of a tick; never block on the real clock."""
         ...
 
-    def reserve(self, most: int = 1) -> tuple[int, int]:
+    def reserve(self, max_rows: int = 1) -> tuple[int, int]:
         """Return the address where the next rows may be written, and their number, at least 1.
 
         It never blocks on the real clock.
@@ -140,7 +141,7 @@ class Changeover:
         except StopIteration as end:
             found: Tick = end.value
             return found
-        except (OSError, ObjectCodeError) as error:
+        except (OSError, ObjectCodeError, struct.error) as error:
             self.problem = str(error)
             return self._interpreted
         return None

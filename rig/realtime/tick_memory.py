@@ -25,7 +25,7 @@ class Table(NamedTuple):
     code: str  # "d" float64, "q" int64
 
 
-class Header(NamedTuple):
+class TickHeader(NamedTuple):
     """The inputs of a tick besides parameters, state and readings."""
 
     request: int = 0
@@ -62,11 +62,11 @@ class FlatMemory:
 
     def __init__(self, **trees: Any) -> None:
         """Store the trees; those named `params` and `plant` may hold tables."""
-        self._owners: list[Any] = []  # of the tables, whose memory must stay
+        self._owners: dict[str, list[Any]] = {}  # of the tables, whose memory must stay
         self.sections: dict[str, Section] = {}
         size = 0
         for name, tree in trees.items():
-            stored = self._with_tables(name, tree)
+            stored = self._as_stored(name, tree)
             self.sections[name] = Section(stored, size, _layout(stored))
             size += self.sections[name].layout.size
         self.buffer = bytearray(size)
@@ -77,7 +77,7 @@ class FlatMemory:
     def set(self, name: str, tree: Any) -> None:
         """Replace the numbers of a section."""
         _, start, layout = self.sections[name]
-        layout.pack_into(self.buffer, start, *_numbers(self._with_tables(name, tree)))
+        layout.pack_into(self.buffer, start, *_numbers(self._as_stored(name, tree)))
 
     def get(self, name: str) -> Any:
         """Return the present numbers of a section, which has no tables, as a tree."""
@@ -100,8 +100,11 @@ class FlatMemory:
             tree = getattr(tree, field)
         return self.bytes_of(name, *path).cast("q" if isinstance(tree, int) else "d")
 
-    def _with_tables(self, name: str, tree: Any) -> Any:
-        return _with_tables(tree, self._owners) if name in ("params", "plant") else tree
+    def _as_stored(self, name: str, tree: Any) -> Any:
+        if name not in ("params", "plant"):
+            return _as_stored(tree)
+        self._owners[name] = []
+        return _as_stored(tree, tables=self._owners[name])
 
 
 class TickMemory(FlatMemory):
@@ -110,7 +113,7 @@ class TickMemory(FlatMemory):
     def __init__(self, params: Any, state: Any, sense: Any, command: Any, dt: float) -> None:
         """Store parameters and state; ``sense`` and ``command`` are examples, ``dt`` is in s."""
         super().__init__(
-            header=Header(dt=dt), params=params, state=state, sense=sense, command=command
+            header=TickHeader(dt=dt), params=params, state=state, sense=sense, command=command
         )
         self._pack_header, self._pack_sense = (
             self.sections["header"].layout.pack_into,
@@ -129,7 +132,7 @@ class TickMemory(FlatMemory):
         dt: float,
         row: int,
     ) -> None:
-        """Store the inputs of the next tick, as of `Header`."""
+        """Store the inputs of the next tick, as of `TickHeader`."""
         self._pack_header(self.buffer, 0, request, tick, *timing, periods, dt, row)
 
     def set_sense(self, sense: Any) -> None:
@@ -217,30 +220,31 @@ def builder(tree: Any) -> Callable[[Any], Any]:
     return build
 
 
-def _with_tables(tree: Any, tables: list[Any], hint: Any = None) -> Any:
-    """Return a tree with `Table` in place of its tables, whose numbers are added to ``tables``.
+def _as_stored(tree: Any, hint: Any = None, tables: list[Any] | None = None) -> Any:
+    """Return a tree whose numbers have the types of their annotations, as memory and code have.
 
+    With a list ``tables``, `Table` stands in place of tables, whose numbers are added to the list.
     The parameters of a law keep their tuples: a law may iterate over them.
     """
-    if hasattr(tree, "address"):
+    if tables is not None and hasattr(tree, "address"):
         numbers: Numbers = tree
         tables.append(numbers)
         return Table(numbers.address, numbers.length, numbers.code)
     if is_named(tree):
-        if hasattr(sys.modules.get(type(tree).__module__), "COLUMNS"):  # the module is a law
-            return tree
         kind: Any = type(tree)
-        hints = _hints(kind)
+        if hasattr(sys.modules.get(kind.__module__), "COLUMNS"):  # the module is a law
+            tables = None
+        hints = _hints_found(kind)
         parts = zip(tree._fields, tree, strict=True)
-        return kind(*(_with_tables(part, tables, hints[name]) for name, part in parts))
+        return kind(*(_as_stored(part, hints.get(name), tables) for name, part in parts))
     if not isinstance(tree, tuple):
-        return tree
+        return float(tree) if isinstance(tree, int) and _number_type(hint) is float else tree
     item = _item_type(hint)
-    if item in (float, int):
+    if tables is not None and item in (float, int):
         tables.append(array("q" if item is int else "d", tree))
         address, length = tables[-1].buffer_info()
         return Table(address, length, tables[-1].typecode)
-    return tuple(_with_tables(part, tables, item) for part in tree)
+    return tuple(_as_stored(part, item, tables) for part in tree)
 
 
 def _item_type(hint: Any) -> Any:
@@ -251,6 +255,14 @@ def _item_type(hint: Any) -> Any:
 
 def _number_type(hint: Any) -> Any:
     return get_args(hint)[0] if get_origin(hint) is Annotated else hint
+
+
+def _hints_found(kind: Any) -> dict[str, Any]:
+    """Return the annotations of a NamedTuple; none if a law has some that cannot be evaluated."""
+    try:
+        return _hints(kind)
+    except (NameError, TypeError):
+        return {}
 
 
 @cache

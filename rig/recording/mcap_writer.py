@@ -132,7 +132,6 @@ class RowWriter:
         self._size = 8 * len(leaves)
         self._stride = MESSAGE_BYTES + self._size
         message = np.dtype([*_MESSAGE, ("row", f"V{self._size}")])
-        # The open chunk; the fields that all messages share are set once.
         capacity = max(1, CHUNK_BYTES // self._stride)
         self._buffers = [np.zeros(capacity, message) for _ in range(_BUFFERS)]
         for buffer in self._buffers:  # the fields that all messages share are set once

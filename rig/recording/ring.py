@@ -152,8 +152,8 @@ class RingWriter(_Ring):
             self._pack(self._map, address - self._address, row)
         self.publish()
 
-    def reserve(self, most: int = 1) -> tuple[int, int]:
-        """Return the address for the next rows and their number, at least 1 and at most ``most``.
+    def reserve(self, max_rows: int = 1) -> tuple[int, int]:
+        """Return the address for the next rows and their number, at least 1.
 
         In a full ring the address is that of one row that will be dropped.
         """
@@ -164,7 +164,7 @@ class RingWriter(_Ring):
             return self._spare_address, 1
         first = head % capacity
         address = self._address + _HEADER + first * self.row_size
-        return address, min(most, max(free, 1), capacity - first)
+        return address, min(max_rows, max(free, 1), capacity - first)
 
     def publish(self, count: int = 1) -> None:
         """Publish rows at the reserved address by moving the head, or count them as dropped."""

@@ -332,6 +332,8 @@ class _Layout(NamedTuple):
         """
         if self.selected is None:
             return rows
+        if not len(rows):
+            return np.empty(0, self.selected)
         names = rows.dtype.names or ()
         offset = rows.dtype.fields[names[0]][1] if rows.dtype.fields else 0
         shape, strides = (len(rows), len(names)), (rows.dtype.itemsize, 8)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import linecache
 import math
 import platform
 import random
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,10 +19,18 @@ import pytest
 from golden_runs import KINDS, record
 
 from rig import laws
+from rig.compilation.cache_folder import code_folder
 from rig.compilation.tick_code import CompilationError, compile_tick
-from rig.compilation.tick_source import TickSource, tick_source
+from rig.compilation.tick_source import TickSource, dependencies, tick_source
 from rig.execution import replay
-from rig.realtime import compiled_tick, cycle, object_code, safety, tick_memory
+from rig.realtime import (
+    compiled_tick,
+    coupled_ticks,
+    cycle,
+    object_code,
+    safety,
+    tick_memory,
+)
 from rig.realtime.object_code import ObjectCode, ObjectCodeError
 from rig.realtime.tick import Changeover, InterpretedTick
 from rig.recording import ring
@@ -290,3 +300,98 @@ def test_a_function_that_cannot_be_compiled_is_named() -> None:
     broken = source._replace(text=source.text.replace("step(", "unknown_name(", 1))
     with pytest.raises(CompilationError, match="unknown_name"):
         compile_tick(broken)
+
+
+class Gains(NamedTuple):
+    gain: float
+    count: int
+
+
+def test_a_number_is_stored_by_its_annotation() -> None:
+    """A law may give an int where its field is a float; the handover to the loop makes it one."""
+    memory = tick_memory.FlatMemory(params=Gains(2, 3), state=Gains(0, 1))
+    tree, _, layout = memory.sections["params"]
+    assert (type(tree.gain), layout.format) == (float, "@dq")
+    memory.set("state", Gains(4, 5))
+    assert memory.get("state") == Gains(4.0, 5)
+    assert type(memory.get("state").gain) is float
+    assert memory.number("state", "gain")[0] == 4.0
+
+
+CONSTANTS = "FACTOR = {factor}\n"
+LAW = """
+import {constants} as constants
+
+
+def make(limit):
+    def step(x):
+        return min(constants.FACTOR * x, limit)
+
+    return step
+"""
+
+
+def test_an_edit_of_a_constant_or_of_a_value_in_a_closure_gives_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def found(factor: int, limit: float) -> tuple[list[str], str, Path]:
+        (tmp_path / "own_constants.py").write_text(CONSTANTS.format(factor=factor))
+        (tmp_path / "own_law.py").write_text(LAW.format(constants="own_constants"))
+        for name in ("own_constants", "own_law"):
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        linecache.clearcache()
+        step = importlib.import_module("own_law").make(limit)
+        needed = dependencies(recorded("cots").kind, [step])
+        own = [each for each in needed.modules if each.__name__.startswith("own_")]
+        return [each.__name__ for each in own], needed.digest, code_folder("", own)
+
+    names, digest, folder = found(2, 5.0)
+    assert names == ["own_constants", "own_law"]
+    assert found(2, 5.0) == (names, digest, folder)
+    assert found(3, 5.0)[2] != folder
+    assert found(2, 6.0)[1] != digest
+
+
+class Rows:
+    """A ring that counts."""
+
+    def __init__(self) -> None:
+        self.published = 0
+
+    def reserve(self, max_rows: int = 1) -> tuple[int, int]:
+        return 0, max_rows
+
+    def publish(self, count: int = 1) -> None:
+        self.published += count
+
+
+def test_rows_before_a_tick_that_raises_are_kept() -> None:
+    run = recorded("cots")
+
+    class Plant:
+        plant = device = Gains(1.0, 1)
+
+        def attach(self, memory: Any) -> None:
+            self.executed = memory.number("header", "executed")
+
+        def ticks_until_due(self, tick: int) -> int:
+            return 20
+
+        def act(self, tick: int) -> None:
+            raise AssertionError("not after a failure")
+
+    plant, rows = Plant(), Rows()
+
+    def fails() -> int:
+        plant.executed[0] = 7
+        raise ArithmeticError("no")
+
+    state = cycle.start(run.kind, run.params, 0)
+    memory = coupled_ticks.memory_of(run.params, state, plant)
+    ticks = coupled_ticks.CoupledTicks(memory, fails, plant, run.dt, rows)  # type: ignore[arg-type]
+    with pytest.raises(ArithmeticError):
+        ticks.execute(1, 0, 50)
+    assert rows.published == 7

@@ -162,6 +162,13 @@ def test_a_tick_passes_over_what_is_no_frame_for_it(
     assert stream_port.receive([], 64) == (0, False)
 
 
+def test_a_tick_knows_identifiers_in_small_letters(server: Server, bus: can.BusABC) -> None:
+    assert isinstance(bus, SocketcandBus)
+    port = SocketcandPort(bus, (0x18A,))
+    server.send(b"< frame 18a 1.0 aa >< frame 18A 1.1 bb >")
+    assert looked_at(port, 2) == [Frame(0x18A, b"\xaa"), Frame(0x18A, b"\xbb")]
+
+
 def test_a_tick_counts_error_frames_and_reports_a_backlog(
     server: Server, stream_port: SocketcandPort
 ) -> None:

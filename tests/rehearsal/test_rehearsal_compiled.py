@@ -16,10 +16,11 @@ from golden_bench import GOLDEN
 from rehearsing import CONFIGS, SilentView, write_campaign
 
 from rig.compilation.tick_code import compile_tick
-from rig.compilation.tick_source import tick_source
 from rig.execution.task import run_task
 from rig.kinds.rig_file import kind_of_task
+from rig.processes.messages import CompileJob
 from rig.processes.run_types import ExecutionMode, Task
+from rig.processes.tick_compiler import source_of
 from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import open_run
 
@@ -36,10 +37,13 @@ def open_task(path: Path) -> tuple[Task, ExecutionMode]:
     return tasks.execution_task(report.checked, report.plan), mode
 
 
-def code_folder(path: Path) -> Path:
-    """Return the folder of the compiled tick of a campaign or session, which is then there."""
-    task, _ = open_task(path)
-    return compile_tick(tick_source(task.tick, task.law, task.params, task.dt))
+def code_folders(path: Path) -> dict[str, Path | None]:
+    """Return the folders of the code of a campaign or session, as `rig compile` names them."""
+    task, mode = open_task(path)
+    tick = CompileJob(task.params, task.dt, task.law)
+    rehearsal = tick._replace(device_module=mode.device_module, devices=mode.devices)
+    sources = {"tick": source_of(task.tick, tick), "rehearsal": source_of(task.tick, rehearsal)}
+    return {name: source and compile_tick(source) for name, source in sources.items()}
 
 
 def run(path: Path, runs: Path, **changes: Any) -> tuple[Path, dict[str, Any]]:
@@ -59,7 +63,8 @@ def assert_same_record(one: Path, other: Path) -> None:
 @pytest.mark.slow
 def test_a_run_changes_over_while_it_ticks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The code appears in the cache during the run; no bit of the record shows it."""
-    code = code_folder(QUICK)
+    code = code_folders(QUICK)["rehearsal"]
+    assert code is not None
     expected, status = run(QUICK, tmp_path, interpreted=True)
     assert status["compiled_from"] == -1
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -87,10 +92,9 @@ def test_a_run_changes_over_while_it_ticks(tmp_path: Path, monkeypatch: pytest.M
 def test_a_run_with_code_in_the_cache_is_compiled_from_its_beginning(
     path: Path, tmp_path: Path
 ) -> None:
-    code_folder(path)
+    code_folders(path)
     folder, status = run(path, tmp_path)
-    assert status["status"] == "complete"
-    assert 0 < status["compiled_from"] < 100
+    assert (status["status"], status["compiled_from"]) == ("complete", 1)
     assert not (folder / "compiler.stderr").exists()
 
 
@@ -98,21 +102,50 @@ def test_a_run_with_code_in_the_cache_is_compiled_from_its_beginning(
 def test_a_compiled_session_of_the_bench_has_the_record_of_an_interpreted_one(
     tmp_path: Path,
 ) -> None:
-    code_folder(SESSION)
+    code_folders(SESSION)
     expected, status = run(SESSION, tmp_path, interpreted=True)
     assert (status["status"], status["compiled_from"]) == ("complete", -1)
     folder, status = run(SESSION, tmp_path)
+    assert status["compiled_from"] == 1
+    assert_same_record(expected, folder)
+
+
+@pytest.mark.slow
+def test_a_plant_with_a_hoist_is_called_by_the_compiled_tick(tmp_path: Path) -> None:
+    codes = code_folders(GOLDEN / "hoist.yaml")
+    assert codes["rehearsal"] is None
+    expected, _ = run(GOLDEN / "hoist.yaml", tmp_path, interpreted=True)
+    folder, status = run(GOLDEN / "hoist.yaml", tmp_path)
     assert 0 < status["compiled_from"] < 100
     assert_same_record(expected, folder)
 
 
 @pytest.mark.slow
+def test_code_that_cannot_be_used_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run goes on interpreted; its status has the reason."""
+    code = code_folders(SESSION)["rehearsal"]
+    assert code is not None
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    place = tmp_path / "cache" / "wec-rig" / code.name
+    place.mkdir(parents=True)
+    for name in FILES:
+        (place / name).write_bytes(b"no code")
+    _, status = run(SESSION, tmp_path)
+    assert (status["status"], status["compiled_from"]) == ("complete", -1)
+    (message,) = status["messages"]
+    assert message.startswith("the tick ran interpreted, its code cannot be used: damaged object")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [QUICK, SESSION], ids=lambda path: path.stem)
 def test_the_command_compiles_ahead(path: Path) -> None:
-    folder = code_folder(path)
+    folders = code_folders(path)
     done = rig("compile", path, "--json")
     assert done.returncode == 0
-    assert json.loads(done.stdout)["folder"] == str(folder)
+    found = json.loads(done.stdout)
+    assert {name: found[name] for name in folders} == {k: str(v) for k, v in folders.items()}
 
 
 @pytest.mark.slow

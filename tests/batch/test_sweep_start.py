@@ -24,7 +24,7 @@ loaded = {}
 
 def begin(opened, executor, *_):
     from rig.compilation import lifting
-    from rig.kinds.wavebot.simulation import compiled, simulation
+    from rig.kinds.wavebot.simulation import simulation
     import numba.np.arraymath
     loaded["before"] = [name for name in sys.argv[3:] if name in sys.modules]
     loaded["threads"] = os.environ.get("OPENBLAS_NUM_THREADS")

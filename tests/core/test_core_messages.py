@@ -61,7 +61,7 @@ def test_the_text_of_a_library_is_no_report(line: str) -> None:
     [
         ('["LoopEnd", [1, 2, 3]]', "LoopEnd: no such report"),
         ('["LoopResult", [1, 2]]', "LoopResult: list does not fit"),
-        ('["LoopResult", [1, 2, "x", -1]]', "LoopResult.reason: str does not fit"),
+        ('["LoopResult", [1, 2, "x", -1, ""]]', "LoopResult.reason: str does not fit"),
         ('["LoopResult", {"ticks": 1}]', "LoopResult: dict does not fit"),
         ('["Ready", [["heave"]]]', "Ready.facts: list does not fit"),
         ('["LoopPrivileges", [[["", "", ""]]]]', r"LoopPrivileges.privileges\[0\]: list does not"),

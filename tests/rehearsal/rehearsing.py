@@ -68,14 +68,25 @@ def write_repeated_row(folder: Path, repeat: int) -> Path:
 
 
 def rehearse(
-    path: Path, runs: Path, on_snapshot: Any = None, *, real_clock: bool = False
+    path: Path,
+    runs: Path,
+    on_snapshot: Any = None,
+    *,
+    real_clock: bool = False,
+    interpreted: bool | None = None,
 ) -> RunResult:
-    """Rehearse a campaign file and return the result."""
+    """Rehearse a campaign file and return the result.
+
+    By default a run is interpreted if ``on_snapshot`` may interfere with it: compiled, a minute of
+    rig time has passed before the second snapshot.
+    """
     report = check_campaign(path)
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.plan is not None
     mode = rehearsal_mode(report.campaign, real_clock=real_clock)
+    plain = on_snapshot is not None if interpreted is None else interpreted
+    mode = mode._replace(interpreted=plain)
     return run_task(
         execution_task(report.campaign, report.plan), runs, SilentView(on_snapshot), mode
     )
@@ -106,4 +117,4 @@ def assert_same_rows(rehearsed: Any, swept: Any) -> None:
 
 
 if __name__ == "__main__":
-    print(rehearse(Path(sys.argv[1]), Path(sys.argv[2])).outcome.status)
+    print(rehearse(Path(sys.argv[1]), Path(sys.argv[2]), interpreted=True).outcome.status)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +16,13 @@ import numpy as np
 import pytest
 from command_here import rig
 from golden_bench import GOLDEN
-from rehearsing import CONFIGS, SilentView, write_campaign
+from rehearsing import CONFIGS, SilentView, rehearse, write_campaign, write_repeated_row
 
 from rig.compilation.tick_code import compile_tick
 from rig.execution.task import run_task
 from rig.kinds.rig_file import kind_of_task
 from rig.processes.messages import CompileJob
-from rig.processes.run_types import ExecutionMode, Task
+from rig.processes.run_types import ExecutionMode, Snapshot, Task
 from rig.processes.tick_compiler import source_of
 from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import open_run
@@ -146,6 +149,37 @@ def test_the_command_compiles_ahead(path: Path) -> None:
     assert done.returncode == 0
     found = json.loads(done.stdout)
     assert {name: found[name] for name in folders} == {k: str(v) for k, v in folders.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["rig.processes.loop_process", "rig.processes.logger"])
+def test_a_killed_process_of_a_compiled_run_costs_no_row(killed: str, tmp_path: Path) -> None:
+    """Half an hour of rig time takes some seconds; the kill comes in the middle of it."""
+    campaign = write_repeated_row(tmp_path, 250)
+    code_folders(campaign)
+    killed_at: list[float] = []
+
+    def kill_once(snapshot: Snapshot) -> None:
+        time_now = snapshot.row.get("time", 0.0)
+        if time_now > 200.0 and not killed_at:
+            killed_at.append(time_now)
+            for process in Path("/proc").glob("[0-9]*"):
+                with suppress(OSError):
+                    parent = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+                    words = (process / "cmdline").read_bytes().split(b"\0")
+                    if parent == os.getpid() and killed.encode() in words:
+                        os.kill(int(process.name), signal.SIGKILL)
+
+    ended = rehearse(campaign, tmp_path / "runs", kill_once, interpreted=False)
+    rows = open_run(ended.folder, fields=["tick"])["tick"].values
+    assert np.array_equal(rows, np.arange(len(rows)))
+    assert (ended.outcome.unsaved, len(rows)) == (0, ended.outcome.ticks)
+    assert 200.0 < killed_at[0] < 1500.0
+    if killed == "rig.processes.logger":
+        assert (ended.outcome.status, ended.outcome.logger_restarts) == ("complete", 1)
+        assert ended.outcome.compiled_from == 1
+    else:
+        assert (ended.outcome.status, rows[-1] > 200_000) == ("crashed", True)
 
 
 @pytest.mark.slow

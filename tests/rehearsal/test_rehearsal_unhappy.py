@@ -238,7 +238,7 @@ def wait_for_logger(folder: Path) -> None:
 
 def test_killed_supervisor_stops_the_rig_and_saves_the_rows(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs)
+    process = start_rig_run(campaign, runs, "--interpreted")
     folder = wait_for_rows(runs)
     process.kill()
     process.communicate()
@@ -316,7 +316,7 @@ def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
 
 def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs)
+    process = start_rig_run(campaign, runs, "--interpreted")
     folder = wait_for_rows(runs)
     process.send_signal(signal.SIGHUP)
     _, err = process.communicate(timeout=120)
@@ -328,7 +328,7 @@ def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) 
 
 def test_ctrl_z_stops_instead_of_suspending(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs)
+    process = start_rig_run(campaign, runs, "--interpreted")
     folder = wait_for_rows(runs)
     process.send_signal(signal.SIGTSTP)
     _, err = process.communicate(timeout=120)

@@ -166,8 +166,8 @@ def test_a_killed_process_of_a_compiled_run_costs_no_row(killed: str, tmp_path: 
             for process in Path("/proc").glob("[0-9]*"):
                 with suppress(OSError):
                     parent = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
-                    words = (process / "cmdline").read_bytes().split(b"\0")
-                    if parent == os.getpid() and killed.encode() in words:
+                    arguments = (process / "cmdline").read_bytes().split(b"\0")
+                    if parent == os.getpid() and killed.encode() in arguments:
                         os.kill(int(process.name), signal.SIGKILL)
 
     ended = rehearse(campaign, tmp_path / "runs", kill_once, interpreted=False)

@@ -10,9 +10,8 @@ from benchmarks.support.recorded import garbage_collection_off, write_campaign_f
 from benchmarks.support.result import Result, figure
 from rig.compilation.tick_code import compile_tick
 from rig.kinds.rig_file import kind_of_task
-from rig.processes.messages import CompileJob
 from rig.processes.run_types import ExecutionMode, Task
-from rig.processes.tick_compiler import source_of
+from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import loop
 from rig.realtime.clock import VirtualClock
 from rig.recording import ring
@@ -65,8 +64,7 @@ def measure(short: bool) -> Result:
         report = tasks.examine(path, predict=False)
         task = tasks.execution_task(report.checked, report.plan)
         mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-        job = CompileJob(task.params, task.dt, task.law, mode.device_module, mode.devices)
-        source = source_of(task.tick, job)
+        source = source_of(task.tick, compile_job(task, mode))
         if source is None:
             raise RuntimeError(f"{mode.device_module} does not couple its plant")
         code = compile_tick(source)

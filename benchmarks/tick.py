@@ -33,13 +33,8 @@ class CompiledBlocks:
         law = laws.to_request(laws.own("impedance"))
         source = tick_source("rig.kinds.wavebot.tick", law, recorded.params, recorded.dt)
         self._memory: TickMemory = of_kind(KIND, recorded.params, recorded.state, recorded.dt)
-        loading = compiled_tick.load(compile_tick(source), self._memory)
-        began = perf_counter_ns()
-        try:
-            while True:
-                next(loading)
-        except StopIteration as end:
-            self._code: Any = end.value
+        folder, began = compile_tick(source), perf_counter_ns()
+        self._code: Any = compiled_tick.load_at_once(folder, self._memory)
         self.load_ms = (perf_counter_ns() - began) / 1e6
         self._row = bytearray(layout(KIND.row_type).size)
         self._address = ctypes.addressof(ctypes.c_char.from_buffer(self._row))

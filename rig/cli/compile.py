@@ -36,16 +36,14 @@ def command(
         return print_problems(report, as_json=as_json)
     from rig.compilation.cache_folder import remove_unused_code
     from rig.compilation.tick_code import CompilationError, compile_tick
-    from rig.processes.messages import CompileJob
-    from rig.processes.tick_compiler import source_of
+    from rig.processes.tick_compiler import compile_job, source_of
 
     planned = tasks.execution_task(report.checked, report.plan)
     mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-    alone = CompileJob(planned.params, planned.dt, planned.law)
-    coupled = alone._replace(device_module=mode.device_module, devices=mode.devices)
+    jobs = {"tick": compile_job(planned), "rehearsal": compile_job(planned, mode)}
     began, folders = time.monotonic(), {}
     try:
-        for name, job in (("tick", alone), ("rehearsal", coupled)):
+        for name, job in jobs.items():
             source = source_of(planned.tick, job)
             folders[name] = str(compile_tick(source)) if source else None
     except (CompilationError, ValueError, OSError) as error:

@@ -1,6 +1,7 @@
 """The simulated plant in the loop's own process: what the devices of all kinds of rig share."""
 
 import sys
+from abc import ABC, abstractmethod
 from typing import Any, Protocol
 
 from rig.compilation.tick_source import PlantCode, TickSource, coupled_source
@@ -64,24 +65,25 @@ class PlantDevices:
             self._plant.advance(self._dt)
             self._ticks += 1
 
-    def coupling(self) -> Coupling:
-        """Return the plant as it is between two ticks, for ticks compiled together with it.
-
-        A kind whose device module has a function `couple_devices` provides it, and `plant_code`.
-        """
-        raise NotImplementedError
-
-    def plant_code(self) -> PlantCode:
-        """Return the plant's part of the compiled ticks."""
-        raise NotImplementedError
-
-    def coupled_source(self, tick: str, law: str, params: cycle.Params) -> TickSource:
-        """Return the source of ticks together with the plant, as of `tick_source`."""
-        return coupled_source(tick, law, params, self.coupling(), self.plant_code())
-
     def stop(self, reason: int) -> None:
         """Command rest."""
         self._plant.actuate(self._rest)
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+class CoupledDevices(PlantDevices, ABC):
+    """Devices whose plant can be compiled together with the loop's ticks."""
+
+    @abstractmethod
+    def coupling(self) -> Coupling:
+        """Return the plant as it is between two ticks."""
+
+    @abstractmethod
+    def plant_code(self) -> PlantCode:
+        """Return the plant's part of the compiled ticks."""
+
+    def coupled_source(self, tick: str, law: str, params: cycle.Params) -> TickSource:
+        """Return the source of ticks together with the plant, as of `tick_source`."""
+        return coupled_source(tick, law, params, self.coupling(), self.plant_code())

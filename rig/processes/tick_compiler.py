@@ -48,12 +48,9 @@ class TickCompiler:
 
         It returns at once: the process reads its job only after its imports.
         """
-        task, mode = self._task, self._mode
         if self._thread is not None or not self.compiles:
             return
-        job = CompileJob(task.params, task.dt, task.law)
-        if coupled:
-            job = job._replace(device_module=mode.device_module, devices=mode.devices)
+        job = compile_job(self._task, self._mode if coupled else None)
         self._thread = threading.Thread(target=self._start, args=(job,), daemon=True)
         self._thread.start()
 
@@ -74,6 +71,14 @@ class TickCompiler:
         if process is not None:
             process.kill()
             process.wait()
+
+
+def compile_job(task: Task, mode: ExecutionMode | None = None) -> CompileJob:
+    """Return the job for a task's tick alone, or coupled with the simulated plant of a mode."""
+    job = CompileJob(task.params, task.dt, task.law)
+    if mode is None:
+        return job
+    return job._replace(device_module=mode.device_module, devices=mode.devices)
 
 
 def source_of(tick: str, job: CompileJob) -> TickSource | None:

@@ -13,10 +13,8 @@ from typing import Any, NamedTuple, Protocol
 from rig.realtime import cycle
 from rig.realtime.compiled_tick import is_complete, load_at_once
 from rig.realtime.object_code import ObjectCodeError
-from rig.realtime.tick import InterpretedTick, RowSink
+from rig.realtime.tick import TICKS_BETWEEN_LOOKS, InterpretedTick, RowSink
 from rig.realtime.tick_memory import FlatMemory
-
-_TICKS_BETWEEN_LOOKS = 100
 
 
 class ChunkHeader(NamedTuple):
@@ -120,7 +118,7 @@ class CoupledChangeover:
 
     def advance(self) -> CoupledTicks | InterpretedTick | None:
         """Return the ticks to go on with if the code is there; call it between two ticks."""
-        looks = self._calls % _TICKS_BETWEEN_LOOKS == 0
+        looks = self._calls % TICKS_BETWEEN_LOOKS == 0
         self._calls += 1
         if not looks or not is_complete(self._folder):
             return None

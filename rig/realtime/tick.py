@@ -13,7 +13,7 @@ from rig.realtime import cycle, tick_memory
 from rig.realtime.compiled_tick import is_complete, load
 from rig.realtime.object_code import ObjectCodeError
 
-_TICKS_BETWEEN_LOOKS = 100
+TICKS_BETWEEN_LOOKS = 100
 
 
 class RowSink(Protocol):
@@ -148,7 +148,7 @@ class Changeover:
 
     def _load(self) -> Generator[None, None, Tick]:
         while not is_complete(self._folder):
-            for _ in range(_TICKS_BETWEEN_LOOKS):
+            for _ in range(TICKS_BETWEEN_LOOKS):
                 yield
         yield
         sense, command = tick_memory.examples(self._kind, self._params, self._dt)

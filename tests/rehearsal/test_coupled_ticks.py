@@ -20,9 +20,8 @@ from rehearsing import SilentView
 from rig.compilation.tick_code import compile_tick
 from rig.execution.task import run_task
 from rig.kinds.rig_file import kind_of_task
-from rig.processes.messages import CompileJob
 from rig.processes.run_types import ExecutionMode, Task
-from rig.processes.tick_compiler import source_of
+from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import coupled_ticks, loop, safety
 from rig.realtime.clock import VirtualClock
 from rig.recording import ring
@@ -50,8 +49,7 @@ def rehearsal(name: str, folder: Path) -> Rehearsal:
     assert report.ok, report.text()
     task = tasks.execution_task(report.checked, report.plan)
     mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-    job = CompileJob(task.params, task.dt, task.law, mode.device_module, mode.devices)
-    source = source_of(task.tick, job)
+    source = source_of(task.tick, compile_job(task, mode))
     assert source is not None
     return Rehearsal(task, mode, compile_tick(source))
 
@@ -116,7 +114,7 @@ def test_a_changeover_at_any_tick_keeps_every_bit(
     expected, end = interpreted(run)
     assert (end.skipped, end.compiled_from) == (0, -1)
     choose = random.Random(name)
-    monkeypatch.setattr(coupled_ticks, "_TICKS_BETWEEN_LOOKS", 1)
+    monkeypatch.setattr(coupled_ticks, "TICKS_BETWEEN_LOOKS", 1)
     for first in (1, *(choose.randrange(2, end.ticks - 100) for _ in range(3))):
         looks = iter(range(1, end.ticks))
         monkeypatch.setattr(

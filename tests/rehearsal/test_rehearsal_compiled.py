@@ -21,9 +21,8 @@ from rehearsing import CONFIGS, SilentView, rehearse, write_campaign, write_repe
 from rig.compilation.tick_code import compile_tick
 from rig.execution.task import run_task
 from rig.kinds.rig_file import kind_of_task
-from rig.processes.messages import CompileJob
 from rig.processes.run_types import ExecutionMode, Snapshot, Task
-from rig.processes.tick_compiler import source_of
+from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import open_run
 
@@ -43,9 +42,8 @@ def open_task(path: Path) -> tuple[Task, ExecutionMode]:
 def code_folders(path: Path) -> dict[str, Path | None]:
     """Return the folders of the code of a campaign or session, as `rig compile` names them."""
     task, mode = open_task(path)
-    tick = CompileJob(task.params, task.dt, task.law)
-    rehearsal = tick._replace(device_module=mode.device_module, devices=mode.devices)
-    sources = {"tick": source_of(task.tick, tick), "rehearsal": source_of(task.tick, rehearsal)}
+    jobs = {"tick": compile_job(task), "rehearsal": compile_job(task, mode)}
+    sources = {name: source_of(task.tick, job) for name, job in jobs.items()}
     return {name: source and compile_tick(source) for name, source in sources.items()}
 
 

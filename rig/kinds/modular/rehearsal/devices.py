@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
-from rig.emulation.in_process import PlantDevices, WholePlant
+from rig.emulation.in_process import CoupledDevices, WholePlant
 from rig.emulation.sea import build_sea
 from rig.kinds.modular.rehearsal.coupled_plant import couple_world, plant_code
 from rig.kinds.modular.rehearsal.coupling import couple
@@ -25,7 +25,7 @@ class SensorScale(NamedTuple):
     offset: float
 
 
-class ModularPlantDevices(PlantDevices):
+class ModularPlantDevices(CoupledDevices):
     """The devices of a simulated modular rig; axes and sensors are matched by name."""
 
     def __init__(

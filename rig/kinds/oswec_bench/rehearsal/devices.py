@@ -4,7 +4,7 @@ from types import ModuleType
 from typing import Any
 
 from rig.compilation.tick_source import PlantCode
-from rig.emulation.in_process import PlantDevices, WholePlant
+from rig.emulation.in_process import CoupledDevices, WholePlant
 from rig.kinds.oswec_bench.rehearsal import bench_coupling, flap_coupling
 from rig.kinds.oswec_bench.rehearsal.flap_coupling import Hand
 from rig.kinds.oswec_bench.tick import Sense
@@ -21,7 +21,7 @@ from sim_plant.flap.world import FlapWorld
 from sim_plant.sea_states import WaveTables
 
 
-class BenchPlantDevices(PlantDevices):
+class BenchPlantDevices(CoupledDevices):
     """The devices of a simulated bench."""
 
     def __init__(self, world: PlantInterface, dt: float) -> None:

@@ -3,28 +3,24 @@
 from pathlib import Path
 from typing import Any
 
-from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from controllers.signals import DriveSettings as Settings
 from rig.compilation.tick_source import PlantCode
-from rig.emulation.in_process import PlantDevices
+from rig.emulation.in_process import CoupledDevices
 from rig.emulation.sea import build_sea
+from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.coupled_plant import (
     PLANT_CODE,
     CoupledWaveBot,
     plant_drive_settings,
 )
-from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
+from rig.kinds.wavebot.tick import Command, Sense
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
 from sim_plant.prescribed import MotionProfile, hoist_cycle_profile
-from sim_plant.world import OFF, Actuation, Stepper, World
-
-# The core of a NamedTuple's constructor: nine full constructors a tick take 10 % of a rehearsal.
-_tuple = tuple.__new__
-_UNTOUCHED_PANEL = PanelSense(0, 0, 0.0)  # in a rehearsal nobody presses a button
+from sim_plant.world import OFF, Stepper, World
 
 
-class WaveBotPlantDevices(PlantDevices):
+class WaveBotPlantDevices(CoupledDevices):
     """The devices of a simulated WaveBot."""
 
     def __init__(self, world: World, dt: float) -> None:
@@ -35,49 +31,13 @@ class WaveBotPlantDevices(PlantDevices):
 
     def read(self, now: float) -> Sense:
         self._advance_to(now)
-        plant, age = self._world.readings(), self._delay
-        heave = (
-            plant.heave_counts, age, plant.heave_current, plant.heave_enabled,
-            plant.heave_fault, age,
-        )  # fmt: skip
-        surge = (
-            plant.surge_counts, age, plant.surge_current, plant.surge_enabled,
-            plant.surge_fault, age,
-        )  # fmt: skip
-        load = (
-            plant.force_lcb, plant.force_trs, plant.force_slew, plant.force_stator_a,
-            plant.force_stator_b, plant.string_pot, plant.rotor_angle, age,
-        )  # fmt: skip
-        power = (
-            plant.power_ac, plant.power_dc, plant.bus_voltage, plant.analyser_age,
-        )  # fmt: skip
-        drive = (plant.drive_conducting, plant.drive_saturated, plant.drive_dump)
-        probes = (plant.probe_1, plant.probe_2, plant.probe_3, plant.probe_age)
-        return Sense(
-            _tuple(AxisSense, heave),
-            _tuple(AxisSense, surge),
-            _tuple(LoadSense, load),
-            _tuple(SpringSense, (plant.stator_position, plant.stator_arrived, age)),
-            _tuple(PowerSense, power),
-            _tuple(DriveSense, drive),
-            _tuple(ProbeSense, probes),
-            _tuple(WaveSense, (plant.elevation,)),
-            _UNTOUCHED_PANEL,
-        )
+        return plant_coupling.sense(self._world.readings(), self._delay)
 
     def write(self, command: Command) -> None:
-        heave, surge, spring, (conducting, settings), waves = command
+        settings = command.drive.settings
         if settings is not self._last_settings:
             self._configure(settings)
-        _, current, enable, _ = heave
-        _, target, move = spring
-        _, surge_current, surge_enable, _ = surge
-        self._world.actuate(
-            _tuple(
-                Actuation,
-                (current, enable, target, move, waves, surge_current, surge_enable, conducting),
-            )
-        )
+        self._world.actuate(plant_coupling.actuation(command))
 
     def _configure(self, settings: Settings) -> None:
         changed, self._last_settings = settings != self._last_settings, settings

@@ -19,8 +19,12 @@ class Params(NamedTuple):
 
 def predict(previous: Estimate, periods: int, dt: float) -> Estimate:
     """Return the motion after ``periods`` ticks without a measurement."""
+    return _after(previous, periods * dt)
+
+
+def _after(previous: Estimate, span: float) -> Estimate:
+    """Return the motion ``span`` (s) later at constant acceleration."""
     x, v, a = previous
-    span = periods * dt
     return Estimate(x + v * span + 0.5 * a * span * span, v + a * span, a)
 
 
@@ -58,17 +62,16 @@ def step_late(
 ) -> Estimate:
     """Return `step` for a measurement taken ``delay`` seconds (> 0) before the estimate's time.
 
-    The filter compares it with the estimated position at that time. A correction that comes late
-    makes a filter oscillate if the filter is faster than the delay, so its bandwidth is reduced
-    from w = gain_velocity / gain_position to w / (1 + 2 delay w), which decays for any constant
-    delay. The gains of the slower filter differ by that factor, its square and its cube.
+    The estimate is corrected at the time of the measurement and predicted from there. A constant
+    delay thus leaves the filter's poles where they are; a delay that changes from tick to tick
+    makes the measurements unevenly spaced, for which the caller stretches the gains.
     """
     gain_position, gain_velocity, gain_acceleration = params
-    x, v, a = predict(previous, periods, dt)
-    residual = measured - (x - v * delay + 0.5 * a * delay * delay)
-    slower = 1.0 / (1.0 + 2.0 * delay * gain_velocity / gain_position)
-    return Estimate(
-        x + slower * gain_position * residual,
-        v + slower * slower * gain_velocity * residual,
-        a + slower * slower * slower * gain_acceleration * residual,
+    x, v, a = _after(previous, periods * dt - delay)
+    residual = measured - x
+    corrected = Estimate(
+        x + gain_position * residual,
+        v + gain_velocity * residual,
+        a + gain_acceleration * residual,
     )
+    return _after(corrected, delay)

@@ -16,7 +16,6 @@ NO_DEMAND = Demand(0.0, 0.0, 0.0, 0.0)
 UNINITIALISED = -1  # demand source before the first counts
 _INFINITE_AGE = 1e9  # s, greater than any real age
 _MAX_DELAY = 1.0  # s; counts delayed as long carry no information about the motion
-_STRETCH_GAP = 1.5  # ticks between new counts, beyond which the estimator must be slower
 _GAP_DECAY_TIME = 0.05  # s, time constant with which the sample gap decays
 
 
@@ -119,7 +118,7 @@ def track(
     delay = age - min_age
     if age > previous_age + 0.5 * periods * dt or delay >= _MAX_DELAY:
         return estimator.predict(motion, periods, dt)
-    if sample_gap > _STRETCH_GAP:
+    if sample_gap > 1.0:
         params = estimator.stretch_gains(params, sample_gap)
     if delay > 0.0:
         return estimator.step_late(params, motion, measured, delay, periods, dt)

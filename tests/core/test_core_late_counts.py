@@ -17,6 +17,7 @@ from drivers.canopen import cia402, scaling
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
 from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
+from rig.design.estimator import design
 from rig.realtime import axis
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import RUN
@@ -170,14 +171,37 @@ def test_the_minimum_age_is_remembered() -> None:
         assert state.encoder_age == age
 
 
-def test_a_constant_delay_never_makes_the_filter_unstable() -> None:
-    """A filter with a wrong state converges, however late its measurements are.
+FAST = design(1e-5, 0.0, 1e4, DT)  # a fine encoder: nearly dead-beat
 
-    Without the slower filter the first of these delays is the limit, and the others diverge.
+
+def alternating(late: float) -> Callable[[int], float]:
+    return lambda tick: late if tick % 2 else 0.0
+
+
+def random_delays(late: float) -> Callable[[int], float]:
+    rng = random.Random(7)
+    return lambda tick: late * rng.random()
+
+
+@pytest.mark.parametrize("gains", [AXIS.estimator, FAST], ids=["coarse", "fast"])
+@pytest.mark.parametrize("late", [0.2 * DT, 0.5 * DT, 0.9 * DT, 0.005, 0.03, 0.3])
+@pytest.mark.parametrize("pattern", [lambda late: lambda tick: late, alternating, random_delays])
+def test_late_counts_never_make_the_filter_unstable(
+    gains: estimator.Params, late: float, pattern: Callable[[float], Callable[[int], float]]
+) -> None:
+    """A filter with a wrong state converges on a body at rest, however late its counts are.
+
+    A correction of the present estimate with an old difference diverges from half a tick on.
     """
-    for late in (0.005, 0.01, 0.03, 0.1, 0.3):
-        motion = Estimate(0.01, 0.2, 1.0)
-        for _ in range(round(60 * (late + 0.05) / DT)):
-            motion = estimator.step_late(AXIS.estimator, motion, 0.0, late, 1, DT)
-        assert abs(motion.position) < 1e-3
-        assert abs(motion.velocity) < 1e-3
+    params = AXIS._replace(estimator=gains)
+    state = axis.start()._replace(
+        motion=Estimate(0.01, 0.2, 1.0), demand_source=RUN, encoder_age=0.0, min_age=0.0
+    )
+    delay = pattern(late)
+    for tick in range(round((2.0 + 60.0 * late) / DT)):
+        age = min(delay(tick), state.encoder_age + DT)  # no value is older than the one before
+        sense = AxisSense(0, age, 0.0, 1, 0, 0.0)
+        motion = axis.observe(params, state, sense, 0.0, 1, DT)
+        state, _ = axis.control(params, state, sense, motion, axis.NO_DEMAND, 1, 0, RUN, DT)
+    assert abs(state.motion.position) < 1e-5
+    assert abs(state.motion.velocity) < 1e-3

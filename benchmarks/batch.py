@@ -79,7 +79,7 @@ def run_pass(path: Path) -> BatchPass:
     """Time all rows of a campaign, one after another, with the reference measured between them."""
     campaign, plan = open_checked(path)
     simulator = CampaignSimulator(campaign, plan)
-    simulator.prepare(plan)
+    simulator.prepare()
     rows = simulator.simulate(plan)
     windows, references, seconds, more = iter(rows), list[float](), 0.0, True
     while more:

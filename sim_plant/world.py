@@ -149,11 +149,18 @@ class World:
 
         Raises ValueError with the name of every setting out of range.
         """
+        if self.params.electrics.custom != 0:
+            self.params = self._stepper.params = self.params_with(settings)
+
+    def params_with(self, settings: DriveSettings) -> WaveBotParams:
+        """Return the constants of the rig for settings of the custom drive.
+
+        Raises ValueError as `configure` does.
+        """
         if self.params.electrics.custom == 0:
-            return
+            return self.params
         custom_drive.check_settings(settings)
-        self.params = self._plant.build(settings)
-        self._stepper.params = self.params
+        return self._plant.build(settings)
 
     def prescribe(self, profile: MotionProfile) -> None:
         """Impose heave by a hoist: position and velocity over time since this call.

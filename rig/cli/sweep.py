@@ -9,7 +9,6 @@ import re
 import sys
 import time
 from pathlib import Path
-from threading import Timer
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -43,7 +42,6 @@ Exit codes: 0 every case gave its rows; 1 some cases could not run, or the resul
 written; 2 bad input; 3 interrupted (run the same command again to continue)."""
 _ADDRESS = r"(tcp|tls)://[^/\s]+:\d{1,5}"
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
-_COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
 _MAX_REASONS = 5
 _LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 
@@ -194,21 +192,10 @@ def _executor(opened: sweep.Sweep, jobs: int | None, scheduler: str | None) -> e
 
 def _compile(opened: sweep.Sweep) -> None:
     """Compile the loop or read it from the cache; print a notice where this takes long."""
-
-    def print_notice() -> None:
+    simulator = opened.cases.simulator()
+    if not simulator.is_compiled():
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
-
-    # A law of another structure is compiled even with a cache.
-    timer = Timer(_COMPILE_NOTICE_DELAY_S, print_notice)
-    timer.daemon = True
-    if simulation_of(opened.campaign).is_compiled(opened.campaign):
-        timer.start()
-    else:
-        print_notice()
-    try:
-        opened.cases.prepare()
-    finally:
-        timer.cancel()
+    simulator.prepare()
 
 
 def _report_interrupt(folder: Path, *, as_json: bool) -> int:

@@ -152,11 +152,6 @@ def tuple_types(tree: Any) -> set[type]:
     return types
 
 
-def is_compiled(folder: Path) -> bool:
-    """Return whether the folder holds compiled code."""
-    return any(folder.glob("**/*.nbi"))
-
-
 def compilation_problem(function: Callable[..., Any], *arguments: Any) -> str:
     """Return in one line why a function cannot be compiled for arguments; empty if it can."""
     try:

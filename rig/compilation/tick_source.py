@@ -60,27 +60,24 @@ def tick(m):
     return state.safety.mode
 """
 
-# The state stays in memory from tick to tick: as a variable of the loop, all its numbers would be
-# alive at once, and the compiler would take many minutes.
+# Parameters are loaded once a call: loaded in each tick, they would cost a third of its time. The
+# state stays in memory from tick to tick: as a variable of the loop, all its numbers would be alive
+# at once, and the compiler would take many minutes.
 _COUPLED = """
 {plant_imports}
 
 NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
-@njit("int64(int64, int64, int64)", error_model="numpy", no_cpython_wrapper=True,
-      no_cfunc_wrapper=True)
-def tick_once(m, tick, out):
-    header = load_header(m)
-    plant = load_plant(m + {at_plant})
+@register_jitable(forceinline=True)
+def tick_once(m, header, params, plant, tick, out):
     device = load_device(m + {at_device})
     dt = header.dt
     if tick > 0:
         device = {advance}
     sensed = {sense_plant}
     state, command, row = step(
-        load_params(m + {at_params}), load_state(m + {at_state}), sensed,
-        header.request, tick, NO_TIMING, 1, dt,
+        params, load_state(m + {at_state}), sensed, header.request, tick, NO_TIMING, 1, dt,
     )
     device, interrupted = {actuate}
     store_row(out, row)
@@ -92,14 +89,16 @@ def tick_once(m, tick, out):
 @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def tick(m):
     header = load_header(m)
-    first, out = header.tick, header.row
-    tick, ended = first, 0
-    while tick - first < header.max_ticks and ended == 0:
-        ended = tick_once(m, tick, out)
+    params = load_params(m + {at_params})
+    plant = load_plant(m + {at_plant})
+    tick, out, ended = header.tick, header.row, 0
+    end = tick + header.max_ticks
+    while tick < end and ended == 0:
+        ended = tick_once(m, header, params, plant, tick, out)
         tick += 1
-        store_executed(m + {at_executed}, tick - first)
+        store_executed(m + {at_executed}, tick - header.tick)
         out += {row_size}
-    return tick - first
+    return tick - header.tick
 """
 
 
@@ -127,6 +126,7 @@ class TickSource(NamedTuple):
     text: str
     functions: tuple[FunctionType, ...]  # plain functions that it calls
     modules: tuple[ModuleType, ...]  # that it depends on
+    many_ticks: bool  # of a call; other threads may run meanwhile
 
     @property
     def folder(self) -> Path:
@@ -202,7 +202,7 @@ def _source(
         **texts,
     )
     own = (tick_memory, sys.modules[__name__])
-    return TickSource(text, needed.functions, (*own, *needed.modules))
+    return TickSource(text, needed.functions, (*own, *needed.modules), body is _COUPLED)
 
 
 def _numba_type(tree: Any, names: dict[type, str]) -> str:

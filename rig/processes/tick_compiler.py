@@ -4,7 +4,6 @@ A run never waits for the compiler: its loop begins interpreted and goes over to
 as soon as the code is in the cache. The process has the lowest priority and ends with the run.
 """
 
-import fcntl
 import importlib
 import os
 import subprocess
@@ -109,10 +108,7 @@ def main(tick: str) -> None:
     from rig.compilation.tick_code import CompilationError, compile_tick  # noqa: PLC0415
 
     try:
-        source.folder.mkdir(parents=True, exist_ok=True)
-        with (source.folder / "lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # the first of several processes compiles
-            compile_tick(source)
+        compile_tick(source)
     except (CompilationError, OSError) as error:
         sys.exit(f"the tick runs interpreted, it cannot be compiled: {error}")
 

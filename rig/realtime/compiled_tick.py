@@ -18,17 +18,22 @@ def is_complete(folder: Path) -> bool:
     return all((folder / name).exists() for name in FILES)
 
 
+def mark_as_used(folder: Path) -> None:
+    """Keep a folder from `rig.compilation.cache_folder`, which removes code that is not used."""
+    with suppress(OSError):
+        os.utime(folder)
+
+
 def load(folder: Path, memory: FlatMemory) -> Generator[None, None, Callable[[], int]]:
     """Load the code in steps of less than a tick each.
 
     Return the function that runs one tick on a memory and returns the mode after it. Raises OSError
     or ObjectCodeError if the code cannot be loaded here.
     """
-    with suppress(OSError):
-        os.utime(folder)  # `rig.compilation.cache_folder` removes code that is not used
+    mark_as_used(folder)
     code = ObjectCode([(folder / name).read_bytes() for name in FILES])
     yield from code.load()
-    run: Callable[[], int] = code.function(ENTRY, memory.address.to_bytes(8, "little"))
+    run: Callable[[], int] = code.function(ENTRY, memory.own())
     return run
 
 

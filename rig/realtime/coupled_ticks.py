@@ -64,7 +64,7 @@ class CoupledTicks:
         rows: RowSink,
     ) -> None:  # fmt: skip
         """``code``: of `rig.realtime.compiled_tick.load_at_once` for the memory."""
-        self._memory, self._code, self._coupling = memory, code, coupling
+        self.memory, self._code, self._coupling = memory, code, coupling
         self._dt, self._rows = dt, rows
         self._pack_header = memory.sections["header"].layout.pack_into
         self._mode = memory.number("state", "safety", "mode")
@@ -79,7 +79,7 @@ class CoupledTicks:
     @property
     def reason(self) -> int:
         """Reason of a stop, as of the safety machine."""
-        state: cycle.State = self._memory.get("state")
+        state: cycle.State = self.memory.get("state")
         return state.safety.reason
 
     def execute(self, tick: int, request: int, max_ticks: int) -> int:
@@ -88,7 +88,7 @@ class CoupledTicks:
         Without power each chunk has one tick. If a tick raises, the rows before it are kept.
         """
         address, space = self._rows.reserve(min(max_ticks, self._coupling.ticks_until_due(tick)))
-        self._pack_header(self._memory.buffer, 0, request, tick, space, self._dt, address, 0)
+        self._pack_header(self.memory.buffer, 0, request, tick, space, self._dt, address, 0)
         try:
             executed = self._code()
         finally:

@@ -11,6 +11,7 @@ import mmap
 import platform
 import struct
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 MACHINE = "x86_64"
@@ -62,12 +63,11 @@ class ObjectCode:
 
     def __init__(self, objects: Iterable[bytes]) -> None:
         """Raise ObjectCodeError for another processor."""
-        if platform.machine() != MACHINE:
+        if not is_supported():
             raise ObjectCodeError(f"compiled for {MACHINE}, this is {platform.machine()}")
         self._contents = tuple(objects)
         self._symbols: dict[str, int] = {}
         self._memory: list[mmap.mmap] = []
-        self._definitions: list[_MethodDefinition] = []
 
     def load(self) -> Iterator[None]:
         """Place the objects and resolve their references to each other, Python and libm.
@@ -97,19 +97,40 @@ class ObjectCode:
         return [(len(each), _address(each)) for each in self._memory]
 
     def function(self, symbol: str, own: bytes) -> Any:
-        """Return the Python function of a symbol with the C signature of METH_NOARGS.
-
-        ``own`` is its first argument, `self`.
-        """
+        """Return the Python function of a symbol, as of `function_at`."""
         if symbol not in self._symbols:
             raise ObjectCodeError(f"damaged object code: no {symbol}")
-        address = self._symbols[symbol]
-        definition = _MethodDefinition(b"compiled", address, _NO_ARGUMENTS, None)
-        self._definitions.append(definition)  # the function refers to it
-        create = ctypes.pythonapi.PyCFunction_NewEx
-        create.restype = ctypes.py_object
-        create.argtypes = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
-        return create(ctypes.addressof(definition), own, None)
+        return function_at(self._symbols[symbol], own)
+
+
+def is_supported() -> bool:
+    """Return whether `ObjectCode` can load code for this processor."""
+    return platform.machine() == MACHINE
+
+
+def load_at_once(objects: Iterable[bytes]) -> ObjectCode:
+    """Return loaded objects; errors as of `ObjectCode`."""
+    code = ObjectCode(objects)
+    for _ in code.load():
+        pass
+    return code
+
+
+def function_at(address: int, own: bytes) -> Any:
+    """Return the Python function at an address with the C signature of METH_NOARGS.
+
+    ``own`` is its first argument, `self`. The code must stay in memory.
+    """
+    definition = _definition(address)  # the function refers to it
+    create = ctypes.pythonapi.PyCFunction_NewEx
+    create.restype = ctypes.py_object
+    create.argtypes = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
+    return create(ctypes.addressof(definition), own, None)
+
+
+@cache
+def _definition(address: int) -> _MethodDefinition:
+    return _MethodDefinition(b"compiled", address, _NO_ARGUMENTS, None)
 
 
 class _Object:

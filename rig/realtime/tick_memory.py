@@ -74,6 +74,10 @@ class FlatMemory:
         for section in self.sections.values():
             section.layout.pack_into(self.buffer, section.start, *_numbers(section.tree))
 
+    def own(self) -> bytes:
+        """Return the address as compiled code takes it (`rig.realtime.object_code.function_at`)."""
+        return self.address.to_bytes(8, "little")
+
     def set(self, name: str, tree: Any) -> None:
         """Replace the numbers of a section."""
         _, start, layout = self.sections[name]

@@ -94,11 +94,10 @@ class Cases:
         values = next(itertools.islice(products, variant, None))
         return tuple(zip(self.request.parameters, values, strict=True))
 
-    def prepare(self) -> None:
-        """Compile the loop, which takes a minute the first time on a host."""
+    def simulator(self) -> CampaignSimulator:
+        """Return the simulator of the first combination of values."""
         with self._opening:
-            variant = self._variant(0)
-        variant.simulator.prepare(variant.plan)
+            return self._variant(0).simulator
 
     def run(self, case: Case, should_continue: Callable[[], bool] = lambda: True) -> Outcome:
         """Run a case; a failed outcome has the reason. Raises `InterruptedSweepError`."""

@@ -130,7 +130,7 @@ def _open_cases(request: SweepRequest, digest: str) -> Cases:
 @lru_cache(2)
 def _open_cached(request: SweepRequest, digest: str) -> Cases:
     cases = reopen_cases(request, digest)
-    cases.prepare()
+    cases.simulator().prepare()
     return cases
 
 

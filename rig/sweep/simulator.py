@@ -36,8 +36,15 @@ class RowSimulation(Protocol):
 class CampaignSimulator(Protocol):
     """A campaign's rig in its sea; each simulation starts anew. Threads may share a simulator."""
 
-    def prepare(self, plan: AnyPlan) -> None:
-        """Compile the loop for this campaign, or read it from the cache."""
+    def is_compiled(self) -> bool:
+        """Return whether this host has the code of loop and plant already."""
+        ...
+
+    def prepare(self) -> None:
+        """Load the code; compile it if this host does not have it, which takes a minute.
+
+        Raises ValueError if it cannot be compiled.
+        """
         ...
 
     def simulate(
@@ -45,7 +52,7 @@ class CampaignSimulator(Protocol):
     ) -> RowSimulation:
         """Return the simulation of a plan from power-on to its end or a trip.
 
-        The simulation calls ``check`` several times per second; an exception of it ends the
+        The simulation calls ``check`` many times per second; an exception of it ends the
         simulation. ``place`` is the position at power-on of the part that moves between rows.
         """
         ...
@@ -75,10 +82,6 @@ class Simulation(Protocol):
         self, campaign: AnyCampaign, plan: AnyPlan, sea: dict[str, Any] | None = None
     ) -> CampaignSimulator:
         """Return the simulator of a campaign; ``sea`` replaces that of the campaign."""
-        ...
-
-    def is_compiled(self, campaign: AnyCampaign) -> bool:
-        """Return whether this host has already compiled the loop with a campaign's laws."""
         ...
 
     def sweep_problems(self, campaign: AnyCampaign) -> Iterable[Problem]:

@@ -21,6 +21,7 @@ from both_ways import (
     differing_fields,
     interpreted,
     open_campaign_plan,
+    open_simulator,
 )
 from law_lifting import same_bits
 from rehearsing import CONFIGS, write_campaign, write_yaml
@@ -28,18 +29,15 @@ from rehearsing import CONFIGS, write_campaign, write_yaml
 import rig
 from rig.compilation import cache_folder, lifting
 from rig.compilation.cache_folder import code_folder
-from rig.compilation.column import Column
-from rig.compilation.pages import PAGE_TICKS
-from rig.config.law_settings import IMPEDANCE
+from rig.emulation.row_simulation import RowBlock
+from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
-from rig.kinds.wavebot.simulation.simulation import KEPT_FIELDS, CampaignSimulator, loop_source
+from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode
 
-SOURCE = loop_source(IMPEDANCE)
-MODULES = SOURCE.dependencies().modules
 LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -53,6 +51,7 @@ QUICK = {
         ]
     },
 }
+DT = 0.001  # s
 POINT = QUICK["matrix"]["list"][0]  # type: ignore[index]
 CUSTOM = {
     "rig": str(CONFIGS / "rigs" / "wavebot_custom.yaml"),
@@ -203,13 +202,11 @@ def spoil(readings: Any, rng: np.random.Generator) -> Any:
 
 
 def step_interpreted(
-    simulator: CampaignSimulator, params: Any, coupled: Any, readings: Any
+    simulator: CampaignSimulator, params: Any, loop: Any, tick: int, readings: Any
 ) -> tuple[Any, Any]:
     """Run the interpreted cycle on these readings; return its state and the plant input."""
     sense = plant_coupling.sense(readings, simulator.plant.age)
-    state, command, _ = cycle.make(KIND)(
-        params, coupled.loop, sense, 0, coupled.tick, STILL_CLOCK, 1, simulator.dt
-    )
+    state, command, _ = cycle.make(KIND)(params, loop, sense, 0, tick, STILL_CLOCK, 1, DT)
     return state, plant_coupling.actuation(command)
 
 
@@ -218,47 +215,37 @@ def test_invalid_readings_give_the_same_mode_reason_and_command(
     simulator: CampaignSimulator, tmp_path: Path
 ) -> None:
     """From a running state, one invalid reading and nine valid ones, repeatedly."""
-    _, plan = open_campaign_plan(make_campaign(tmp_path, "regular"))
-    columns = simulator.column_params(plan)
-    page, columns_buffer = (
-        Column(np.empty(len(KEPT_FIELDS) * PAGE_TICKS)),
-        Column(np.empty(len(KEPT_FIELDS) * 20_000)),
-    )
-
-    def advance(coupled: Any, until: int) -> Any:
-        return simulator.advance(
-            columns, simulator.plant, simulator.dt, coupled, until, page, columns_buffer, 0
-        )[0]
-
-    running = advance(simulator.start(), 5000)
-    assert running.loop.safety.mode == RUN
+    campaign, plan = open_campaign_plan(make_campaign(tmp_path, "regular"))
+    params = wavebot_params(campaign, plan.segments, plan.setpoints)
+    ticks = simulator.ticks(plan, RowBlock(KIND.row_type))
+    memory, begin = ticks.memory, 0
+    while begin < 5000:
+        begin += ticks.execute(begin, 0, 100)
+    running, device_then = memory.get("state"), memory.get("device")
+    assert running.safety.mode == RUN
     rng, outcomes = np.random.default_rng(7), set()
     for _ in range(300):
-        current, following = running.device.in_transit
-        device = running.device._replace(in_transit=(current, spoil(following, rng)))
-        coupled = running._replace(device=device)
-        for _ in range(10):
+        current, following = device_then.in_transit
+        memory.set("state", running)
+        memory.set("device", device_then._replace(in_transit=(current, spoil(following, rng))))
+        for tick in range(begin, begin + 10):
             state, plant_input = step_interpreted(
-                simulator, simulator.params, coupled, coupled.device.in_transit[1]
+                simulator,
+                params,
+                memory.get("state"),
+                tick,
+                memory.get("device").in_transit[1],
             )
-            coupled = advance(coupled, coupled.tick + 1)
-            assert same_bits(lifting.flatten(coupled.loop), lifting.flatten(state))
-            assert same_bits(
-                lifting.flatten(coupled.device.plant_input), lifting.flatten(plant_input)
-            )
-            assert all(map(math.isfinite, lifting.flatten(coupled.device.plant_input)))
-            safety = coupled.loop.safety
+            assert ticks.execute(tick, 0, 1) == 1
+            loop, device = memory.get("state"), memory.get("device")
+            assert same_bits(lifting.flatten(loop), lifting.flatten(state))
+            assert same_bits(lifting.flatten(device.plant_input), lifting.flatten(plant_input))
+            assert all(map(math.isfinite, lifting.flatten(device.plant_input)))
+            safety = loop.safety
             if safety.mode == STOP_0:
-                assert (
-                    coupled.device.plant_input.heave_current
-                    == coupled.device.plant_input.surge_current
-                    == 0.0
-                )
-                assert (
-                    coupled.device.plant_input.heave_enable
-                    == coupled.device.plant_input.surge_enable
-                    == 0
-                )
+                command = device.plant_input
+                assert command.heave_current == command.surge_current == 0.0
+                assert command.heave_enable == command.surge_enable == 0
         outcomes.add((Mode(safety.mode).name, KIND.reason_table.name(safety.reason)))
     assert {reason for _, reason in outcomes} >= {
         "NONE",
@@ -320,45 +307,48 @@ def imported_modules(modules: Any) -> set[str]:
     return {name for name in named if name.split(".")[0] in ("controllers", "rig", "sim_plant")}
 
 
-def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None:
+def test_cache_folder_depends_on_every_compiled_source(
+    simulator: CampaignSimulator, monkeypatch: Any
+) -> None:
     """An edit of any module of cycle, plant or their types leads to another folder."""
-    parts = {module.__name__ for module in MODULES}
+    modules = simulator.source.modules
+    parts = {module.__name__ for module in modules}
     passing = {  # packages that only re-export, and modules with nothing but types
         "controllers", "rig.kinds.wavebot.tick", "rig.realtime", "sim_plant",
         "controllers.law", "sim_plant.units",
     }  # fmt: skip
     # They write or find code before it is compiled; what they give is in text and digest.
     writing = {"rig.compilation", "rig.kinds.wavebot.tick.law_columns", "rig.stations",
-               "rig.realtime.loop"}  # fmt: skip
+               "rig.realtime.loop", "rig.realtime.compiled_tick", "rig.realtime.object_code",
+               "rig.realtime.tick", "rig.recording.row_layout"}  # fmt: skip
     missing = {
-        name for name in imported_modules(MODULES) - parts
+        name for name in imported_modules(modules) - parts
         if not name.startswith("rig.compilation.")
     }  # fmt: skip
     assert missing <= passing | writing
-    now = code_folder("x", MODULES)
+    now = code_folder("x", modules)
     getsource = inspect.getsource
-    for edited in MODULES:
+    for edited in modules:
 
         def read(module: Any, edited: Any = edited) -> str:
             return getsource(module) + ("# edited" if module is edited else "")
 
         monkeypatch.setattr(inspect, "getsource", read)
-        assert code_folder("x", MODULES) != now, edited.__name__
+        assert code_folder("x", modules) != now, edited.__name__
     monkeypatch.setattr(inspect, "getsource", getsource)
-    assert code_folder("x", MODULES) == now
-    monkeypatch.setattr(cache_folder, "_COMPILERS", (*cache_folder._COMPILERS, "pages.py"))
-    assert code_folder("x", MODULES) != now
+    assert code_folder("x", modules) == now
+    monkeypatch.setattr(cache_folder, "_COMPILERS", (*cache_folder._COMPILERS, "plant_step.py"))
+    assert code_folder("x", modules) != now
     monkeypatch.undo()
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
-    assert code_folder("x", MODULES) != now
+    assert code_folder("x", modules) != now
 
 
 PRINT_CACHE_FOLDER = """
-from rig.compilation.cache_folder import code_folder
-from rig.config.law_settings import IMPEDANCE
-from rig.kinds.wavebot.simulation.simulation import loop_source
-source = loop_source(IMPEDANCE)
-print(code_folder("x", source.dependencies().modules))
+import sys
+from pathlib import Path
+from both_ways import open_simulator
+print(open_simulator(Path(sys.argv[1]))[0].source.folder)
 """
 
 
@@ -367,9 +357,10 @@ def run_in_tree(tree: Path, *arguments: str, **environment: str) -> str:
 
     Its code is not optimised, which takes a third less time and gives the same bits.
     """
+    paths = f"{tree}:{Path(__file__).parent}"
     process = subprocess.run(
         [sys.executable, *arguments],
-        env={**os.environ, "PYTHONPATH": str(tree), "NUMBA_OPT": "0", **environment},
+        env={**os.environ, "PYTHONPATH": paths, "NUMBA_OPT": "0", **environment},
         cwd=tree,  # Python searches it first
         capture_output=True, text=True, check=True,
     )  # fmt: skip
@@ -390,13 +381,14 @@ def test_edited_law_is_recompiled_and_no_index_leaves_its_table(tmp_path: Path) 
     root, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
     for name in ("controllers", "rig", "sim_plant"):
         shutil.copytree(root / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) == str(code_folder("x", MODULES))
+    folder = str(open_simulator(path)[0].source.folder)
+    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER, str(path)) == folder
     law = tree / "controllers" / "impedance.py"
     text = law.read_text()
     edited = text.replace("force = kp * velocity", "force = 1.01 * kp * velocity", 1)
     assert edited != text
     law.write_text(edited)
-    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) != str(code_folder("x", MODULES))
+    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER, str(path)) != folder
     program = str(Path(__file__).with_name("both_ways.py"))
     compiled_result, interpreted_result = json.loads(
         run_in_tree(tree, program, str(path), NUMBA_BOUNDSCHECK="1")

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from rig.compilation.column import Column, prefetch
-from rig.compilation.pages import PAGE_TICKS, flush_page
 from rig.kinds.wavebot.rehearsal.noise import CHANNELS_PER_TICK, interleaved
 from sim_plant.sensors import NOISE_LENGTH, Channel, SensorParams, measure
 
@@ -46,17 +44,6 @@ def test_every_channel_reads_the_same_noise_in_every_tick() -> None:
         for tick in ticks:
             value = measure(channel_after, 1.25, tick, table)  # type: ignore[arg-type]
             assert value == measure(channel, 1.25, tick, normals)
-
-
-@pytest.mark.parametrize(("first", "end"), [(0, PAGE_TICKS), (5, 5 + PAGE_TICKS), (90, 91), (7, 7)])
-def test_page_is_flushed_to_its_ticks(first: int, end: int) -> None:
-    fields, capacity = 3, 200
-    page = RNG.standard_normal(fields * PAGE_TICKS)
-    columns = np.full((fields, capacity), np.nan)
-    flush_page(Column(page), Column(columns.ravel()), fields, first, end)
-    expected = np.full((fields, capacity), np.nan)
-    expected[:, first:end] = page.reshape(fields, PAGE_TICKS)[:, : end - first]
-    assert np.array_equal(columns, expected, equal_nan=True)
 
 
 def test_column_of_an_array_shares_its_memory() -> None:

@@ -1,7 +1,8 @@
 """Prediction of a campaign by simulation: its plan in the compiled loop, as a rehearsal runs it.
 
 Limits, ramps and transients are those of the loop, so a row that would trip is found. It needs a
-compiled loop, which `rig check` does not wait for: a sweep compiles it, once on a host.
+compiled loop, which `rig check` does not wait for: `rig compile` or a sweep compile it, once on a
+host.
 """
 
 from collections.abc import Iterator
@@ -10,13 +11,13 @@ from typing import Any, NamedTuple
 from rig.analysis.rows import NOT_RUN, reduce_window
 from rig.campaign import AnyCampaign, AnyPlan
 from rig.config.problems import Problem
-from rig.kinds.modular.simulation import is_compiled, open_simulator, row_contents
+from rig.kinds.modular.simulation import open_simulator, row_contents
 from rig.planning.windows import repeat_period
 from rig.presentation.json_values import json_value
 from rig.realtime.reasons import Reason
 
 MAX_SECONDS = 7200.0  # of a plan, some ten seconds of work
-NOT_COMPILED = "the loop of this rig is not compiled on this host yet; rig sweep compiles it"
+NOT_COMPILED = "the loop of this rig is not compiled on this host yet; rig compile does it"
 
 
 class SimulatedRows(NamedTuple):
@@ -38,10 +39,10 @@ def simulate(campaign: AnyCampaign, plan: AnyPlan) -> tuple[SimulatedRows | None
     if plan.duration > MAX_SECONDS:
         text = f"it lasts {plan.duration:.0f} s, simulated are up to {MAX_SECONDS:.0f} s"
         return None, f"{text}; rig sweep simulates its rows"
-    if not is_compiled(campaign):
-        return None, NOT_COMPILED
     try:
         simulator = open_simulator(campaign, plan)
+        if not simulator.is_compiled():
+            return None, NOT_COMPILED
     except (ValueError, ArithmeticError) as error:
         return None, f"the rig cannot be simulated: {error}"
     windows, period = simulator.simulate(plan), repeat_period(campaign.file.sea)

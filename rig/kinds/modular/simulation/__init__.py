@@ -1,7 +1,7 @@
 """A modular rig's compiled tick with its plant: the room that sweeps use (`rig.sweep.simulator`).
 
-The modules of this package import numba and the readers of BEM files, which takes a second. The
-functions here import them when they need them.
+The modules of this package import the readers of BEM files, which takes a second. The functions
+here import them when they need them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = [
     "check_model",
     "identified_range",
-    "is_compiled",
     "matching_keys",
     "open_simulator",
     "plant_data",
@@ -62,13 +61,6 @@ def open_simulator(
     from rig.kinds.modular.simulation.simulation import CampaignSimulator  # noqa: PLC0415
 
     return CampaignSimulator(campaign, plan, sea)
-
-
-def is_compiled(campaign: Any) -> bool:
-    """Return whether this host has already compiled the loop of a rig with a campaign's laws."""
-    from rig.kinds.modular.simulation.simulation import loop_source  # noqa: PLC0415
-
-    return loop_source(campaign).is_compiled()
 
 
 def sweep_problems(campaign: Any) -> Iterator[Problem]:

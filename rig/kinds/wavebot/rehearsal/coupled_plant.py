@@ -4,16 +4,19 @@ Compiled are the step of the plant, its sensors and the wave maker. Between chun
 basin probes are sampled, and settings of the custom drive applied.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from controllers.signals import DriveSettings
 from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
+from rig.emulation.in_process import WholePlant
 from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.rehearsal.plant_coupling import Device, Plant
 from rig.realtime.tick_memory import FlatMemory
 from sim_plant import custom_drive
+from sim_plant.wavebot import WaveBotParams
 from sim_plant.world import Conditions, World
 
 PLANT_CODE = PlantCode(
@@ -40,20 +43,44 @@ def couple(now: Conditions, settings: DriveSettings = _NO_SETTINGS) -> tuple[Pla
     )  # fmt: skip
 
 
-class CoupledWaveBot:
-    """A world whose ticks run compiled; a `rig.realtime.coupled_ticks.Coupling`."""
+class CoupledWaveBot(WholePlant):
+    """A plant whose ticks run compiled; between them settings of its drive are applied."""
 
-    def __init__(self, world: World, settings: DriveSettings | None) -> None:
-        """``settings``: the last ones that the world's drive got; None: it got none."""
-        self._world = world
-        self.plant, self.device = couple(world.conditions(), settings or _NO_SETTINGS)
+    def __init__(
+        self, plant: Plant, device: Device, params_with: Callable[[Any], WaveBotParams]
+    ) -> None:
+        """``params_with`` returns the constants of the plant for settings of the custom drive."""
+        super().__init__(plant, device)
+        self._params_with = params_with
 
     def attach(self, memory: FlatMemory) -> None:
         """Take the memory on which ticks work from now on."""
         self._memory = memory
-        self._probes = memory.bytes_of("device", "state", "probes").cast("d")
         self._settings = memory.bytes_of("device", "settings")
         self._applied = bytes(self._settings)
+
+    def act(self, tick: int) -> None:
+        """Apply settings of the drive that a tick has changed."""
+        if self._settings != self._applied:
+            self._applied = bytes(self._settings)
+            device: Device = self._memory.get("device")
+            constants = self._params_with(plant_drive_settings(device.settings))
+            constants = constants._replace(sensors=self.plant.constants.sensors)
+            self._memory.set("plant", self.plant._replace(constants=constants))
+
+
+class CoupledWorld(CoupledWaveBot):
+    """A world whose ticks run compiled; between them its basin probes are sampled, too."""
+
+    def __init__(self, world: World, settings: DriveSettings | None) -> None:
+        """``settings``: the last ones that the world's drive got; None: it got none."""
+        self._world = world
+        plant, device = couple(world.conditions(), settings or _NO_SETTINGS)
+        super().__init__(plant, device, world.params_with)
+
+    def attach(self, memory: FlatMemory) -> None:
+        super().attach(memory)
+        self._probes = memory.bytes_of("device", "state", "probes").cast("d")
         self._velocity = memory.number("device", "state", "body", "velocity")
         self._sampled_tick = memory.number("device", "sampled_tick")
         self._sampled_onset = memory.number("device", "sampled_onset")
@@ -70,13 +97,7 @@ class CoupledWaveBot:
             )
             for i, number in enumerate(probes):
                 self._probes[i] = number
-        if self._settings != self._applied:
-            self._applied = bytes(self._settings)
-            device: Device = self._memory.get("device")
-            self._world.configure(plant_drive_settings(device.settings))
-            sensors = self.plant.constants.sensors
-            constants = self._world.params._replace(sensors=sensors)
-            self._memory.set("plant", self.plant._replace(constants=constants))
+        super().act(tick)
 
 
 def plant_drive_settings(settings: DriveSettings) -> custom_drive.DriveSettings:

@@ -10,7 +10,7 @@ from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.coupled_plant import (
     PLANT_CODE,
-    CoupledWaveBot,
+    CoupledWorld,
     plant_drive_settings,
 )
 from rig.kinds.wavebot.tick import Command, Sense
@@ -44,9 +44,9 @@ class WaveBotPlantDevices(CoupledDevices):
         if changed and settings.bus_voltage > 0.0:  # all zero where the drive has none
             self._world.configure(plant_drive_settings(settings))
 
-    def coupling(self) -> CoupledWaveBot:
+    def coupling(self) -> CoupledWorld:
         """Return the plant as it is between two ticks."""
-        return CoupledWaveBot(self._world, self._last_settings)
+        return CoupledWorld(self._world, self._last_settings)
 
     def plant_code(self) -> PlantCode:
         return PLANT_CODE

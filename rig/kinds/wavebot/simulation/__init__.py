@@ -1,7 +1,7 @@
 """The WaveBot's compiled tick with its plant: the room that sweeps use (`rig.sweep.simulator`).
 
-The modules of this package import numba, and the twin xarray: each takes a second. The functions
-here import them when they need them.
+The modules of this package import numpy, and the twin xarray. The functions here import them when
+they need them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = [
     "check_model",
     "identified_range",
-    "is_compiled",
     "matching_keys",
     "open_simulator",
     "plant_data",
@@ -61,13 +60,6 @@ def open_simulator(
     from rig.kinds.wavebot.simulation.simulation import CampaignSimulator  # noqa: PLC0415
 
     return CampaignSimulator(campaign, plan, sea)
-
-
-def is_compiled(campaign: Campaign) -> bool:
-    """Return whether this host has already compiled the loop with a campaign's law."""
-    from rig.kinds.wavebot.simulation.simulation import loop_source  # noqa: PLC0415
-
-    return loop_source(campaign.file.heave_law).is_compiled()
 
 
 def sweep_problems(campaign: Campaign) -> Iterator[Problem]:

@@ -1,33 +1,21 @@
-"""Simulation of a campaign: rig, plant and sea as the numbers that compiled code takes."""
+"""Simulation of a campaign of the WaveBot in its sea."""
 
 from typing import Any
 
-from controllers.signals import DriveSettings
 from rig.analysis.rows import table_fields
-from rig.compilation.column import Column
-from rig.compilation.coupled_loop import (
-    CoupledLoop,
-    CoupledState,
-    LoopSimulator,
-    LoopSource,
-    with_columns,
-)
-from rig.compilation.row_simulation import Progress
 from rig.config.law_settings import IMPEDANCE
+from rig.emulation import row_simulation
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan
-from rig.kinds.wavebot.rehearsal import job, plant_coupling
-from rig.kinds.wavebot.rehearsal.coupled_plant import PLANT_CODE, couple, plant_drive_settings
+from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.rehearsal.coupled_plant import PLANT_CODE, CoupledWaveBot, couple
 from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import WaveBotRow
-from rig.laws import Law, to_request
-from rig.planning.reference import index_realisations, list_realisations
-from rig.realtime import cycle
+from rig.laws import to_request
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import REQUIRED_FIELDS
-from sim_plant import custom_drive, wavebot
-from sim_plant.parameters import Plant
+from sim_plant import wavebot
 
 _WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
           "wave.elevation")  # fmt: skip
@@ -36,12 +24,7 @@ KEPT_FIELDS = tuple(dict.fromkeys([*REQUIRED_FIELDS, *_TABLE, *_WAVES]))
 """Fields of a tick that the row table and the recovery of waves need."""
 
 
-def loop_source(law: Law) -> LoopSource:
-    """Return the source of loop and plant with a heave law."""
-    return LoopSource("rig.kinds.wavebot.tick", to_request(law), PLANT_CODE, KEPT_FIELDS)
-
-
-class CampaignSimulator(LoopSimulator):
+class CampaignSimulator(row_simulation.CampaignSimulator):
     """A campaign's rig in its sea; the moving part of a plan is the stator, its place in %."""
 
     def __init__(self, campaign: Campaign, plan: Plan, sea: dict[str, Any] | None = None) -> None:
@@ -51,63 +34,28 @@ class CampaignSimulator(LoopSimulator):
 
         Raises ValueError if plant or sea cannot be simulated.
         """
-        super().__init__(loop_source(campaign.file.heave_law), plan.dt)
         devices = job.plant_settings(campaign)
         if sea is not None:
             devices["sea"] = sea
-        self._plant_file = Plant.model_validate(devices["plant"])
-        self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).conditions()
-        self.params = wavebot_params(campaign, plan.segments, plan.setpoints)
-        self._realisations = list_realisations(plan.setpoints.realisation)
-        self.plant, self._device = couple(begin)
-        self._sensors = self.plant.constants.sensors
+        self._world = world = build_world(devices | {"compiled": False}, plan.dt)
+        self._begin = world.conditions()
+        self.plant, self._device = couple(self._begin)
+        super().__init__(
+            "rig.kinds.wavebot.tick",
+            to_request(campaign.file.heave_law),
+            plan,
+            wavebot_params(campaign, plan.segments, plan.setpoints),
+            PLANT_CODE,
+            KEPT_FIELDS,
+        )
 
-    def loop(self, plan: Plan, place: float | None) -> "_WaveBotLoop":
-        """Return the loop at power-on; ``place`` is the stator's position then, %."""
-        return _WaveBotLoop(self, plan, place)
-
-    def column_params(self, plan: Plan) -> cycle.Params:
-        """Return the loop's parameters for a plan, with its tables as `Column`."""
-        placed = index_realisations(plan.setpoints, self._realisations)
-        return with_columns(self.params, plan.segments, placed)
-
-    def start(self, place: float | None = None) -> CoupledState:
-        """Return the state of loop and plant before the first tick."""
-        begin, device = self.begin, self._device
+    def coupling(self, place: float | None) -> CoupledWaveBot:
+        """Return the plant at power-on; ``place`` is the stator's position then, %."""
+        device = self._device
         if place is not None:
+            begin = self._begin
             initial = wavebot.initial(begin.params, float(place), 0.0)
             state = initial._replace(probes=begin.state.probes)
             reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
-            line = (reading,) * len(device.in_transit)
-            device = device._replace(state=state, in_transit=line)
-        return CoupledState(0, cycle.start(self.kind, self.params, 0), device, 0)
-
-    def set_drive(self, settings: DriveSettings) -> plant_coupling.Plant:
-        """Return the plant's constants for settings of the custom drive; ValueError if invalid."""
-        if self.plant.constants.electrics.custom == 0:
-            return self.plant
-        drive_settings = plant_drive_settings(settings)
-        custom_drive.check_settings(drive_settings)
-        constants = self._plant_file.build(drive_settings)._replace(sensors=self._sensors)
-        return self.plant._replace(constants=constants)
-
-
-class _WaveBotLoop(CoupledLoop):
-    """The compiled loop in the course of one simulation, whose drive a row may set anew."""
-
-    def __init__(self, simulator: CampaignSimulator, plan: Plan, place: float | None) -> None:
-        self._simulator = simulator
-        super().__init__(
-            simulator.advance,
-            simulator.column_params(plan),
-            simulator.plant,
-            simulator.dt,
-            simulator.start(place),
-        )
-
-    def __call__(self, until: int, page: Column, columns: Column, filled: int) -> Progress:
-        settings = self.coupled.device.settings
-        progress = super().__call__(until, page, columns, filled)
-        if self.coupled.device.settings != settings:
-            self.plant = self._simulator.set_drive(self.coupled.device.settings)
-        return progress
+            device = device._replace(state=state, in_transit=(reading,) * len(device.in_transit))
+        return CoupledWaveBot(self.plant, device, self._world.params_with)

@@ -17,7 +17,6 @@ from benchmarks import (
     coupled,
     coverage,
     crash,
-    cycle,
     fast_loop,
     faults,
     hil,
@@ -40,7 +39,6 @@ from benchmarks.support.result import Result, format_table
 RESULTS = Path(__file__).parent / "results"
 
 MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
-    "cycle": cycle.measure,
     "tick": tick.measure,
     "coupled": coupled.measure,
     "rehearsal": rehearsal.measure,

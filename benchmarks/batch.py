@@ -8,17 +8,20 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from benchmarks.start import rig_command
 from benchmarks.support.campaigns import open_checked
-from benchmarks.support.recorded import ROOT
-from benchmarks.support.reference_cpu import NORMALISED, REFERENCE_CPU_US, reference_cost
-from benchmarks.support.result import Figure, Result, figure
+from benchmarks.support.recorded import ROOT, build_loop_parts
+from benchmarks.support.result import Figure, Result, figure, ratios
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
+from rig.kinds.wavebot.tick import KIND
+from rig.realtime import cycle
 from rig.sweep.executors import available_processors
 
-MIN_TIMES_REAL = 2000.0
-MAX_LONG_SECONDS, MAX_MANY_SECONDS, MAX_RESTART_SECONDS = 20.0, 120.0, 2.0
-REFERENCE_REPEATS = 2000  # repetitions of the reference
+MIN_RATIO = 40.0  # of the interpreted loop to a pass
+MAX_RESTART_SECONDS = 2.0
+_INTERPRETED_S = 60.0  # simulated
 
 _HEAD = """\
 name: benchmark_batch
@@ -52,12 +55,6 @@ class SweepCost(NamedTuple):
     rows: int
     simulated: float  # s
     megabytes: float  # most memory
-    reference: float  # us for 100 NamedTuples, mean of before and after
-
-    @property
-    def normalised_seconds(self) -> float:
-        """Seconds normalised to the reference CPU, including the mutual slowing of two cores."""
-        return self.seconds * REFERENCE_CPU_US / self.reference
 
 
 def write_campaign_file(folder: Path, text: str) -> Path:
@@ -68,32 +65,35 @@ def write_campaign_file(folder: Path, text: str) -> Path:
     return path
 
 
-class BatchPass(NamedTuple):
-    """Time of one pass through a plan, without analysis."""
-
-    speed: float  # simulated seconds a second of processor time
-    reference: float  # us for 100 NamedTuples, meanwhile
-
-
-def run_pass(path: Path) -> BatchPass:
-    """Time all rows of a campaign, one after another, with the reference measured between them."""
+def run_pass(path: Path) -> float:
+    """Return the processor time (us) of a tick, over all rows of a campaign without analysis."""
     campaign, plan = open_checked(path)
     simulator = CampaignSimulator(campaign, plan)
     simulator.prepare()
     rows = simulator.simulate(plan)
-    windows, references, seconds, more = iter(rows), list[float](), 0.0, True
-    while more:
-        references.append(reference_cost(100))
-        began = time.process_time()
-        more = next(windows, None) is not None
-        seconds += time.process_time() - began
-    return BatchPass(rows.seconds / seconds, sum(references) / len(references))
+    began = time.process_time()
+    for _ in rows:
+        pass
+    return (time.process_time() - began) / rows.seconds * plan.dt * 1e6
+
+
+def run_interpreted(path: Path) -> float:
+    """Return the processor time (us) of a tick of the interpreted loop, its plant compiled."""
+    parts = build_loop_parts(path)
+    devices, dt = parts.connect(), parts.plan.dt
+    step, state = cycle.make(KIND), cycle.start(KIND, parts.params, 0)
+    timing, ticks = cycle.Timing(0.0, 0.0, 0), round(_INTERPRETED_S / dt)
+    began = time.process_time()
+    for tick in range(ticks):
+        sense = devices.read(tick * dt)
+        state, command, _ = step(parts.params, state, sense, 0, tick, timing, 1, dt)
+        devices.write(command)
+    return (time.process_time() - began) / ticks * 1e6
 
 
 def run_sweep(path: Path, folder: Path) -> SweepCost:
     """Run `rig sweep` of a campaign from start to end."""
     command = [*rig_command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
-    before = reference_cost(REFERENCE_REPEATS)
     began = time.perf_counter()
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -105,20 +105,17 @@ def run_sweep(path: Path, folder: Path) -> SweepCost:
         raise RuntimeError(f"the sweep ended with {process.returncode}: {output}")
     report = json.loads(output)
     processor, max_memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
-    rows, reference = (
-        sum(report["rows"].values()),
-        (before + reference_cost(REFERENCE_REPEATS)) / 2.0,
-    )
-    return SweepCost(seconds, processor, rows, report["simulated_s"], max_memory, reference)
+    rows = sum(report["rows"].values())
+    return SweepCost(seconds, processor, rows, report["simulated_s"], max_memory)
 
 
-def _sweep_figures(name: str, swept: SweepCost, at_most: float | None) -> list[Figure]:
+def _sweep_figures(name: str, swept: SweepCost, tick_us: float, dt: float) -> list[Figure]:
+    ticks_s = swept.simulated / dt * tick_us * 1e-6
     return [
         figure(name, "s", swept.seconds),
-        figure(f"{name}, {NORMALISED}", "s", swept.normalised_seconds, at_most=at_most),
         figure("  of it", "s of processor", swept.processor),
         figure("  of it", "x real time", swept.simulated / swept.seconds),
-        figure("  100 NamedTuples, before and after", "us", swept.reference),
+        figure("  processor time / that of its ticks alone", "x", swept.processor / ticks_s),
     ]
 
 
@@ -130,7 +127,8 @@ def measure(short: bool) -> Result:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         irregular = write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
-        passes = [run_pass(irregular) for _ in range(repeats)]
+        dt = open_checked(irregular)[1].dt
+        pairs = [(run_interpreted(irregular), run_pass(irregular)) for _ in range(repeats)]
         small = run_sweep(irregular, folder / "few")
         long = run_sweep(
             write_campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)),
@@ -140,6 +138,7 @@ def measure(short: bool) -> Result:
         many = run_sweep(regular, folder / "many")
         restarts = [run_sweep(regular, folder / "many") for _ in range(repeats)]
 
+    interpreted, passes = ([pair[i] for pair in pairs] for i in (0, 1))
     return Result(
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
@@ -148,23 +147,20 @@ def measure(short: bool) -> Result:
         "once each; "
         f"{repeats} starts when all is finished",
         (
-            figure("one pass, by processor time", "x real time", [one.speed for one in passes]),
+            figure("interpreted loop", "us of processor a tick", interpreted),
+            figure("one pass", "us of processor a tick", passes),
+            figure("one pass", "x real time", [dt * 1e6 / us for us in passes]),
             figure(
-                f"one pass, {NORMALISED}", "x real time",
-                [one.speed * one.reference / REFERENCE_CPU_US for one in passes],
-                at_least=MIN_TIMES_REAL,
+                "interpreted / pass", "x", ratios(interpreted, passes),
+                at_least=None if short else MIN_RATIO,
             ),
-            figure("100 NamedTuples (reference)", "us", [one.reference for one in passes]),
-            *_sweep_figures(
-                f"{long.rows} irregular rows", long, None if short else MAX_LONG_SECONDS
-            ),
-            *_sweep_figures(f"{many.rows} regular rows", many, None if short else MAX_MANY_SECONDS),
+            *_sweep_figures(f"{long.rows} irregular rows", long, float(np.median(passes)), dt),
+            *_sweep_figures(f"{many.rows} regular rows", many, float(np.median(passes)), dt),
             figure(f"most memory, {small.rows} rows", "MB", small.megabytes),
             figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
             figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),
-            figure("started again, all finished", "s", [one.seconds for one in restarts]),
             figure(
-                f"started again, {NORMALISED}", "s", [one.normalised_seconds for one in restarts],
+                "started again, all finished", "s", [one.seconds for one in restarts],
                 at_most=MAX_RESTART_SECONDS,
             ),
         ),

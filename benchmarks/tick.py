@@ -1,39 +1,45 @@
-"""Cost of a compiled tick beside the interpreted one, part by part, in alternating blocks."""
+"""Cost of a compiled tick beside the interpreted one: in blocks, and in a loop at its real rate."""
 
 import ctypes
+import json
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 from time import perf_counter_ns, process_time_ns
 from typing import Any
 
+from benchmarks.support.live_run import wait_realtime_free
 from benchmarks.support.recorded import (
+    ROOT,
     RecordedTicks,
+    build_loop_parts,
     garbage_collection_off,
     record_ticks,
     write_campaign_file,
 )
 from benchmarks.support.result import Result, figure
-from rig import laws
+from benchmarks.support.tick_process import tick_source_of
 from rig.compilation.tick_code import compile_tick
-from rig.compilation.tick_source import tick_source
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import compiled_tick, cycle
 from rig.realtime.tick_memory import TickMemory, of_kind
 from rig.recording.row_layout import layout, packer
 
 MIN_RATIO = 20.0
+MODULE = "benchmarks.support.tick_process"
+MAX_P50_US, MAX_P999_US = 10.0, 40.0  # of a compiled cycle in a loop at its real rate
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 class CompiledBlocks:
     """The compiled tick on recorded readings, and each of its parts alone."""
 
-    def __init__(self, recorded: RecordedTicks) -> None:
+    def __init__(self, recorded: RecordedTicks, folder: Path) -> None:
+        """``folder``: of the code."""
         self._recorded = recorded
-        law = laws.to_request(laws.own("impedance"))
-        source = tick_source("rig.kinds.wavebot.tick", law, recorded.params, recorded.dt)
         self._memory: TickMemory = of_kind(KIND, recorded.params, recorded.state, recorded.dt)
-        folder, began = compile_tick(source), perf_counter_ns()
+        began = perf_counter_ns()
         self._code: Any = compiled_tick.load_at_once(folder, self._memory)
         self.load_ms = (perf_counter_ns() - began) / 1e6
         self._row = bytearray(layout(KIND.row_type).size)
@@ -95,12 +101,47 @@ def interpreted(recorded: RecordedTicks) -> float:
     return (process_time_ns() - began) / 1e3 / len(recorded.senses)
 
 
+def compile_ticks(campaign: Path) -> Path:
+    """Return the folder with the code of a campaign's ticks, compiled if need be."""
+    parts = build_loop_parts(campaign)
+    return compile_tick(tick_source_of(parts.params, parts.plan.dt))
+
+
+def run_on_real_clock(campaign: Path, execution: str, seconds: float) -> dict[str, Any]:
+    """Time the parts of a loop at its real rate: the cycle follows a sleep, with cold caches."""
+    wait_realtime_free()
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "benchmarks.support.tick_process",
+            campaign,
+            execution,
+            str(seconds),
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(done.stderr.strip().splitlines()[-1])
+    report: dict[str, Any] = json.loads(done.stdout)
+    return report
+
+
 def measure(short: bool) -> Result:
     """Interpreted and compiled ticks of a WaveBot in alternating blocks, with the row stored."""
-    ticks, blocks = (2000, 6) if short else (10_000, 20)
+    ticks, blocks, seconds, loops = (2000, 6, 2.0, 1) if short else (10_000, 20, 10.0, 5)
+    executions = ("interpreted", "compiled")
     with tempfile.TemporaryDirectory() as scratch:
-        recorded = record_ticks(write_campaign_file(Path(scratch), 60.0), ticks)
-    compiled = CompiledBlocks(recorded)
+        path = write_campaign_file(Path(scratch), 60.0)
+        recorded = record_ticks(path, ticks)
+        compiled = CompiledBlocks(recorded, compile_ticks(path))
+        real = {execution: list[dict[str, Any]]() for execution in executions}
+        for _ in range(loops):
+            for execution in executions:
+                real[execution].append(run_on_real_clock(path, execution, seconds))
     if differing := compiled.differing():
         raise RuntimeError(f"{differing} rows differ between the two executions")
     plain, whole, parts = [], [], []
@@ -113,7 +154,8 @@ def measure(short: bool) -> Result:
     return Result(
         "tick",
         "one tick of a WaveBot with its row in place, interpreted and compiled",
-        f"{blocks} alternating blocks of {ticks} recorded ticks, whose rows are equal to the bit",
+        f"{blocks} alternating blocks of {ticks} recorded ticks, whose rows are equal to the bit; "
+        f"{loops} x {seconds:g} s of each on the real clock, alternating",
         (
             figure("interpreted", "us of processor", plain),
             figure("compiled, readings and command as NamedTuples", "us of processor", whole),
@@ -129,5 +171,19 @@ def measure(short: bool) -> Result:
                 at_least=MIN_RATIO,
             ),
             figure("object code loaded in", "ms", [compiled.load_ms]),
+            *(
+                figure(
+                    f"{execution}, in a loop at its real rate: {key}",
+                    "us",
+                    [each["us"]["cycle"][key] for each in real[execution]],
+                    at_most=limit if execution == "compiled" else None,
+                )
+                for key, limit in (("p50", MAX_P50_US), ("p99", None), ("p99.9", MAX_P999_US))
+                for execution in executions
+            ),
+        ),
+        tuple(
+            f"on the real clock not granted: {why}"
+            for why in sorted({why for each in real["compiled"] for why in each["refused"]})
         ),
     )

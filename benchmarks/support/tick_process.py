@@ -1,43 +1,45 @@
-"""Time the parts of a loop with the simulated plant, in this process.
+"""Time the parts of a loop with the simulated plant on the real clock, in this process.
 
-``python -m benchmarks.support.tick_process CAMPAIGN virtual|real SECONDS``: on the real clock it
-requests the real-time privileges first and reports the refused ones. Prints one JSON object.
+``python -m benchmarks.support.tick_process CAMPAIGN interpreted|compiled SECONDS``: it requests the
+real-time privileges first and reports the refused ones. Prints one JSON object.
 """
 
 import json
 import os
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from benchmarks.support.recorded import LoopParts, build_loop_parts
 from benchmarks.support.result import quantile
 from benchmarks.support.tick_timing import PARTS, Stamps, TimedDevices, TimedWriter
+from rig import laws
+from rig.compilation.tick_source import TickSource, tick_source
 from rig.kinds.wavebot.tick import KIND
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
-from rig.realtime import loop, safety, scheduling
-from rig.realtime.clock import Clock, RealClock, VirtualClock
+from rig.realtime import cycle, loop, safety, scheduling
+from rig.realtime.clock import RealClock
 from rig.recording import ring
 
+_FIRST_S = 1.0  # s left out: the code is loaded, caches are filled
 
-def run_loop(
-    loop_parts: LoopParts, clocks: Callable[[float], Clock], seconds: float, stamps: Stamps | None
-) -> tuple[int, float]:
-    """Run the loop for ``seconds``; return the number of ticks and the seconds they took."""
+
+def tick_source_of(params: cycle.Params, dt: float) -> TickSource:
+    """Return the source of the WaveBot's ticks with its impedance law."""
+    return tick_source("rig.kinds.wavebot.tick", laws.to_request(laws.own("impedance")), params, dt)
+
+
+def run_loop(loop_parts: LoopParts, seconds: float, stamps: Stamps, code: Path | None) -> None:
+    """Run the loop for ``seconds``, with compiled ticks if ``code`` is their folder."""
     ring_fd, mail_fd = ring.create(KIND.row_type), mailbox.create()
     devices: Any = loop_parts.connect()
     with suppress(OSError):  # allocate all pages, as in a loop that has run for a minute
         os.posix_fallocate(ring_fd, 0, os.fstat(ring_fd).st_size)
-    if stamps is None:
-        writer = ring.RingWriter(ring_fd, KIND.row_type, wait=False)
-    else:
-        writer = TimedWriter(ring_fd, KIND.row_type, stamps)
-        devices = TimedDevices(devices, stamps)
+    writer = TimedWriter(ring_fd, KIND.row_type, stamps)
+    devices = TimedDevices(devices, stamps)
     end_tick = round(seconds / loop_parts.plan.dt)
     if end_tick > ring.CAPACITY - 4096:
         raise ValueError(f"this ring has no reader: at most {ring.CAPACITY - 4096} ticks")
@@ -45,8 +47,7 @@ def run_loop(
     def stop_request() -> int:
         return safety.REQUEST_ABORT if clock.now() >= seconds else 0
 
-    clock = clocks(loop_parts.plan.dt)  # last: it runs from here on
-    began = perf_counter()
+    clock = RealClock(loop_parts.plan.dt)  # last: it runs from here on
     end = loop.run(
         KIND,
         loop_parts.params,
@@ -56,27 +57,26 @@ def run_loop(
         Mailbox(mail_fd, Request),
         stop_request,
         measure_work=False,
+        code=code,
     )
-    took = perf_counter() - began
     os.close(ring_fd)
     os.close(mail_fd)
-    return end.ticks, took
+    if code is not None and not 0 < end.compiled_from < _FIRST_S / loop_parts.plan.dt:
+        raise RuntimeError(f"the ticks were not compiled in time: {end}")
 
 
 def main() -> None:
     """Time one loop, and print the cost of each part of its ticks."""
-    campaign, clock_name, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
+    campaign, execution, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     loop_parts = build_loop_parts(campaign)
-    stamps, refused = Stamps(), []
-    if clock_name == "real":
-        lock = acquire((REALTIME_WIRE,), "a benchmark")
-        refused = list(scheduling.acquire().refused)
-        run_loop(loop_parts, RealClock, seconds, stamps)
-        lock.close()
-    else:
-        scheduling.freeze_garbage_collector()
-        run_loop(loop_parts, VirtualClock, seconds, stamps)
-    times = stamps.tick_times()
+    params, dt = loop_parts.params, loop_parts.plan.dt
+    code = tick_source_of(params, dt).folder if execution == "compiled" else None
+    stamps = Stamps()
+    lock = acquire((REALTIME_WIRE,), "a benchmark")
+    refused = list(scheduling.acquire().refused)
+    run_loop(loop_parts, _FIRST_S + seconds, stamps, code)
+    lock.close()
+    times = stamps.tick_times(round(_FIRST_S / dt))
     statistics = {
         name: {
             "mean": float(values.mean()),

@@ -25,15 +25,16 @@ class Stamps:
     def __init__(self) -> None:
         self.times = array("q")
 
-    def tick_times(self) -> "TickTimes":
-        """Return the microseconds of each part by tick."""
+    def tick_times(self, first: int) -> "TickTimes":
+        """Return the microseconds of each part by tick, from tick ``first`` >= 1 on."""
         ticks = len(self.times) // 6
         at = np.frombuffer(self.times, dtype=np.int64)[: 6 * ticks].reshape(-1, 6) / 1e3
         reading, stepping, writing = at[:, 1] - at[:, 0], at[:, 2] - at[:, 1], at[:, 3] - at[:, 2]
         putting = at[:, 5] - at[:, 4]
         rest = (at[1:, 0] - at[:-1, 5]) + (at[1:, 4] - at[1:, 3])
-        # The first tick is left out: it includes the cost of one-time work.
-        return TickTimes((reading + writing)[1:], stepping[1:], putting[1:], rest)
+        return TickTimes(
+            (reading + writing)[first:], stepping[first:], putting[first:], rest[first - 1 :]
+        )
 
 
 class TickTimes(NamedTuple):
@@ -55,14 +56,18 @@ class TimedDevices:
 
 
 class TimedWriter(RingWriter):
-    """Ring writer with a time stamp before and after `put`."""
+    """Ring writer with a time stamp before and after a row is put or published."""
 
     def __init__(self, fd: int, row_type: type, stamps: Stamps) -> None:
         super().__init__(fd, row_type, wait=False)
         self._put = _timed(super().put, stamps)
+        self._publish = _timed(super().publish, stamps)
 
     def put(self, row: Any) -> None:
         self._put(row)
+
+    def publish(self, count: int = 1) -> None:
+        self._publish(count)
 
 
 def _timed(call: Callable[[Any], Any], stamps: Stamps) -> Callable[[Any], Any]:

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
-from scipy import stats
+from scipy.special import stdtrit
 
 from rig.analysis import labels
 from rig.analysis.points import Matrix, row_settings, varied_columns
@@ -158,7 +158,7 @@ def half_width(standard_error: float, dof: float) -> float:
     """Return the half width of Student's interval; NaN without a degree of freedom."""
     if not dof > 0.0:
         return float("nan")
-    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, dof) * standard_error)
+    return float(stdtrit(dof, 0.5 + 0.5 * CONFIDENCE) * standard_error)
 
 
 def row_variances(

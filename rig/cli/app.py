@@ -1,6 +1,13 @@
 """The command `rig`: a table of its commands, whose modules are imported when they are used."""
 
+import os
 import sys
+
+# Before numpy is imported, here and in all processes of a run. The matrices are small: further
+# threads of BLAS cost half a second of waiting for each other, and their number would change the
+# last bits of results, so that these depended on the host.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from importlib import import_module
 from typing import Any
 

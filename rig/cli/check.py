@@ -10,9 +10,9 @@ import typer
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
 from rig.cli.output import BAD_INPUT, OK, fail, input_errors
+from rig.config.wiring import WiringError
 from rig.kinds.interface import Display, Report, Tasks
 from rig.kinds.rig_file import kind_of_task
-from rig.wires.job import WiringError
 
 
 def command(

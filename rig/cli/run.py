@@ -18,6 +18,7 @@ from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, R
 from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors, print_json
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
+from rig.config.wiring import WiringError
 from rig.execution.task import RunResult, run_task
 from rig.host import disk
 from rig.kinds.interface import Checked, Display, Products, Tasks
@@ -29,7 +30,6 @@ from rig.realtime.reasons import ReasonTable
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, create
-from rig.wires.job import WiringError
 
 EXIT_CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \

@@ -20,14 +20,22 @@ from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.options import WIRED_RIG_HELP
 from rig.cli.output import FAILED, OK, fail, input_errors
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, Wire, Wiring
+from rig.config.wiring import (
+    CanBus,
+    RtuLine,
+    SerialPort,
+    TcpLine,
+    UdpDevice,
+    Wire,
+    Wiring,
+    WiringError,
+)
 from rig.config.yaml_source import load_mapping
 from rig.emulation.addresses import occupied_addresses, unreachable_addresses
 from rig.kinds.registry import find
 from rig.kinds.rig_file import load_rig
 from rig.presentation.console import table_console
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
-from rig.wires.job import WiringError
 
 EXIT_CODES = """\
 Exit codes: 0 ended by Ctrl-C; 1 an address is in use, or the devices failed; 2 bad input."""

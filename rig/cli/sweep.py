@@ -1,10 +1,5 @@
 """`rig sweep CAMPAIGN --over KEY=V1,V2,...`."""
 
-import os
-
-# The cases use all cores; further threads of BLAS, as numpy starts them, would slow them down.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import re
 import sys
 import time

@@ -6,7 +6,7 @@ parts as fields, so its wires, drives and register blocks are found by the types
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -403,3 +403,25 @@ class Wiring(FileModel):
             yield (field,), value
             if isinstance(value, dict):
                 yield from (((field, name), part) for name, part in value.items())
+
+
+W_co = TypeVar("W_co", bound=Wiring, covariant=True)
+
+
+class WiringError(ValueError):
+    """A wiring that must not be powered; the message lists all reasons."""
+
+
+class _WiredRigFile(Protocol[W_co]):
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def wiring(self) -> W_co | None: ...
+
+
+def wiring_of(rig: _WiredRigFile[W_co]) -> W_co:
+    """Return the wiring of a rig file; WiringError if it has none."""
+    if rig.wiring is None:
+        raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
+    return rig.wiring

@@ -10,14 +10,13 @@ from ctypes.util import find_library
 from pathlib import Path
 
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire
+from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire, WiringError
 from rig.host.finding import REALTIME, Check, Finding, Host, Verdict, grade
 from rig.host.software import REINSTALL
 from rig.kinds.registry import find
 from rig.processes.wire_locks import acquire, lockable
 from rig.recording.runs.create import BusyError
 from rig.wires import wire_check
-from rig.wires.job import WiringError
 
 AREA = "wires"
 _CAN_DEVICE = 280  # ARPHRD_CAN, in /sys/class/net/*/type

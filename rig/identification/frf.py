@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtri
 
 from rig.spectra.periods import Complexes, Flags, Floats, Ticks
 
@@ -64,7 +64,7 @@ class Channel(NamedTuple):
 
 def band_factor(degrees: float) -> float:
     """Return sqrt(F_0.95(2, 2 nu)), the band's radius in standard deviations; NaN for nu < 1."""
-    return float(np.sqrt(stats.f.ppf(CONFIDENCE, 2, 2 * degrees))) if degrees >= 1 else np.nan
+    return float(np.sqrt(fdtri(2, 2 * degrees, CONFIDENCE))) if degrees >= 1 else np.nan
 
 
 def relate_to_reference(channel: Channel, references: Sequence[Complexes]) -> Complexes:

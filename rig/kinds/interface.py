@@ -9,7 +9,7 @@ uses. `rig.kinds.registry.ROOMS` lists the rooms that every kind has. Optional a
 from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import BaseModel
 
@@ -24,7 +24,9 @@ from rig.processes.run_types import ExecutionMode, Outcome, RecordedTask, Task
 from rig.realtime import cycle
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunInfo
-from rig.wires.job import WiredJob
+
+if TYPE_CHECKING:  # drivers of wires, which a rehearsal does not need
+    from rig.wires.job import WiredJob
 
 LogRow = dict[str, float | int]
 """A log row by dotted field names."""
@@ -177,7 +179,7 @@ class Recorded(Protocol):
 class HardwareJob(Protocol):
     """Room `hardware.job`: the supervisor's side of a wired rig."""
 
-    def build_job(self, rig: Any) -> WiredJob:
+    def build_job(self, rig: Any) -> "WiredJob":
         """Return I/O processes and device settings of a rig file with `wiring`.
 
         WiringError lists all reasons why these wires must not be powered.

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
@@ -266,7 +266,7 @@ def correct_powers(
     for name, (mean, scatter, count) in shares.items():
         scale = gross_power(powers, name)
         corrected[name] = powers[name] + mean * scale
-        factor = student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) if count > 1 else math.nan
+        factor = stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE) if count > 1 else math.nan
         half_width[name] = float(factor * scatter * math.sqrt(1.0 + 1.0 / count) * scale)
     return corrected, half_width
 

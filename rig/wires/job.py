@@ -1,14 +1,14 @@
 """The supervisor's side of a wired rig: its I/O processes, derived from the rig file's wiring."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 from drivers.canopen.arming import SetupError
 from drivers.canopen.bus_load import BusLoad
 from drivers.errors import CodecError
 from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import BlockContent, Registers, Wiring
+from rig.config.wiring import BlockContent, Registers, Wiring, WiringError
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode
 from rig.processes.wire_locks import wires_in
@@ -25,7 +25,6 @@ from rig.wires.modbus_poller import PolledBlock, RegisterPreset
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
 _LINE_FIELDS = {"timeout_s": "timeout", "slowest_s": "max_response_time"}
 _TRIGGER_PERIOD_S = 0.02  # s between two posts of the outputs
-W_co = TypeVar("W_co", bound=Wiring, covariant=True)
 
 
 class WiredJob(NamedTuple):
@@ -39,25 +38,6 @@ class WiredJob(NamedTuple):
     def loop_streams(self) -> dict[str, dict[str, Any]]:
         """The settings of the streams that the loop reads itself, by the stream's kind."""
         return dict(self.devices.get("streams", {}))
-
-
-class WiringError(ValueError):
-    """A wiring that must not be powered; the message lists all reasons."""
-
-
-class _WiredRigFile(Protocol[W_co]):
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def wiring(self) -> W_co | None: ...
-
-
-def wiring_of(rig: _WiredRigFile[W_co]) -> W_co:
-    """Return the wiring of a rig file; WiringError if it has none."""
-    if rig.wiring is None:
-        raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
-    return rig.wiring
 
 
 def trigger_divider(rate: int) -> int:

@@ -27,8 +27,7 @@ from drivers.modbus.line import (
 )
 from drivers.modbus.registers import RegisterBlock
 from rig.config.rig_file import BaseRigFile
-from rig.config.wiring import CanBus
-from rig.wires.job import wiring_of
+from rig.config.wiring import CanBus, wiring_of
 from rig.wires.wire_check import bus_problem, listening_problem, port_problem, tcp_problem
 
 _GATEWAY_EXCEPTIONS = (10, 11)  # of a gateway: no path to the unit, no answer from it

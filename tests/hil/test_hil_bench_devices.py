@@ -11,6 +11,7 @@ from rehearsing import CONFIGS, write_yaml
 
 from drivers.errors import CodecError
 from rig.config.pydantic_errors import load
+from rig.config.wiring import WiringError
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware import devices as bench_devices
 from rig.kinds.oswec_bench.hardware.devices import BenchDevices
@@ -19,7 +20,7 @@ from rig.kinds.oswec_bench.tick.signals import Command
 from rig.processes import mailbox
 from rig.processes.messages import Slot
 from rig.wires import streams
-from rig.wires.job import WiredJob, WiringError
+from rig.wires.job import WiredJob
 from rig.wires.messages import (
     EncodersMessage,
     ServoMessage,

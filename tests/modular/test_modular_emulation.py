@@ -11,11 +11,11 @@ from wired_rigs import write_files
 
 from rig.config.problems import ConfigError
 from rig.config.pydantic_errors import load
+from rig.config.wiring import WiringError
 from rig.config.yaml_source import load_mapping
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.rehearsal.emulation import _modbus_units, emulate_rig
 from rig.kinds.modular.tasks import examine, wired_mode
-from rig.wires.job import WiringError
 from sim_plant.emulators.io_coupler import IoCoupler
 from sim_plant.emulators.modbus_pdu import Table
 from sim_plant.emulators.register_map import RegisterMapUnit

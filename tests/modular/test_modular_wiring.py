@@ -12,9 +12,9 @@ from wired_rigs import SENSORS, UNUSED_INPUT, write_files
 
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import load
+from rig.config.wiring import WiringError
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.hardware.job import build_job
-from rig.wires.job import WiringError
 
 DELETE = object()
 METER = ("wiring", "registers", "meter")

@@ -19,15 +19,12 @@ from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
-from rig.kinds.modular.hardware.job import build_job
 from rig.kinds.modular.identification import axis_channels
 from rig.kinds.modular.predictions import simulate
-from rig.kinds.modular.rehearsal.emulation import emulator_process
 from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.tick import find_kind
 from rig.processes.run_types import ExecutionMode, Task
-from rig.wires import job as wires
 
 TaskFile = CampaignFile
 _INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
@@ -101,6 +98,11 @@ def wired_mode(campaign: AnyCampaign, *, emulated: bool) -> ExecutionMode:
 
     WiringError lists all reasons why these wires must not be powered.
     """
+    # Drivers and emulators, a quarter of a second that a rehearsal need not pay.
+    from rig.kinds.modular.hardware.job import build_job  # noqa: PLC0415
+    from rig.kinds.modular.rehearsal.emulation import emulator_process  # noqa: PLC0415
+    from rig.wires import job as wires  # noqa: PLC0415
+
     wired = build_job(campaign.rig)
     composition_text = campaign_composition(campaign).to_text()
     wired = wired._replace(devices=wired.devices | {"composition": composition_text})

@@ -4,9 +4,7 @@ from datetime import date
 from pathlib import Path
 
 from rig.kinds.oswec_bench.config.session_file import SessionFile
-from rig.kinds.oswec_bench.hardware import job as hardware
 from rig.kinds.oswec_bench.recorded import plan_as_dict, resolved_session
-from rig.kinds.oswec_bench.rehearsal import emulation
 from rig.kinds.oswec_bench.rehearsal.job import plant_settings, problems
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.check import SessionReport, check_session
@@ -14,7 +12,6 @@ from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.processes.run_types import ExecutionMode, Task
-from rig.wires import job as wired_rig
 
 TaskFile = SessionFile
 _WIRED_DEVICES = "rig.kinds.oswec_bench.hardware.devices"
@@ -45,6 +42,11 @@ def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
 
     WiringError lists all reasons why these wires must not be powered.
     """
+    # Drivers and emulators, a quarter of a second that a rehearsal need not pay.
+    from rig.kinds.oswec_bench.hardware import job as hardware  # noqa: PLC0415
+    from rig.kinds.oswec_bench.rehearsal import emulation  # noqa: PLC0415
+    from rig.wires import job as wired_rig  # noqa: PLC0415
+
     devices = emulation.emulator_process(session) if emulated else None
     wired_job = hardware.build_job(session.rig, session.file.loop)
     return wired_rig.wired_mode(wired_job, session.rig, _WIRED_DEVICES, devices)

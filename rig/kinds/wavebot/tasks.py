@@ -12,14 +12,12 @@ from rig.design.axis_params import newtons_per_ampere
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.identification import axis_channels
 from rig.kinds.wavebot.predictions import rows
-from rig.kinds.wavebot.rehearsal import emulation, job
+from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import kind_with_law
 from rig.processes.run_types import ExecutionMode, Task
-from rig.wires import job as wired_rig
 
 TaskFile = CampaignFile
 _INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
@@ -57,6 +55,11 @@ def wired_mode(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
 
     WiringError lists all reasons why these wires must not be powered.
     """
+    # Drivers and emulators, a quarter of a second that a rehearsal need not pay.
+    from rig.kinds.wavebot.hardware import job as hardware  # noqa: PLC0415
+    from rig.kinds.wavebot.rehearsal import emulation  # noqa: PLC0415
+    from rig.wires import job as wired_rig  # noqa: PLC0415
+
     devices = emulation.emulator_process(campaign) if emulated else None
     wired_job = hardware.build_job(campaign.rig)
     return wired_rig.wired_mode(wired_job, campaign.rig, _WIRED_DEVICES, devices)

@@ -1,7 +1,8 @@
 """The supervisor's side of a wired modular rig: the settings of its loop and its I/O processes."""
 
+from rig.config.wiring import wiring_of
 from rig.kinds.modular.config import RigFile
-from rig.wires.job import WiredJob, trigger_divider, wired_job, wiring_of
+from rig.wires.job import WiredJob, trigger_divider, wired_job
 from rig.wires.messages import WHOLE_NUMBERS
 
 

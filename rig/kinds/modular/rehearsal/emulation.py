@@ -8,7 +8,7 @@ from typing import Any
 
 from rig.campaign import AnyCampaign
 from rig.config.problems import ConfigError
-from rig.config.wiring import Registers, TorqueDrive
+from rig.config.wiring import Registers, TorqueDrive, WiringError, wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.campaign_sea import sea_settings
 from rig.emulation.devices import EmulatedBus, EmulatedDevices, load_cell, modbus_lines
@@ -21,7 +21,6 @@ from rig.kinds.modular.rehearsal.devices import build_world
 from rig.planning.input_files import ConfigSource
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
-from rig.wires.job import WiringError, wiring_of
 from sim_plant.emulators.ft_calibration import Wrench
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_pdu import Table

@@ -3,11 +3,12 @@
 from typing import Any, Literal
 
 from drivers.compax3 import analog_command
+from rig.config.wiring import wiring_of
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.wiring import BenchWiring
 from rig.kinds.oswec_bench.hardware.devices import BenchDeviceSettings
 from rig.processes import handover
-from rig.wires.job import WiredJob, wired_job, wiring_of
+from rig.wires.job import WiredJob, wired_job
 
 Loop = Literal["velocity", "torque"]
 """The control loop of the servo drive that a session uses."""

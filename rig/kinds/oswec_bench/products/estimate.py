@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 Floats = npt.NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def coverage_factor(degrees_of_freedom: float) -> float:
     """
     if degrees_of_freedom <= 0:
         return float("nan")
-    return float(student.ppf(0.5 + 0.5 * CONFIDENCE, degrees_of_freedom))
+    return float(stdtrit(degrees_of_freedom, 0.5 + 0.5 * CONFIDENCE))
 
 
 def mean(values: Any, unit: str, method: str) -> Estimate:

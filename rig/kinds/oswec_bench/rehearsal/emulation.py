@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from rig.config.pydantic_errors import validate
+from rig.config.wiring import wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.devices import EmulatedDevices, load_cell, modbus_lines, serial_line
 from rig.emulation.process import emulation_process, serve_devices, without_delay
@@ -24,7 +25,6 @@ from rig.kinds.oswec_bench.sessions.files import Session, open_session
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
-from rig.wires.job import wiring_of
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.world import BenchWorld
 from sim_plant.emulators.compax3 import Compax3

@@ -1,7 +1,8 @@
 """The supervisor's side of a wired WaveBot: the settings of its loop and its I/O processes."""
 
+from rig.config.wiring import wiring_of
 from rig.kinds.wavebot.config.rig_file import RigFile
-from rig.wires.job import WiredJob, trigger_divider, wired_job, wiring_of
+from rig.wires.job import WiredJob, trigger_divider, wired_job
 
 
 def build_job(rig: RigFile) -> WiredJob:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.config.pydantic_errors import validate
-from rig.config.wiring import Registers
+from rig.config.wiring import Registers, wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.devices import (
     ACTUATOR_EDS,
@@ -20,7 +20,6 @@ from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
-from rig.wires.job import wiring_of
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.canopen_node import NodeParams
 from sim_plant.emulators.foreign_node import ForeignNode

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy.special import stdtrit
 
 from rig.spectra.periods import Floats
 
@@ -100,7 +100,7 @@ def estimate_rate(samples: Samples, curve: StationCurve) -> RateEstimate:
     slopes = [slope for slope in slopes_by_pass if not math.isnan(slope)]
     count, spread = len(slopes), math.nan
     if count > 1:
-        quantile = float(stats.t.ppf(0.5 + 0.5 * _CONFIDENCE, count - 1))
+        quantile = float(stdtrit(count - 1, 0.5 + 0.5 * _CONFIDENCE))
         spread = quantile * float(np.std(slopes, ddof=1)) / math.sqrt(count)
     return RateEstimate(window_slope(curve, curve.torque, FIT_HALF_ANGLE), spread, count)
 

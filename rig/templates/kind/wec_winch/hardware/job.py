@@ -1,6 +1,7 @@
 """The job of the wired rig: one drive on a CAN bus."""
 
-from rig.wires.job import WiredJob, wired_job, wiring_of
+from rig.config.wiring import wiring_of
+from rig.wires.job import WiredJob, wired_job
 
 from wec_winch.config import RigFile
 

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from rig.config.pydantic_errors import validate
+from rig.config.wiring import wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.devices import EmulatedBus, EmulatedDevices
 from rig.emulation.process import emulation_process, serve_devices
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
-from rig.wires.job import wiring_of
 from sim_plant.emulators.shared_world import SharedSimulation
 from sim_plant.emulators.torque_drive import Motor, MotorReading
 

@@ -44,7 +44,7 @@ def runs(tmp_path: Path) -> Path:
 @pytest.fixture
 def campaign(execution: Execution, tmp_path: Path) -> Path:
     """Write a campaign that is too long to reach its end in these tests."""
-    return execution.write_repeated_row(tmp_path, 100)
+    return execution.write_repeated_row(tmp_path, 50)
 
 
 def at_time(seconds: float, action: Callable[[], Any]) -> Callable[[Snapshot], None]:

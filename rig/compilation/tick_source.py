@@ -41,7 +41,6 @@ find_kind = importlib.import_module("{tick}").find_kind
 step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
 {accesses}
 store_row = storer({row})
-store_executed = storer(INT)
 '''
 
 _TICK = """
@@ -66,6 +65,7 @@ _COUPLED = """
 {plant_imports}
 
 NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+store_executed = storer(INT)
 
 
 @njit("int64(int64, int64, int64)", error_model="numpy", no_cpython_wrapper=True,

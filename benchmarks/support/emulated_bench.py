@@ -20,6 +20,7 @@ from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
 from rig.kinds.oswec_bench.tasks import execution_task, wired_mode
 from rig.processes.child import Child
+from rig.processes.run_types import Task
 from rig.realtime.sequence import MEASURE
 
 AMPLITUDE_DEG, PERIOD_S = 10.0, 1.5
@@ -36,6 +37,12 @@ class EmulatedBench(NamedTuple):
     control: ControlClient
     devices: Child
     folder: Path
+    interpreted: bool = False  # never run the tick compiled
+
+    @property
+    def task(self) -> Task:
+        """The session as a task."""
+        return execution_task(self.session, self.plan)
 
     @property
     def io_processes(self) -> tuple[str, ...]:
@@ -51,8 +58,9 @@ class EmulatedBench(NamedTuple):
 
         ``long`` has no effect: every fault of the bench is detected in the short session.
         """
-        mode = wired_mode(self.session, emulated=False)._replace(name="hil")
-        return run_task(execution_task(self.session, self.plan), self.folder, view, mode)
+        mode = wired_mode(self.session, emulated=False)
+        mode = mode._replace(name="hil", interpreted=self.interpreted)
+        return run_task(self.task, self.folder, view, mode)
 
 
 def write_rig_file(folder: Path) -> Path:

@@ -16,7 +16,7 @@ from rig.kinds.wavebot.hardware import job as hardware
 from rig.kinds.wavebot.rehearsal import emulation
 from rig.kinds.wavebot.tasks import execution_task
 from rig.processes.child import Child
-from rig.processes.run_types import ExecutionMode
+from rig.processes.run_types import ExecutionMode, Task
 from rig.processes.wire_locks import wires_in
 
 MOVING_SPEED = 0.05  # m/s of the body in heave
@@ -32,6 +32,12 @@ class EmulatedWaveBot(NamedTuple):
     control: ControlClient
     devices: Child
     folder: Path
+    interpreted: bool = False  # never run the tick compiled
+
+    @property
+    def task(self) -> Task:
+        """The short campaign as a task."""
+        return execution_task(self.campaign, self.plan)
 
     @property
     def io_processes(self) -> tuple[str, ...]:
@@ -54,6 +60,7 @@ class EmulatedWaveBot(NamedTuple):
             job.devices,
             job.io_processes,
             wires,
+            interpreted=self.interpreted,
         )
         return run_task(execution_task(campaign, plan), self.folder, view, mode)
 

@@ -9,7 +9,7 @@ import typer
 
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
-from rig.cli.output import BAD_INPUT, OK, fail, input_errors
+from rig.cli.output import BAD_INPUT, OK, fail, input_errors, print_json
 from rig.config.wiring import WiringError
 from rig.kinds.interface import Display, Report, Tasks
 from rig.kinds.rig_file import kind_of_task
@@ -35,18 +35,28 @@ def command(
         tasks: Tasks = kind.room("tasks")
         display: Display = kind.room("display")
     report = examine(tasks, path, rig)
-    if report.checked is not None and report.checked.rig.wiring is not None:
-        try:
-            tasks.wired_mode(report.checked, emulated=False)
-        except WiringError as error:
-            name, rate = report.checked.rig.name, report.checked.rig.rate_hz
-            refusal = WiringError(f"{name} at rate_hz = {rate}: {error}")
-            return fail("check", refusal, as_json=as_json)
+    refusal = _wire_refusal(tasks, report)
     if as_json:
-        print(report.to_json())
+        refused = {"ok": False, "status": "bad input", "message": str(refusal)} if refusal else {}
+        print_json(json.loads(report.to_json()) | refused)
     else:
         display.show_report(report, every_row=rows)
-    return OK if report.ok else BAD_INPUT
+        if refusal:
+            fail("check", refusal, as_json=False)
+    return OK if report.ok and not refusal else BAD_INPUT
+
+
+def _wire_refusal(tasks: Tasks, report: Report) -> WiringError | None:
+    """Return why the rig's wires cannot carry its signals at its rate; None if they can."""
+    if report.checked is None or report.checked.rig.wiring is None:
+        return None
+    try:
+        tasks.wired_mode(report.checked, emulated=False)
+    except WiringError as error:
+        rig = report.checked.rig
+        place = f"{rig.name} at rate_hz = {rig.rate_hz}"
+        return WiringError(f"the wires cannot carry it: {place}: {error}")
+    return None
 
 
 def examine(tasks: Tasks, path: Path, rig: Path | None) -> Report:

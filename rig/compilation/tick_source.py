@@ -41,7 +41,6 @@ find_kind = importlib.import_module("{tick}").find_kind
 step = register_jitable(forceinline=True)(cycle.make(find_kind({law!r})))
 {accesses}
 store_row = storer({row})
-store_executed = storer(INT)
 '''
 
 _TICK = """
@@ -67,6 +66,7 @@ _COUPLED = """
 {plant_imports}
 
 NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+store_executed = storer(INT)
 
 
 @register_jitable(forceinline=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rehearsing import CONFIGS, rehearse, write_campaign
+from rehearsing import CONFIGS, Execution, compile_wavebot, rehearse, write_campaign
 from rig_command import rig_here
 
 from rig.execution import replay as replays
@@ -145,7 +145,10 @@ def test_changed_cycle_is_detected(regular: Path, monkeypatch: pytest.MonkeyPatc
     assert "heave.command.force" in {difference.field for difference in report.differences}
 
 
-def test_operator_stop_is_replayed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "execution", ["interpreted", pytest.param("compiled", marks=pytest.mark.slow)]
+)
+def test_operator_stop_is_replayed(execution: str, tmp_path: Path) -> None:
     stops: list[int] = []
 
     def stop(snapshot: Snapshot) -> None:
@@ -153,8 +156,10 @@ def test_operator_stop_is_replayed(tmp_path: Path) -> None:
             stops.append(1)
             os.kill(os.getpid(), signal.SIGINT)
 
-    path = write_campaign(tmp_path, **QUICK | {"start": {"set_point_s": 1, "lead_in_s": 300}})
-    report = replay(rehearse(path, tmp_path / "runs", stop).folder)
+    path = write_campaign(tmp_path, **QUICK | {"start": {"set_point_s": 1, "lead_in_s": 3000}})
+    if execution == "compiled":
+        compile_wavebot()
+    report = replay(Execution(execution).rehearse(path, tmp_path / "runs", stop).folder)
     assert report.identical
     assert [request.name for request in report.requests] == ["STOP"]
 

@@ -168,7 +168,13 @@ BENCH = cycle.Kind(
     _bench_check,
     _bench_control,
     _bench_row,
+    sense_type=BenchSense,
 )
+
+
+def find_kind(law: str) -> cycle.Kind:
+    """Return the bench, as the package of a kind's tick does; it has one law."""
+    return BENCH
 
 
 # --- two axes: heave and surge

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from core_kinds import AXIS, DT, SCALE, BenchParams, BenchSense, Table
@@ -188,6 +189,14 @@ class RunResult(NamedTuple):
     state: int  # of the ring
 
 
+def find_code(kind: cycle.Kind, params: cycle.Params) -> Path | None:
+    """Return the folder of the code of the ticks; None: they are interpreted.
+
+    The fixture `execution` replaces this function.
+    """
+    return None
+
+
 def run(
     kind: cycle.Kind,
     params: cycle.Params,
@@ -209,7 +218,7 @@ def run(
         reader, sender = ring.RingReader(ring_fd), Mailbox(mail_fd, Request)
         timed = _RequestingClock(clock or VirtualClock(DT), sender, requests or {})
         writer = wrap_writer(ring.RingWriter(ring_fd, kind.row_type, wait=False))
-        end, error = None, None
+        end, error, code = None, None, find_code(kind, params)
         try:
             end = loop.run(
                 kind,
@@ -220,7 +229,9 @@ def run(
                 Mailbox(mail_fd, Request),
                 external_request,
                 measure_work=measure_work,
+                code=code,
             )
+            assert end.compiled_from == (1 if code else -1)
         except BaseException as caught:  # noqa: BLE001  the exception is part of the result
             error = caught
         assert reader.dropped == 0

@@ -34,6 +34,8 @@ from rig.realtime.safety import RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import leaves
 
+pytestmark = pytest.mark.usefixtures("execution")
+
 FAULT_TICK = 700  # a tick of MEASURE
 
 

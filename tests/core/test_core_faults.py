@@ -1,4 +1,8 @@
-"""Faults of a simulated WaveBot: the reaction of the run to each of them."""
+"""Faults of a simulated WaveBot: the reaction of the run to each of them.
+
+Faults act between loop and plant, so the compiled tick is that of a real rig, without its plant:
+ticks coupled with a plant read no signals that a test could change.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +29,8 @@ from rig.realtime.reasons import Reason
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 
+pytestmark = pytest.mark.usefixtures("execution")
+
 AT = 2000  # tick of a fault: measuring row 0
 
 
@@ -44,8 +50,8 @@ def rehearse(
 
 
 @functools.cache
-def undisturbed() -> RunResult:
-    """Return a run without a fault."""
+def undisturbed(execution: str) -> RunResult:
+    """Return a run without a fault; ``execution``: that of the calling test."""
     return rehearse()[0]
 
 
@@ -59,8 +65,8 @@ def reason(result: RunResult) -> int:
     return result.end.reason
 
 
-def test_without_a_fault_the_plan_runs_to_its_end() -> None:
-    result = undisturbed()
+def test_without_a_fault_the_plan_runs_to_its_end(execution: str) -> None:
+    result = undisturbed(execution)
     assert reason(result) == Reason.PLAN_END
     modes = [row.safety.mode for row in result.rows]
     assert [m for i, m in enumerate(modes) if i == 0 or m != modes[i - 1]] == [
@@ -209,12 +215,12 @@ def test_a_tare_in_moving_water_is_refused() -> None:
 
 
 @pytest.mark.parametrize("bias", [-250.0, 400.0])
-def test_the_tare_removes_a_bias_of_the_load_cell(bias: float) -> None:
+def test_the_tare_removes_a_bias_of_the_load_cell(bias: float, execution: str) -> None:
     def sense(tick: int, signals: Sense) -> Sense:
         return signals._replace(load=signals.load._replace(lcb=signals.load.lcb + bias))
 
     result, _ = rehearse(sense)
-    plain = undisturbed()
+    plain = undisturbed(execution)
     biased, last = result.rows[-1].tare, plain.rows[-1].tare
     assert last.samples == SHORT.ticks[0]
     assert biased.lcb - last.lcb == pytest.approx(bias, abs=1e-6)
@@ -244,10 +250,10 @@ def test_a_silent_analyser_is_a_controlled_stop() -> None:
     assert stop_of(result).tick == pytest.approx(2000, abs=1)
 
 
-def test_lost_ticks_do_not_shift_the_plan_of_a_wavebot() -> None:
+def test_lost_ticks_do_not_shift_the_plan_of_a_wavebot(execution: str) -> None:
     """With 40 ms lost repeatedly the windows are the same and the motion nearly so."""
     gaps = dict.fromkeys(range(500, 4000, 400), 41)
-    plain = undisturbed()
+    plain = undisturbed(execution)
     result, _ = rehearse(clock=LossyClock(gaps))
     assert reason(result) == Reason.PLAN_END
     assert result.end is not None

@@ -18,6 +18,8 @@ from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import leaves
 
+pytestmark = pytest.mark.usefixtures("execution")
+
 FLOATS = [leaf.path for leaf in leaves(Sense) if leaf.code == "d"]
 GUARDED = [path for path in FLOATS if path != ("wave", "elevation")]
 BAD = [math.nan, math.inf, -math.inf]

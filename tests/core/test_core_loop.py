@@ -1,4 +1,8 @@
-"""The loop: every exit ends in stops; requests, lost ticks, the end of the record."""
+"""The loop: every exit ends in stops; requests, lost ticks, the end of the record.
+
+All hold for both executions of the tick. Only interpreted are a stage that raises, since a compiled
+kind is another one, and a start that raises, which comes before the first tick.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import Any
 import pytest
 from core_kinds import BENCH, BenchCommand, BenchSense
 from core_runs import DT, SAFETY, SHORT, LossyClock, RunResult, Sliders, bench, bench_params, run
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rig.realtime import loop, safety
@@ -18,6 +22,8 @@ from rig.realtime.reasons import Reason
 from rig.realtime.safety import RUN, STOP_0, STOP_1, STOP_2
 from rig.realtime.sequence import Phase
 from rig.recording.ring import ProducerState, RingWriter
+
+pytestmark = pytest.mark.usefixtures("execution")
 
 WATCH = round(loop.EXTERNAL_REQUEST_INTERVAL / DT)  # ticks
 
@@ -39,10 +45,11 @@ def fails_at(tick: int, call: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Ring:
-    """A ring whose `put` can fail; it counts calls of `finish`."""
+    """A ring that can fail to take a row, as it takes those of either execution."""
 
     def __init__(self, writer: RingWriter) -> None:
-        self.put = writer.put
+        self.put, self.publish = writer.put, writer.publish
+        self.reserve = writer.reserve
         self._writer = writer
 
     def finish(self) -> None:
@@ -84,6 +91,7 @@ def test_a_failed_write_stops(tick: int) -> None:
         *itertools.product(["ready"], [0, 1]),  # only called while the plan waits
     ],
 )
+@pytest.mark.parametrize("execution", ["interpreted"], indirect=True)
 def test_a_failed_stage_of_the_cycle_stops(stage: str, tick: int) -> None:
     kind = BENCH._replace(**{stage: fails_at(tick, getattr(BENCH, stage))})
     devices = bench()
@@ -95,6 +103,7 @@ def test_a_failed_put_stops(tick: int) -> None:
     def broken(writer: RingWriter) -> Ring:
         ring = Ring(writer)
         ring.put = fails_at(tick, writer.put)
+        ring.publish = fails_at(tick - 1, writer.publish)  # after one row from `put`
         return ring
 
     devices = bench()
@@ -114,6 +123,7 @@ def test_a_failed_external_request_stops() -> None:
     check_stopped(result, devices, 2 * WATCH - 1)
 
 
+@pytest.mark.parametrize("execution", ["interpreted"], indirect=True)
 def test_a_failed_start_stops() -> None:
     devices = bench()
     check_stopped(
@@ -268,7 +278,9 @@ def test_ticks_keep_their_numbers_when_some_are_lost() -> None:
     assert result.end.reason == Reason.PLAN_END
 
 
-@settings(max_examples=25, deadline=None)
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(st.dictionaries(st.integers(0, 480), st.integers(2, 10), max_size=25))
 def test_executed_and_skipped_add_up_to_elapsed(gaps: dict[int, int]) -> None:
     result = run(BENCH, bench_params(), bench(), clock=LossyClock(gaps))

@@ -19,6 +19,8 @@ from rig.realtime.reasons import Reason
 from rig.realtime.safety import RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 
+pytestmark = pytest.mark.usefixtures("execution")
+
 AT = 120
 PLAN = plan(
     (-1, Phase.TARE, 20, 0, 0),

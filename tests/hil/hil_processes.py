@@ -1,4 +1,4 @@
-"""Runs on real wires whose processes are inspected, suspended and killed from outside."""
+"""Runs on real wires: the execution of their tick, and processes that are killed from outside."""
 
 from __future__ import annotations
 
@@ -7,13 +7,36 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from benchmarks.support.fault_runs import CallbackView, Trigger, run_when_free
 from benchmarks.support.process_faults import child_with_stderr
+from rig.compilation.tick_code import compile_tick
 from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.tasks import execution_task, wired_mode
 from rig.processes.run_types import Snapshot
+from rig.processes.tick_compiler import compile_job, source_of
+
+EXECUTIONS = ("compiled", pytest.param("interpreted", marks=pytest.mark.long))
+
+
+def in_execution(on: Any, execution: str) -> Any:
+    """Return an emulated rig whose runs have an execution of the tick; its code is in the cache."""
+    if execution == "compiled":
+        source = source_of(on.task.tick, compile_job(on.task))
+        assert source is not None
+        compile_tick(source)
+    return on._replace(interpreted=execution == "interpreted")
+
+
+def assert_executed(result: RunResult, execution: str) -> None:
+    """Assert that a run that was not refused had this execution of the tick from its tare on."""
+    first, ended = result.outcome.compiled_from, result.outcome.status
+    if ended not in ("refused", "crashed"):  # without a report of the loop
+        assert 0 < first < 1000 if execution == "compiled" else first == -1
 
 
 def child_error_files() -> set[str]:

@@ -1,6 +1,7 @@
 """Every row of the table of faults on the real stacks: reason, category, time to the safe state.
 
-By default only the rows marked `short` are run; with FAULTS=all in the environment, all rows.
+By default only the rows marked `short` are run; with FAULTS=all in the environment, all rows. The
+drivers are those of the rig, so the tick is compiled alone, never coupled with a plant.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import os
 
 import pytest
+from hil_processes import EXECUTIONS, assert_executed, in_execution
 
 from benchmarks.support.emulated_wavebot import EmulatedWaveBot
 from benchmarks.support.fault_rigs import RIGS
@@ -21,11 +23,15 @@ TABLE = RIGS["wavebot"].rows()
 CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE if row.short]
 
 
+@pytest.mark.parametrize("execution", EXECUTIONS)
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
-def test_the_rig_reacts_to_faults_as_in_the_table(on: EmulatedWaveBot, row: FaultRow) -> None:
-    finding: Finding = measure_fault(on, row)
+def test_the_rig_reacts_to_faults_as_in_the_table(
+    on: EmulatedWaveBot, row: FaultRow, execution: str
+) -> None:
+    finding: Finding = measure_fault(in_execution(on, execution), row)
     print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
     assert mismatches(row, finding) == []
+    assert_executed(finding.run_result, execution)
 
 
 def test_every_fault_of_every_device_has_its_row(on: EmulatedWaveBot) -> None:

@@ -5,6 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rehearsing import Execution
+
+
+@pytest.fixture(params=["interpreted", pytest.param("compiled", marks=pytest.mark.slow)])
+def execution(request: pytest.FixtureRequest) -> Execution:
+    """Both executions of a rehearsal's ticks."""
+    return Execution(request.param)
 
 
 @pytest.fixture

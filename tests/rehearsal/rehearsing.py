@@ -1,24 +1,28 @@
 """Functions for tests that run small campaigns end to end, through supervisor, loop and logger.
 
-As a program (`python rehearsing.py CAMPAIGN RUNS`) the module is a supervisor without the steps of
-`rig run` before and after the run; it prints the run's status.
+As a program (`python rehearsing.py CAMPAIGN RUNS EXECUTION`) the module is a supervisor without the
+steps of `rig run` before and after the run; it prints the run's status.
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, row_table
+from rig.compilation.tick_code import compile_tick
 from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.processes.run_types import Snapshot
+from rig.processes.tick_compiler import compile_job, source_of
 from rig.stations import station_names
 from rig.sweep import sweep
 from rig.sweep.executors import thread_executor
@@ -92,6 +96,54 @@ def rehearse(
     )
 
 
+class Execution(NamedTuple):
+    """An execution of the ticks of a rehearsal, for tests that interfere with one in its middle."""
+
+    name: str
+
+    @property
+    def interpreted(self) -> bool:
+        return self.name == "interpreted"
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Options of `rig run`."""
+        return ("--interpreted",) if self.interpreted else ()
+
+    @property
+    def pace(self) -> int:
+        """A factor of rig time: compiled, so much more of it passes in the same real time."""
+        return 1 if self.interpreted else 20
+
+    def write_repeated_row(self, folder: Path, repeat: int) -> Path:
+        """Write the campaign with ``repeat`` times `pace` rows; its code is in the cache."""
+        if not self.interpreted:
+            compile_wavebot()
+        return write_repeated_row(folder, repeat * self.pace)
+
+    def rehearse(self, path: Path, runs: Path, on_snapshot: Any = None) -> RunResult:
+        """Rehearse a campaign file, compiled from its first ticks on, or all of it interpreted."""
+        result = rehearse(path, runs, on_snapshot, interpreted=self.interpreted)
+        if result.outcome.status != "crashed":  # without a report of the loop
+            assert result.outcome.compiled_from == (-1 if self.interpreted else 1)
+        return result
+
+
+@cache
+def compile_wavebot() -> None:
+    """Compile the ticks of the shipped WaveBot, alone and coupled with its plant."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = check_campaign(write_repeated_row(Path(folder), 1))
+    assert report.campaign is not None
+    assert report.plan is not None
+    task = execution_task(report.campaign, report.plan)
+    mode = rehearsal_mode(report.campaign, real_clock=False)
+    for job in (compile_job(task), compile_job(task, mode)):
+        source = source_of(task.tick, job)
+        assert source is not None
+        compile_tick(source)
+
+
 def sweep_sequentially(path: Path) -> Any:
     """Return the row table of a campaign whose rows the compiled loop runs one after the other.
 
@@ -117,4 +169,5 @@ def assert_same_rows(rehearsed: Any, swept: Any) -> None:
 
 
 if __name__ == "__main__":
-    print(rehearse(Path(sys.argv[1]), Path(sys.argv[2]), interpreted=True).outcome.status)
+    campaign, runs = map(Path, sys.argv[1:3])
+    print(Execution(sys.argv[3]).rehearse(campaign, runs).outcome.status)

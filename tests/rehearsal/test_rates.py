@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -200,8 +201,13 @@ def test_a_rate_that_overloads_the_can_bus_is_refused_by_check(tmp_path: Path) -
         tmp_path, rig=str(write_yaml(tmp_path / "rig.yaml", rig)), sea=SEA, **TIMES,
         matrix={"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
     )  # fmt: skip
-    code, _, message = rig_here("check", path)
+    code, report, message = rig_here("check", path)
     assert code == 2
+    assert "1 (1 point x 1)" in report  # the predicted rows are shown all the same
     assert "WaveBot on wires at rate_hz = 2000: CAN bus at 1000 kbit/s: 1" in message
     assert "above 80 %" in message
+    code, text, _ = rig_here("check", path, "--json")
+    document = json.loads(text)
+    assert (code, document["ok"], document["rows"]) == (2, False, 1)
+    assert "above 80 %" in document["message"]
     assert "heave status: 135 bits" in message

@@ -1,4 +1,7 @@
-"""Run folders that are deleted, moved or replaced during a run: every row is kept and found."""
+"""Run folders that are deleted, moved or replaced during a run: every row is kept and found.
+
+Each in both executions of the ticks; compiled, they are coupled with the plant.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import rehearse, write_repeated_row
+from rehearsing import Execution, compile_wavebot, write_repeated_row
 
 from rig.cli.run import exit_code
 from rig.execution.task import RunResult
@@ -39,9 +42,9 @@ def runs(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def campaign(tmp_path: Path) -> Path:
+def campaign(execution: Execution, tmp_path: Path) -> Path:
     """Write a campaign that is too long to reach its end in these tests."""
-    return write_repeated_row(tmp_path, 400)
+    return execution.write_repeated_row(tmp_path, 50)
 
 
 def at_time(seconds: float, action: Callable[[], Any]) -> Callable[[Snapshot], None]:
@@ -85,7 +88,7 @@ def find_run(runs: Path) -> Path:
     return next(path for path in runs.iterdir() if "Z_test" in path.name)
 
 
-def test_a_deleted_folder(campaign: Path, runs: Path) -> None:
+def test_a_deleted_folder(execution: Execution, campaign: Path, runs: Path) -> None:
     found: list[Path] = []
     moments: list[float] = []
 
@@ -101,69 +104,73 @@ def test_a_deleted_folder(campaign: Path, runs: Path) -> None:
         if snapshot.row.get("safety.reason"):
             moments.append(time.monotonic())
 
-    result = rehearse(campaign, runs, on_snapshot)
+    result = execution.rehearse(campaign, runs, on_snapshot)
     assert moments[1] - moments[0] < 2.0  # 0.6 s on a quiet host: one flush and one poll
     assert_stopped(result, runs / f"{found[0].name}.rescued", "the run's folder was deleted")
     assert not found[0].exists()
 
 
-def test_a_moved_folder(campaign: Path, runs: Path, tmp_path: Path) -> None:
-    result = rehearse(
+def test_a_moved_folder(execution: Execution, campaign: Path, runs: Path, tmp_path: Path) -> None:
+    result = execution.rehearse(
         campaign, runs, at_time(20.0, lambda: find_run(runs).rename(tmp_path / "elsewhere"))
     )
     assert_stopped(result, tmp_path / "elsewhere", "the run's folder was moved")
     assert list(runs.iterdir()) == []
 
 
-def test_a_moved_parent(campaign: Path, runs: Path, tmp_path: Path) -> None:
+def test_a_moved_parent(execution: Execution, campaign: Path, runs: Path, tmp_path: Path) -> None:
     new = tmp_path / "other"
-    result = rehearse(campaign, runs, at_time(20.0, lambda: runs.parent.rename(new)))
+    result = execution.rehearse(campaign, runs, at_time(20.0, lambda: runs.parent.rename(new)))
     assert_stopped(result, find_run(new / "runs"), "the run's folder was moved")
     assert not runs.exists()
 
 
-def test_all_runs_deleted(campaign: Path, runs: Path, home: Path) -> None:
-    result = rehearse(campaign, runs, at_time(20.0, lambda: shutil.rmtree(runs)))
+def test_all_runs_deleted(execution: Execution, campaign: Path, runs: Path, home: Path) -> None:
+    result = execution.rehearse(campaign, runs, at_time(20.0, lambda: shutil.rmtree(runs)))
     assert_stopped(result, next(home.glob("*.rescued")), "the run's folder was deleted")
 
 
-def test_a_folder_replaced_by_another_of_its_name(campaign: Path, runs: Path) -> None:
+def test_a_folder_replaced_by_another_of_its_name(
+    execution: Execution, campaign: Path, runs: Path
+) -> None:
     def replace() -> None:
         folder = find_run(runs)
         folder.rename(folder.with_name("moved"))
         folder.mkdir()
         (folder / "mine.txt").write_text("not the rig's")
 
-    result = rehearse(campaign, runs, at_time(20.0, replace))
+    result = execution.rehearse(campaign, runs, at_time(20.0, replace))
     assert_stopped(result, runs / "moved", "the run's folder was moved")
     assert [path.name for path in find_run(runs).iterdir()] == ["mine.txt"]
 
 
-def test_a_folder_deleted_and_made_again(campaign: Path, runs: Path) -> None:
+def test_a_folder_deleted_and_made_again(execution: Execution, campaign: Path, runs: Path) -> None:
     def recreate() -> None:
         folder = find_run(runs)
         shutil.rmtree(folder)
         folder.mkdir()
 
-    result = rehearse(campaign, runs, at_time(20.0, recreate))
+    result = execution.rehearse(campaign, runs, at_time(20.0, recreate))
     assert_stopped(result, Path(f"{result.folder}"), "the run's folder was deleted")
     assert result.folder.name.endswith(".rescued")
 
 
-def test_only_the_record_deleted(campaign: Path, runs: Path) -> None:
+def test_only_the_record_deleted(execution: Execution, campaign: Path, runs: Path) -> None:
     found: list[Path] = []
 
     def delete() -> None:
         found.append(find_run(runs))
         (found[0] / f"{MCAP}.part0").unlink()
 
-    result = rehearse(campaign, runs, at_time(20.0, delete))
+    result = execution.rehearse(campaign, runs, at_time(20.0, delete))
     assert_stopped(result, runs / f"{found[0].name}.rescued", f"{MCAP}.part0 was taken away")
     status = json.loads((found[0] / "run.json").read_text())  # refers to the other folder
     assert (status["status"], status["record_in"]) == ("fault", str(result.folder))
 
 
-def test_a_logger_killed_after_the_deletion(campaign: Path, runs: Path) -> None:
+def test_a_logger_killed_after_the_deletion(
+    execution: Execution, campaign: Path, runs: Path
+) -> None:
     """The next logger writes to the rescue folder; the dead logger's part is held open."""
     from test_rehearsal_unhappy import kill
 
@@ -171,7 +178,7 @@ def test_a_logger_killed_after_the_deletion(campaign: Path, runs: Path) -> None:
         kill("rig.processes.logger")
         shutil.rmtree(find_run(runs))
 
-    result = rehearse(campaign, runs, at_time(20.0, kill_and_delete))
+    result = execution.rehearse(campaign, runs, at_time(20.0, kill_and_delete))
     assert result.folder.name.endswith(".rescued")
     assert result.outcome.logger_restarts == 1
     assert "the run's folder was deleted" in result.outcome.moved
@@ -179,7 +186,7 @@ def test_a_logger_killed_after_the_deletion(campaign: Path, runs: Path) -> None:
 
 
 def test_rows_missing_after_a_move_are_counted(
-    campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution, campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first logger's part is deleted, and no process had it open when the logger was killed."""
     from test_rehearsal_unhappy import kill
@@ -192,7 +199,7 @@ def test_rows_missing_after_a_move_are_counted(
         kill("rig.processes.logger")
         shutil.rmtree(find_run(runs))
 
-    result = rehearse(campaign, runs, at_time(20.0, kill_and_delete))
+    result = execution.rehearse(campaign, runs, at_time(20.0, kill_and_delete))
     found = open_run(result.folder, ["tick"])["tick"].values
     assert result.outcome.unsaved == result.outcome.ticks - len(found) > 0
     assert exit_code(result.outcome, result.save_error) == 5
@@ -202,13 +209,20 @@ def test_rows_missing_after_a_move_are_counted(
 
 
 @pytest.fixture
-def short(tmp_path: Path) -> Path:
+def short(execution: Execution, tmp_path: Path) -> Path:
+    if not execution.interpreted:
+        compile_wavebot()
     return write_repeated_row(tmp_path, 1)
 
 
 @pytest.mark.parametrize("action", ["delete", "move"])
 def test_after_the_logger_has_ended(
-    action: str, short: Path, runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution,
+    action: str,
+    short: Path,
+    runs: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The logger has ended, and the supervisor has not closed the folder yet."""
     end = supervisor.Child.end
@@ -220,7 +234,7 @@ def test_after_the_logger_has_ended(
             shutil.rmtree(folder) if action == "delete" else folder.rename(tmp_path / "there")
 
     monkeypatch.setattr(supervisor.Child, "end", end_and_lose_folder)
-    result = rehearse(short, runs)
+    result = execution.rehearse(short, runs)
     assert result.outcome.status == "complete"
     assert str(result.folder) in result.outcome.moved
     assert exit_code(result.outcome, result.save_error) == 1
@@ -228,7 +242,11 @@ def test_after_the_logger_has_ended(
 
 
 def test_a_full_disk_and_a_deleted_folder(
-    campaign: Path, small_disk: Path, home: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution,
+    campaign: Path,
+    small_disk: Path,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The disk has no room for a rescue folder: it is created in the user's home."""
 
@@ -240,5 +258,5 @@ def test_a_full_disk_and_a_deleted_folder(
         assert part.stat().st_size > 100_000
         shutil.rmtree(part.parent)
 
-    result = rehearse(campaign, small_disk, at_time(8.0, fill_and_delete))
+    result = execution.rehearse(campaign, small_disk, at_time(8.0, fill_and_delete))
     assert_stopped(result, next(home.glob("*.rescued")), "the run's folder was deleted")

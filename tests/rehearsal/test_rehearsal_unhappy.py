@@ -1,4 +1,8 @@
-"""Runs with failures: killed processes, a full disk, Ctrl-C, two runs at once."""
+"""Runs with failures: killed processes, a full disk, Ctrl-C, two runs at once.
+
+Each in both executions of the ticks. On the virtual clock the compiled ticks are coupled with the
+plant; on the real clock, of `test_ctrl_c` and of a stalled host, the tick is compiled alone.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import rehearse, write_repeated_row
+from rehearsing import Execution, compile_wavebot, rehearse, write_repeated_row
 
 from rig.cli.output import LOST
 from rig.cli.run import exit_code
@@ -33,14 +37,16 @@ FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave
 
 
 @pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    """Write a campaign of about 60 s of rig time, some seconds of real time."""
-    return write_repeated_row(tmp_path, 8)
+def campaign(execution: Execution, tmp_path: Path) -> Path:
+    """Write a campaign of some seconds of real time: a minute of rig time, or 16 compiled."""
+    return execution.write_repeated_row(tmp_path, 8)
 
 
 @pytest.fixture
-def brief(tmp_path: Path) -> Path:
+def brief(execution: Execution, tmp_path: Path) -> Path:
     """Write a short campaign, for tests that do not interfere with the run."""
+    if not execution.interpreted:
+        compile_wavebot()
     return write_repeated_row(tmp_path, 1)
 
 
@@ -81,9 +87,11 @@ def ticks(folder: Path) -> Any:
     return open_run(folder, fields=FIELDS)
 
 
-def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: Path) -> None:
-    once = Once(20.0, lambda: kill("rig.processes.logger"))
-    result = rehearse(campaign, tmp_path / "runs", once)
+def test_killed_logger_is_restarted_and_loses_nothing(
+    execution: Execution, campaign: Path, tmp_path: Path
+) -> None:
+    once = Once(20.0 * execution.pace, lambda: kill("rig.processes.logger"))
+    result = execution.rehearse(campaign, tmp_path / "runs", once)
     assert once.done
     assert result.outcome.status == "complete"
     assert result.outcome.logger_restarts == 1
@@ -93,7 +101,7 @@ def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: 
 
 
 def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
-    campaign: Path, tmp_path: Path
+    execution: Execution, campaign: Path, tmp_path: Path
 ) -> None:
     """The part of a killed logger has a bad sector."""
 
@@ -105,7 +113,9 @@ def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
             file.seek(chunk.offset + chunk.length // 2)
             file.write(bytes(100))
 
-    result = rehearse(campaign, tmp_path / "runs", Once(20.0, kill_and_damage))
+    result = execution.rehearse(
+        campaign, tmp_path / "runs", Once(20.0 * execution.pace, kill_and_damage)
+    )
     lost = result.outcome.ticks - ticks(result.folder).sizes["time"]
     assert result.outcome.unsaved == lost > 0
     status = json.loads((result.folder / "run.json").read_text())
@@ -118,17 +128,17 @@ def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
     assert {path.name for path in result.folder.glob("*.mcap*")} == {MCAP, *kept}
 
 
-def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
+def test_logger_killed_twice(execution: Execution, campaign: Path, tmp_path: Path) -> None:
     first, second = (
-        Once(10.0, lambda: kill("rig.processes.logger")),
-        Once(25.0, lambda: kill("rig.processes.logger")),
+        Once(10.0 * execution.pace, lambda: kill("rig.processes.logger")),
+        Once(25.0 * execution.pace, lambda: kill("rig.processes.logger")),
     )
 
     def on_snapshot(snapshot: Snapshot) -> None:
         first(snapshot)
         second(snapshot)
 
-    result = rehearse(campaign, tmp_path / "runs", on_snapshot)
+    result = execution.rehearse(campaign, tmp_path / "runs", on_snapshot)
     assert result.outcome.logger_restarts == 2
     inside = attachments(result.folder)
     timing = json.loads(inside["timing.json"])
@@ -139,15 +149,17 @@ def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
     assert np.array_equal(ticks(result.folder)["tick"].values, np.arange(result.outcome.ticks))
 
 
-def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None:
+def test_killed_loop_leaves_all_its_rows(
+    execution: Execution, campaign: Path, tmp_path: Path
+) -> None:
     last = []
 
     def on_snapshot(snapshot: Snapshot) -> None:
         once(snapshot)
         last.append(snapshot)
 
-    once = Once(20.0, lambda: kill("rig.processes.loop_process"))
-    result = rehearse(campaign, tmp_path / "runs", on_snapshot)
+    once = Once(20.0 * execution.pace, lambda: kill("rig.processes.loop_process"))
+    result = execution.rehearse(campaign, tmp_path / "runs", on_snapshot)
     assert result.outcome.status == "crashed"
     assert result.outcome.reason == "loop: killed by SIGKILL"
     assert result.outcome.unsaved == 0
@@ -164,22 +176,24 @@ def suspend(module: str) -> None:
 
 
 def test_hung_logger_is_replaced(
-    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervisor, "STALL_TIMEOUT_S", 3.0)
-    once = Once(20.0, lambda: suspend("rig.processes.logger"))
-    result = rehearse(campaign, tmp_path / "runs", once)
+    once = Once(20.0 * execution.pace, lambda: suspend("rig.processes.logger"))
+    result = execution.rehearse(campaign, tmp_path / "runs", once)
     assert once.done
     assert (result.outcome.status, result.outcome.logger_restarts) == ("complete", 1)
     assert np.array_equal(ticks(result.folder)["tick"].values, np.arange(result.outcome.ticks))
 
 
 def test_hung_loop_is_ended_and_its_rows_are_kept(
-    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervisor, "HANG_TIMEOUT_S", 3.0)
-    result = rehearse(
-        campaign, tmp_path / "runs", Once(20.0, lambda: suspend("rig.processes.loop_process"))
+    result = execution.rehearse(
+        campaign,
+        tmp_path / "runs",
+        Once(20.0 * execution.pace, lambda: suspend("rig.processes.loop_process")),
     )
     assert (result.outcome.status, result.outcome.reason) == ("crashed", "the loop hung")
     assert result.outcome.unsaved == 0
@@ -187,11 +201,13 @@ def test_hung_loop_is_ended_and_its_rows_are_kept(
     assert np.array_equal(found, np.arange(result.outcome.ticks))
 
 
-def test_a_view_that_breaks_does_not_end_the_run(brief: Path, tmp_path: Path) -> None:
+def test_a_view_that_breaks_does_not_end_the_run(
+    execution: Execution, brief: Path, tmp_path: Path
+) -> None:
     def broken(snapshot: Snapshot) -> None:
         raise BrokenPipeError
 
-    result = rehearse(brief, tmp_path / "runs", broken)
+    result = execution.rehearse(brief, tmp_path / "runs", broken)
     assert result.outcome.status == "complete"
 
 
@@ -211,13 +227,14 @@ def start_rig_run(campaign: Path, runs: Path, *options: str) -> subprocess.Popen
     return start_process("-m", "rig", "run", campaign, "--runs", runs, *options)
 
 
-def start_supervisor(campaign: Path, runs: Path) -> subprocess.Popen[str]:
+def start_supervisor(campaign: Path, runs: Path, execution: Execution) -> subprocess.Popen[str]:
     """Start a supervisor process, without the steps of `rig run` before and after the run."""
-    return start_process(Path(__file__).with_name("rehearsing.py"), campaign, runs)
+    program = Path(__file__).with_name("rehearsing.py")
+    return start_process(program, campaign, runs, execution.name)
 
 
 def wait_for_rows(runs: Path, size: int = 100_000) -> Path:
-    """Wait until some rows are on disk; return the run's folder."""
+    """Wait until the part on disk has more than ``size`` bytes; return the run's folder."""
     for _ in range(600):
         for part in runs.glob("*/run.mcap.part0"):
             if part.stat().st_size > size:
@@ -236,10 +253,12 @@ def wait_for_logger(folder: Path) -> None:
     raise AssertionError("the logger does not end its file")
 
 
-def test_killed_supervisor_stops_the_rig_and_saves_the_rows(campaign: Path, tmp_path: Path) -> None:
+def test_killed_supervisor_stops_the_rig_and_saves_the_rows(
+    execution: Execution, campaign: Path, tmp_path: Path
+) -> None:
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs, "--interpreted")
-    folder = wait_for_rows(runs)
+    process = start_rig_run(campaign, runs, *execution.options)
+    folder = wait_for_rows(runs, 100_000 * execution.pace)
     process.kill()
     process.communicate()
     wait_for_logger(folder)
@@ -251,11 +270,11 @@ def test_killed_supervisor_stops_the_rig_and_saves_the_rows(campaign: Path, tmp_
 
 
 def test_supervisor_and_loop_killed_together_leave_a_finished_record(
-    campaign: Path, tmp_path: Path
+    execution: Execution, campaign: Path, tmp_path: Path
 ) -> None:
     runs = tmp_path / "runs"
-    process = start_supervisor(campaign, runs)
-    folder = wait_for_rows(runs)
+    process = start_supervisor(campaign, runs, execution)
+    folder = wait_for_rows(runs, 100_000 * execution.pace)
     loops = list(processes("rig.processes.loop_process", parent=process.pid))
     assert loops
     process.kill()
@@ -268,9 +287,11 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
 
 
 @pytest.mark.realtime
-def test_a_stalled_host_is_reported_as_the_cause(campaign: Path, tmp_path: Path) -> None:
+def test_a_stalled_host_is_reported_as_the_cause(
+    execution: Execution, campaign: Path, tmp_path: Path
+) -> None:
     """SIGSTOP for 0.3 s loses more than the 100 ticks that configs/limits/wavebot.yaml allows."""
-    process = start_rig_run(campaign, tmp_path / "runs", "--realtime", "--json")
+    process = start_rig_run(campaign, tmp_path / "runs", "--realtime", "--json", *execution.options)
     wait_for_rows(tmp_path / "runs", size=20_000)
     time.sleep(4.0)  # past the tare
     (loop,) = processes("rig.processes.loop_process", process.pid)
@@ -290,10 +311,10 @@ def test_a_stalled_host_is_reported_as_the_cause(campaign: Path, tmp_path: Path)
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("presses", [1, 2])
-def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
+def test_ctrl_c(execution: Execution, presses: int, campaign: Path, tmp_path: Path) -> None:
     """Once: damping for 2 s, then off. Twice: off at once. The data is kept either way."""
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs, "--realtime")
+    process = start_rig_run(campaign, runs, "--realtime", *execution.options)
     folder = wait_for_rows(runs, size=20_000)
     time.sleep(4.0)  # past the tare: the drive is on
     for _ in range(presses):
@@ -314,10 +335,12 @@ def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
     assert json.loads((folder / "run.json").read_text())["status"] == "stopped"
 
 
-def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) -> None:
+def test_a_closed_terminal_is_a_controlled_stop(
+    execution: Execution, campaign: Path, tmp_path: Path
+) -> None:
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs, "--interpreted")
-    folder = wait_for_rows(runs)
+    process = start_rig_run(campaign, runs, *execution.options)
+    folder = wait_for_rows(runs, 100_000 * execution.pace)
     process.send_signal(signal.SIGHUP)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
@@ -326,10 +349,12 @@ def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) 
     assert (folder / "run.mcap").exists()
 
 
-def test_ctrl_z_stops_instead_of_suspending(campaign: Path, tmp_path: Path) -> None:
+def test_ctrl_z_stops_instead_of_suspending(
+    execution: Execution, campaign: Path, tmp_path: Path
+) -> None:
     runs = tmp_path / "runs"
-    process = start_rig_run(campaign, runs, "--interpreted")
-    folder = wait_for_rows(runs)
+    process = start_rig_run(campaign, runs, *execution.options)
+    folder = wait_for_rows(runs, 100_000 * execution.pace)
     process.send_signal(signal.SIGTSTP)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
@@ -340,13 +365,23 @@ def test_ctrl_z_stops_instead_of_suspending(campaign: Path, tmp_path: Path) -> N
 
 @pytest.mark.realtime
 def test_a_blocked_terminal_neither_stops_the_rig_nor_keeps_it_from_stopping(
-    brief: Path, tmp_path: Path
+    execution: Execution, brief: Path, tmp_path: Path
 ) -> None:
     """As after Ctrl-S, or on a connection that hangs, the terminal reads no output."""
     runs = tmp_path / "runs"
     ours, terminal = os.openpty()
     process = subprocess.Popen(
-        [sys.executable, "-m", "rig", "run", brief, "--runs", runs, "--realtime"],
+        [
+            sys.executable,
+            "-m",
+            "rig",
+            "run",
+            brief,
+            "--runs",
+            runs,
+            "--realtime",
+            *execution.options,
+        ],
         stdout=subprocess.DEVNULL,
         stderr=terminal,
         env={**os.environ, "TERM": "xterm"},
@@ -371,16 +406,19 @@ def test_a_blocked_terminal_neither_stops_the_rig_nor_keeps_it_from_stopping(
     assert ticks(folder)["time"].values[-1] > 6.0  # the blocked display did not stop it
 
 
-def test_two_rehearsals_at_once_get_their_own_folders(brief: Path, tmp_path: Path) -> None:
+def test_two_rehearsals_at_once_get_their_own_folders(
+    execution: Execution, brief: Path, tmp_path: Path
+) -> None:
     runs = tmp_path / "runs"
-    both = [start_supervisor(brief, runs) for _ in range(2)]
+    both = [start_supervisor(brief, runs, execution) for _ in range(2)]
     for process in both:
         out, err = process.communicate(timeout=300)
         assert (process.returncode, out) == (0, "complete\n"), err
     assert len(list(runs.glob("*/run.mcap"))) == 2
 
 
-def test_only_one_run_may_use_the_real_clock(campaign: Path, tmp_path: Path) -> None:
+def test_only_one_run_may_use_the_real_clock(tmp_path: Path) -> None:
+    campaign = write_repeated_row(tmp_path, 1)
     with acquire((REALTIME_WIRE,), "campaign another"):
         with pytest.raises(BusyError, match=rf"campaign another \(process {os.getpid()}, user "):
             rehearse(campaign, tmp_path / "runs", real_clock=True)
@@ -396,14 +434,18 @@ def test_only_one_run_may_use_the_real_clock(campaign: Path, tmp_path: Path) -> 
 
 
 def test_full_disk_stops_the_rig_and_saves_the_record_elsewhere(
-    campaign: Path, small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution,
+    campaign: Path,
+    small_disk: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     cache, home = Path.home() / ".cache", tmp_path / "home"
     home.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setattr(supervisor, "DISK_TIMEOUT_S", 2.0)
-    result = rehearse(campaign, small_disk)
+    result = execution.rehearse(campaign, small_disk)
     assert (result.outcome.status, result.outcome.reason) == ("fault", "LOGGER_LOST")
     assert result.folder.parent == home
     assert "No space left on device" in result.outcome.moved
@@ -412,14 +454,14 @@ def test_full_disk_stops_the_rig_and_saves_the_record_elsewhere(
 
 
 def test_full_disk_without_a_rescue_folder_keeps_the_written_rows(
-    campaign: Path, small_disk: Path, monkeypatch: pytest.MonkeyPatch
+    execution: Execution, campaign: Path, small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cache = Path.home() / ".cache"
     monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
     for name in ("HOME", "TMPDIR"):
         monkeypatch.setenv(name, str(small_disk))
     monkeypatch.setattr(supervisor, "DISK_TIMEOUT_S", 2.0)
-    result = rehearse(campaign, small_disk)
+    result = execution.rehearse(campaign, small_disk)
     assert result.outcome.status == "fault"
     assert result.outcome.reason == "LOGGER_LOST"
     assert result.outcome.unsaved > 0

@@ -13,6 +13,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 UV_VERSION := 0.13.8
 
+# Test processes keep the byte code of test modules, which halves the time of their start.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup run wheel compiled test test-fast test-long test-socketcan lint bench bench-batch \
   clean constraints

@@ -380,6 +380,7 @@ def test_two_rehearsals_at_once_get_their_own_folders(brief: Path, tmp_path: Pat
     assert len(list(runs.glob("*/run.mcap"))) == 2
 
 
+@pytest.mark.realtime
 def test_only_one_run_may_use_the_real_clock(campaign: Path, tmp_path: Path) -> None:
     with acquire((REALTIME_WIRE,), "campaign another"):
         with pytest.raises(BusyError, match=rf"campaign another \(process {os.getpid()}, user "):

@@ -86,7 +86,8 @@ compiled: setup
 	$(BIN)/rig compile configs/sessions/driveline_short.yaml >/dev/null; \
 	$(BIN)/rig compile configs/sessions/flap_free_decay.yaml >/dev/null; wait
 
-test: lint compiled
+test: setup
+	@$(MAKE) --no-print-directory --jobs 2 lint compiled
 	@rm -f $(FLAKY); mkdir -p .pytest_cache
 	@echo "tests in real time; the others at the same time, their output follows below"; \
 	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \

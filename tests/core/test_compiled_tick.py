@@ -18,7 +18,6 @@ import golden_bench
 import pytest
 from golden_runs import KINDS, record
 
-from rig import laws
 from rig.compilation.cache_folder import code_folder
 from rig.compilation.tick_code import CompilationError, compile_tick
 from rig.compilation.tick_source import TickSource, dependencies, tick_source
@@ -59,15 +58,13 @@ def recorded(kind: str) -> Recorded:
     source = reader.open_files(record(kind))
     target = replay._load_target(run_info(record(kind), source.contents))
     task = target.task
-    cycle_replay = replay._CycleReplay(target, kind)
+    cycle_replay = replay._CycleReplay(target, kind, interpreted=True)
     inputs = tuple(
         (sense, 0, tick, timing, 1)
         for block in reader.blocks(source)
         for tick, timing, sense, _ in cycle_replay._read_inputs(block)
     )
-    on_bench = kind in golden_bench.MIN_MOTION
-    tick, law = (BENCH, "") if on_bench else (WAVEBOT, laws.to_request(laws.own("impedance")))
-    return Recorded(tick, law, task.kind, task.params, task.dt, inputs)
+    return Recorded(target.tick, task.law, task.kind, task.params, task.dt, inputs)
 
 
 def source_of(run: Recorded) -> TickSource:

@@ -35,7 +35,6 @@ from rig.realtime.tick import Changeover, InterpretedTick
 from rig.recording import ring
 from rig.recording.runs import reader, run_info
 
-WAVEBOT, BENCH = "rig.kinds.wavebot.tick", "rig.kinds.oswec_bench.tick"
 TICKS_OF_LOADING = 100  # more than a changeover takes
 UNDISTURBED_TICKS = {"cots": 300, "bench_instantaneous": 1900, "bench_flap": 1900}  # rows move then
 Inputs = tuple[Any, int, int, cycle.Timing, int]  # of `Tick.step`

@@ -13,6 +13,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 UV_VERSION := 0.13.8
 
+# Test processes keep the byte code of test modules, which halves the time of their start.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup run wheel compiled test test-fast test-long test-socketcan lint bench bench-batch \
   clean constraints
@@ -62,20 +65,20 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Parallel tests run first, then those that need the host to themselves. A shared host sometimes
-# pauses for longer than the timeout of a test, so failed tests run once more, alone: a test that
-# then passes is listed as flaky at the end, one that fails again has failed. A test whose process
-# dies fails, and xdist replaces the process; therefore even tests that run alone use one worker
-# process (-n 1). The distribution is worksteal, because with distribution by file xdist 3.8 waits
-# for ever for the tests of a dead worker.
+# Tests of runs in real time mostly wait. The other tests run at the same time, in the processor time
+# that these leave: at the kernel's idle priority, which every other process displaces at once.
+# A shared host sometimes pauses for longer than the timeout of a test, so failed tests run once
+# more, alone: a test that then passes is listed as flaky at the end, one that fails again has
+# failed. A test whose process dies fails, and xdist replaces the process; therefore even tests that
+# run one after the other use one worker process (-n 1). The distribution is worksteal, because with
+# distribution by file xdist 3.8 waits for ever for the tests of a dead worker.
 PYTEST := $(BIN)/python -m pytest
+LONG := part
+WITHOUT_CLOCK := -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
+WITH_CLOCK := -m realtime --long $(LONG) -o cache_dir=.pytest_cache/with_clock
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
-LONG := part
-
-define with_second_try
-$(PYTEST) $(1) $(2) || $(PYTEST) $(1) $(SECOND_TRY)
-endef
+LOG := .pytest_cache/without_clock.log
 
 # Rehearsals whose loop and plant are compiled start without the compiler and tick 20 times as fast.
 compiled: setup
@@ -83,10 +86,16 @@ compiled: setup
 	$(BIN)/rig compile configs/sessions/driveline_short.yaml >/dev/null; \
 	$(BIN)/rig compile configs/sessions/flap_free_decay.yaml >/dev/null; wait
 
-test: lint compiled
-	@rm -f $(FLAKY)
-	$(call with_second_try,-m "not realtime" --long $(LONG),-n 2 --dist worksteal)
-	$(call with_second_try,-m realtime --long $(LONG),-n 1)
+test: setup
+	@$(MAKE) --no-print-directory --jobs 2 lint compiled
+	@rm -f $(FLAKY); mkdir -p .pytest_cache
+	@echo "tests in real time; the others at the same time, their output follows below"; \
+	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
+	trap "kill $$others 2>/dev/null" EXIT; \
+	$(PYTEST) $(WITH_CLOCK) -n 1; with_clock=$$?; \
+	wait $$others; without_clock=$$?; cat $(LOG); \
+	[ $$without_clock -eq 0 ] || $(PYTEST) $(WITHOUT_CLOCK) $(SECOND_TRY); without_clock=$$?; \
+	[ $$with_clock -eq 0 ] || $(PYTEST) $(WITH_CLOCK) $(SECOND_TRY) && [ $$without_clock -eq 0 ]
 	@if [ -s $(FLAKY) ]; then echo "FLAKY TESTS (failed once, then passed alone):"; cat $(FLAKY); fi
 
 test-long: LONG := all

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import signal
 import subprocess
 from pathlib import Path
@@ -44,10 +45,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="seed of the part of the long tests; default: the commit",
     )
     group.addoption(
+        "--idle",
+        action="store_true",
+        help="use only processor time that no other process needs",
+    )
+    group.addoption(
         "--second-try",
         action="store_true",
         help="report a test that passes now as flaky: it has failed in the run before",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Lower the priority, before worker processes start and inherit it."""
+    if config.getoption("--idle"):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def _seed(config: pytest.Config) -> str:
@@ -64,7 +76,10 @@ def _seed(config: pytest.Config) -> str:
     return done.stdout.strip() or "0"
 
 
-def _in_part(name: str, seed: str) -> bool:
+def _in_part(item: pytest.Item, seed: str) -> bool:
+    """Return whether a long test is chosen; tests with one ``group`` share a run and the choice."""
+    (marker, *_) = item.iter_markers("long")
+    name = marker.kwargs.get("group", item.nodeid)
     digest = hashlib.sha256(f"{seed}:{name}".encode()).digest()
     return digest[0] % PARTS == 0
 
@@ -87,7 +102,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     left_out = [
         item
         for item in items
-        if item.get_closest_marker("long") and (which == "none" or not _in_part(item.nodeid, seed))
+        if item.get_closest_marker("long") and (which == "none" or not _in_part(item, seed))
     ]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in set(left_out)]

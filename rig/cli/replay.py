@@ -12,7 +12,7 @@ from rich.table import Table
 from rig.analysis.rows import COMPLETE
 from rig.campaign import AnyCampaign, open_campaign
 from rig.cli.input_files import CAMPAIGNS, find_run, input_file
-from rig.cli.options import RUNS, Json, Runs
+from rig.cli.options import RUNS, Interpreted, Json, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.execution.replay import ReplayReport, replay
 from rig.presentation.console import table_console
@@ -54,6 +54,7 @@ def command(
             "--model", metavar="CAMPAIGN", help="With --with: campaign whose plant models the rig."
         ),
     ] = None,
+    interpreted: Interpreted = False,
     waves: Annotated[
         Waves | None,
         typer.Option("--waves", help="With --with: signal from which to recover the waves."),
@@ -73,11 +74,13 @@ def command(
     with input_errors("replay", as_json=as_json):
         path = find_run(run, runs)
         if as_json or not console.is_terminal:
-            comparison = replay(path)
+            comparison = replay(path, interpreted=interpreted)
         else:
             with console.status("replaying ...") as status:
                 comparison = replay(
-                    path, lambda ticks: status.update(f"replaying, {ticks} ticks ...")
+                    path,
+                    lambda ticks: status.update(f"replaying, {ticks} ticks ..."),
+                    interpreted=interpreted,
                 )
     if as_json:
         report = comparison._asdict() | {"same": comparison.identical}

@@ -134,12 +134,15 @@ class TickSource(NamedTuple):
         return code_folder(self.text, self.modules)
 
 
-def tick_source(tick: str, law: str, params: cycle.Params, dt: float) -> TickSource:
+def tick_source(
+    tick: str, law: str, params: cycle.Params, dt: float, kind: cycle.Kind | None = None
+) -> TickSource:
     """Return the source for the package of a kind's tick, its law, and parameters.
 
-    Raises ValueError for a kind that cannot be compiled because its ``sense_type`` is not known.
+    ``kind``: by default that of the package for the law. Raises ValueError for a kind that cannot
+    be compiled because its ``sense_type`` is not known.
     """
-    kind: cycle.Kind = importlib.import_module(tick).find_kind(law)
+    kind = kind or importlib.import_module(tick).find_kind(law)
     if kind.sense_type is None:
         raise ValueError(f"{tick} does not give the type of its readings (Kind.sense_type)")
     memory = tick_memory.of_kind(kind, params, cycle.start(kind, params, 0), dt)

@@ -4,19 +4,26 @@ The cycle is pure, so the same senses must give the same commands and modes to t
 they do not, code or configuration have changed. The replay does not simulate the body: a changed
 command does not change the senses, which stay those of the log.
 
+The cycle runs compiled where the code of the tick is in the cache, with the same bits.
+
 Requests of people are not logged. Where the log's safety machine reached a mode that only a request
 leads to, the replay gives the cycle that request and reports it.
 """
 
+import ctypes
 import os
+import struct
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.compilation.tick_source import tick_source
 from rig.kinds import registry
 from rig.processes.run_types import RecordedTask
-from rig.realtime import cycle, safety
+from rig.realtime import cycle, safety, tick_memory
+from rig.realtime.compiled_tick import is_complete, load_at_once
+from rig.realtime.tick import CompiledTick, InterpretedTick, Tick
 from rig.recording import row_layout
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.mcap_file import Records, row_dtype
@@ -39,6 +46,7 @@ class _ReplayTarget(NamedTuple):
     """A recorded task, and the fields of its rows that are inputs of the cycle."""
 
     task: RecordedTask
+    tick: str  # package of the kind's tick
     sense: Any  # NamedTuple type of the sense
     row_prefixes: dict[str, str]  # by field of the sense
 
@@ -86,6 +94,7 @@ class ReplayReport(NamedTuple):
     absent: tuple[str, ...]  # fields of today's rows that the run does not have
     finished: bool  # False: the logger did not end the record; lost last rows are not compared
     notice: str = ""  # how the law of today differs from that of the run; empty: it does not
+    compiled: bool = False  # whether the cycle ran compiled
 
     @property
     def identical(self) -> bool:
@@ -94,11 +103,15 @@ class ReplayReport(NamedTuple):
 
 
 def replay(
-    run: str | os.PathLike[str], on_progress: ProgressCallback = lambda ticks: None
+    run: str | os.PathLike[str],
+    on_progress: ProgressCallback = lambda ticks: None,
+    *,
+    interpreted: bool = False,
 ) -> ReplayReport:
     """Replay every tick of a run with today's cycle and return the comparison.
 
-    ``on_progress`` is called with the number of ticks replayed so far. Raises RunError for a run
+    ``on_progress`` is called with the number of ticks replayed so far. ``interpreted``: do not use
+    compiled code. Raises RunError for a run
     that cannot be replayed: its configuration is not valid today, it has no tick or not the first
     one, ticks are missing from the log, or a sense was not logged.
     """
@@ -115,7 +128,8 @@ def replay(
         raise RunError(f"{run_facts.run}: it did not log {', '.join(absent_senses)}")
     today = row_layout.leaves(target.task.kind.row_type)
     compared = [leaf for leaf in today if leaf.name in names and not target.is_input(leaf.name)]
-    comparison, cycle_replay = _Comparison(compared), _CycleReplay(target, run_facts.run)
+    comparison = _Comparison(compared)
+    cycle_replay = _CycleReplay(target, run_facts.run, interpreted=interpreted)
     done = 0
     for block in reader.blocks(source):
         comparison.add(block, cycle_replay.replay_block(block))
@@ -135,30 +149,75 @@ def replay(
         absent,
         finished,
         target.task.notice,
+        cycle_replay.compiled,
     )
+
+
+class _Rows:
+    """The rows of a block of ticks, as a `rig.realtime.tick.RowSink`."""
+
+    def __init__(self, row_type: Any) -> None:
+        self._pack = row_layout.packer(row_type)
+        self._dtype = row_dtype(row_layout.leaves(row_type))
+
+    def begin(self, rows: int) -> None:
+        """Take the rows of a new block."""
+        self._packed, self._end = bytearray(self._dtype.itemsize * rows), 0
+
+    def put(self, row: Any) -> None:
+        self._pack(self._packed, self._end, row)
+        self.publish()
+
+    def reserve(self, max_rows: int = 1) -> tuple[int, int]:
+        place = ctypes.c_char.from_buffer(self._packed, self._end)
+        return ctypes.addressof(place), 1
+
+    def publish(self, count: int = 1) -> None:
+        self._end += count * self._dtype.itemsize
+
+    def finish(self) -> None:
+        """Do nothing: blocks end with their last row."""
+
+    def records(self) -> Records:
+        """Return the rows of the block."""
+        return np.frombuffer(self._packed, self._dtype)
+
+
+def _compiled_tick(target: _ReplayTarget, rows: _Rows) -> CompiledTick | None:
+    """Return the compiled tick; None if there is no code of it that can be used here."""
+    task = target.task
+    try:
+        folder = tick_source(target.tick, task.law, task.params, task.dt, task.kind).folder
+        if not is_complete(folder):
+            return None
+        state = cycle.start(task.kind, task.params, 0)
+        memory = tick_memory.of_kind(task.kind, task.params, state, task.dt)
+        code = load_at_once(folder, memory)
+    except (OSError, TypeError, ValueError, struct.error):
+        return None
+    return CompiledTick(memory, code, task.dt, rows, state.safety.mode)
 
 
 class _CycleReplay:
     """The cycle and its state, stepped through blocks of logged ticks."""
 
-    def __init__(self, target: _ReplayTarget, run: str) -> None:
-        self._params, self._dt, self._run = target.task.params, target.task.dt, run
-        self._step = cycle.make(target.task.kind)
-        self._state = cycle.start(target.task.kind, target.task.params, 0)
+    def __init__(self, target: _ReplayTarget, run: str, *, interpreted: bool) -> None:
+        task, self._run = target.task, run
+        self._rows = _Rows(task.kind.row_type)
+        found = None if interpreted else _compiled_tick(target, self._rows)
+        self.compiled = found is not None
+        self._tick: Tick = found or InterpretedTick(task.kind, task.params, task.dt, self._rows)
         self._fields = target.sense_fields()
         self._sense = target.sense
         kinds: list[Any] = list(target.sense.__annotations__.values())
         self._parts = [(kind, len(kind._fields)) for kind in kinds]
-        self._pack = row_layout.packer(target.task.kind.row_type)
-        self._dtype = row_dtype(row_layout.leaves(target.task.kind.row_type))
         self._next = self._skipped = 0
         self.requests: list[Request] = []
 
     def replay_block(self, block: Records) -> Records:
         """Return the rows that today's cycle gives for these ticks."""
-        size = self._dtype.itemsize
-        packed = bytearray(size * len(block))
-        for i, (tick, timing, sense, logged) in enumerate(self._read_inputs(block)):
+        self._rows.begin(len(block))
+        for tick, timing, sense, logged in self._read_inputs(block):
             skipped = timing.skipped - self._skipped
             if tick != self._next + skipped:
                 raise RunError(
@@ -166,32 +225,28 @@ class _CycleReplay:
                     "be replayed"
                 )
             self._next, self._skipped = tick + 1, timing.skipped
-            self._pack(
-                packed, i * size, self._replay_tick(tick, timing, sense, logged, 1 + skipped)
-            )
-        return np.frombuffer(packed, self._dtype)
+            self._replay_tick(tick, timing, sense, logged, 1 + skipped)
+        return self._rows.records()
 
     def _replay_tick(
         self, tick: int, timing: cycle.Timing, sense: Any, logged: tuple[int, int], periods: int
-    ) -> Any:
-        """Return one row. Where only a request explains the logged mode and reason, apply it."""
+    ) -> None:
+        """Add one row. Where only a request explains the logged mode and reason, apply it."""
+        before = self._tick.save()
 
-        def step(request: int) -> tuple[cycle.State, Any]:
-            state, _, row = self._step(
-                self._params, self._state, sense, request, tick, timing, periods, self._dt
-            )
-            return state, row
+        def explains(request: int) -> bool:
+            self._tick.restore(before)
+            self._tick.step(sense, request, tick, timing, periods)
+            return (self._tick.mode, self._tick.reason) == logged
 
-        state, row = step(safety.REQUEST_NONE)
-        if (row.safety.mode, row.safety.reason) != logged:
+        if not explains(safety.REQUEST_NONE):
             for name, request in _REQUEST_CODES.items():
-                requested_state, requested_row = step(request)
-                if (requested_row.safety.mode, requested_row.safety.reason) == logged:
+                if explains(request):
                     self.requests.append(Request(tick, name))
-                    state, row = requested_state, requested_row
                     break
-        self._state = state
-        return row
+            else:
+                explains(safety.REQUEST_NONE)
+        self._tick.log()
 
     def _read_inputs(
         self, block: Records
@@ -263,4 +318,5 @@ def _load_target(run_facts: RunInfo) -> _ReplayTarget:
     tick = kind.room("tick")
     sense = tick.Sense if task.sense is None else task.sense
     renamed = tick.SENSE_IN_ROW if task.sense_in_row is None else task.sense_in_row
-    return _ReplayTarget(task, sense, {name: renamed.get(name, name) for name in sense._fields})
+    prefixes = {name: renamed.get(name, name) for name in sense._fields}
+    return _ReplayTarget(task, tick.__name__, sense, prefixes)

@@ -34,6 +34,7 @@ class RecordedTask(NamedTuple):
     notice: str = ""  # how the law of today differs from that of the run; empty: it does not
     sense: Any = None  # type of the sense where it depends on the rig file; None: the tick's own
     sense_in_row: dict[str, str] | None = None  # its fields that have another name in a row
+    law: str = ""  # as of `Task`
 
 
 class ExecutionMode(NamedTuple):

@@ -60,6 +60,14 @@ class Tick(Protocol):
         """Hand over the row of the last step, whose command has been sent."""
         ...
 
+    def save(self) -> Any:
+        """Return the state after the last step, for `restore`."""
+        ...
+
+    def restore(self, saved: Any) -> None:
+        """Return to a saved state, as before the steps since."""
+        ...
+
 
 class InterpretedTick:
     """The cycle as it stands."""
@@ -85,6 +93,12 @@ class InterpretedTick:
     def log(self) -> None:
         self._rows.put(self._row)
 
+    def save(self) -> cycle.State:
+        return self.state
+
+    def restore(self, saved: cycle.State) -> None:
+        self.state = saved
+
 
 class CompiledTick:
     """The same cycle compiled; it works on a `TickMemory` and writes rows in their place."""
@@ -95,6 +109,8 @@ class CompiledTick:
         """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step."""
         self._memory, self._code, self._dt, self._rows = memory, code, dt, rows
         self._mode = mode
+        self._reason = memory.number("state", "safety", "reason")
+        self._state = memory.bytes_of("state")
 
     @property
     def mode(self) -> int:
@@ -102,8 +118,7 @@ class CompiledTick:
 
     @property
     def reason(self) -> int:
-        state: cycle.State = self._memory.state()
-        return state.safety.reason
+        return int(self._reason[0])
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
         memory = self._memory
@@ -115,6 +130,12 @@ class CompiledTick:
 
     def log(self) -> None:
         self._rows.publish()
+
+    def save(self) -> bytes:
+        return self._state.tobytes()
+
+    def restore(self, saved: bytes) -> None:
+        self._state[:] = saved
 
 
 class Changeover:

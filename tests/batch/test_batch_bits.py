@@ -368,6 +368,7 @@ def run_in_tree(tree: Path, *arguments: str, **environment: str) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_edited_law_is_recompiled_and_no_index_leaves_its_table(tmp_path: Path) -> None:
     """One compilation tests both: the edited law, with numba's bounds checking on.
 

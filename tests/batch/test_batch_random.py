@@ -13,7 +13,8 @@ from rehearsing import CONFIGS, write_campaign, write_yaml
 from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.rehearsal.job import MATCHING_KEYS
 
-SEEDS = range(6)
+# One seed in every run of the tests; the others are long.
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 6))]
 COUPLED = {"supply_resistance", "capacitance"}  # their product has a lower bound
 EXCLUDED = set(MATCHING_KEYS.values()) | {
     ("stator", "start", "value")

@@ -66,7 +66,7 @@ def test_changed_law_of_the_bench_is_detected(
         return motor._replace(velocity=motor.velocity + error), shaft
 
     monkeypatch.setattr(recorded, "KIND", recorded.KIND._replace(observe=observe))
-    code, out, _ = rig_here("replay", record("bench_velocity"), "--json")
+    code, out, _ = rig_here("replay", record("bench_velocity"), "--interpreted", "--json")
     assert code == 1
     first = json.loads(out)["differences"][0]
     assert (first["field"], first["first"]) == ("motor.velocity", 900)

@@ -93,7 +93,7 @@ def test_one_changed_bit_of_one_tick_is_detected(
         return heave, surge
 
     monkeypatch.setattr(recorded, "KIND", recorded.KIND._replace(observe=observe))
-    code, out, _ = rig_here("replay", record(kind), "--json")
+    code, out, _ = rig_here("replay", record(kind), "--interpreted", "--json")
     assert code == 1
     result = json.loads(out)
     assert result["same"] is False
@@ -101,5 +101,5 @@ def test_one_changed_bit_of_one_tick_is_detected(
     assert (first["field"], first["first"]) == ("heave.estimate.velocity", 700)
     assert 0.0 < first["largest"] < 1e-15  # m/s
     tick = iter(range(10_000))
-    code, out, _ = rig_here("replay", record(kind))
+    code, out, _ = rig_here("replay", record(kind), "--interpreted")
     assert out.startswith("first difference in tick 700: heave.estimate.velocity was ")

@@ -18,6 +18,7 @@ from rig.execution import replay as replays
 from rig.execution.replay import replay
 from rig.kinds.wavebot import recorded
 from rig.processes.run_types import Snapshot
+from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import RunError
 
 POINT = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
@@ -65,7 +66,11 @@ def rehearse_kind(folder: Path, kind: str, on_snapshot: Any = None) -> Path:
 
 @pytest.fixture(scope="module")
 def regular(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return rehearse_kind(tmp_path_factory.mktemp("golden"), "regular")
+    """Return a run whose ticks have compiled code in the cache."""
+    folder = tmp_path_factory.mktemp("golden")
+    run = rehearse_kind(folder, "regular")
+    assert rig_here("compile", folder / "campaign.yaml")[0] == 0
+    return run
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "regular"])
@@ -74,6 +79,31 @@ def test_run_of_each_kind_is_reproduced(kind: str, tmp_path: Path) -> None:
     assert report.differences == ()
     assert report.ticks > 10_000
     assert report.requests == ()
+
+
+def test_both_executions_replay_a_run_and_find_the_same_differences(
+    regular: Path, tmp_path: Path
+) -> None:
+    changed = copy_with_gains(regular, tmp_path, kp_n_s_per_m=-2000.5)
+    for run in (regular, changed):
+        compiled, interpreted = replay(run), replay(run, interpreted=True)
+        assert (compiled.compiled, interpreted.compiled) == (True, False)
+        assert compiled._replace(compiled=False) == interpreted
+        assert compiled.identical is (run == regular)
+
+
+def test_code_that_cannot_be_used_is_replaced_by_the_interpreted_cycle(
+    regular: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = regular.parents[1] / "campaign.yaml"
+    code = Path(json.loads(rig_here("compile", campaign, "--json")[1])["tick"])
+    place = tmp_path / "wec-rig" / code.name
+    place.mkdir(parents=True)
+    for name in FILES:
+        (place / name).write_bytes(b"no code")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    report = replay(regular)
+    assert (report.compiled, report.identical) == (False, True)
 
 
 def test_changed_reference_file_is_reported(tmp_path: Path) -> None:
@@ -159,7 +189,8 @@ def test_operator_stop_is_replayed(execution: str, tmp_path: Path) -> None:
     path = write_campaign(tmp_path, **QUICK | {"start": {"set_point_s": 1, "lead_in_s": 3000}})
     if execution == "compiled":
         compile_wavebot()
-    report = replay(Execution(execution).rehearse(path, tmp_path / "runs", stop).folder)
+    run = Execution(execution).rehearse(path, tmp_path / "runs", stop).folder
+    report = replay(run, interpreted=execution == "interpreted")
     assert report.identical
     assert [request.name for request in report.requests] == ["STOP"]
 

@@ -12,6 +12,7 @@ MIN_COVERED = 9
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_sessions_recover_the_constants_of_hidden_benches() -> None:
     """Gap, soft zone, stiffness, both constants, losses, brake; the `coverage` benchmark has 200
     benches.

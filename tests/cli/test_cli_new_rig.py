@@ -340,7 +340,8 @@ def test_volume_of_a_wamit_file_gives_the_mass(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dof", [pytest.param("Heave", marks=pytest.mark.long), "Pitch"])
+@pytest.mark.long  # a whole campaign: 1.8 million ticks
+@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
 def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path) -> None:
     """The coefficients are those of a real body: `write_bem` has none that can be simulated."""
     assert new(tmp_path, "--bem", CYLINDER, "--dof", dof).returncode == 0

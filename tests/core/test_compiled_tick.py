@@ -18,7 +18,6 @@ import golden_bench
 import pytest
 from golden_runs import KINDS, record
 
-from rig import laws
 from rig.compilation.cache_folder import code_folder
 from rig.compilation.tick_code import CompilationError, compile_tick
 from rig.compilation.tick_source import TickSource, dependencies, tick_source
@@ -36,7 +35,6 @@ from rig.realtime.tick import Changeover, InterpretedTick
 from rig.recording import ring
 from rig.recording.runs import reader, run_info
 
-WAVEBOT, BENCH = "rig.kinds.wavebot.tick", "rig.kinds.oswec_bench.tick"
 TICKS_OF_LOADING = 100  # more than a changeover takes
 UNDISTURBED_TICKS = {"cots": 300, "bench_instantaneous": 1900, "bench_flap": 1900}  # rows move then
 Inputs = tuple[Any, int, int, cycle.Timing, int]  # of `Tick.step`
@@ -59,15 +57,13 @@ def recorded(kind: str) -> Recorded:
     source = reader.open_files(record(kind))
     target = replay._load_target(run_info(record(kind), source.contents))
     task = target.task
-    cycle_replay = replay._CycleReplay(target, kind)
+    cycle_replay = replay._CycleReplay(target, kind, interpreted=True)
     inputs = tuple(
         (sense, 0, tick, timing, 1)
         for block in reader.blocks(source)
         for tick, timing, sense, _ in cycle_replay._read_inputs(block)
     )
-    on_bench = kind in golden_bench.MIN_MOTION
-    tick, law = (BENCH, "") if on_bench else (WAVEBOT, laws.to_request(laws.own("impedance")))
-    return Recorded(tick, law, task.kind, task.params, task.dt, inputs)
+    return Recorded(target.tick, task.law, task.kind, task.params, task.dt, inputs)
 
 
 def source_of(run: Recorded) -> TickSource:

@@ -23,7 +23,7 @@ from rig.recording.runs.create import BusyError
 pytestmark = pytest.mark.realtime
 
 SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
-VIRTUAL, REAL = 16, 6  # kills; 300 of them: python -m benchmarks crash
+KILLS = 5  # in each of the parts on the virtual clock; 300 of them: python -m benchmarks crash
 
 
 def check_outcomes(fates: list[KillOutcome], kills: int) -> None:
@@ -37,17 +37,20 @@ def check_outcomes(fates: list[KillOutcome], kills: int) -> None:
             assert fate.rows_lost == 0
 
 
-def test_kills_on_the_virtual_clock(tmp_path: Path) -> None:
-    todo = draw_kills(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR, *PAIRS), 1.5)
-    check_outcomes(run_kills(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
+@pytest.mark.long
+@pytest.mark.parametrize("part", range(5))
+def test_kills_on_the_virtual_clock(part: int, tmp_path: Path) -> None:
+    dice = random.Random(f"{SEED} {part}")
+    todo = draw_kills(dice, KILLS, ("loop", "logger", SUPERVISOR, *PAIRS), 1.5)
+    check_outcomes(run_kills(tmp_path, todo, real_clock=False, workers=2), KILLS)
 
 
-def test_kills_on_the_real_clock(tmp_path: Path) -> None:
-    dice = random.Random(SEED + 1)
-    whom = ["loop", "logger", SUPERVISOR, *PAIRS, "all"]
-    todo = [draw_kills(dice, 1, (who,), 1.5)[0]._replace(starting=False) for who in whom]
-    dice.shuffle(todo)
-    check_outcomes(run_kills(tmp_path, todo, real_clock=True, workers=1), REAL)
+@pytest.mark.long
+@pytest.mark.parametrize("who", ["loop", "logger", SUPERVISOR, *PAIRS, "all"])
+def test_kills_on_the_real_clock(who: str, tmp_path: Path) -> None:
+    (kill,) = draw_kills(random.Random(SEED + 1), 1, (who,), 1.5)
+    kill = kill._replace(starting=False)
+    check_outcomes(run_kills(tmp_path, [kill], real_clock=True, workers=1), 1)
 
 
 def test_a_stopping_loop_keeps_the_real_time_lock(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from rig.kinds.oswec_bench.tasks import execution_task, rehearsal_mode, wired_mo
 from rig.processes.run_types import ExecutionMode
 from rig.recording.runs import open_run
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.long(group="bench on wires")]  # a minute
 
 SHARE = 0.05  # of deflection and amplitude difference
 PHASE = 0.03  # % of the period

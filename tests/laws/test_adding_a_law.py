@@ -170,11 +170,13 @@ def test_hil_runs_the_law(example: Path) -> None:
     wired = CONFIGS / "rigs" / "wavebot_hil.yaml"
     if not wired.exists():
         pytest.skip("no wired rig is shipped")
+    two_rows = example.with_name("two_rows.yaml")
+    two_rows.write_text(example.read_text().replace("[0, 5000, 10000]", "5000"))
     runs = example.parent / "hil"
-    code, out, err = rig_here("run", example, "--rig", wired, "--sim", "--runs", runs, "--json")
+    code, out, err = rig_here("run", two_rows, "--rig", wired, "--sim", "--runs", runs, "--json")
     assert code == 0, out + err
     (run,) = runs.iterdir()
-    assert row_table(run)["state"].values.tolist() == ["complete"] * 6
+    assert row_table(run)["state"].values.tolist() == ["complete"] * 2
 
 
 def test_matrix_from_csv_has_the_columns_of_the_law(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_motion_and_power_of_a_linear_plant(
     a tick leave some 1e-5, the remains of the start less than 1e-3.
     """
     model = build()
-    position, power, _ = motion_in_waves(model, frequency, off, settle=160.0)
+    position, power, _ = motion_in_waves(model, frequency, off, settle=160.0, dt=2.0 * DT)
     expected, expected_power = closed_form(model, frequency)
     assert np.abs(position - expected).max() < 2e-3 * np.abs(expected).max()
     np.testing.assert_allclose(np.abs(position), np.abs(expected), rtol=5e-3)

@@ -123,16 +123,16 @@ def test_only_the_simulated_basin_knows_the_undisturbed_elevation(pair: Pair) ->
 @pytest.mark.parametrize(
     ("device", "fault", "reasons"),
     [
-        ("heave", "powered_off", {"STALE_ENCODER"}),
+        pytest.param("heave", "powered_off", {"STALE_ENCODER"}, marks=pytest.mark.long),
         ("pitch", "powered_off", {"PITCH_STALE_ENCODER"}),
         # Its three sensors have one age and one limit: the first one in the file is named.
-        ("meter", "silent", {"DC_POWER_STALE"}),
+        pytest.param("meter", "silent", {"DC_POWER_STALE"}, marks=pytest.mark.long),
         # Values with an unchanged count are not new.
         ("meter", "frozen_values", {"DC_POWER_STALE"}),
         ("network cell", "disconnect", {"PITCH_TORQUE_STALE"}),
-        ("inputs", "silent", {"STALE_PANEL"}),
+        pytest.param("inputs", "silent", {"STALE_PANEL"}, marks=pytest.mark.long),
         ("inputs", "e_stop_on", {"EMERGENCY_STOP"}),
-        ("inputs", "limit_switch_on", {"LIMIT_SWITCH"}),
+        pytest.param("inputs", "limit_switch_on", {"LIMIT_SWITCH"}, marks=pytest.mark.long),
     ],
 )
 def test_a_lost_device_stops_the_rig_with_its_reason(

@@ -23,8 +23,12 @@ from rig.recording.runs.mcap_records import RECORD
 from rig.recording.runs.recover import recover
 
 NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
-ROWS, PER_CHUNK, CASES = 60, 6, 100
+ROWS, PER_CHUNK, CASES = 60, 6, 20
 FINISHED, KILLED = "run.mcap", "run.mcap.part0"
+# Each part has other random cases. One is in every run of the tests; the others are long.
+parts = pytest.mark.parametrize(
+    "part", [0, *(pytest.param(part, marks=pytest.mark.long) for part in range(1, 5))]
+)
 
 
 def rows() -> Any:
@@ -144,10 +148,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("good")
 
 
+@parts
 @pytest.mark.parametrize("name", [FINISHED, KILLED])
-def test_a_flipped_bit_costs_its_chunk_at_most(name: str, folder: Path, tmp_path: Path) -> None:
+def test_a_flipped_bit_costs_its_chunk_at_most(
+    name: str, part: int, folder: Path, tmp_path: Path
+) -> None:
     data, spans = good(folder, name)
-    dice = random.Random(f"flips {name}")
+    dice = random.Random(f"flips {name} {part}")
     for number, at in enumerate(places(data, dice)):
         changed = bytearray(data)
         changed[at] ^= 1 << dice.randrange(8)
@@ -157,22 +164,23 @@ def test_a_flipped_bit_costs_its_chunk_at_most(name: str, folder: Path, tmp_path
         )
 
 
-@pytest.mark.parametrize("first", [36, 33])  # tick of the second part: without and with overlap
-def test_a_flipped_bit_in_one_of_two_parts_costs_its_chunk_at_most(
-    first: int, tmp_path: Path
+@parts
+@pytest.mark.parametrize("first", [36, 33])  # tick of the second file: without and with overlap
+def test_a_flipped_bit_in_one_of_two_files_costs_its_chunk_at_most(
+    first: int, part: int, tmp_path: Path
 ) -> None:
     """A flip in the times of a chunk's head, which have no check sum, costs no row."""
-    data, dice = rows(), random.Random(first)
-    parts = [tmp_path / f"{FINISHED}.part{number}" for number in (0, 1)]
-    for path, some in zip(parts, (data[:36], data[first:]), strict=True):
+    data, dice = rows(), random.Random(f"{first} {part}")
+    paths = [tmp_path / f"{FINISHED}.part{number}" for number in (0, 1)]
+    for path, some in zip(paths, (data[:36], data[first:]), strict=True):
         files.write(path, some, PER_CHUNK, finish=False)
     status = {"status": "complete", "ticks": ROWS, "last_tick": ROWS - 1, "skipped": 0}
     (tmp_path / "run.json").write_text(json.dumps(status))
-    undamaged = [path.read_bytes() for path in parts]
+    undamaged = [path.read_bytes() for path in paths]
     chunks = [
         (number, begin, end)
-        for number, part in enumerate(undamaged)
-        for opcode, begin, end in records(part)
+        for number, content in enumerate(undamaged)
+        for opcode, begin, end in records(content)
         if opcode == Opcode.CHUNK
     ]
     for case in range(CASES // 2):
@@ -181,31 +189,36 @@ def test_a_flipped_bit_in_one_of_two_parts_costs_its_chunk_at_most(
         times = folder_path < RECORD.size + 16
         changed = bytearray(undamaged[number])
         changed[begin + folder_path] ^= 1 << dice.randrange(8)
-        parts[number].write_bytes(changed)
-        where = f"case {case}: byte {begin + folder_path} of part {number}"
+        paths[number].write_bytes(changed)
+        where = f"case {case}: byte {begin + folder_path} of file {number}"
         found, report = read(tmp_path)
         check_rows(found, range(ROWS) if times else (), where)
         lost = ROWS - len(found)
         assert lost <= PER_CHUNK, where
         assert (f"{lost} of {ROWS} ticks missing" in report["record"]) == (lost > 0), where
-        joined = join(parts, tmp_path / "joined.mcap")
+        joined = join(paths, tmp_path / "joined.mcap")
         assert (joined.rows, bool(joined.damage)) == (ROWS - lost, bool(lost)), where
         joined.path.unlink()
-        parts[number].write_bytes(undamaged[number])
+        paths[number].write_bytes(undamaged[number])
 
 
+@parts
 @pytest.mark.parametrize("name", [FINISHED, KILLED])
-def test_a_cut_costs_only_the_rows_after_it(name: str, folder: Path, tmp_path: Path) -> None:
+def test_a_cut_costs_only_the_rows_after_it(
+    name: str, part: int, folder: Path, tmp_path: Path
+) -> None:
     data, spans = good(folder, name)
-    for number, length in enumerate(random.Random(name).sample(range(len(data)), CASES)):
+    dice = random.Random(f"{name} {part}")
+    for number, length in enumerate(dice.sample(range(len(data)), CASES)):
         expected = of_chunks(spans, [end <= length for _, end in spans])
         check_damaged(tmp_path / str(number), name, data[:length], expected, f"cut at {length}")
 
 
-def test_a_hole_costs_only_the_chunks_it_touches(folder: Path, tmp_path: Path) -> None:
+@parts
+def test_a_hole_costs_only_the_chunks_it_touches(part: int, folder: Path, tmp_path: Path) -> None:
     """Bytes are missing in the middle, so that lengths lead past the next record."""
     data, spans = good(folder, FINISHED)
-    dice = random.Random(5)
+    dice = random.Random(f"holes {part}")
     for number in range(CASES // 2):
         begin = dice.randrange(spans[0][0], len(data) - 100)
         end = begin + dice.randrange(1, 3000)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_here import rig
 from rehearsing import CONFIGS, load_rows, rehearse, write_campaign
-from rig_command import rig
 
 from rig.analysis.rows import row_table
 from rig.cli.output import BAD_INPUT, FAULT, OK

@@ -417,6 +417,7 @@ def test_two_rehearsals_at_once_get_their_own_folders(
     assert len(list(runs.glob("*/run.mcap"))) == 2
 
 
+@pytest.mark.realtime
 def test_only_one_run_may_use_the_real_clock(tmp_path: Path) -> None:
     campaign = write_repeated_row(tmp_path, 1)
     with acquire((REALTIME_WIRE,), "campaign another"):

@@ -16,7 +16,8 @@ def recorded_task(run: RunInfo) -> RecordedTask:
     """
     campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
     plan = build_plan(campaign)
-    composed = compose(campaign_composition(campaign))
+    composition = campaign_composition(campaign)
+    composed = compose(composition)
     return RecordedTask(
         composed.KIND,
         campaign_params(campaign, plan),
@@ -24,4 +25,5 @@ def recorded_task(run: RunInfo) -> RecordedTask:
         law_notice(CAMPAIGNS, run.config),
         composed.Sense,
         {axis: f"{axis}.sense" for axis in campaign.rig.axes},
+        composition.to_text(),
     )

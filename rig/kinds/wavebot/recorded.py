@@ -1,5 +1,6 @@
 """The task of a recorded campaign."""
 
+from rig import laws
 from rig.campaign import build_plan
 from rig.campaign.record import campaign_from_record, law_notice
 from rig.kinds.wavebot.build import wavebot_params
@@ -18,4 +19,10 @@ def recorded_task(run: RunInfo) -> RecordedTask:
     file, plan = campaign.file, build_plan(campaign)
     params = wavebot_params(campaign, plan.segments, plan.setpoints)
     kind = KIND if file.zc_law is not None else kind_with_law(file.heave_law.module)
-    return RecordedTask(kind, params, plan.dt, law_notice(CAMPAIGNS, run.config))
+    return RecordedTask(
+        kind,
+        params,
+        plan.dt,
+        law_notice(CAMPAIGNS, run.config),
+        law=laws.to_request(file.heave_law),
+    )

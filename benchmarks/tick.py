@@ -52,8 +52,7 @@ class CompiledBlocks:
         memory.set_state(recorded.state)
         for i, (sense, row) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
             tick = recorded.first + i
-            memory.set_header(0, tick, _NO_TIMING, 1, recorded.dt, self._address)
-            memory.set_sense(sense)
+            memory.set_inputs(0, tick, _NO_TIMING, 1, recorded.dt, self._address, sense)
             self._code()
             pack(expected, 0, row)
             found += expected != self._row
@@ -65,8 +64,7 @@ class CompiledBlocks:
         memory.set_state(recorded.state)
         began = process_time_ns()
         for tick, sense in enumerate(recorded.senses, recorded.first):
-            memory.set_header(0, tick, _NO_TIMING, 1, recorded.dt, self._address)
-            memory.set_sense(sense)
+            memory.set_inputs(0, tick, _NO_TIMING, 1, recorded.dt, self._address, sense)
             code()
             memory.command()
         return (process_time_ns() - began) / 1e3 / len(recorded.senses)
@@ -78,8 +76,7 @@ class CompiledBlocks:
         found = {}
         for name, part, arguments in (
             ("call and work", self._code, ()),
-            ("header in", memory.set_header, (0, 1, _NO_TIMING, 1, dt, self._address)),
-            ("readings in", memory.set_sense, (sense,)),
+            ("inputs in", memory.set_inputs, (0, 1, _NO_TIMING, 1, dt, self._address, sense)),
             ("command out", memory.command, ()),
         ):
             began = process_time_ns()

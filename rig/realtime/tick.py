@@ -107,8 +107,9 @@ class CompiledTick:
         self, memory: tick_memory.TickMemory, code: Any, dt: float, rows: RowSink, mode: int
     ) -> None:
         """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step."""
-        self._memory, self._code, self._dt, self._rows = memory, code, dt, rows
-        self._mode = mode
+        self._code, self._dt, self._mode = code, dt, mode
+        self._set_inputs, self._command = memory.set_inputs, memory.command
+        self._reserve, self.log = rows.reserve, rows.publish
         self._reason = memory.number("state", "safety", "reason")
         self._state = memory.bytes_of("state")
 
@@ -121,15 +122,10 @@ class CompiledTick:
         return int(self._reason[0])
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
-        memory = self._memory
-        row, _ = self._rows.reserve()
-        memory.set_header(request, tick, timing, periods, self._dt, row)
-        memory.set_sense(sense)
+        row, _ = self._reserve()
+        self._set_inputs(request, tick, timing, periods, self._dt, row, sense)
         self._mode = self._code()
-        return memory.command()
-
-    def log(self) -> None:
-        self._rows.publish()
+        return self._command()
 
     def save(self) -> bytes:
         return self._state.tobytes()

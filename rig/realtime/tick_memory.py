@@ -11,7 +11,7 @@ import struct
 import sys
 from array import array
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, Any, NamedTuple, Protocol, get_args, get_origin, get_type_hints
 
 from rig.realtime import cycle
@@ -117,31 +117,26 @@ class TickMemory(FlatMemory):
     def __init__(self, params: Any, state: Any, sense: Any, command: Any, dt: float) -> None:
         """Store parameters and state; ``sense`` and ``command`` are examples, ``dt`` is in s."""
         super().__init__(
-            header=TickHeader(dt=dt), params=params, state=state, sense=sense, command=command
+            header=TickHeader(dt=dt), sense=sense, params=params, state=state, command=command
         )
-        self._pack_header, self._pack_sense = (
-            self.sections["header"].layout.pack_into,
-            packer(sense),
+        self.set_inputs = self._inputs_packer(sense)
+        """``set_inputs(request, tick, timing, periods, dt, row, sense)``: store the inputs of the
+        next tick, as of `TickHeader`, and its readings."""
+        _, at, layout = self.sections["command"]
+        build, unpack = builder(command), partial(layout.unpack_from, self.buffer, at)
+        self.command: Callable[[], Any] = lambda: build(unpack())
+        """``command()``: return the command of the last tick."""
+
+    def _inputs_packer(self, sense: Any) -> Callable[..., None]:
+        """Return one call that stores header and readings, which stand one after the other."""
+        layouts = (self.sections[name].layout.format for name in ("header", "sense"))
+        pack_into = struct.Struct("@" + "".join(layouts).replace("@", "")).pack_into
+        pack: Callable[..., None] = eval(
+            "lambda request, tick, timing, periods, dt, row, sense: pack_into("
+            f"buffer, 0, request, tick, *timing, periods, dt, row, {_spread(sense, 'sense')})",
+            {"__builtins__": {}, "pack_into": pack_into, "buffer": self.buffer},
         )
-        self._sense_at = self.sections["sense"].start
-        _, self._command_at, self._command_layout = self.sections["command"]
-        self._build_command = builder(command)
-
-    def set_header(
-        self,
-        request: int,
-        tick: int,
-        timing: cycle.Timing,
-        periods: int,
-        dt: float,
-        row: int,
-    ) -> None:
-        """Store the inputs of the next tick, as of `TickHeader`."""
-        self._pack_header(self.buffer, 0, request, tick, *timing, periods, dt, row)
-
-    def set_sense(self, sense: Any) -> None:
-        """Store the readings of the next tick."""
-        self._pack_sense(self.buffer, self._sense_at, sense)
+        return pack
 
     def set_state(self, state: Any) -> None:
         """Store the state before the next tick."""
@@ -150,10 +145,6 @@ class TickMemory(FlatMemory):
     def state(self) -> Any:
         """Return the state after the last tick."""
         return self.get("state")
-
-    def command(self) -> Any:
-        """Return the command of the last tick."""
-        return self._build_command(self._command_layout.unpack_from(self.buffer, self._command_at))
 
 
 def of_kind(kind: cycle.Kind, params: cycle.Params, state: cycle.State, dt: float) -> TickMemory:
@@ -186,8 +177,20 @@ def example(kind: Any) -> Any:
 def packer(tree: Any) -> Callable[[Any, int, Any], None]:
     """Return ``pack(buffer, at, tree)``, which stores the numbers of such trees at byte ``at``.
 
-    The code is generated as one call of `struct.Struct.pack_into`: unpacking sub-tuples costs a few
-    nanoseconds a number, while visiting the fields by name would cost as much as the cycle.
+    The code is generated as one call of `struct.Struct.pack_into`.
+    """
+    pack: Callable[[Any, int, Any], None] = eval(
+        f"lambda buffer, at, tree: pack_into(buffer, at, {_spread(tree, 'tree')})",
+        {"__builtins__": {}, "pack_into": _layout(tree).pack_into},
+    )
+    return pack
+
+
+def _spread(tree: Any, name: str) -> str:
+    """Return source text of the numbers of a tree in order, as arguments of a call.
+
+    Unpacking sub-tuples costs a few nanoseconds a number, while visiting the fields by name would
+    cost as much as the cycle.
     """
 
     def parts(part: Any, text: str) -> Iterator[str]:
@@ -198,15 +201,11 @@ def packer(tree: Any) -> Callable[[Any, int, Any], None]:
             here = f"{text}[{i}]"
             yield from parts(member, here) if isinstance(member, tuple) else [here]
 
-    source = f"lambda buffer, at, tree: pack_into(buffer, at, {', '.join(parts(tree, 'tree'))})"
-    pack: Callable[[Any, int, Any], None] = eval(
-        source, {"__builtins__": {}, "pack_into": _layout(tree).pack_into}
-    )
-    return pack
+    return ", ".join(parts(tree, name))
 
 
 def builder(tree: Any) -> Callable[[Any], Any]:
-    """Return ``build(numbers)``, which returns a tree of the same types; code as of `packer`."""
+    """Return ``build(numbers)``, which returns a tree of the same types, by generated code."""
     types: dict[str, Any] = {"new": tuple.__new__}
     at = iter(range(sys.maxsize))
 

@@ -11,9 +11,9 @@ _HEAD = """\
 
 Written by `make bench` (`python -m benchmarks`); not edited by hand. Medians, followed by the least
 and the greatest of all repetitions. "Other work" is the load by other processes during the
-measurement, in cores; "stolen" is the time that other virtual machines on the host took.
-"Normalised to the reference CPU" scales a figure to a core on which 100 NamedTuples take 20 us;
-the raw figure stands above it.
+measurement, in cores; "stolen" is the time that other virtual machines on the host took. Targets
+apply to ratios measured side by side in one run where the host's speed matters; the raw figures
+stand above them.
 """
 
 

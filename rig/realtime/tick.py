@@ -107,6 +107,7 @@ class CompiledTick:
         self, memory: tick_memory.TickMemory, code: Any, dt: float, rows: RowSink, mode: int
     ) -> None:
         """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step."""
+        self._memory = memory  # it owns the tables that the code reads
         self._code, self._dt, self._mode = code, dt, mode
         self._set_inputs, self._command = memory.set_inputs, memory.command
         self._reserve, self.log = rows.reserve, rows.publish

@@ -223,13 +223,13 @@ def test_numbers_are_rounded_for_people(value: float, expected: str) -> None:
 
 def fixed_result(short: bool) -> Result:
     figures = (figure("cost", "us", [1.0, 2.5], at_most=1.0), figure("loss", "rows", 0, at_most=0))
-    return Result("cycle", f"a thing, short: {short}", "2 blocks", figures, ("by hand",))
+    return Result("tick", f"a thing, short: {short}", "2 blocks", figures, ("by hand",))
 
 
 @pytest.fixture
 def run_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
     def run(measure: Callable[[bool], Result], *arguments: str) -> int:
-        monkeypatch.setattr(runner, "MEASUREMENTS", {"cycle": measure})
+        monkeypatch.setattr(runner, "MEASUREMENTS", {"tick": measure})
         monkeypatch.setattr(runner, "RESULTS", tmp_path)
         monkeypatch.setattr(sys, "argv", ["benchmarks", *arguments])
         return runner.main()
@@ -243,8 +243,8 @@ def test_a_result_is_printed_and_stored(
     assert run_with(fixed_result) == 0
     printed = capsys.readouterr().out
     assert "NO" in printed
-    assert "targets missed:\n  cycle: cost, 1.75 us" in printed
-    stored = json.loads((tmp_path / "cycle.json").read_text())
+    assert "targets missed:\n  tick: cost, 1.75 us" in printed
+    stored = json.loads((tmp_path / "tick.json").read_text())
     assert [Figure(**one).target_met for one in stored["figures"]] == [False, True]
     table = (tmp_path / "README.md").read_text()
     assert "| cost | 1.75 | 1 - 2.50 | us | <= 1 | NO |" in table
@@ -257,7 +257,7 @@ def test_a_short_run_stores_nothing(
     assert run_with(fixed_result, "--short", "--json") == 0
     document = json.loads(capsys.readouterr().out)
     assert document["short"] is True
-    assert document["results"]["cycle"]["description"] == "a thing, short: True"
+    assert document["results"]["tick"]["description"] == "a thing, short: True"
     assert list(tmp_path.iterdir()) == []
 
 

@@ -40,12 +40,12 @@ def simulate(campaign: AnyCampaign, plan: AnyPlan) -> tuple[SimulatedRows | None
         text = f"it lasts {plan.duration:.0f} s, simulated are up to {MAX_SECONDS:.0f} s"
         return None, f"{text}; rig sweep simulates its rows"
     try:
-        simulator = open_simulator(campaign, plan)
-        if not simulator.is_compiled():
+        loop = open_simulator(campaign, plan)
+        if not loop.is_compiled():
             return None, NOT_COMPILED
     except (ValueError, ArithmeticError) as error:
         return None, f"the rig cannot be simulated: {error}"
-    windows, period = simulator.simulate(plan), repeat_period(campaign.file.sea)
+    windows, period = loop.simulate(plan), repeat_period(campaign.file.sea)
     ticks, contents = period / plan.dt if period else None, row_contents(campaign)
     contents = contents._replace(columns=())  # the plan has the set points
     found = {window.row: reduce_window(window, ticks, contents) for window in windows}

@@ -10,10 +10,10 @@ from controllers.signals import DriveSettings
 from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
 from rig.kinds.wavebot.rehearsal import plant_coupling
-from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.rehearsal.plant_coupling import Device, Plant
 from rig.realtime.tick_memory import FlatMemory
 from sim_plant import custom_drive
+from sim_plant.sensors import SensorParams
 from sim_plant.world import Conditions, World
 
 PLANT_CODE = PlantCode(
@@ -26,12 +26,18 @@ PLANT_CODE = PlantCode(
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
-def couple(now: Conditions, settings: DriveSettings = _NO_SETTINGS) -> tuple[Plant, Device]:
+Noise = tuple[SensorParams, Column]
+"""Sensors and their table of noise, of `rig.kinds.wavebot.rehearsal.noise.interleaved`."""
+
+
+def couple(
+    now: Conditions, noise: Noise, settings: DriveSettings = _NO_SETTINGS
+) -> tuple[Plant, Device]:
     """Return constants and state of a world; ``settings`` are the last ones of its drive."""
     given = now.tables
     waves: Any = {name: Column(getattr(given, name)) for name in ("elevation", "heave", "surge")}
     tables = given._replace(**waves)
-    sensors, normals = interleaved(now.params.sensors, now.normals)
+    sensors, normals = noise
     plant = Plant(now.params._replace(sensors=sensors), tables, normals, now.delay)
     sea = now.waves
     return plant, Device(
@@ -43,10 +49,10 @@ def couple(now: Conditions, settings: DriveSettings = _NO_SETTINGS) -> tuple[Pla
 class CoupledWaveBot:
     """A world whose ticks run compiled; a `rig.realtime.coupled_ticks.Coupling`."""
 
-    def __init__(self, world: World, settings: DriveSettings | None) -> None:
+    def __init__(self, world: World, noise: Noise, settings: DriveSettings | None) -> None:
         """``settings``: the last ones that the world's drive got; None: it got none."""
         self._world = world
-        self.plant, self.device = couple(world.conditions(), settings or _NO_SETTINGS)
+        self.plant, self.device = couple(world.conditions(), noise, settings or _NO_SETTINGS)
 
     def attach(self, memory: FlatMemory) -> None:
         """Take the memory on which ticks work from now on."""

@@ -1,5 +1,6 @@
 """The simulated WaveBot behind the loop's device interface."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.coupled_plant import (
     PLANT_CODE,
     CoupledWaveBot,
+    Noise,
     plant_drive_settings,
 )
+from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.tick import Command, Sense
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
@@ -46,7 +49,12 @@ class WaveBotPlantDevices(CoupledDevices):
 
     def coupling(self) -> CoupledWaveBot:
         """Return the plant as it is between two ticks."""
-        return CoupledWaveBot(self._world, self._last_settings)
+        return CoupledWaveBot(self._world, self._noise, self._last_settings)
+
+    @cached_property
+    def _noise(self) -> Noise:
+        now = self._world.conditions()
+        return interleaved(now.params.sensors, now.normals)  # 16 MB
 
     def plant_code(self) -> PlantCode:
         return PLANT_CODE

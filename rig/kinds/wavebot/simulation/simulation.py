@@ -19,6 +19,7 @@ from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job, plant_coupling
 from rig.kinds.wavebot.rehearsal.coupled_plant import PLANT_CODE, couple, plant_drive_settings
 from rig.kinds.wavebot.rehearsal.devices import build_world
+from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.laws import Law, to_request
@@ -26,8 +27,7 @@ from rig.planning.reference import index_realisations, list_realisations
 from rig.realtime import cycle
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import REQUIRED_FIELDS
-from sim_plant import custom_drive, wavebot
-from sim_plant.parameters import Plant
+from sim_plant import wavebot
 
 _WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
           "wave.elevation")  # fmt: skip
@@ -55,12 +55,12 @@ class CampaignSimulator(LoopSimulator):
         devices = job.plant_settings(campaign)
         if sea is not None:
             devices["sea"] = sea
-        self._plant_file = Plant.model_validate(devices["plant"])
-        self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).conditions()
+        self._world = build_world(devices | {"compiled": False}, plan.dt)
+        self.begin = begin = self._world.conditions()
         self.params = wavebot_params(campaign, plan.segments, plan.setpoints)
         self._realisations = list_realisations(plan.setpoints.realisation)
-        self.plant, self._device = couple(begin)
-        self._sensors = self.plant.constants.sensors
+        noise = interleaved(begin.params.sensors, begin.normals)
+        self.plant, self._device = couple(begin, noise)
 
     def loop(self, plan: Plan, place: float | None) -> "_WaveBotLoop":
         """Return the loop at power-on; ``place`` is the stator's position then, %."""
@@ -84,12 +84,9 @@ class CampaignSimulator(LoopSimulator):
 
     def set_drive(self, settings: DriveSettings) -> plant_coupling.Plant:
         """Return the plant's constants for settings of the custom drive; ValueError if invalid."""
-        if self.plant.constants.electrics.custom == 0:
-            return self.plant
-        drive_settings = plant_drive_settings(settings)
-        custom_drive.check_settings(drive_settings)
-        constants = self._plant_file.build(drive_settings)._replace(sensors=self._sensors)
-        return self.plant._replace(constants=constants)
+        constants = self._world.configured(plant_drive_settings(settings))
+        sensors = self.plant.constants.sensors
+        return self.plant._replace(constants=constants._replace(sensors=sensors))
 
 
 class _WaveBotLoop(CoupledLoop):

@@ -100,11 +100,3 @@ def connect(config: dict[str, Any], dt: float) -> ModularPlantDevices:
         Composition.from_text(config["composition"]),
         [SensorScale(*each) for each in config["sensors"]],
     )
-
-
-def couple_devices(config: dict[str, Any], dt: float) -> ModularPlantDevices:
-    """Return devices whose ticks can be compiled together with those of the loop.
-
-    They are interpreted until then.
-    """
-    return connect(config | {"compiled": False}, dt)

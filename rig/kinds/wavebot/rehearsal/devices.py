@@ -97,13 +97,3 @@ def _hoist_profile(settings: dict[str, Any] | None) -> MotionProfile | None:
 def connect(config: dict[str, Any], dt: float) -> WaveBotPlantDevices:
     """Return the simulated devices for a configuration of `build_world`."""
     return WaveBotPlantDevices(build_world(config, dt), dt)
-
-
-def couple_devices(config: dict[str, Any], dt: float) -> WaveBotPlantDevices | None:
-    """Return devices whose ticks can be compiled together with those of the loop.
-
-    They are interpreted until then. None: a hoist or an empty basin is not compiled.
-    """
-    if config.get("hoist") is not None or config.get("device", "present") != "present":
-        return None
-    return connect(config | {"compiled": False}, dt)

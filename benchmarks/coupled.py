@@ -41,8 +41,7 @@ class _Drain:
 def execute(task: Task, mode: ExecutionMode, code: Path | None) -> Execution:
     """Run the loop of a rehearsal; without ``code`` it is interpreted, its plant is compiled."""
     module = importlib.import_module(mode.device_module)
-    connect = module.connect if code is None else module.couple_devices
-    devices: Any = connect(mode.devices, task.dt)
+    devices: Any = module.connect(mode.devices | {"compiled": code is None}, task.dt)
     fd = ring.create(task.kind.row_type)
     rows, drain = ring.RingWriter(fd, task.kind.row_type, wait=True), _Drain(fd)
     with garbage_collection_off():

@@ -144,23 +144,19 @@ class World:
         self._actuation = actuation
         self._fresh = 1
 
-    def configure(self, settings: DriveSettings) -> None:
-        """Change the settings of the custom drive at once; a commercial drive ignores them.
+    def configured(self, settings: DriveSettings) -> WaveBotParams:
+        """Return the constants with settings of the custom drive; a commercial one ignores them.
 
         Raises ValueError with the name of every setting out of range.
-        """
-        if self.params.electrics.custom != 0:
-            self.params = self._stepper.params = self.params_with(settings)
-
-    def params_with(self, settings: DriveSettings) -> WaveBotParams:
-        """Return the constants of the rig for settings of the custom drive.
-
-        Raises ValueError as `configure` does.
         """
         if self.params.electrics.custom == 0:
             return self.params
         custom_drive.check_settings(settings)
         return self._plant.build(settings)
+
+    def configure(self, settings: DriveSettings) -> None:
+        """Change the settings of the custom drive at once, as `configured` does."""
+        self._stepper.params = self.params = self.configured(settings)
 
     def prescribe(self, profile: MotionProfile) -> None:
         """Impose heave by a hoist: position and velocity over time since this call.

@@ -40,12 +40,13 @@ def command(
 
     planned = tasks.execution_task(report.checked, report.plan)
     mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-    jobs = {"tick": compile_job(planned), "rehearsal": compile_job(planned, mode)}
-    began, folders = time.monotonic(), {}
+    jobs = {"tick": compile_job(planned)}
+    if mode.coupled:
+        jobs["rehearsal"] = compile_job(planned, mode)
+    began, folders = time.monotonic(), dict[str, str | None](rehearsal=None)
     try:
         for name, job in jobs.items():
-            source = source_of(planned.tick, job)
-            folders[name] = str(compile_tick(source)) if source else None
+            folders[name] = str(compile_tick(source_of(planned.tick, job)))
     except (CompilationError, ValueError, OSError) as error:
         message = f"{path}: the tick cannot be compiled, so it runs interpreted: {error}"
         return fail("compile", CompilationError(message), as_json=as_json, code=FAILED)

@@ -44,8 +44,8 @@ def main(tick: Any, device_module: Any) -> None:
     """Run the job on standard input for the package of a kind's tick and the module of its devices.
 
     `find_kind` of the package returns the kind of rig for the job's law; its `LawError` refuses the
-    run. ``connect(config, dt)`` of the module returns the devices, and `couple_devices`, if it has
-    one, a simulated plant whose ticks can be compiled together with those of the loop.
+    run. ``connect(config, dt)`` of the module returns the devices. For a job that is `coupled` they
+    are `rig.emulation.in_process.CoupledDevices`, interpreted with "compiled": false.
     """
     ignore_terminal_signals()
     kind, job = _read_job(tick.find_kind, sys.stdin.read())
@@ -137,12 +137,11 @@ def _connect(
 
     Report code that is missing.
     """
-    if not job.code:
+    if not (job.code or job.coupled):
         return module.connect(job.devices, job.dt), None, None
     folder, devices = Path(job.code), None
-    if not job.real_clock and hasattr(module, "couple_devices"):
-        devices = module.couple_devices(job.devices, job.dt)
-    if devices is not None:
+    if job.coupled:
+        devices = module.connect(job.devices | {"compiled": False}, job.dt)
         try:
             folder = devices.coupled_source(tick, job.law, job.params).folder
         except (OSError, TypeError, ValueError) as error:  # as for the tick: it stays interpreted
@@ -150,12 +149,11 @@ def _connect(
             return devices, None, None
     missing = not is_complete(folder)
     if missing:
-        report(CodeMissing(coupled=devices is not None))
-    coupled = devices is not None
+        report(CodeMissing())
     if devices is None or (missing and not job.compiles):
         # The compiled step of a plant alone: it takes less to compile, but more time in a tick.
         devices = module.connect(job.devices, job.dt)
-    return devices, folder, devices.coupling if coupled else None
+    return devices, folder, devices.coupling if job.coupled else None
 
 
 def _refuse(why: object, code: int = EXIT_NOT_READY) -> NoReturn:

@@ -49,6 +49,7 @@ class LoopJob(NamedTuple):
     law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
     logger: tuple[LoggerJob, ...] = ()  # the present logger's; none: unsaved rows are lost
     code: str = ""  # folder where the compiled tick is or will be; empty: it stays interpreted
+    coupled: bool = False  # the ticks are compiled with the plant, whose code the process finds
     compiles: bool = False  # missing code is compiled beside the run
 
 
@@ -59,7 +60,7 @@ class CompileJob(NamedTuple):
     dt: float  # s
     law: str  # as of `LoopJob`
     device_module: str = ""  # of the simulated plant with which ticks are coupled; empty: none
-    devices: dict[str, Any] = {}  # JSON values for its `couple_devices`  # noqa: RUF012
+    devices: dict[str, Any] = {}  # JSON values for its `connect`  # noqa: RUF012
 
 
 MessageFields = tuple[tuple[str, ...], ...]
@@ -89,8 +90,6 @@ class LoopPrivileges(NamedTuple):
 
 class CodeMissing(NamedTuple):
     """The loop runs interpreted until its ticks are compiled."""
-
-    coupled: bool  # together with the simulated plant
 
 
 class Refused(NamedTuple):

@@ -47,6 +47,7 @@ class ExecutionMode(NamedTuple):
     io_processes: tuple[IoProcess, ...] = ()
     wires: tuple[Wire, ...] = ()  # on which its processes send
     interpreted: bool = False  # never run the tick compiled
+    coupled: bool = False  # ticks may be compiled together with the simulated plant
 
 
 class Snapshot(NamedTuple):

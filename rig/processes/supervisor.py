@@ -339,6 +339,7 @@ class SupervisedRun:
             law=task.law,
             logger=(self._logger_job(),),
             code=self._compiler.folder if self._compiler else "",
+            coupled=mode.coupled and not mode.interpreted,
             compiles=self._compiler.compiles if self._compiler else False,
         )
         slots = (slot.fd for slot in self._io_processes.slots.values())
@@ -361,9 +362,9 @@ class SupervisedRun:
                     granted = found[0]._asdict() if found else None
                     with suppress(OSError):
                         write_json(self.folder, log_process.PRIVILEGES, granted)
-                case CodeMissing(coupled):
+                case CodeMissing():
                     if self._compiler is not None:
-                        self._compiler.start(coupled=coupled)
+                        self._compiler.start()
                 case Refused(why):
                     self._refused = why
                 case LoopResult():

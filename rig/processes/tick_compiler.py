@@ -34,22 +34,23 @@ class TickCompiler:
         self._process: subprocess.Popen[str] | None = None
         self._thread: threading.Thread | None = None
         self._lock, self._ended = threading.Lock(), False
-        self.folder = ""  # of the tick's code; empty for a tick that cannot be compiled
-        # A law may raise anything in its example tick; so may the loop.
-        with suppress(Exception):
-            self.folder = str(tick_source(task.tick, task.law, task.params, task.dt).folder)
+        self.folder = ""  # of the code of a tick alone; empty if it cannot be compiled
+        if not mode.coupled:  # otherwise the loop process, which has the plant, finds it
+            # A law may raise anything in its example tick; so may the loop.
+            with suppress(Exception):
+                self.folder = str(tick_source(task.tick, task.law, task.params, task.dt).folder)
         tick_s = task.dt if mode.real_clock else _INTERPRETED_TICK_S
         self.compiles = sum(task.params.segments.ticks) * tick_s > _COMPILER_S
         """Whether the run is longer than the compiler takes."""
 
-    def start(self, *, coupled: bool) -> None:
-        """Compile the ticks, ``coupled`` with the mode's plant, if that is worth its time.
+    def start(self) -> None:
+        """Compile the ticks if that is worth its time.
 
         It returns at once: the process reads its job only after its imports.
         """
         if self._thread is not None or not self.compiles:
             return
-        job = compile_job(self._task, self._mode if coupled else None)
+        job = compile_job(self._task, self._mode)
         self._thread = threading.Thread(target=self._start, args=(job,), daemon=True)
         self._thread.start()
 
@@ -73,24 +74,19 @@ class TickCompiler:
 
 
 def compile_job(task: Task, mode: ExecutionMode | None = None) -> CompileJob:
-    """Return the job for a task's tick alone, or coupled with the simulated plant of a mode."""
+    """Return the job for a task's tick; for a mode that is coupled, together with its plant."""
     job = CompileJob(task.params, task.dt, task.law)
-    if mode is None:
+    if mode is None or not mode.coupled:
         return job
     return job._replace(device_module=mode.device_module, devices=mode.devices)
 
 
-def source_of(tick: str, job: CompileJob) -> TickSource | None:
-    """Return the source of a job; None for a plant that is not compiled with the loop.
-
-    Raises ValueError for ticks that cannot be compiled.
-    """
+def source_of(tick: str, job: CompileJob) -> TickSource:
+    """Return the source of a job; ValueError for ticks that cannot be compiled."""
     if not job.device_module:
         return tick_source(tick, job.law, job.params, job.dt)
-    couple = getattr(importlib.import_module(job.device_module), "couple_devices", None)
-    devices = couple and couple(job.devices, job.dt)
-    if not devices:
-        return None
+    module = importlib.import_module(job.device_module)
+    devices = module.connect(job.devices | {"compiled": False}, job.dt)
     source: TickSource = devices.coupled_source(tick, job.law, job.params)
     return source
 
@@ -103,8 +99,6 @@ def main(tick: str) -> None:
     kind = importlib.import_module(tick).find_kind(handover.read_field(CompileJob, text, "law"))
     job: CompileJob = handover.loads(CompileJob, text, rig=kind.params_type, **dict(kind.any_types))
     source = source_of(tick, job)
-    if source is None:
-        return
     from rig.compilation.tick_code import CompilationError, compile_tick  # noqa: PLC0415
 
     try:

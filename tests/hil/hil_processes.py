@@ -26,9 +26,7 @@ EXECUTIONS = ("compiled", pytest.param("interpreted", marks=pytest.mark.long))
 def in_execution(on: Any, execution: str) -> Any:
     """Return an emulated rig whose runs have an execution of the tick; its code is in the cache."""
     if execution == "compiled":
-        source = source_of(on.task.tick, compile_job(on.task))
-        assert source is not None
-        compile_tick(source)
+        compile_tick(source_of(on.task.tick, compile_job(on.task)))
     return on._replace(interpreted=execution == "interpreted")
 
 

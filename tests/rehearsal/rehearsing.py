@@ -139,9 +139,7 @@ def compile_wavebot() -> None:
     task = execution_task(report.campaign, report.plan)
     mode = rehearsal_mode(report.campaign, real_clock=False)
     for job in (compile_job(task), compile_job(task, mode)):
-        source = source_of(task.tick, job)
-        assert source is not None
-        compile_tick(source)
+        compile_tick(source_of(task.tick, job))
 
 
 def sweep_sequentially(path: Path) -> Any:

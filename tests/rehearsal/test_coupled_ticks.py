@@ -48,7 +48,10 @@ class Rehearsal(NamedTuple):
     task: Task
     mode: ExecutionMode
     code: Path  # of its ticks
-    coupled: bool
+
+    @property
+    def coupled(self) -> bool:
+        return self.mode.coupled
 
 
 class Execution(NamedTuple):
@@ -67,12 +70,8 @@ def rehearsal(name: str, folder: Path) -> Rehearsal:
     assert report.ok, report.text()
     task = tasks.execution_task(report.checked, report.plan)
     mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-    source = source_of(task.tick, compile_job(task, mode))
-    coupled = source is not None
-    assert coupled is (name not in NOT_COUPLED)
-    source = source or source_of(task.tick, compile_job(task))
-    assert source is not None
-    return Rehearsal(task, mode, compile_tick(source), coupled)
+    assert mode.coupled is (name not in NOT_COUPLED)
+    return Rehearsal(task, mode, compile_tick(source_of(task.tick, compile_job(task, mode))))
 
 
 @pytest.fixture(scope="module")
@@ -102,11 +101,8 @@ def execute(
     """Execute a rehearsal in this process; its code appears after ``code_at`` ticks, or never."""
     task, mode = run.task, run.mode
     module = importlib.import_module(mode.device_module)
-    devices = (
-        module.couple_devices(mode.devices, task.dt)
-        if run.coupled and code_at is not None
-        else module.connect(mode.devices | {"compiled": code_at is not None}, task.dt)
-    )
+    called = code_at is not None and not run.coupled  # the plant, by a compiled tick
+    devices = module.connect(mode.devices | {"compiled": called}, task.dt)
     fd = ring.create(task.kind.row_type, CAPACITY)
     rows = ring.RingWriter(fd, task.kind.row_type, wait=False)
     mailbox = Requests(rows, dict(requests or {}))

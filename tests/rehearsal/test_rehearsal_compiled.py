@@ -43,8 +43,8 @@ def code_folders(path: Path) -> dict[str, Path | None]:
     """Return the folders of the code of a campaign or session, as `rig compile` names them."""
     task, mode = open_task(path)
     jobs = {"tick": compile_job(task), "rehearsal": compile_job(task, mode)}
-    sources = {name: source_of(task.tick, job) for name, job in jobs.items()}
-    return {name: source and compile_tick(source) for name, source in sources.items()}
+    folders = {name: compile_tick(source_of(task.tick, job)) for name, job in jobs.items()}
+    return folders if mode.coupled else {**folders, "rehearsal": None}
 
 
 def run(path: Path, runs: Path, **changes: Any) -> tuple[Path, dict[str, Any]]:

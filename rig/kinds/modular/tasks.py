@@ -89,7 +89,11 @@ def _plan_record(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, Any]:
 def rehearsal_mode(campaign: AnyCampaign, *, real_clock: bool) -> ExecutionMode:
     """Return the mode with the simulated plant in the loop's own process."""
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.kinds.modular.rehearsal.devices", campaign_settings(campaign)
+        "rehearsal",
+        real_clock,
+        "rig.kinds.modular.rehearsal.devices",
+        campaign_settings(campaign),
+        coupled=not real_clock,
     )
 
 

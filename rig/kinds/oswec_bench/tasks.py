@@ -34,6 +34,7 @@ def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
         real_clock,
         "rig.kinds.oswec_bench.rehearsal.devices",
         plant_settings(session),
+        coupled=not real_clock,
     )
 
 

@@ -45,8 +45,14 @@ def examine(
 
 def rehearsal_mode(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
     """Return the mode with the simulated plant in the loop's own process."""
+    file = campaign.file
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.kinds.wavebot.rehearsal.devices", job.plant_settings(campaign)
+        "rehearsal",
+        real_clock,
+        "rig.kinds.wavebot.rehearsal.devices",
+        job.plant_settings(campaign),
+        # Neither a hoist nor an empty basin is compiled.
+        coupled=not real_clock and file.hoist is None and file.device == "present",
     )
 
 

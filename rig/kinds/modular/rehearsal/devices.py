@@ -1,6 +1,7 @@
 """The simulated plant of a modular rig behind the loop's device interface."""
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,8 +54,12 @@ class ModularPlantDevices(CoupledDevices):
 
     def coupling(self) -> Coupling:
         """Return the plant as it is between two ticks."""
-        normals = Column(self._world.conditions().normals)
-        return WholePlant(*couple_world(self._world, (self._scales, self._offsets), normals))
+        scales = self._scales, self._offsets
+        return WholePlant(*couple_world(self._world, scales, self._normals))
+
+    @cached_property
+    def _normals(self) -> Column:
+        return Column(self._world.conditions().normals)
 
     def plant_code(self) -> PlantCode:
         """Return the plant's part of the compiled ticks."""
@@ -95,11 +100,3 @@ def connect(config: dict[str, Any], dt: float) -> ModularPlantDevices:
         Composition.from_text(config["composition"]),
         [SensorScale(*each) for each in config["sensors"]],
     )
-
-
-def couple_devices(config: dict[str, Any], dt: float) -> ModularPlantDevices:
-    """Return devices whose ticks can be compiled together with those of the loop.
-
-    They are interpreted until then.
-    """
-    return connect(config | {"compiled": False}, dt)

@@ -129,14 +129,6 @@ def connect(config: dict[str, Any], dt: float) -> BenchPlantDevices:
     return BenchPlantDevices(build_bench(config, dt), dt)
 
 
-def couple_devices(config: dict[str, Any], dt: float) -> BenchPlantDevices:
-    """Return devices whose ticks can be compiled together with those of the loop.
-
-    They are interpreted until then.
-    """
-    return connect(config | {"compiled": False}, dt)
-
-
 def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
     """Return the devices for a configuration of `build_flap`."""
     return FlapDevices(*build_flap(config, dt), dt)

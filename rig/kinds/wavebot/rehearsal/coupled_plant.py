@@ -12,10 +12,10 @@ from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
 from rig.emulation.in_process import WholePlant
 from rig.kinds.wavebot.rehearsal import plant_coupling
-from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.rehearsal.plant_coupling import Device, Plant
 from rig.realtime.tick_memory import FlatMemory
 from sim_plant import custom_drive
+from sim_plant.sensors import SensorParams
 from sim_plant.wavebot import WaveBotParams
 from sim_plant.world import Conditions, World
 
@@ -29,12 +29,18 @@ PLANT_CODE = PlantCode(
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
-def couple(now: Conditions, settings: DriveSettings = _NO_SETTINGS) -> tuple[Plant, Device]:
+Noise = tuple[SensorParams, Column]
+"""Sensors and their table of noise, of `rig.kinds.wavebot.rehearsal.noise.interleaved`."""
+
+
+def couple(
+    now: Conditions, noise: Noise, settings: DriveSettings = _NO_SETTINGS
+) -> tuple[Plant, Device]:
     """Return constants and state of a world; ``settings`` are the last ones of its drive."""
     given = now.tables
     waves: Any = {name: Column(getattr(given, name)) for name in ("elevation", "heave", "surge")}
     tables = given._replace(**waves)
-    sensors, normals = interleaved(now.params.sensors, now.normals)
+    sensors, normals = noise
     plant = Plant(now.params._replace(sensors=sensors), tables, normals, now.delay)
     sea = now.waves
     return plant, Device(
@@ -47,11 +53,11 @@ class CoupledWaveBot(WholePlant):
     """A plant whose ticks run compiled; between them settings of its drive are applied."""
 
     def __init__(
-        self, plant: Plant, device: Device, params_with: Callable[[Any], WaveBotParams]
+        self, plant: Plant, device: Device, configured: Callable[[Any], WaveBotParams]
     ) -> None:
-        """``params_with`` returns the constants of the plant for settings of the custom drive."""
+        """``configured`` returns the constants of the plant for settings of the custom drive."""
         super().__init__(plant, device)
-        self._params_with = params_with
+        self._configured = configured
 
     def attach(self, memory: FlatMemory) -> None:
         """Take the memory on which ticks work from now on."""
@@ -64,7 +70,7 @@ class CoupledWaveBot(WholePlant):
         if self._settings != self._applied:
             self._applied = bytes(self._settings)
             device: Device = self._memory.get("device")
-            constants = self._params_with(plant_drive_settings(device.settings))
+            constants = self._configured(plant_drive_settings(device.settings))
             constants = constants._replace(sensors=self.plant.constants.sensors)
             self._memory.set("plant", self.plant._replace(constants=constants))
 
@@ -72,11 +78,11 @@ class CoupledWaveBot(WholePlant):
 class CoupledWorld(CoupledWaveBot):
     """A world whose ticks run compiled; between them its basin probes are sampled, too."""
 
-    def __init__(self, world: World, settings: DriveSettings | None) -> None:
+    def __init__(self, world: World, noise: Noise, settings: DriveSettings | None) -> None:
         """``settings``: the last ones that the world's drive got; None: it got none."""
         self._world = world
-        plant, device = couple(world.conditions(), settings or _NO_SETTINGS)
-        super().__init__(plant, device, world.params_with)
+        plant, device = couple(world.conditions(), noise, settings or _NO_SETTINGS)
+        super().__init__(plant, device, world.configured)
 
     def attach(self, memory: FlatMemory) -> None:
         super().attach(memory)

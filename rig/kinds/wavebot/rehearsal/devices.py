@@ -1,5 +1,6 @@
 """The simulated WaveBot behind the loop's device interface."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ from rig.kinds.wavebot.rehearsal import plant_coupling
 from rig.kinds.wavebot.rehearsal.coupled_plant import (
     PLANT_CODE,
     CoupledWorld,
+    Noise,
     plant_drive_settings,
 )
+from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.tick import Command, Sense
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
@@ -46,7 +49,12 @@ class WaveBotPlantDevices(CoupledDevices):
 
     def coupling(self) -> CoupledWorld:
         """Return the plant as it is between two ticks."""
-        return CoupledWorld(self._world, self._last_settings)
+        return CoupledWorld(self._world, self._noise, self._last_settings)
+
+    @cached_property
+    def _noise(self) -> Noise:
+        now = self._world.conditions()
+        return interleaved(now.params.sensors, now.normals)  # 16 MB
 
     def plant_code(self) -> PlantCode:
         return PLANT_CODE
@@ -89,13 +97,3 @@ def _hoist_profile(settings: dict[str, Any] | None) -> MotionProfile | None:
 def connect(config: dict[str, Any], dt: float) -> WaveBotPlantDevices:
     """Return the simulated devices for a configuration of `build_world`."""
     return WaveBotPlantDevices(build_world(config, dt), dt)
-
-
-def couple_devices(config: dict[str, Any], dt: float) -> WaveBotPlantDevices | None:
-    """Return devices whose ticks can be compiled together with those of the loop.
-
-    They are interpreted until then. None: a hoist or an empty basin is not compiled.
-    """
-    if config.get("hoist") is not None or config.get("device", "present") != "present":
-        return None
-    return connect(config | {"compiled": False}, dt)

@@ -10,6 +10,7 @@ from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.coupled_plant import PLANT_CODE, CoupledWaveBot, couple
 from rig.kinds.wavebot.rehearsal.devices import build_world
+from rig.kinds.wavebot.rehearsal.noise import interleaved
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.laws import to_request
@@ -39,7 +40,8 @@ class CampaignSimulator(row_simulation.CampaignSimulator):
             devices["sea"] = sea
         self._world = world = build_world(devices | {"compiled": False}, plan.dt)
         self._begin = world.conditions()
-        self.plant, self._device = couple(self._begin)
+        noise = interleaved(self._begin.params.sensors, self._begin.normals)
+        self.plant, self._device = couple(self._begin, noise)
         super().__init__(
             "rig.kinds.wavebot.tick",
             to_request(campaign.file.heave_law),
@@ -58,4 +60,4 @@ class CampaignSimulator(row_simulation.CampaignSimulator):
             state = initial._replace(probes=begin.state.probes)
             reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
             device = device._replace(state=state, in_transit=(reading,) * len(device.in_transit))
-        return CoupledWaveBot(self.plant, device, self._world.params_with)
+        return CoupledWaveBot(self.plant, device, self._world.configured)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import threading
 import time
@@ -19,6 +18,7 @@ from rig.compilation import loaded_code, tick_code
 from rig.emulation.row_simulation import RowBlock, RowSimulation, Stored
 from rig.kinds.rig_file import kind_of_task
 from rig.kinds.wavebot.tick import KIND, WaveBotRow
+from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import object_code
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason
@@ -135,8 +135,7 @@ def test_a_sweep_ticks_with_the_code_of_a_rehearsal(path: Path) -> None:
     report = tasks.examine(path, None, predict=False)
     task = tasks.execution_task(report.checked, report.plan)
     mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-    devices = importlib.import_module(mode.device_module).couple_devices(mode.devices, plan.dt)
-    rehearsed = devices.coupled_source(task.tick, task.law, task.params)
+    rehearsed = source_of(task.tick, compile_job(task, mode))
     assert simulator.source.folder == rehearsed.folder
 
 

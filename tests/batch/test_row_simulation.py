@@ -130,7 +130,7 @@ def heave(simulator: Any, plan: Any) -> Any:
 
 
 def test_a_sweep_ticks_with_the_code_of_a_rehearsal(path: Path) -> None:
-    simulator, plan = open_simulator(path)
+    simulator, _ = open_simulator(path)
     tasks = kind_of_task(path).room("tasks")
     report = tasks.examine(path, None, predict=False)
     task = tasks.execution_task(report.checked, report.plan)

@@ -71,11 +71,12 @@ lint: setup
 # more, alone: a test that then passes is listed as flaky at the end, one that fails again has
 # failed. A test whose process dies fails, and xdist replaces the process; therefore even tests that
 # run one after the other use one worker process (-n 1). The distribution is worksteal, because with
-# distribution by file xdist 3.8 waits for ever for the tests of a dead worker.
+# distribution by file xdist 3.8 waits for ever for the tests of a dead worker. Tests in real time
+# are sought in the files that mark some, because imports of all files take ten seconds.
 PYTEST := $(BIN)/python -m pytest
 LONG := part
 WITHOUT_CLOCK := -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
-WITH_CLOCK := -m realtime --long $(LONG) -o cache_dir=.pytest_cache/with_clock
+WITH_CLOCK := $$(grep -rl --include="test_*.py" mark.realtime tests) -m realtime --long $(LONG) -o cache_dir=.pytest_cache/with_clock
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
 LOG := .pytest_cache/without_clock.log

@@ -148,7 +148,8 @@ def test_a_run_from_before_the_row_is_read_without_it(program: Program, tmp_path
     assert "power_dc [W]" in (tmp_path / "rows.csv").read_text()
 
 
-@pytest.mark.slow  # the loop is compiled for the new table
+@pytest.mark.slow
+@pytest.mark.long  # the loop is compiled for the new table
 def test_a_sweep_has_the_bits_of_the_run(program: Program, run: Path) -> None:
     arguments = ("--sequential", "--json", "--sweeps", program.folder / "sweeps")
     report = json.loads(program.rig("sweep", program.campaign, *arguments))

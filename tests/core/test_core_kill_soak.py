@@ -23,7 +23,7 @@ from rig.recording.runs.create import BusyError
 pytestmark = pytest.mark.realtime
 
 SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
-KILLS = 5  # in each of the parts on the virtual clock; 300 of them: python -m benchmarks crash
+KILLS = 3  # in each of the parts on the virtual clock; 300 of them: python -m benchmarks crash
 
 
 def check_outcomes(fates: list[KillOutcome], kills: int) -> None:

@@ -268,7 +268,7 @@ def test_a_failed_measurement_is_reported(
         raise RuntimeError("no such thing here")
 
     assert run_with(broken) == 1
-    assert "not measured: cycle: RuntimeError: no such thing here" in capsys.readouterr().err
+    assert "not measured: tick: RuntimeError: no such thing here" in capsys.readouterr().err
 
 
 def test_every_measurement_has_the_name_of_its_file(

@@ -258,7 +258,8 @@ def test_the_loop_goes_on_interpreted_with_code_that_cannot_be_loaded(tmp_path: 
 
 
 @pytest.mark.slow
-def test_an_exception_in_the_code_is_raised(tmp_path: Path) -> None:
+@pytest.mark.parametrize("lets_others_run", [False, True])
+def test_an_exception_in_the_code_is_raised(tmp_path: Path, *, lets_others_run: bool) -> None:
     """A compiled function that raises ends in a Python exception, which stops the rig."""
     from numba import njit
 
@@ -270,7 +271,7 @@ def test_an_exception_in_the_code_is_raised(tmp_path: Path) -> None:
             raise ValueError("no")
         return 1
 
-    code = load(list(_objects(fails)))
+    code = load(list(_objects(fails, lets_others_run=lets_others_run)))
     run: Callable[[], int] = code.function(compiled_tick.ENTRY, (5).to_bytes(8, "little"))
     with pytest.raises(ArithmeticError, match="the compiled tick raised an exception"):
         run()

@@ -46,7 +46,7 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
     run_rig("new", "rig", "cylinder", "--bem", BEM, "--dof", dof, "--folder", tmp_path)
     campaign = tmp_path / "cylinder" / "campaign.yaml"
     lines = campaign.read_text().split("start:")[0]
-    lines += "start: {lead_in_s: 30}\ntiming: {settle_s: 15, periods: 2}\n"
+    lines += "start: {lead_in_s: 30}\ntiming: {settle_s: 15, periods: 2, interval_s: 32}\n"
     gains = {
         "Heave": ("kp_n_s_per_m", -5000, -3000, "ki_n_per_m", 500),
         "Pitch": ("kp_n_m_s_per_rad", -760, -570, "ki_n_m_per_rad", 160),

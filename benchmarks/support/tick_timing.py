@@ -62,12 +62,18 @@ class TimedWriter(RingWriter):
         super().__init__(fd, row_type, wait=False)
         self._put = _timed(super().put, stamps)
         self._publish = _timed(super().publish, stamps)
+        self._putting = False
 
     def put(self, row: Any) -> None:
+        self._putting = True  # it publishes the row itself
         self._put(row)
+        self._putting = False
 
     def publish(self, count: int = 1) -> None:
-        self._publish(count)
+        if self._putting:
+            super().publish(count)
+        else:
+            self._publish(count)
 
 
 def _timed(call: Callable[[Any], Any], stamps: Stamps) -> Callable[[Any], Any]:

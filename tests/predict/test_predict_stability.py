@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from predicting import CONFIGS
-from scipy import linalg
 
 from controllers import estimator, impedance
 from controllers.biquads import Biquad
@@ -178,23 +177,3 @@ def test_zero_gains_leave_the_hull_poles() -> None:
     assert poles.radius[0] < 1.0
     assert poles.gain_margin[0] == sampled.MAX_GAIN
     assert 0.5 < poles.frequency[0] < 0.8  # Hz, natural frequency of the body
-
-
-@pytest.mark.parametrize("norm", [0.0, 1e-6, 0.5, 4.0, 60.0])
-def test_matrix_exponential_equals_that_of_scipy(norm: float) -> None:
-    """Squaring doubles a relative error, so the tolerance grows with the norm."""
-    matrix = np.random.default_rng(7).standard_normal((9, 9))
-    matrix *= norm / np.linalg.norm(matrix, 1)
-    expected = linalg.expm(matrix)
-    error = np.linalg.norm(sampled.matrix_exponential(matrix) - expected, 1)
-    assert error <= 2e-15 * max(1.0, norm) * np.linalg.norm(expected, 1)
-
-
-def test_matrix_exponential_of_a_double_integrator() -> None:
-    """A matrix without a basis of eigenvectors: position, velocity, constant acceleration."""
-    matrix = np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
-    assert sampled.matrix_exponential(matrix).tolist() == [
-        [1.0, 3.0, 4.5],
-        [0.0, 1.0, 3.0],
-        [0.0, 0.0, 1.0],
-    ]

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -31,26 +32,10 @@ class Grid(NamedTuple):
         return self.period / self.samples
 
 
-def _round_count(count: int) -> int:
-    """Return the smallest number from ``count`` on with no prime factor above 5.
-
-    Such numbers are fast to transform. The import of `scipy.fft`, which has the same function,
-    takes 0.2 s.
-    """
-    while True:
-        rest = count
-        for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return count
-        count += 1
-
-
 def build_grid(period: float, rate: float = MIN_RATE) -> Grid:
     """Return the grid of a period (s) with a sampling rate of at least ``rate`` (Hz)."""
     min_samples = max(MIN_SAMPLES, math.ceil(rate * period))
-    samples = 2 * _round_count(math.ceil(min_samples / 2))
+    samples = 2 * int(next_fast_len(math.ceil(min_samples / 2), real=True))
     omega = np.asarray(2.0 * np.pi * np.arange(samples // 2 + 1) / period, dtype=np.float64)
     return Grid(period, samples, omega)
 

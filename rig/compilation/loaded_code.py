@@ -11,7 +11,7 @@ from typing import Any
 
 from rig.compilation.tick_source import TickSource
 from rig.realtime import object_code
-from rig.realtime.compiled_tick import ENTRY, FILES, is_complete, mark_as_used
+from rig.realtime.compiled_tick import ENTRY, is_complete, read_objects
 from rig.realtime.tick_memory import FlatMemory
 
 Bind = Callable[[FlatMemory], Callable[[], int]]
@@ -19,11 +19,6 @@ Bind = Callable[[FlatMemory], Callable[[], int]]
 
 _loaded: dict[Path, Any] = {}
 _loading = Lock()
-
-
-def is_compiled(source: TickSource) -> bool:
-    """Return whether this host has the code of a tick already."""
-    return is_complete(source.folder)
 
 
 def load_code(source: TickSource) -> Bind:
@@ -34,21 +29,20 @@ def load_code(source: TickSource) -> Bind:
     folder = source.folder
     with _loading:
         if folder not in _loaded:
-            _loaded[folder] = _load(_objects(source))
+            _loaded[folder] = _load(_objects(source, folder))
         function = _loaded[folder].function
     return lambda memory: function(ENTRY, memory.own())
 
 
-def _objects(source: TickSource) -> tuple[bytes, ...]:
-    if is_compiled(source):
-        mark_as_used(source.folder)
-        return tuple((source.folder / name).read_bytes() for name in FILES)
+def _objects(source: TickSource, folder: Path) -> list[bytes]:
+    if is_complete(folder):
+        return read_objects(folder)
     from rig.compilation.tick_code import objects_of  # noqa: PLC0415  (it imports the compiler)
 
     return objects_of(source)
 
 
-def _load(objects: tuple[bytes, ...]) -> Any:
+def _load(objects: list[bytes]) -> Any:
     if object_code.is_supported():
         return object_code.load_at_once(objects)
     from rig.compilation.tick_code import LinkedByCompiler  # noqa: PLC0415

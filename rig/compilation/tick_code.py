@@ -11,7 +11,7 @@ from llvmlite import binding, ir
 from rig.compilation import lifting
 from rig.compilation.cache_folder import write_bytes_atomically
 from rig.compilation.tick_source import TickSource
-from rig.realtime.compiled_tick import ENTRY, FILES, is_complete
+from rig.realtime.compiled_tick import ENTRY, FILES, is_complete, read_objects
 from rig.realtime.object_code import function_at
 
 _FAILED = "the compiled tick raised an exception"
@@ -39,13 +39,12 @@ def compile_tick(source: TickSource) -> Path:
     return folder
 
 
-def objects_of(source: TickSource) -> tuple[bytes, ...]:
+def objects_of(source: TickSource) -> list[bytes]:
     """Return the object code of a tick, also if the cache cannot be written."""
     try:
-        folder = compile_tick(source)
+        return read_objects(compile_tick(source))
     except OSError:
-        return _compiled(source)
-    return tuple((folder / name).read_bytes() for name in FILES)
+        return list(_compiled(source))
 
 
 def _compiled(source: TickSource) -> tuple[bytes, bytes]:

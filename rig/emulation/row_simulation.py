@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.compilation.column import Column
-from rig.compilation.loaded_code import Bind, is_compiled, load_code
+from rig.compilation.loaded_code import Bind, load_code
 from rig.compilation.tick_source import PlantCode, TickSource, coupled_source
 from rig.planning.reference import index_realisations, list_realisations
 from rig.realtime import coupled_ticks, cycle
+from rig.realtime.compiled_tick import is_complete
 from rig.realtime.coupled_ticks import CoupledTicks, Coupling
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason, ReasonTable
@@ -97,7 +98,7 @@ class CampaignSimulator(ABC):
 
     def is_compiled(self) -> bool:
         """Return whether this host has the code already."""
-        return is_compiled(self.source)
+        return is_complete(self.source.folder)
 
     def prepare(self) -> None:
         """Load the code; compile it if this host does not have it.

@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator
 from contextlib import suppress
 from pathlib import Path
 
+from rig.realtime import object_code
 from rig.realtime.object_code import ObjectCode
 from rig.realtime.tick_memory import FlatMemory
 
@@ -18,10 +19,11 @@ def is_complete(folder: Path) -> bool:
     return all((folder / name).exists() for name in FILES)
 
 
-def mark_as_used(folder: Path) -> None:
-    """Keep a folder from `rig.compilation.cache_folder`, which removes code that is not used."""
+def read_objects(folder: Path) -> list[bytes]:
+    """Return the object code of a folder, for `rig.realtime.object_code`."""
     with suppress(OSError):
-        os.utime(folder)
+        os.utime(folder)  # `rig.compilation.cache_folder` removes code that is not used
+    return [(folder / name).read_bytes() for name in FILES]
 
 
 def load(folder: Path, memory: FlatMemory) -> Generator[None, None, Callable[[], int]]:
@@ -30,8 +32,7 @@ def load(folder: Path, memory: FlatMemory) -> Generator[None, None, Callable[[],
     Return the function that runs one tick on a memory and returns the mode after it. Raises OSError
     or ObjectCodeError if the code cannot be loaded here.
     """
-    mark_as_used(folder)
-    code = ObjectCode([(folder / name).read_bytes() for name in FILES])
+    code = ObjectCode(read_objects(folder))
     yield from code.load()
     run: Callable[[], int] = code.function(ENTRY, memory.own())
     return run
@@ -39,10 +40,6 @@ def load(folder: Path, memory: FlatMemory) -> Generator[None, None, Callable[[],
 
 def load_at_once(folder: Path, memory: FlatMemory) -> Callable[[], int]:
     """Load the code as `load` does, in one step."""
-    steps = load(folder, memory)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            run: Callable[[], int] = end.value
-            return run
+    code = object_code.load_at_once(read_objects(folder))
+    run: Callable[[], int] = code.function(ENTRY, memory.own())
+    return run

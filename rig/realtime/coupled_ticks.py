@@ -68,6 +68,7 @@ class CoupledTicks:
         self._dt, self._rows = dt, rows
         self._pack_header = memory.sections["header"].layout.pack_into
         self._mode = memory.number("state", "safety", "mode")
+        self._reason = memory.number("state", "safety", "reason")
         self._executed = memory.number("header", "executed")
         coupling.attach(memory)
 
@@ -79,8 +80,7 @@ class CoupledTicks:
     @property
     def reason(self) -> int:
         """Reason of a stop, as of the safety machine."""
-        state: cycle.State = self.memory.get("state")
-        return state.safety.reason
+        return int(self._reason[0])
 
     def execute(self, tick: int, request: int, max_ticks: int) -> int:
         """Execute ticks from ``tick`` on; return their number, at least 1.

@@ -54,7 +54,8 @@ UNREADABLE_HINT = "no row can be read, nor recovered by `rig recover`; use anoth
 _HEAD = struct.Struct("<BQH")  # start of a message record, the same for all rows of a file
 _SHORT = struct.Struct("<I")
 _UNREADABLE = (McapError, struct.error, ValueError, KeyError, EOFError)  # RunError: a ValueError
-_PREFETCH_CHUNKS = 4  # chunks decompressed while one is being copied
+_PREFETCH_BLOCKS = 4  # blocks decompressed while one is being copied
+_JOINED_CHUNKS = 8  # in a block of selected fields: work on a block costs more than on its rows
 
 Records = np.ndarray[tuple[int], np.dtype[Any]]
 
@@ -340,6 +341,11 @@ class _Layout(NamedTuple):
         numbers = np.ndarray(shape, "<i8", rows.data, offset, strides)
         return numbers.take(self.columns, axis=1).view(self.selected)[:, 0]
 
+    @property
+    def joined_chunks(self) -> int:
+        """Number of chunks in a block: views of several cannot be joined without a copy."""
+        return 1 if self.selected is None else _JOINED_CHUNKS
+
 
 def _layout(leaves: tuple[Leaf, ...], fields: Sequence[str] | None, packed: bool) -> _Layout:
     if fields is None:
@@ -349,12 +355,30 @@ def _layout(leaves: tuple[Leaf, ...], fields: Sequence[str] | None, packed: bool
     return _Layout(row_dtype(leaves, MESSAGE_BYTES), columns, selected)
 
 
-def _rows(contents: FileContents, layout: _Layout, chunk: Chunk, data: bytes) -> Records:
-    """Return the rows of a chunk; raise RunError if it is damaged."""
-    try:
-        return layout.select(_rows_in(contents, layout.rows, decompress(chunk, data)))
-    except RunError as error:
-        raise RunError(f"{contents.path}: chunk at byte {chunk.offset}: {error}") from error
+def join_records(parts: Sequence[Records]) -> Records:
+    """Return packed records of one dtype in one array, at the speed of a copy.
+
+    `numpy.concatenate` first compares every field of every part.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    dtype = parts[0].dtype
+    return np.concatenate([part.view(f"V{dtype.itemsize}") for part in parts]).view(dtype)
+
+
+def _rows(
+    contents: FileContents, layout: _Layout, chunks: Sequence[tuple[Chunk, bytes]]
+) -> tuple[Records | None, list[str]]:
+    """Return the rows of chunks in one array, and descriptions of those that are damaged."""
+    found, damage = [], []
+    for chunk, data in chunks:
+        try:
+            rows = layout.select(_rows_in(contents, layout.rows, decompress(chunk, data)))
+        except RunError as error:
+            damage.append(f"{contents.path}: chunk at byte {chunk.offset}: {error}")
+        else:
+            found.append(rows)
+    return (join_records(found) if found else None), damage
 
 
 def _rows_in(contents: FileContents, dtype: np.dtype[Any], data: bytes) -> Records:
@@ -407,9 +431,11 @@ def merged_blocks(
     not ordered by the times in their heads, because these have no check sum. With ``fields``, of
     which one is the tick, the blocks have these alone, packed, in storage order.
     """
+    joined = len(parts) == 1  # the order of the first ticks is that of chunks
     with ThreadPoolExecutor(2) as pool:
         files = [
-            _file_blocks(each, pool, damage, _layout(each.leaves, fields, packed)) for each in parts
+            _file_blocks(each, pool, damage, _layout(each.leaves, fields, packed), joined=joined)
+            for each in parts
         ]
         yield from merge(*files, key=lambda block: int(block["tick"][0]))
 
@@ -431,26 +457,35 @@ def unrepeated(blocks: Iterable[Records]) -> Iterator[Records]:
 
 
 def _file_blocks(
-    contents: FileContents, pool: ThreadPoolExecutor, damage: list[str] | None, layout: _Layout
+    contents: FileContents,
+    pool: ThreadPoolExecutor,
+    damage: list[str] | None,
+    layout: _Layout,
+    *,
+    joined: bool,
 ) -> Iterator[Records]:
-    """Yield the non-empty blocks of one file; some chunks are decompressed in advance."""
-    waiting: deque[Future[Records]] = deque()
+    """Yield the non-empty blocks of one file; some are decompressed in advance.
+
+    ``joined``: a block may hold the rows of several chunks.
+    """
+    waiting: deque[Future[tuple[Records | None, list[str]]]] = deque()
+    count = layout.joined_chunks if joined else 1
 
     def next_block() -> Iterator[Records]:
-        try:
-            block = waiting.popleft().result()
-        except RunError as error:
-            if damage is not None:
-                damage.append(str(error))
-        else:
-            if len(block):
-                yield block
+        block, damaged = waiting.popleft().result()
+        if damage is not None:
+            damage.extend(damaged)
+        if block is not None and len(block):
+            yield block
 
     with open_regular(contents.path) as file:
-        for chunk in contents.chunks:
-            data = os.pread(file.fileno(), chunk.length, chunk.offset)
-            waiting.append(pool.submit(_rows, contents, layout, chunk, data))
-            if len(waiting) > _PREFETCH_CHUNKS:
+        for first in range(0, len(contents.chunks), count):
+            chunks = [
+                (chunk, os.pread(file.fileno(), chunk.length, chunk.offset))
+                for chunk in contents.chunks[first : first + count]
+            ]
+            waiting.append(pool.submit(_rows, contents, layout, chunks))
+            if len(waiting) > _PREFETCH_BLOCKS:
                 yield from next_block()
         while waiting:
             yield from next_block()

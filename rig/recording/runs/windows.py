@@ -21,7 +21,7 @@ from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
 from rig.recording.runs.folder import recorded_reasons, run_info
-from rig.recording.runs.mcap_file import Records
+from rig.recording.runs.mcap_file import Records, join_records
 from rig.recording.runs.state import SKIPPED, RecordCheck, RecordState
 
 PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
@@ -71,7 +71,7 @@ class _OpenWindow:
         self.pieces: list[Records] = []
 
     def close(self, reason: str, lost_after: int = 0) -> Window:
-        data: Records = np.concatenate(self.pieces)
+        data = join_records(self.pieces)
         if (data["safety.mode"] != Mode.RUN).any():
             reason = "held or stopped"
         lost_at_edges = self.lost_before + lost_after

@@ -25,7 +25,7 @@ for _number, _default in (
     if signal.getsignal(_number) == signal.SIG_IGN:
         signal.signal(_number, _default)
 
-PARTS = 5  # a run of the test command takes one in so many of the long tests
+PARTS = 5  # a run of the test command takes one in so many of the long and of the sampled tests
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 
 
@@ -36,7 +36,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--long",
         choices=("all", "part", "none"),
         default="all",
-        help=f"long tests to run: all, a seeded part (one in {PARTS}), or none",
+        help=f"long tests to run: all, a seeded part (one in {PARTS}), or none; unless all, only a"
+        " seeded part of the cases of each sampled test runs",
     )
     group.addoption(
         "--long-seed",
@@ -76,12 +77,28 @@ def _seed(config: pytest.Config) -> str:
     return done.stdout.strip() or "0"
 
 
+def _place(seed: str, name: str) -> int:
+    """Return a place of a name among all names that changes with the seed."""
+    return int.from_bytes(hashlib.sha256(f"{seed}:{name}".encode()).digest()[:8], "big")
+
+
 def _in_part(item: pytest.Item, seed: str) -> bool:
     """Return whether a long test is chosen; tests with one ``group`` share a run and the choice."""
     (marker, *_) = item.iter_markers("long")
-    name = marker.kwargs.get("group", item.nodeid)
-    digest = hashlib.sha256(f"{seed}:{name}".encode()).digest()
-    return digest[0] % PARTS == 0
+    return _place(seed, marker.kwargs.get("group", item.nodeid)) % PARTS == 0
+
+
+def _unsampled(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
+    """Return the cases of sampled tests that are left out; of each test at least one remains."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("sampled"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    left_out = []
+    for every in cases.values():
+        every.sort(key=lambda item: _place(seed, item.nodeid))
+        left_out += every[-(-len(every) // PARTS) :]
+    return left_out
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
@@ -89,23 +106,25 @@ def pytest_report_header(config: pytest.Config) -> str | None:
     if config.getoption("--long") != "part":
         return None
     return (
-        f"long tests: one in {PARTS}; the same part again: --long part --long-seed {_seed(config)}"
+        f"long and sampled tests: one in {PARTS}; the same part again: "
+        f"--long part --long-seed {_seed(config)}"
     )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect the long tests that this run leaves out."""
+    """Deselect the long and sampled tests that this run leaves out."""
     which = config.getoption("--long")
     if which == "all":
         return
     seed = _seed(config)
-    left_out = [
+    left_out = {
         item
         for item in items
         if item.get_closest_marker("long") and (which == "none" or not _in_part(item, seed))
-    ]
-    config.hook.pytest_deselected(items=left_out)
-    items[:] = [item for item in items if item not in set(left_out)]
+    }
+    left_out.update(_unsampled([item for item in items if item not in left_out], seed))
+    config.hook.pytest_deselected(items=list(left_out))
+    items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.hookimpl(trylast=True)

@@ -165,13 +165,9 @@ def simulator(tmp_path_factory: pytest.TempPathFactory) -> CampaignSimulator:
     return CampaignSimulator(found, plan)
 
 
-# Each of these laws is compiled by itself, and the reference is no less than a rehearsal.
-ALWAYS = ("regular", "custom drive", "tripped", "open loop")
-CASES = [pytest.param(case, marks=[] if case in ALWAYS else [pytest.mark.long]) for case in KINDS]
-
-
 @pytest.mark.slow  # if the loop is not compiled yet
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.sampled  # each law is compiled by itself, and the reference is a whole rehearsal
+@pytest.mark.parametrize("case", KINDS)
 def test_every_stored_field_has_the_bits_of_a_rehearsal(case: str, tmp_path: Path) -> None:
     path = make_campaign(tmp_path, case)
     compiled_result, interpreted_result = compiled(path), interpreted(path)

@@ -13,8 +13,6 @@ from rehearsing import CONFIGS, write_campaign, write_yaml
 from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.rehearsal.job import MATCHING_KEYS
 
-# One seed in every run of the tests; the others are long.
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 6))]
 COUPLED = {"supply_resistance", "capacitance"}  # their product has a lower bound
 EXCLUDED = set(MATCHING_KEYS.values()) | {
     ("stator", "start", "value")
@@ -79,7 +77,8 @@ def draw_campaign(folder: Path, seed: int) -> Path:
     return write_campaign(folder, **config | {"surge": {"use": surge}})
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", range(5))
 def test_random_numbers_give_the_same_bits(seed: int, tmp_path: Path) -> None:
     path = draw_campaign(tmp_path, seed)
     compiled_result, interpreted_result = compiled(path), interpreted(path)

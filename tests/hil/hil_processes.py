@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from benchmarks.support.fault_runs import CallbackView, Trigger, run_when_free
 from benchmarks.support.process_faults import child_with_stderr
 from rig.compilation.tick_code import compile_tick
@@ -20,7 +18,7 @@ from rig.kinds.wavebot.tasks import execution_task, wired_mode
 from rig.processes.run_types import Snapshot
 from rig.processes.tick_compiler import compile_job, source_of
 
-EXECUTIONS = ("compiled", pytest.param("interpreted", marks=pytest.mark.long))
+EXECUTIONS = ("compiled", "interpreted")
 
 
 def in_execution(on: Any, execution: str) -> Any:

@@ -29,6 +29,7 @@ def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedBench]:
         yield started_stage
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("execution", EXECUTIONS)
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
 def test_the_bench_reacts_to_faults_as_in_the_table(

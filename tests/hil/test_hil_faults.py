@@ -23,6 +23,7 @@ TABLE = RIGS["wavebot"].rows()
 CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE if row.short]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("execution", EXECUTIONS)
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
 def test_the_rig_reacts_to_faults_as_in_the_table(

@@ -83,6 +83,7 @@ DEATHS = {
 }
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("process", DEATHS)
 def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     on: EmulatedWaveBot, tmp_path: Path, process: str

@@ -120,19 +120,20 @@ def test_only_the_simulated_basin_knows_the_undisturbed_elevation(pair: Pair) ->
     assert not bool(open_run(pair.rehearsed.folder, fields=[wave])[wave].isnull().any())
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("device", "fault", "reasons"),
     [
-        pytest.param("heave", "powered_off", {"STALE_ENCODER"}, marks=pytest.mark.long),
+        ("heave", "powered_off", {"STALE_ENCODER"}),
         ("pitch", "powered_off", {"PITCH_STALE_ENCODER"}),
         # Its three sensors have one age and one limit: the first one in the file is named.
-        pytest.param("meter", "silent", {"DC_POWER_STALE"}, marks=pytest.mark.long),
+        ("meter", "silent", {"DC_POWER_STALE"}),
         # Values with an unchanged count are not new.
         ("meter", "frozen_values", {"DC_POWER_STALE"}),
         ("network cell", "disconnect", {"PITCH_TORQUE_STALE"}),
-        pytest.param("inputs", "silent", {"STALE_PANEL"}, marks=pytest.mark.long),
+        ("inputs", "silent", {"STALE_PANEL"}),
         ("inputs", "e_stop_on", {"EMERGENCY_STOP"}),
-        pytest.param("inputs", "limit_switch_on", {"LIMIT_SWITCH"}, marks=pytest.mark.long),
+        ("inputs", "limit_switch_on", {"LIMIT_SWITCH"}),
     ],
 )
 def test_a_lost_device_stops_the_rig_with_its_reason(

@@ -89,13 +89,14 @@ def make_campaign(folder: Path, case: str) -> Path:
 
 
 @pytest.mark.slow  # if the loop is not compiled yet
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "case",
     [
         "regular",
         "tripped",
-        pytest.param("irregular, excited in pitch", marks=pytest.mark.long),
-        pytest.param("law of a file, nonlinear damping", marks=pytest.mark.long),
+        "irregular, excited in pitch",
+        "law of a file, nonlinear damping",
     ],
 )
 def test_every_stored_field_has_the_bits_of_a_rehearsal(case: str, tmp_path: Path) -> None:

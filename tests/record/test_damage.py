@@ -25,10 +25,7 @@ from rig.recording.runs.recover import recover
 NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 ROWS, PER_CHUNK, CASES = 60, 6, 20
 FINISHED, KILLED = "run.mcap", "run.mcap.part0"
-# Each part has other random cases. One is in every run of the tests; the others are long.
-parts = pytest.mark.parametrize(
-    "part", [0, *(pytest.param(part, marks=pytest.mark.long) for part in range(1, 5))]
-)
+parts = pytest.mark.parametrize("part", range(5))  # each has other random cases
 
 
 def rows() -> Any:
@@ -148,6 +145,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("good")
 
 
+@pytest.mark.sampled
 @parts
 @pytest.mark.parametrize("name", [FINISHED, KILLED])
 def test_a_flipped_bit_costs_its_chunk_at_most(
@@ -164,6 +162,7 @@ def test_a_flipped_bit_costs_its_chunk_at_most(
         )
 
 
+@pytest.mark.sampled
 @parts
 @pytest.mark.parametrize("first", [36, 33])  # tick of the second file: without and with overlap
 def test_a_flipped_bit_in_one_of_two_files_costs_its_chunk_at_most(
@@ -202,6 +201,7 @@ def test_a_flipped_bit_in_one_of_two_files_costs_its_chunk_at_most(
         paths[number].write_bytes(undamaged[number])
 
 
+@pytest.mark.sampled
 @parts
 @pytest.mark.parametrize("name", [FINISHED, KILLED])
 def test_a_cut_costs_only_the_rows_after_it(
@@ -214,6 +214,7 @@ def test_a_cut_costs_only_the_rows_after_it(
         check_damaged(tmp_path / str(number), name, data[:length], expected, f"cut at {length}")
 
 
+@pytest.mark.sampled
 @parts
 def test_a_hole_costs_only_the_chunks_it_touches(part: int, folder: Path, tmp_path: Path) -> None:
     """Bytes are missing in the middle, so that lengths lead past the next record."""

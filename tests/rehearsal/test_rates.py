@@ -138,13 +138,9 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], RowRe
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize(
-    ("name", "rate"),
-    [
-        pytest.param(name, rate, marks=[pytest.mark.long] if rate in case.rates[1:-1] else [])
-        for name, case in CASES.items()
-        for rate in case.rates
-    ],
+    ("name", "rate"), [(name, rate) for name, case in CASES.items() for rate in case.rates]
 )
 def test_results_do_not_depend_on_the_rate(
     name: str, rate: int, reference: Callable[[str], RowResult], tmp_path: Path

@@ -33,6 +33,8 @@ from rig.recording.runs.create import BusyError
 from rig.recording.runs.folder import MCAP
 from rig.recording.runs.mcap_file import scan
 
+pytestmark = pytest.mark.sampled
+
 FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave.command.force"]
 
 

@@ -277,6 +277,7 @@ def test_the_csv_has_pairs_and_unmatched_points(comparison: Comparison, tmp_path
     assert float(alone["dc A [W]"]) < 100.0
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("a", "b", "fixed"),
     [

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shutil
 import signal
 from itertools import combinations
 from pathlib import Path
@@ -66,22 +65,30 @@ def test_all_products_exist(products: dict[str, Path]) -> None:
     assert all(path.stat().st_size > 500 for path in products.values())
 
 
+def draw_nothing(*_: object) -> list[Path]:
+    return []
+
+
 def kill_this_process(*_: object) -> list[Path]:
     os.kill(os.getpid(), signal.SIGKILL)
     return []
 
 
 def test_an_error_in_a_drawing_process_is_reported(
-    complete_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = shutil.copytree(complete_run, tmp_path / "run", ignore=shutil.ignore_patterns("*.png"))
+    rows = ROWS[:4]
+    run = synthetic.write_run(
+        tmp_path / "run", synthetic.run_rows(rows, SHAPE), synthetic.plan_json(rows, SHAPE)
+    )
     (run / "surfaces.png").mkdir()
     outcome: Any = None
+    monkeypatch.setattr(report, "write_page", draw_nothing)
     assert "surfaces.png: Is a directory" in after_run(run, outcome).trouble
     (run / "surfaces.png").rmdir()
     monkeypatch.setattr(report, "write_page", kill_this_process)
     assert "a process that drew pictures was killed" in after_run(run, outcome).trouble
-    monkeypatch.undo()
+    monkeypatch.setattr(report, "write_page", draw_nothing)
     assert after_run(run, outcome).trouble == ""
 
 

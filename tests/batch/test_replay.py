@@ -73,6 +73,7 @@ def regular(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "regular"])
 def test_run_of_each_kind_is_reproduced(kind: str, tmp_path: Path) -> None:
     report = replay(rehearse_kind(tmp_path, kind))

@@ -349,6 +349,7 @@ def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path
     checked = rig("check", campaign)
     assert checked.returncode == 0, checked.stdout
     assert "warning" not in checked.stdout
+    assert rig("compile", campaign).returncode == 0  # the replay is compiled, too
     ran = rig("run", campaign, "--runs", tmp_path / "runs", "--json")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     report = json.loads(ran.stdout)

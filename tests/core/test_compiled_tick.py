@@ -94,6 +94,7 @@ def execute(run: Recorded, inputs: tuple[Inputs, ...], folder: Path | None, star
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", [*KINDS, *golden_bench.MIN_MOTION])
 def test_a_changeover_at_any_tick_keeps_every_bit(kind: str) -> None:
     """Ten ticks of each golden run, chosen by chance; rows, commands, mode and reason are equal."""

@@ -27,7 +27,7 @@ from rig.realtime.reasons import Reason
 from rig.realtime.safety import RUN, STOP_0, STOP_1
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 
-pytestmark = pytest.mark.usefixtures("execution")
+pytestmark = [pytest.mark.usefixtures("execution"), pytest.mark.sampled]
 
 AT = 9000  # tick of the fault, 7 s after the waves started
 WAVES = {"kind": "regular", "amplitude_m": 0.2, "frequency_hz": 0.5}

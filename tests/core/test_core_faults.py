@@ -29,7 +29,7 @@ from rig.realtime.reasons import Reason
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1
 from rig.realtime.sequence import Phase
 
-pytestmark = pytest.mark.usefixtures("execution")
+pytestmark = [pytest.mark.usefixtures("execution"), pytest.mark.sampled]
 
 AT = 2000  # tick of a fault: measuring row 0
 

@@ -162,6 +162,7 @@ def stages(run: Rehearsal, rows: bytes) -> dict[tuple[int, int], Any]:
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("count", [0, pytest.param(50, marks=pytest.mark.long)])
 def test_a_changeover_at_any_tick_keeps_every_bit(
@@ -169,7 +170,7 @@ def test_a_changeover_at_any_tick_keeps_every_bit(
 ) -> None:
     """From the first tick on, and from ``count`` ticks by chance, at least one of each stage.
 
-    Without the long tests that is 99 changeovers of all golden runs together.
+    With ``count`` 0 that is 99 changeovers of all golden runs together.
     """
     run = open_rehearsal(name)
     expected = interpreted(run)

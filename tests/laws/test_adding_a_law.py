@@ -135,7 +135,8 @@ def test_run_of_a_law_that_is_not_installed_is_shown(run: Path, tmp_path: Path) 
     assert "no law 'gone' is registered" in err
 
 
-@pytest.mark.slow  # compiles the loop
+@pytest.mark.slow
+@pytest.mark.long(group="adding a law")  # compiles the loop
 def test_sweep_repeats_the_rehearsal(run: Path, example: Path) -> None:
     folder = example.parent / "sweeps"
     arguments = ("sweep", example, "--sequential", "--sweeps", folder, "--json")
@@ -150,7 +151,8 @@ def test_sweep_repeats_the_rehearsal(run: Path, example: Path) -> None:
         assert np.array_equal(swept[name].values, measured[name].values), name
 
 
-@pytest.mark.slow  # compiles the loop
+@pytest.mark.slow
+@pytest.mark.long(group="adding a law")  # compiles the loop
 def test_sweep_over_a_parameter_of_the_law(example: Path) -> None:
     folder = example.parent / "sweeps"
     arguments = ("--over", "law.max_force_n=100,3000", "--sweeps", folder, "--json")

@@ -76,6 +76,7 @@ def impedance(plant: dict[str, Any], frequency: Any) -> Any:
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("sensor", [False, True])
 def test_the_impedance_is_that_of_the_plant(tmp_path: Path, *, sensor: bool) -> None:
     plant = write_rig(tmp_path, sensor=sensor)

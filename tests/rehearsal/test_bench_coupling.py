@@ -49,6 +49,7 @@ def couple(settings: dict[str, Any]) -> tuple[ModuleType, Any, Any]:
     return bench_coupling, *bench_coupling.couple(build_bench(interpreted, DT))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [*GOLDEN_SESSIONS, *SECOND_ROWS])
 def test_a_session_on_the_coupling_has_the_bits_of_the_devices(name: str, tmp_path: Path) -> None:
     """The loop runs on the devices; the coupling gets its commands and gives the same readings."""

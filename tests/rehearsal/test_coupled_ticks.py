@@ -36,6 +36,8 @@ from rig.recording import ring
 from rig.recording.row_layout import leaves
 from rig.recording.runs import reader
 
+pytestmark = pytest.mark.sampled
+
 NAMES = (*KINDS, "modular", *MIN_MOTION)
 NOT_COUPLED = ("hoist", "calibration")
 CAPACITY = 65_536  # rows, more than any golden run has
@@ -162,7 +164,6 @@ def stages(run: Rehearsal, rows: bytes) -> dict[tuple[int, int], Any]:
 
 
 @pytest.mark.slow
-@pytest.mark.sampled
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("count", [0, pytest.param(50, marks=pytest.mark.long)])
 def test_a_changeover_at_any_tick_keeps_every_bit(

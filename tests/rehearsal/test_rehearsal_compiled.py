@@ -26,6 +26,8 @@ from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import open_run
 
+pytestmark = pytest.mark.sampled
+
 QUICK = CONFIGS / "campaigns" / "quick.yaml"
 SESSION = GOLDEN / "bench_flap.yaml"
 

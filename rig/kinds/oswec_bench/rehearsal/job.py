@@ -15,7 +15,7 @@ from rig.kinds.oswec_bench.sessions.plan import session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
-MATCHING_KEYS = {
+MATCHING_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
     ("servo", "gear_ratio"): ("motor", "gear_ratio", "value"),
     ("servo", "encoder", "counts_per_revolution"): ("sensors", "motor_counts", "value"),
     ("shaft_encoder", "counts_per_revolution"): ("sensors", "shaft_counts", "value"),
@@ -68,10 +68,10 @@ def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
     """
     if pieces.rig is None or pieces.rig_file is None or pieces.plant is None:
         return
+    rig: Any = pieces.rig_file
+    bench: Any = plant
     shared = [
-        SharedValue(
-            own, reduce(getattr, own, pieces.rig_file), theirs, reduce(getattr, theirs, plant)
-        )
+        SharedValue(own, reduce(getattr, own, rig), theirs, reduce(getattr, theirs, bench))
         for own, theirs in MATCHING_KEYS.items()
     ]
     yield from mismatches(pieces.rig.locate, pieces.plant.locate, shared, "simulated bench")

@@ -134,7 +134,8 @@ def open_session(
     """Read and check a session, its rig, that rig's limits, and the calibrations of both.
 
     ``further_check`` adds the checks of the simulated plant; ``rig_path`` replaces the rig that the
-    session names; ``load`` reads the files and may change their values. Raises `ConfigError` with every problem of all these files.
+    session names; ``load`` reads the files and may change their values. Raises `ConfigError` with
+    every problem of all these files.
     """
     reader = _FileReader(load)
     session_source = ConfigSource(*load(Path(path)))

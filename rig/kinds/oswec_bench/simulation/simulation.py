@@ -20,6 +20,7 @@ from rig.kinds.oswec_bench.rehearsal.job import plant_settings
 from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
+from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.reasons import Reason
 from rig.recording.runs import RunInfo
 from rig.recording.runs import state as record
@@ -48,7 +49,7 @@ class SessionSimulator(row_simulation.Simulator):
             (*REQUIRED_FIELDS, *FIELDS),
         )
 
-    def coupling(self, place: float | None) -> row_simulation.Coupling:
+    def coupling(self, place: float | None) -> Coupling:
         """Return bench or flap at power-on; no part of it moves between rows."""
         return self._devices.coupling()
 
@@ -85,7 +86,8 @@ class SessionSimulator(row_simulation.Simulator):
             return results, seconds
         missed = [each.quantity for each in result.comparisons if each.target_met is False]
         results["targets_missed"] = "; ".join(missed)
+        units = results["units"] = {}
         for name, each in result.constants.items():
             results |= {name: each.value, f"{name}_uncertainty": each.uncertainty}
-        results["units"] = {name: each.unit for name, each in result.constants.items()}
+            units |= dict.fromkeys((name, f"{name}_uncertainty"), each.unit)
         return results, seconds

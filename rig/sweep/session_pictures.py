@@ -48,6 +48,9 @@ def _write_results(
     places: list[Place] = [dict(zip(others, index, strict=True)) for index in indices]
     columns = min(_COLUMNS, len(names))
     rows = math.ceil(len(names) / columns)
+    heights = [rows * _PANEL[1] + 0.3]
+    if 1 < len(places) <= _MAX_NAMED:
+        heights.append(0.1 + 0.2 * math.ceil(len(places) / 2))  # of the legend
     own = base_value(table, key)
     notes = [
         f"a line for each value of {' and '.join(map(_short, others))}" if others else "",
@@ -55,14 +58,15 @@ def _write_results(
     ]
     figure, body = picture.framed_figure(
         max(2, columns) * _PANEL[0],
-        rows * _PANEL[1] + 0.3,
+        sum(heights),
         f"{picture.campaign_name(table.attrs)}: results over {_short(key)}",
         table.attrs,
         "bars: 95 % intervals",
         "; ".join(filter(None, notes)),
         _left_out(table),
     )
-    panels: Any = body.subplots(rows, columns, squeeze=False, sharex=True)
+    upper, *lower = body.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    panels: Any = upper.subplots(rows, columns, squeeze=False, sharex=True)
     x = _positions(table, key)
     for axes, name in itertools.zip_longest(panels.flat, names):
         if name is None:
@@ -73,20 +77,20 @@ def _write_results(
         axes.set_title(name.replace("_", " "), fontsize=8.5, loc="left", pad=4)
         axes.set_ylabel(_unit(table[name]), fontsize=8)
         for number, place in enumerate(places):
-            colour = _COLOURS(0.15 + 0.7 * number / max(1, len(places) - 1))
-            _plot(axes, x, complete.isel(place), name, color=colour, label=_text(table, place))
+            share = number / max(1, len(places) - 1)  # later ones are drawn over larger markers
+            style = {"color": _COLOURS(0.15 + 0.7 * share), "ms": 5.5 - 2.5 * share}
+            _plot(axes, x, complete.isel(place), name, label=_text(table, place), **style)
         _widen(axes)
         if own is not None:
             axes.axvline(own, color=MUTED, lw=0.9, ls=":", zorder=0)
-        missing = (table["state"] != COMPLETE).any(others).values
-        axes.plot(x[missing], 0.0 * x[missing], "x", color=ACCENT, ms=5, clip_on=False,
-                  transform=axes.get_xaxis_transform(), zorder=5)  # fmt: skip
+        for left_out in x[(table["state"] != COMPLETE).any(others).values]:
+            axes.plot(left_out, 0.03, "x", color=ACCENT, ms=5, transform=axes.get_xaxis_transform())
         if table[key].dtype.kind not in "if":
             axes.set_xticks(x, [str(value) for value in table[key].values], fontsize=7)
     _label_columns(panels, len(names), f"{_short(key)} {_bracketed(_unit(table[key]))}".rstrip())
-    if 1 < len(places) <= _MAX_NAMED:
+    for each in lower:
         handles, labels = panels[0, 0].get_legend_handles_labels()
-        body.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+        each.legend(handles, labels, loc="center", ncols=2, frameon=False, fontsize=8)
     return picture.save(figure, folder / f"results_{key}.png")
 
 
@@ -98,7 +102,7 @@ def _plot(axes: Axes, x: Any, results: xarray.Dataset, name: str, **style: Any) 
     joined = results[key].dtype.kind in "if" and not is_seed(str(key))
     axes.errorbar(
         x[order], results[name].values[order], uncertainty[order],
-        fmt="o-" if joined else "o", ms=3.5, lw=1.2, elinewidth=0.9, capsize=2.5, **style,
+        fmt="o-" if joined else "o", lw=1.2, elinewidth=0.9, capsize=2.5, **style,
     )  # fmt: skip
 
 
@@ -109,6 +113,7 @@ def _widen(axes: Axes) -> None:
     least = 0.5 * _MIN_SPAN * abs(middle)
     if high - low < 2.0 * least:
         axes.set_ylim(middle - least, middle + least)
+    axes.locator_params(axis="y", nbins=5)
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
@@ -157,7 +162,7 @@ def _short(key: str) -> str:
 
 def _unit(values: xarray.DataArray) -> str:
     unit = str(values.attrs.get("units", ""))
-    return "" if unit == "1" else unit.replace("*", "·")
+    return "" if unit == "1" else unit.replace("*", "·").replace(" ", "·")
 
 
 def _bracketed(unit: str) -> str:

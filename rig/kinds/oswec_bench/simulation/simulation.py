@@ -87,7 +87,7 @@ class SessionSimulator(row_simulation.Simulator):
         missed = [each.quantity for each in result.comparisons if each.target_met is False]
         results["targets_missed"] = "; ".join(missed)
         units = results["units"] = {}
-        for name, each in result.constants.items():
+        for name, each in {**result.constants, **result.errors}.items():
             results |= {name: each.value, f"{name}_uncertainty": each.uncertainty}
             units |= dict.fromkeys((name, f"{name}_uncertainty"), each.unit)
         return results, seconds

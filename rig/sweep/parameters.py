@@ -140,9 +140,10 @@ def _set_value(
     """Set a value; its location, and that of mappings created for it, is the command line."""
     place = SourceLocation(Path(OPTION), parameter.number)
     inside: Any = mapping
+    at: KeyPath = ()  # entries of lists by number
     for depth, part in enumerate(path, 1):
         index = int(part) if isinstance(inside, list) and str(part).isdigit() else part
-        last = depth == len(path)
+        at, last = (*at, index), depth == len(path)
         exists = isinstance(inside, dict) or (
             isinstance(inside, list) and isinstance(index, int) and index < len(inside)
         )
@@ -153,8 +154,8 @@ def _set_value(
             inside[index] = value
         elif isinstance(inside, dict) and inside.get(str(index)) is None:
             inside[index] = {}
-        if last or (*path[: depth - 1], index) not in locate.locations:
-            locate.locations[(*path[: depth - 1], index)] = place
+        if last or at not in locate.locations:
+            locate.locations[at] = place
         inside = inside[index]
 
 
@@ -211,4 +212,10 @@ def parameter_unit(parameter: SweepParameter, plant: Mapping[str, Any]) -> str:
         for part in parameter.path[: parameter.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
-    return ranges.unit_of_key(ranges.last_named_part(parameter.path))
+    return unit_of_path(parameter.path)
+
+
+def unit_of_path(path: Sequence[str | int]) -> str:
+    """Return the unit in the last name of a path whose other parts may be numbers of entries."""
+    names = [part for part in map(str, path) if not part.isdigit()]
+    return ranges.unit_of_key(names[-1])

@@ -81,9 +81,8 @@ class SessionTasks:
 
     def contents(self, task: SessionTask) -> TableContents:
         """Return the session's settings."""
-        config = self._simulation.resolved_session(task.session)
-        settings = file_entries(task.session.file, self.keys)
-        return TableContents(settings, {}, {}, {}, {"session": task.name, "config": config})
+        attributes = {"config": self._simulation.resolved_session(task.session)}
+        return TableContents(file_entries(task.session.file, self.keys), {}, {}, {}, attributes)
 
     def write_pictures(
         self, table: "xarray.Dataset", folder: Path, measured: Path | None

@@ -19,14 +19,19 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.rows import NOT_RUN
-from rig.config import ranges
 from rig.kinds.rig_file import kind_of_task
 from rig.recording import provenance
 from rig.recording.runs.create import BusyError, lock_run, write_json
 from rig.sweep.campaigns import CampaignTasks
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
-from rig.sweep.parameters import TaskFiles, check_values, parameter_unit, parse_parameters
+from rig.sweep.parameters import (
+    TaskFiles,
+    check_values,
+    parameter_unit,
+    parse_parameters,
+    unit_of_path,
+)
 from rig.sweep.result_cache import Journal
 from rig.sweep.sessions import SessionTasks
 from rig.sweep.simulator import campaign_kind, session_simulation
@@ -69,8 +74,7 @@ def build_dataset(
         )
     for key, value in contents.settings.items():
         if not any(f"{key}.".startswith(f"{each.key}.") for each in parameters):
-            unit = ranges.unit_of_key(ranges.last_named_part(tuple(key.split("."))))
-            coords[key] = xarray.Variable((), value, _units(unit))
+            coords[key] = xarray.Variable((), value, _units(unit_of_path(key.split("."))))
     for key, values in contents.row_settings.items():
         coords[key] = xarray.Variable("row", values)
     data = {}

@@ -91,10 +91,6 @@ def command(
     """
     _check_options(jobs, scheduler, out)
     with input_errors("sweep", as_json=as_json):
-        if sequential and lead_in is not None:
-            raise ValueError(
-                "--lead-in: with --sequential the campaign's start.lead_in_s counts; leave it out"
-            )
         measured = find_run(measured, runs) if measured else None
         options = {
             "--sequential": sequential, "--lead-in": lead_in is not None, "--measured": measured,

@@ -146,8 +146,11 @@ class CampaignTasks:
         return CampaignTask(open_campaign(self.kind, path, problems, load=load), self._lead_in)
 
     def option_problems(self, given: Sequence[str]) -> list[Problem]:
-        """Return no problem: campaigns have all options."""
-        return []
+        """Return a problem for two options that contradict each other."""
+        if not {"--sequential", "--lead-in"} <= {*given}:
+            return []
+        message = "with --sequential the campaign's start.lead_in_s counts; leave it out"
+        return [Problem("--lead-in", 1, "", None, message)]
 
     def check(self, task: CampaignTask, parameters: Sequence[SweepParameter]) -> None:
         """Raise `ConfigError` for a campaign without rows, times of a lead-in, or a law.

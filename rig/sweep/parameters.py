@@ -152,6 +152,8 @@ def _set_value(
             raise ConfigError([Problem(OPTION, parameter.number, parameter.key, value, message)])
         if last:
             inside[index] = value
+            for below in [key for key in locate.locations if key[:depth] == at]:
+                del locate.locations[below]
         elif isinstance(inside, dict) and inside.get(str(index)) is None:
             inside[index] = {}
         if last or at not in locate.locations:

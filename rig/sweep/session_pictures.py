@@ -9,6 +9,7 @@ import numpy as np
 import xarray
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from rig.analysis.rows import COMPLETE
 from rig.presentation import picture
@@ -53,7 +54,7 @@ def _write_results(
         heights.append(0.1 + 0.2 * math.ceil(len(places) / 2))  # of the legend
     own = base_value(table, key)
     notes = [
-        f"a line for each value of {' and '.join(map(_short, others))}" if others else "",
+        f"a colour for each value of {' and '.join(map(_short, others))}" if others else "",
         "" if own is None else "dotted: the value in the files",
     ]
     figure, body = picture.framed_figure(
@@ -85,7 +86,9 @@ def _write_results(
             axes.axvline(own, color=MUTED, lw=0.9, ls=":", zorder=0)
         for left_out in x[(table["state"] != COMPLETE).any(others).values]:
             axes.plot(left_out, 0.03, "x", color=ACCENT, ms=5, transform=axes.get_xaxis_transform())
-        if table[key].dtype.kind not in "if":
+        if table[key].dtype.kind == "i":
+            axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+        elif table[key].dtype.kind != "f":
             axes.set_xticks(x, [str(value) for value in table[key].values], fontsize=7)
     _label_columns(panels, len(names), f"{_short(key)} {_bracketed(_unit(table[key]))}".rstrip())
     for each in lower:

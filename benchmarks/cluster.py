@@ -16,7 +16,8 @@ from benchmarks.batch import IRREGULAR, write_campaign_file
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.sweep import cluster, sweep
-from rig.sweep.cases import LEAD_IN, Outcome
+from rig.sweep.campaigns import LEAD_IN
+from rig.sweep.cases import Outcome
 
 MIN_SPEEDUP, MAX_OVERHEAD = 1.6, 10.0  # times, %
 

@@ -26,7 +26,7 @@ from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
 from rig.stations import station_names
-from rig.sweep.cases import single_row_plan
+from rig.sweep.campaigns import single_row_plan
 from rig.sweep.counterfactual import MeasuredRun, counterfactual_rows
 
 LEAD_IN = 15.0  # s

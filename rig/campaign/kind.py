@@ -155,6 +155,10 @@ class Campaign(NamedTuple, Generic[F, R, L]):
         """The law of each axis."""
         return dict(self.file.axis_laws)
 
+    def validity_warnings(self, day: date) -> tuple[Problem, ...]:
+        """Return warnings about calibrations that are not valid on a day (UTC)."""
+        return self.kind.validity_warnings(self, day)
+
 
 AnyCampaign = Campaign[Any, Any, Any]
 """A campaign of any kind of rig."""

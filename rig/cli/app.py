@@ -39,7 +39,7 @@ COMMANDS = tuple(
         ("compare", "Compare two runs of one matrix: settings, then power point by point."),
         ("identify", "Identify impedances and wave excitation from open-loop runs."),
         ("replay", "Replay a run's logged sensors through today's cycle, and compare."),
-        ("sweep", "Simulate a campaign's rows for all values of some parameters."),
+        ("sweep", "Simulate a campaign or session for all values of some parameters."),
         ("export", "Export a run for other tools."),
         ("merge", "Align wave data, power-analyser and other records with a run's time."),
         ("calibration", "List, show, apply and compare versioned corrections of recorded values."),

@@ -3,21 +3,28 @@
 import sys
 from collections.abc import Iterable
 from datetime import UTC, date, datetime
-from typing import Any
+from typing import Any, Protocol
 
-from rig.campaign import AnyCampaign
 from rig.config.problems import Problem
 
 
+class DatedTask(Protocol):
+    """A campaign, or a task of a sweep."""
+
+    def validity_warnings(self, day: date) -> tuple[Problem, ...]:
+        """Return warnings about calibrations that are not valid on a day (UTC)."""
+        ...
+
+
 def warn_of_expired(
-    campaign: AnyCampaign, *, quiet: bool, swept: Iterable[Iterable[AnyCampaign]] = ()
+    task: DatedTask, *, quiet: bool, swept: Iterable[Iterable[DatedTask]] = ()
 ) -> list[dict[str, Any]]:
     """Warn on standard error of calibrations that are not valid today (UTC), unless ``quiet``.
 
     Returns the problems as JSON values. ``swept`` holds, for each parameter of a sweep, the
     campaign with each of the parameter's values.
     """
-    expired = expired_calibrations(campaign, swept, datetime.now(UTC).date())
+    expired = expired_calibrations(task, swept, datetime.now(UTC).date())
     if not quiet:
         for problem in expired:
             print(f"warning: {problem.text()}", file=sys.stderr)
@@ -25,7 +32,7 @@ def warn_of_expired(
 
 
 def expired_calibrations(
-    campaign: AnyCampaign, swept: Iterable[Iterable[AnyCampaign]], day: date
+    task: DatedTask, swept: Iterable[Iterable[DatedTask]], day: date
 ) -> tuple[Problem, ...]:
     """Return the expired calibrations of a campaign, or of any case of a sweep.
 
@@ -33,11 +40,10 @@ def expired_calibrations(
     least one value: each case takes one value of each parameter, so a parameter whose values all
     avoid the problem removes it from every case.
     """
-    warnings = campaign.kind.validity_warnings
-    own = warnings(campaign, day)
+    own = task.validity_warnings(day)
     problems_by_parameter = [
-        {problem: None for variant in campaigns for problem in warnings(variant, day)}
-        for campaigns in swept
+        {problem: None for variant in tasks for problem in variant.validity_warnings(day)}
+        for tasks in swept
     ]
     remaining = [
         problem for problem in own if all(problem in problems for problems in problems_by_parameter)

@@ -24,7 +24,7 @@ from rig.presentation.phrases import format_duration
 
 _HEADINGS = {
     CAMPAIGNS: "campaigns: rig run NAME, rig check NAME, rig sweep NAME",
-    SESSIONS: "sessions: rig run NAME, rig check NAME",
+    SESSIONS: "sessions: rig run NAME, rig check NAME, rig sweep NAME",
     RIGS: "rigs: --rig NAME; those with wiring also rig sim NAME, rig devices NAME",
 }
 

@@ -142,6 +142,7 @@ def _replay_with(
     Returns the exit code.
     """
     console = Console(stderr=True, highlight=False)
+    from rig.kinds.rig_file import kind_of_task
     from rig.sweep.counterfactual import counterfactual_for_run  # numba
     from rig.sweep.simulator import campaign_kind, problems, simulation_of
 
@@ -153,7 +154,7 @@ def _replay_with(
 
         def open_checked(name: Path) -> AnyCampaign:
             path = input_file(name, CAMPAIGNS)
-            return open_campaign(campaign_kind(path), path, problems)
+            return open_campaign(campaign_kind(kind_of_task(path)), path, problems)
 
         campaign = open_checked(campaign_name)
         model = open_checked(model_name) if model_name else None

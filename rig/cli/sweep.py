@@ -1,4 +1,4 @@
-"""`rig sweep CAMPAIGN --over KEY=V1,V2,...`."""
+"""`rig sweep FILE --over KEY=V1,V2,...`."""
 
 import re
 import sys
@@ -11,29 +11,25 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from rig.analysis.rows import columns_of
 from rig.cli import calibration_dates
-from rig.cli.input_files import CAMPAIGNS, find_run, input_file
-from rig.cli.options import CAMPAIGN_HELP, RUNS, Json, Runs
+from rig.cli.input_files import CAMPAIGNS, SESSIONS, find_run, input_file
+from rig.cli.options import RUNS, TASK_HELP, Json, Runs
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.config.problems import error_text
-from rig.presentation.phrases import clock_text, format_power
+from rig.presentation.phrases import clock_text
 from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
-from rig.row_contents import LAW, PANEL, X, Y
-from rig.stations import Station, find
 from rig.sweep import executors, sweep
-from rig.sweep.cases import LEAD_IN, Outcome
+from rig.sweep.campaigns import LEAD_IN
+from rig.sweep.cases import Outcome
 from rig.sweep.result_cache import JOURNAL_FILE, load_report, store_report
-from rig.sweep.simulator import simulation_of
+from rig.sweep.task import FAILED as FAILED_CASE
 
 if TYPE_CHECKING:
     import xarray
 
-    from rig.row_contents import Column
-
 EXIT_CODES = """\
-Exit codes: 0 every case gave its rows; 1 some cases could not run, or the result could not be \
+Exit codes: 0 every case gave its results; 1 some cases could not run, or the result could not be \
 written; 2 bad input; 3 interrupted (run the same command again to continue)."""
 _ADDRESS = r"(tcp|tls)://[^/\s]+:\d{1,5}"
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
@@ -42,22 +38,28 @@ _LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 
 
 def command(
-    campaign: Annotated[Path, typer.Argument(help=CAMPAIGN_HELP)],
+    task: Annotated[Path, typer.Argument(metavar="FILE", help=TASK_HELP)],
     parameters: Annotated[
         list[str] | None,
         typer.Option(
             "--over",
             metavar="KEY=V1,V2,...",
-            help="Values of a campaign key (sea.hs_m), or of rig.KEY, plant.KEY, limits.KEY; "
+            help="Values of a key of the file (sea.hs_m), or of rig.KEY, plant.KEY, limits.KEY; "
             "repeatable.",
         ),
     ] = None,
     sequential: Annotated[
-        bool, typer.Option("--sequential", help="Run the rows in sequence, as in the basin.")
+        bool,
+        typer.Option("--sequential", help="Run a campaign's rows in sequence, as in the basin."),
     ] = False,
     lead_in: Annotated[
         float | None,
-        typer.Option("--lead-in", min=5, max=3600, help="Waves before each row, s (default: 15)."),
+        typer.Option(
+            "--lead-in",
+            min=5,
+            max=3600,
+            help="Waves before each row of a campaign, s (default: 15).",
+        ),
     ] = None,
     jobs: Annotated[
         int | None,
@@ -72,7 +74,8 @@ def command(
         typer.Option("--out", help="NetCDF to write (default: sweep.nc in its folder)."),
     ] = None,
     measured: Annotated[
-        Path | None, typer.Option("--measured", metavar="RUN", help="Run to draw over the result.")
+        Path | None,
+        typer.Option("--measured", metavar="RUN", help="Run to draw over the rows of a campaign."),
     ] = None,
     sweeps: Annotated[Path, typer.Option("--sweeps", help="Folder that holds the sweeps.")] = Path(
         "sweeps"
@@ -80,31 +83,32 @@ def command(
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
-    """Simulate a campaign's rows for all values of some parameters, with the compiled plant.
+    """Simulate a campaign's rows, or a session, for all values of some parameters, compiled.
 
-    Each row is a case of its own, on all cores or on a cluster. The command
-    keeps finished cases and never runs them again.
+    Each row of a campaign is a case of its own; a session is one, with the
+    results of its analysis. Cases run on all cores or on a cluster. The
+    command keeps finished cases and never runs them again.
     """
     _check_options(jobs, scheduler, out)
     with input_errors("sweep", as_json=as_json):
-        if sequential and lead_in is not None:
-            raise ValueError(
-                "--lead-in: with --sequential the campaign's start.lead_in_s counts; leave it out"
-            )
         measured = find_run(measured, runs) if measured else None
-        if measured and "campaign" not in run_info(measured).config:
-            raise ValueError(
-                f"--measured {measured}: this run has no campaign rows; name another run"
-            )
+        options = {
+            "--sequential": sequential, "--lead-in": lead_in is not None, "--measured": measured,
+        }  # fmt: skip
         opened = sweep.open_sweep(
-            input_file(campaign, CAMPAIGNS),
+            input_file(task, CAMPAIGNS, SESSIONS),
             parameters or [],
             sweeps,
             sequential=sequential,
             lead_in=LEAD_IN if lead_in is None else lead_in,
+            given=[option for option, is_given in options.items() if is_given],
         )
+        if measured and "campaign" not in run_info(measured).config:
+            raise ValueError(
+                f"--measured {measured}: this run has no campaign rows; name another run"
+            )
     began = time.monotonic()
-    warnings = calibration_dates.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
+    warnings = calibration_dates.warn_of_expired(opened.task, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, jobs, scheduler)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
     out, table = out or opened.folder / sweep.RESULT_FILE, None
@@ -136,11 +140,9 @@ def command(
     if table is not None:
         try:
             with input_errors("sweep", as_json=as_json):
-                from rig.sweep.pictures import write_pictures
-
                 if not as_json:
                     print("drawing ...", file=sys.stderr, flush=True)
-                pictures = write_pictures(table, opened.folder, measured)
+                pictures = opened.tasks.write_pictures(table, opened.folder, measured)
                 result = _result_as_dict(opened, out, pictures, table)
                 store_report(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
@@ -155,7 +157,7 @@ def command(
     if as_json:
         print_json(result)
     else:
-        _print_result(result, _stations(opened.campaign))
+        _print_result(result, opened)
     return FAILED if result["failed"] else OK
 
 
@@ -207,65 +209,27 @@ def _result_as_dict(
 ) -> dict[str, Any]:
     state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
-    reasons = sorted({str(text) for text in reasons_of_cases[state == sweep.FAILED]})
+    reasons = sorted({str(text) for text in reasons_of_cases[state == FAILED_CASE]})
     return {
         "status": "failed cases" if reasons else "complete",
         "folder": str(opened.folder),
         "result": str(result),
         "pictures": [str(picture) for picture in pictures],
-        "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
+        opened.tasks.result_noun: dict(zip(names.tolist(), counts.tolist(), strict=True)),
         "failed": reasons,
-        "best": {
-            station.name: best
-            for station in _stations(opened.campaign)
-            if (best := _best_row(table, station.name))
-        },
+        **opened.tasks.summary(table),
     }
 
 
-def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
-    """Return the row with the least power (negative is absorbed), with all its inputs."""
-    name = f"power_{station}"
-    if name not in table or not np.isfinite(table[name].values).any():
-        return {}
-    power = table[name].where(table["state"] == "complete")
-    if not np.isfinite(power.values).any():
-        return {}
-    place: Any = power.argmin(...)
-    row: Any = table.isel(place)
-    inputs = [
-        *map(str, table.sizes),
-        *(each.name for each in columns_of(table) if _is_gain(each, table, row)),
-    ]
-    values = {key: row[key].values.item() for key in inputs}
-    return {"power_w": row[name].values.item(), **values}
-
-
-def _stations(campaign: Any) -> tuple[Station, ...]:
-    """Return the power stations of a campaign's rig."""
-    return simulation_of(campaign).row_contents(campaign).stations
-
-
-def _is_gain(column: "Column", table: "xarray.Dataset", row: Any) -> bool:
-    """Return whether a column is a gain of a row: a main one, or one of the law that is in use."""
-    if column.name not in row or column.role not in (PANEL, X, Y, LAW):
-        return False
-    return column.role != LAW or bool(table[column.name].values.any())
-
-
-def _print_result(result: dict[str, Any], stations: tuple[Station, ...]) -> None:
-    rows = ", ".join(f"{count} {state}" for state, count in result["rows"].items())
+def _print_result(result: dict[str, Any], opened: sweep.Sweep) -> None:
+    states = result[opened.tasks.result_noun].items()
+    counts = ", ".join(f"{count} {state}" for state, count in states)
     run_text = "all cases were finished before"
     if result["run_now"]:
         rate = result["simulated_s"] / result["running_s"]
         run_text = f"the cases took {result['running_s']:.1f} s of it, {rate:.0f} times real time"
-    print(f"{rows} in {result['seconds']:.1f} s; {run_text}")
-    print("Best rows (negative power is absorbed)")
-    for name, best in result["best"].items():
-        inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
-                  for key, value in best.items() if key != "power_w")  # fmt: skip
-        label, power = find(stations, name).label, format_power(best["power_w"])
-        print(f"  {label:<32} {power:>10}   {', '.join(inputs)}")
+    print(f"{counts} in {result['seconds']:.1f} s; {run_text}")
+    print("\n".join(opened.tasks.summary_lines(result, opened.task)))
     for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)
     if len(result["failed"]) > _MAX_REASONS:

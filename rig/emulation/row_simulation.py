@@ -1,4 +1,4 @@
-"""The measured windows of a simulated campaign, row by row: a rehearsal without clock and log.
+"""The measured windows of a simulated task, row by row: a rehearsal without clock and log.
 
 The ticks are those of a rehearsal, compiled together with the plant (`rig.realtime.coupled_ticks`).
 Their rows go to a small block of memory; the fields that the analysis needs are kept, of measured
@@ -58,31 +58,20 @@ class Stored(NamedTuple):
         return cls(fields, dtype, tuple(places[name] for name in fields), phase, reason)
 
 
-class CampaignSimulator(ABC):
-    """A campaign's rig in its sea; each simulation starts anew. Threads may share a simulator."""
+class Simulator(ABC):
+    """A rig and its simulated plant; each simulation starts anew. Threads may share a simulator."""
 
     def __init__(
-        self,
-        tick: str,
-        law: str,
-        plan: Any,
-        params: cycle.Params,
-        code: PlantCode,
-        fields: Sequence[str],
+        self, tick: str, law: str, params: cycle.Params, code: PlantCode, fields: Sequence[str]
     ) -> None:
-        """``params``: of a ``plan`` of all the points to be simulated.
+        """``tick``: package of the kind's tick; ``law``: for its `find_kind`.
 
-        ``tick``: package of the kind's tick; ``law``: for its `find_kind`; ``fields``: of a row, to
-        be kept. The kind's parameters have `setpoints` and `reference` (`controllers.open_loop`).
+        ``fields``: of a row, to be kept.
         """
-        self._tick, self._law, self._code = tick, law, code
+        self._tick, self._law, self._params, self._code = tick, law, params, code
         self.kind: cycle.Kind = importlib.import_module(tick).find_kind(law)
         self.stored = Stored.of_row(self.kind.row_type, fields)
-        rig = params.rig
-        reference = rig.reference._replace(table=Column(rig.reference.table))
-        self._params = params._replace(rig=rig._replace(reference=reference))
         self._start = cycle.start(self.kind, params, 0)
-        self._realisations = list_realisations(plan.setpoints.realisation)
 
     @abstractmethod
     def coupling(self, place: float | None) -> Coupling:
@@ -129,12 +118,42 @@ class CampaignSimulator(ABC):
 
     def ticks(self, plan: Any, rows: RowSink, place: float | None = None) -> CoupledTicks:
         """Return the ticks of a plan from power-on, which write to ``rows``."""
+        coupling = self.coupling(place)
+        memory = coupled_ticks.memory_of(self.params_of(plan), self._start, coupling)
+        return CoupledTicks(memory, self._bind(memory), coupling, plan.dt, rows)
+
+    def params_of(self, plan: Any) -> cycle.Params:
+        """Return the parameters for a plan; by default those of the simulator."""
+        return self._params
+
+
+class CampaignSimulator(Simulator):
+    """A campaign's rig in its sea, for plans of some of the campaign's points."""
+
+    def __init__(
+        self,
+        tick: str,
+        law: str,
+        plan: Any,
+        params: cycle.Params,
+        code: PlantCode,
+        fields: Sequence[str],
+    ) -> None:
+        """``params``: of a ``plan`` of all the points to be simulated; others as of `Simulator`.
+
+        The kind's parameters have `setpoints` and `reference` (`controllers.open_loop`).
+        """
+        rig = params.rig
+        reference = rig.reference._replace(table=Column(rig.reference.table))
+        params = params._replace(rig=rig._replace(reference=reference))
+        super().__init__(tick, law, params, code, fields)
+        self._realisations = list_realisations(plan.setpoints.realisation)
+
+    def params_of(self, plan: Any) -> cycle.Params:
+        """Return the parameters with the segments and set points of a plan."""
         setpoints = index_realisations(plan.setpoints, self._realisations)
         rig = self._params.rig._replace(setpoints=setpoints)
-        params = self._params._replace(segments=plan.segments, rig=rig)
-        coupling = self.coupling(place)
-        memory = coupled_ticks.memory_of(params, self._start, coupling)
-        return CoupledTicks(memory, self._bind(memory), coupling, plan.dt, rows)
+        return self._params._replace(segments=plan.segments, rig=rig)
 
 
 class RowBlock:

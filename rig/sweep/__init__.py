@@ -1,4 +1,4 @@
-"""Sweeps: campaigns simulated without a clock, with loop and plant as one compiled function."""
+"""Sweeps: campaigns and sessions simulated without a clock, loop and plant as one function."""
 
 
 class InterruptedSweepError(Exception):

@@ -25,7 +25,7 @@ from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
 from rig.spectra.periods import common_period_ticks
 from rig.stations import station_names
-from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign, single_row_plan
+from rig.sweep.campaigns import LEAD_IN, row_results, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
 
 CONFIDENCE = 0.95

@@ -1,38 +1,26 @@
 """Sweep parameters, `--over KEY=V1,V2,...`: parse, set and check them.
 
-A key is a key of the campaign file (`sea.frequency_hz`) or, below `rig.`, `limits.`, `plant.`, a
-key of one of those files. Values replace those of the file before validation, so a sweep accepts
-exactly the values that the file accepts.
+A key is a key of the campaign or session file (`sea.frequency_hz`) or, below `rig.`, `limits.`,
+`plant.`, a key of one of those files. Values replace those of the file before validation, so a
+sweep accepts exactly the values that the file accepts.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from rig.campaign import AnyCampaign, open_campaign
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.sweep.simulator import campaign_kind, problems, simulation_of, simulation_of_rig
+from rig.sweep.simulator import simulation_of_rig
+from rig.sweep.task import SweepParameter, SweepTask, TaskType
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")
-_DATA_ROLES = ("matrix", "elevation", "reference")  # of files read whenever a campaign is opened
-
-
-class SweepParameter(NamedTuple):
-    """One parameter of a sweep and its values."""
-
-    number: int  # of the option on the command line, from 1
-    key: str  # as on the command line
-    file: str  # campaign, rig, limits, plant
-    path: KeyPath  # in that file
-    values: tuple[Any, ...]  # numbers or text
-
 
 ParameterValues = tuple[tuple[SweepParameter, Any], ...]
 """A value for each of some or all parameters of a sweep."""
@@ -45,11 +33,8 @@ class ParsedParameters(NamedTuple):
     problems: tuple[Problem, ...]
 
 
-def parse_parameters(options: Sequence[str], swept_keys: tuple[str, ...]) -> ParsedParameters:
-    """Parse the options into parameters; keys and values are not yet checked against the files.
-
-    ``swept_keys`` are those of the campaign file.
-    """
+def parse_parameters(options: Sequence[str], tasks: TaskType) -> ParsedParameters:
+    """Parse the options into parameters; keys and values are not yet checked against the files."""
     parameters: list[SweepParameter] = []
     problems_found: list[Problem] = []
     for number, text in enumerate(options, 1):
@@ -59,12 +44,12 @@ def parse_parameters(options: Sequence[str], swept_keys: tuple[str, ...]) -> Par
             values = _values(rest)
         except YAMLError:
             values = ()
-        message = _key_problem(key, values, swept_keys, {one.key for one in parameters})
+        message = _key_problem(key, values, tasks, {one.key for one in parameters})
         if message:
             problems_found.append(Problem(OPTION, number, key, rest or None, message))
             continue
         head, _, below = key.partition(".")
-        file = head if head in _FILES else "campaign"
+        file = head if head in _FILES else tasks.noun
         path = tuple((below if file == head else key).split("."))
         parameters.append(SweepParameter(number, key, file, path, values))
     return ParsedParameters(tuple(parameters), tuple(problems_found))
@@ -76,15 +61,12 @@ def _values(text: str) -> tuple[Any, ...]:
     return () if any(isinstance(value, dict | list) for value in values) else values
 
 
-def _key_problem(
-    key: str, values: tuple[Any, ...], swept_keys: tuple[str, ...], known: set[str]
-) -> str:
+def _key_problem(key: str, values: tuple[Any, ...], tasks: TaskType, known: set[str]) -> str:
     head, _, below = key.partition(".")
-    if head not in (*_FILES, *swept_keys) or (head in _FILES and not below):
-        if head == "matrix":
-            return "the rows of a sweep are the campaign's own; change its matrix"
-        allowed = ", ".join([*swept_keys, *(f"{name}.*" for name in _FILES)])
-        return f"not a parameter of a campaign; allowed {allowed}"
+    if head not in (*_FILES, *tasks.keys) or (head in _FILES and not below):
+        allowed = ", ".join([*tasks.keys, *(f"{name}.*" for name in _FILES)])
+        unknown = f"not a parameter of a {tasks.noun}; allowed {allowed}"
+        return tasks.fixed_keys.get(head, unknown)
     if key in known:
         return "given twice"
     write = f"write {key}=V1,V2,..."
@@ -97,19 +79,19 @@ def _key_problem(
     return f"{format_value(same[0])} occurs twice" if same else ""
 
 
-class CampaignFiles:
-    """The files of a campaign, which can be opened repeatedly with different values.
+class TaskFiles:
+    """The files of a task, which can be opened repeatedly with different values.
 
     Text files are read once. Data files are read each time and must not change in between.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.kind = path, campaign_kind(path)
+    def __init__(self, path: Path, tasks: TaskType) -> None:
+        self.path, self.tasks = path, tasks
         self._read: dict[tuple[Path, str], tuple[dict[str, Any], SourceMap]] = {}
         self._data: dict[Path, str] = {}  # sha256
 
-    def open(self, values: ParameterValues = ()) -> AnyCampaign:
-        """Return the campaign with these values; raise `ConfigError` with every problem.
+    def open(self, values: ParameterValues = ()) -> SweepTask:
+        """Return the task with these values; raise `ConfigError` with every problem.
 
         Raises ValueError if a data file has changed since it was first read.
         """
@@ -124,18 +106,17 @@ class CampaignFiles:
                 self._read[path, key] = load_mapping(path, place, key, inline)
             mapping, locate = copy.deepcopy(self._read[path, key])
             for parameter, value in values:
-                if parameter.file == (key or "campaign"):
+                if parameter.file == (key or self.tasks.noun):
                     _set_value(mapping, locate, parameter, parameter.path, value)
                 if key == "rig" and parameter.file == "plant":
                     _set_rig_twin(mapping, locate, parameter, value, values)
             return mapping, locate
 
-        campaign = open_campaign(self.kind, self.path, problems, load=load)
-        data = [file for file in campaign.files if file.role in _DATA_ROLES]
-        for _, path, sha256 in (*data, *simulation_of(campaign).plant_data(campaign)):
+        task: SweepTask = self.tasks.open(self.path, load)
+        for _, path, sha256 in task.data:
             if self._data.setdefault(path.resolve(), sha256) != sha256:
                 raise ValueError(f"{display_path(path)} was changed since the sweep began")
-        return campaign
+        return task
 
 
 def _set_rig_twin(
@@ -159,9 +140,10 @@ def _set_value(
     """Set a value; its location, and that of mappings created for it, is the command line."""
     place = SourceLocation(Path(OPTION), parameter.number)
     inside: Any = mapping
+    at: KeyPath = ()  # entries of lists by number
     for depth, part in enumerate(path, 1):
         index = int(part) if isinstance(inside, list) and str(part).isdigit() else part
-        last = depth == len(path)
+        at, last = (*at, index), depth == len(path)
         exists = isinstance(inside, dict) or (
             isinstance(inside, list) and isinstance(index, int) and index < len(inside)
         )
@@ -170,17 +152,19 @@ def _set_value(
             raise ConfigError([Problem(OPTION, parameter.number, parameter.key, value, message)])
         if last:
             inside[index] = value
+            for below in [key for key in locate.locations if key[:depth] == at]:
+                del locate.locations[below]
         elif isinstance(inside, dict) and inside.get(str(index)) is None:
             inside[index] = {}
-        if last or (*path[: depth - 1], index) not in locate.locations:
-            locate.locations[(*path[: depth - 1], index)] = place
+        if last or at not in locate.locations:
+            locate.locations[at] = place
         inside = inside[index]
 
 
 def check_values(
-    files: CampaignFiles, parsed: ParsedParameters
-) -> tuple[AnyCampaign, tuple[tuple[AnyCampaign, ...], ...]]:
-    """Return the campaign of the files, and one campaign for each single value of each parameter.
+    files: TaskFiles, parsed: ParsedParameters
+) -> tuple[SweepTask, tuple[tuple[SweepTask, ...], ...]]:
+    """Return the task of the files, and one task for each single value of each parameter.
 
     Conflicts between values of different parameters appear when their case runs. Raises
     `ConfigError` with every problem of every value.
@@ -189,16 +173,17 @@ def check_values(
         base = files.open()
     except ConfigError as error:
         raise ConfigError([*parsed.problems, *error.problems]) from None
-    swept: list[tuple[AnyCampaign, ...]] = []
+    swept: list[tuple[SweepTask, ...]] = []
     problems_found = list(parsed.problems)
     for parameter in parsed.parameters:
-        variants: list[AnyCampaign] = []
+        variants: list[SweepTask] = []
         for value in parameter.values:
             try:
                 variants.append(files.open(((parameter, value),)))
             except ConfigError as error:
                 problems_found += [
-                    _with_option_key(problem, parameter) for problem in error.problems
+                    _with_option_key(problem, parameter, files.tasks.noun)
+                    for problem in error.problems
                 ]
         swept.append(tuple(variants))
     if problems_found:
@@ -206,12 +191,12 @@ def check_values(
     return base, tuple(swept)
 
 
-def _with_option_key(problem: Problem, parameter: SweepParameter) -> Problem:
-    """Return a problem of a value with its key as on the command line."""
+def _with_option_key(problem: Problem, parameter: SweepParameter, noun: str) -> Problem:
+    """Return a problem of a value with its key as on the command line; ``noun``: of the task."""
     if problem.file != OPTION:
         return problem
     key, message = problem.key, problem.message
-    if parameter.file != "campaign":
+    if parameter.file != noun:
         is_rig_twin = not key.startswith(str(parameter.path[0]))  # see `_set_rig_twin`
         key = f"{'rig' if is_rig_twin else parameter.file}.{key}"
     if parameter.file == "plant" and message.endswith("is not a mapping"):
@@ -221,12 +206,18 @@ def _with_option_key(problem: Problem, parameter: SweepParameter) -> Problem:
     return problem._replace(key=key, message=message)
 
 
-def parameter_unit(parameter: SweepParameter, campaign: AnyCampaign) -> str:
+def parameter_unit(parameter: SweepParameter, plant: Mapping[str, Any]) -> str:
     """Return the unit of a parameter; empty for text and dimensionless numbers."""
     # The path of a plant value ends with `value`, or with `value` and the index in a list.
     if parameter.file == "plant" and "value" in parameter.path:
-        entry: Any = campaign.plant
+        entry: Any = plant
         for part in parameter.path[: parameter.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
-    return ranges.unit_of_key(ranges.last_named_part(parameter.path))
+    return unit_of_path(parameter.path)
+
+
+def unit_of_path(path: Sequence[str | int]) -> str:
+    """Return the unit in the last name of a path whose other parts may be numbers of entries."""
+    names = [part for part in map(str, path) if not part.isdigit()]
+    return ranges.unit_of_key(names[-1])

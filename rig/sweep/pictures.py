@@ -57,7 +57,7 @@ def write_pictures(table: xarray.Dataset, folder: Path, run: Path | None = None)
     swept = [name for name in _parameter_names(table) if _is_number(table, name)]
     if swept:
         written.append(_write_lines(table, best, swept, folder / "parameters.png", measured))
-    quantities = [name for name in swept if not _is_seed(name)]
+    quantities = [name for name in swept if not is_seed(name)]
     for x, y in itertools.combinations(quantities, 2):
         written.append(_write_map(table, best, x, y, folder / f"map_{x}_{y}.png"))
     return written
@@ -79,7 +79,7 @@ def _base_indices(table: xarray.Dataset) -> dict[str, int]:
     """Return the indices of the values nearest to those of the campaign's files, where known."""
     indices = {}
     for name in _parameter_names(table):
-        base = _base_value(table, name)
+        base = base_value(table, name)
         if base is not None and _is_number(table, name):
             indices[name] = int(np.abs(table[name].values - base).argmin())
     return indices
@@ -93,7 +93,7 @@ def _is_number(table: xarray.Dataset, name: str) -> bool:
     return table[name].dtype.kind in "if" and table.sizes[name] > 1
 
 
-def _is_seed(name: str) -> bool:
+def is_seed(name: str) -> bool:
     """Return whether a parameter is a seed, which must not be interpolated."""
     return name.rpartition(".")[2] == "seed"
 
@@ -152,11 +152,12 @@ def _gains_key(setting: dict[str, float], columns: list[Column]) -> tuple[float,
     return tuple(setting.get(column.name, 0.0) for column in columns)
 
 
-def _base_value(table: xarray.Dataset, name: str) -> float | None:
-    """Return the value of a parameter in the campaign's own files; None if they have none."""
+def base_value(table: xarray.Dataset, name: str) -> float | None:
+    """Return the value of a parameter in the task's own files; None if they have none."""
     config: Any = json.loads(table.attrs["config"])
     head, *rest = name.split(".")
-    inside = config[head] if head in ("rig", "plant", "limits") else config["campaign"].get(head)
+    own = config["campaign"] if "campaign" in config else config["session"]
+    inside = config[head] if head in ("rig", "plant", "limits") else own.get(head)
     for part in rest:
         inside = inside.get(part) if isinstance(inside, dict) else None
     return float(inside) if isinstance(inside, int | float) else None
@@ -186,7 +187,7 @@ def _write_lines(
             others = {key: index for key, index in indices.items() if key != name}
             if power is not None:
                 _plot_rows(axes, table, power.isel(others).transpose(name, "row"), name)
-                _plot_measured(axes, _base_value(table, name), station.name, measured)
+                _plot_measured(axes, base_value(table, name), station.name, measured)
             if j == 0:
                 axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
             if i == 0:
@@ -194,7 +195,7 @@ def _write_lines(
                 axes.set_title(fixed, fontsize=7.5, color=ACCENT, pad=4)
             if i == len(stations) - 1:
                 axes.set_xlabel(_axis_label(table, name), fontsize=8)
-            if _is_seed(name):
+            if is_seed(name):
                 axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return picture.save(figure, path)
 
@@ -202,7 +203,7 @@ def _write_lines(
 def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str) -> None:
     """Plot every row as a thin line, and the row that absorbs most as a thick, labelled one."""
     x, values = table[name].values, power.values
-    order, join = np.argsort(x), "" if _is_seed(name) else "-"
+    order, join = np.argsort(x), "" if is_seed(name) else "-"
     lowest = np.nanmin(np.where(np.isfinite(values), values, np.inf), axis=0)
     best = int(np.argmin(lowest))
     thinned = np.argsort(lowest)[:_MAX_LINES]

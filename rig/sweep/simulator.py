@@ -1,4 +1,8 @@
-"""Interface of sweeps to a kind of rig: the rooms `campaign` and `simulation` of its package."""
+"""Interface of sweeps to a kind of rig: the rooms `campaign` and `simulation` of its package.
+
+The room `simulation` of a kind with campaigns is a `Simulation`, of one with sessions a
+`SessionSimulation`.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -9,8 +13,7 @@ from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
 from rig.kinds import registry
-from rig.kinds.rig_file import kind_of_task
-from rig.planning.input_files import InputFile
+from rig.planning.input_files import InputFile, MappingLoader
 from rig.recording.runs.windows import Window
 from rig.row_contents import RowContents
 
@@ -33,8 +36,8 @@ class RowSimulation(Protocol):
         ...
 
 
-class CampaignSimulator(Protocol):
-    """A campaign's rig in its sea; each simulation starts anew. Threads may share a simulator."""
+class Simulator(Protocol):
+    """A rig and its simulated plant; each simulation starts anew. Threads may share a simulator."""
 
     def is_compiled(self) -> bool:
         """Return whether this host has the code of loop and plant already."""
@@ -47,6 +50,10 @@ class CampaignSimulator(Protocol):
         """
         ...
 
+
+class CampaignSimulator(Simulator, Protocol):
+    """A campaign's rig in its sea."""
+
     def simulate(
         self, plan: AnyPlan, check: Callable[[], None] = ..., place: float | None = None
     ) -> RowSimulation:
@@ -58,8 +65,45 @@ class CampaignSimulator(Protocol):
         ...
 
 
+class SessionSimulator(Simulator, Protocol):
+    """A session's rig."""
+
+    def results(self, check: Callable[[], None]) -> tuple[dict[str, Any], float]:
+        """Return the results of a simulated session by name, and its duration, s.
+
+        Results are `state` and `incomplete_reason` as of a row, further texts, and numbers; `units`
+        holds the unit of each number, and ``NAME_uncertainty`` the half width of its 95 % interval.
+        ``check`` is that of a campaign. Raises ValueError for a session without results.
+        """
+        ...
+
+
+class SessionSimulation(Protocol):
+    """The simulation of the sessions of a kind of rig: a module of its package."""
+
+    SESSION_KEYS: tuple[str, ...]
+    """Keys of a session file that may be swept."""
+
+    def matching_keys(self, rig: Mapping[str, Any]) -> Mapping[KeyPath, KeyPath]:
+        """Return the keys as of `Simulation`."""
+        ...
+
+    def open_session(self, path: Path, load: MappingLoader) -> Any:
+        """Return a session with `file`, `plant` and `files`; ``load`` reads its files and may
+        change their values. Raises `ConfigError` with every problem, those of the plant, too."""
+        ...
+
+    def resolved_session(self, session: Any) -> str:
+        """Return JSON text with every key of every file, that of the session as `session`."""
+        ...
+
+    def open_simulator(self, session: Any) -> SessionSimulator:
+        """Return the simulator of a session."""
+        ...
+
+
 class Simulation(Protocol):
-    """The simulation of a kind of rig: a module of its package."""
+    """The simulation of the campaigns of a kind of rig: a module of its package."""
 
     def matching_keys(self, rig: Mapping[str, Any]) -> Mapping[KeyPath, KeyPath]:
         """Return the keys of an unchecked rig file and those of the plant file that must have the
@@ -106,13 +150,8 @@ class Simulation(Protocol):
         ...
 
 
-def campaign_kind(path: Path) -> CampaignKind:
-    """Return what the kind of rig of a campaign file adds to campaigns.
-
-    Raises KindError for a file of a kind without campaigns, `ConfigError` for one whose kind cannot
-    be read.
-    """
-    kind = kind_of_task(path)
+def campaign_kind(kind: registry.RigKind) -> CampaignKind:
+    """Return what a kind of rig adds to campaigns; KindError for a kind without campaigns."""
     try:
         found: CampaignKind = kind.room(CAMPAIGN_ROOM).CAMPAIGNS
     except registry.KindError as error:
@@ -126,7 +165,16 @@ def simulation_of(campaign: AnyCampaign) -> Simulation:
     return _simulation(campaign.rig.kind)
 
 
-def simulation_of_rig(mapping: Mapping[str, Any]) -> Simulation | None:
+def session_simulation(kind: registry.RigKind) -> SessionSimulation | None:
+    """Return the simulation of a kind's sessions; None if it has none."""
+    try:
+        room = kind.room(ROOM)
+    except registry.KindError:
+        return None
+    return room if hasattr(room, "open_session") else None
+
+
+def simulation_of_rig(mapping: Mapping[str, Any]) -> Simulation | SessionSimulation | None:
     """Return the simulation of an unchecked rig file's kind; None for a kind that is not known."""
     kind = mapping.get("kind")
     return _simulation(kind) if isinstance(kind, str) and kind in registry.known() else None
@@ -134,7 +182,7 @@ def simulation_of_rig(mapping: Mapping[str, Any]) -> Simulation | None:
 
 def problems(parts: CampaignParts) -> tuple[Problem, ...]:
     """Return the simulation's problems of a campaign; none if its rig file names no known kind."""
-    simulation = None if parts.rig is None else simulation_of_rig(parts.rig.mapping)
+    simulation: Any = None if parts.rig is None else simulation_of_rig(parts.rig.mapping)
     return () if simulation is None else simulation.problems(parts)
 
 

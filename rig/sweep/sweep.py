@@ -4,10 +4,11 @@ import errno
 import hashlib
 import itertools
 import json
+import math
 import os
 import platform
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from importlib import metadata
@@ -17,138 +18,121 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.rows import NOT_RUN, column_units, contents_attributes
-from rig.campaign import AnyCampaign, AnyPlan, CampaignRow, build_plan, resolved_config
-from rig.campaign.law_checks import compilation_problems, trial_problems
-from rig.config import ranges
-from rig.config.problems import ConfigError, Problem, format_value
-from rig.planning.windows import repeat_period
+from rig.analysis.rows import NOT_RUN
+from rig.kinds.rig_file import kind_of_task
 from rig.recording import provenance
 from rig.recording.runs.create import BusyError, lock_run, write_json
-from rig.sweep.cases import Cases, Outcome, SweepRequest, single_row_campaign
+from rig.sweep.campaigns import CampaignTasks
+from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
 from rig.sweep.parameters import (
-    OPTION,
-    CampaignFiles,
+    TaskFiles,
     check_values,
     parameter_unit,
     parse_parameters,
+    unit_of_path,
 )
 from rig.sweep.result_cache import Journal
-from rig.sweep.simulator import simulation_of
+from rig.sweep.sessions import SessionTasks
+from rig.sweep.simulator import campaign_kind, session_simulation
+from rig.sweep.task import FAILED, SweepTask, TaskType
 
 if TYPE_CHECKING:
     import xarray
 
 
-FAILED = "failed"
-_TEXT_COLUMNS = ("state", "incomplete_reason", "limits", "warned")
-# Columns that are meaningless for a case.
-_BOOKKEEPING = ("row", "attempt", "lost_ticks", "ticks_expected", "ticks_missing")
+# Entries of a row's results that are no results of a case.
+_BOOKKEEPING = ("row", "attempt", "lost_ticks", "ticks_expected", "ticks_missing", "units")
 
 Array = npt.NDArray[Any]
 
 
 def build_dataset(
-    cases: Cases, campaign: AnyCampaign, outcomes: Iterable[Outcome], name: str
+    cases: Cases, tasks: TaskType, outcomes: Iterable[Outcome], name: str
 ) -> "xarray.Dataset":
     """Return a dataset with every input as a coordinate and every result over parameters and rows.
 
     Both have units. Results of cases that did not run are NaN; ``state`` and ``incomplete_reason``
-    give the state of each row and its reason.
+    give the state of each row and its reason. A session has no dimension of rows.
     """
     import xarray  # noqa: PLC0415 - takes a second; a finished sweep does not need it
 
-    rows = [row.row for row in cases.rows]
-    columns = _fill_columns(cases, {row: i for i, row in enumerate(rows)}, outcomes)
-    shape = (*cases.shape, len(rows))
-    dims = (*(parameter.key for parameter in cases.request.parameters), "row")
-    coords: dict[str, xarray.Variable] = {"row": xarray.Variable("row", rows)}
-    for parameter in cases.request.parameters:
-        unit = parameter_unit(parameter, campaign)
+    task, parameters = cases.base, cases.request.parameters
+    contents = tasks.contents(task)
+    columns, units = _fill_columns(cases, outcomes)
+    units |= contents.units
+    row_dims = ("row",) if contents.row_settings else ()
+    shape = (*cases.shape, *(len(task.rows) for _ in row_dims))
+    dims = (*(parameter.key for parameter in parameters), *row_dims)
+    coords: dict[str, xarray.Variable] = {}
+    if row_dims:
+        coords["row"] = xarray.Variable("row", task.rows)
+    for parameter in parameters:
+        unit = parameter_unit(parameter, task.plant)
         coords[parameter.key] = xarray.Variable(
             parameter.key, _values(parameter.values), _units(unit)
         )
-    request = cases.request
-    run = campaign if request.sequential else single_row_campaign(campaign, request.lead_in)
-    for key, value in _campaign_entries(run):
-        if key not in coords:
-            coords[key] = xarray.Variable(
-                (), value, _units(ranges.unit_of_key(key.rpartition(".")[2]))
-            )
-    for key in ("point", "repetition"):
-        coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
-    contents = simulation_of(campaign).row_contents(campaign)
-    data, units = {}, column_units(contents)
-    settings = {column.name for column in contents.settings}
+    for key, value in contents.settings.items():
+        if not any(f"{key}.".startswith(f"{each.key}.") for each in parameters):
+            coords[key] = xarray.Variable((), value, _units(unit_of_path(key.split("."))))
+    for key, values in contents.row_settings.items():
+        coords[key] = xarray.Variable("row", values)
+    data = {}
     for key, flat in columns.items():
-        values = flat.reshape(shape)
-        if key in settings and (planned := _planned_setting(values, key, cases.rows)) is not None:
-            coords[key] = xarray.Variable("row", planned, _units(units[key]))
+        filled = flat.reshape(shape)
+        planned = contents.planned.get(key)
+        if planned is not None and _is_unchanged(filled, planned):
+            coords[key] = xarray.Variable("row", np.array(planned), _units(units[key]))
         else:
-            data[key] = xarray.Variable(dims, values, _units(units.get(key, "")))
-    return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
+            data[key] = xarray.Variable(dims, filled, _units(units.get(key, "")))
+    code = provenance.describe_code()
+    attributes = {
+        "run": name,
+        "mode": "batch",
+        "campaign": task.name,
+        **contents.attributes,
+        "code_version": code["version"],
+        "code_git": code["git"],
+        "sweep_parameters": json.dumps({each.key: each.values for each in parameters}),
+    }
+    return xarray.Dataset(data, coords, attributes)
 
 
 def _fill_columns(
-    cases: Cases, row_index: dict[int, int], outcomes: Iterable[Outcome]
-) -> dict[str, Array]:
-    """Return each result by name, one entry for each variant and row."""
-    count = int(np.prod(cases.shape, dtype=int)) * len(row_index)
+    cases: Cases, outcomes: Iterable[Outcome]
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """Return each result by name, one entry for each variant and row; and units of results."""
+    row_index = {row: i for i, row in enumerate(cases.base.rows)}
+    row_count, cases_per_variant = len(row_index), len(cases.base.case_rows)
+    rows_per_case = row_count // cases_per_variant
+    count = math.prod(cases.shape) * row_count
     columns: dict[str, Array] = {
         "state": np.full(count, NOT_RUN, object),
         "incomplete_reason": np.full(count, "", object),
     }
-    by_number = list(cases) if cases.request.sequential else []
+    units: dict[str, str] = {}
     for outcome in outcomes:
-        variant, row_position = divmod(outcome.case, len(row_index))
-        entries = [outcome.case]
-        if by_number:
-            variant = by_number[outcome.case].variant
-            entries = [variant * len(row_index) + i for i in range(len(row_index))]
         if outcome.failed:
-            columns["state"][entries], columns["incomplete_reason"][entries] = (
-                FAILED,
-                outcome.failed,
-            )
+            failed = slice(outcome.case * rows_per_case, (outcome.case + 1) * rows_per_case)
+            columns["state"][failed] = FAILED
+            columns["incomplete_reason"][failed] = outcome.failed
         for row in outcome.rows:
-            i = variant * len(row_index) + (row_index[row["row"]] if by_number else row_position)
+            i = outcome.case // cases_per_variant * row_count + row_index[row["row"]]
+            units |= row.get("units", {})
             for key, value in row.items():
                 if key in _BOOKKEEPING:
                     continue
                 if key not in columns:
-                    is_text = key in _TEXT_COLUMNS
+                    is_text = isinstance(value, str)
                     columns[key] = np.full(count, "", object) if is_text else np.full(count, np.nan)
                 columns[key][i] = value
-    return columns
+    return columns, units
 
 
-def _campaign_entries(campaign: AnyCampaign) -> Iterator[tuple[str, Any]]:
-    """Yield keys and values of a campaign other than its rows; lists entry by entry."""
-    contents = campaign.file.model_dump(mode="json", by_alias=True)
-
-    def leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-        inside = value.items() if isinstance(value, dict) else enumerate(value)
-        for name, each in inside:
-            if isinstance(each, dict | list):
-                yield from leaves(f"{key}.{name}", each)
-            elif each is not None:
-                yield f"{key}.{name}", each
-
-    for key in campaign.kind.swept_keys:
-        if isinstance(contents.get(key), dict):
-            yield from leaves(key, contents[key])
-        elif contents.get(key) is not None:
-            yield key, contents[key]
-
-
-def _planned_setting(values: Array, key: str, rows: tuple[CampaignRow[Any], ...]) -> Array | None:
-    """Return a setting of the planned rows; None if a parameter of the sweep changes it."""
-    # The position of the device that realises a set point is not itself one.
-    planned = [getattr(row.setting, key, row.place) for row in rows]
-    flat = values.reshape(-1, len(rows)).astype(float)
-    unchanged = np.isnan(flat) | (flat == np.array(planned))
-    return np.array(planned) if bool(unchanged.all()) else None
+def _is_unchanged(values: Array, planned: Sequence[float]) -> bool:
+    """Return whether a setting is that of the planned rows: no parameter changes it."""
+    flat = values.reshape(-1, len(planned)).astype(float)
+    return bool((np.isnan(flat) | (flat == np.array(planned))).all())
 
 
 def _values(values: tuple[Any, ...]) -> Array:
@@ -161,34 +145,11 @@ def _units(text: str) -> dict[str, str]:
     return {"units": text} if text else {}
 
 
-def _attributes(cases: Cases, campaign: AnyCampaign, name: str) -> dict[str, Any]:
-    code = provenance.describe_code()
-    period = repeat_period(campaign.file.sea)
-    attributes: dict[str, Any] = {
-        "run": name,
-        "mode": "batch",
-        "campaign": campaign.file.name,
-        "sea": campaign.file.sea.description(),
-        "sequential": int(cases.request.sequential),
-        **contents_attributes(simulation_of(campaign).row_contents(campaign)),
-        "config": resolved_config(campaign),
-        "code_version": code["version"],
-        "code_git": code["git"],
-        "sweep_parameters": json.dumps(
-            {parameter.key: parameter.values for parameter in cases.request.parameters}
-        ),
-    }
-    if not cases.request.sequential:
-        attributes["lead_in_s"] = cases.request.lead_in
-    return attributes | ({"wave_period_s": period} if period else {})
-
-
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("controllers", "sim_plant", "rig")
 _UNHASHED = "rig/cli/"  # display code changes no number
 _NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "filterpy")
 """Third-party packages whose versions may change a number."""
-_NOT_COMPILED = "a sweep runs compiled code, but the law cannot be compiled"
 RESULT_FILE = "sweep.nc"
 
 
@@ -196,76 +157,79 @@ class Sweep(NamedTuple):
     """A checked sweep and its folder."""
 
     folder: Path
-    campaign: AnyCampaign  # without parameter values
+    tasks: TaskType
+    task: SweepTask  # without parameter values
     cases: Cases
     digest: str  # of files and code, checked by workers of a cluster
-    swept: tuple[tuple[AnyCampaign, ...], ...]  # for each parameter, one campaign per value
+    swept: tuple[tuple[SweepTask, ...], ...]  # for each parameter, one task per value
+
+
+def open_tasks(path: Path, *, sequential: bool, lead_in: float) -> TaskType:
+    """Return the type of the task in a file: the campaigns or sessions of its kind of rig.
+
+    Raises KindError if the kind has neither, `ConfigError` if the file names no usable kind.
+    """
+    kind = kind_of_task(path)
+    if (sessions := session_simulation(kind)) is not None:
+        return SessionTasks(sessions)
+    return CampaignTasks(campaign_kind(kind), sequential=sequential, lead_in=lead_in)
 
 
 def open_sweep(
-    path: Path, options: list[str], sweeps: Path, *, sequential: bool, lead_in: float
+    path: Path,
+    options: list[str],
+    sweeps: Path,
+    *,
+    sequential: bool,
+    lead_in: float,
+    given: Sequence[str] = (),
 ) -> Sweep:
     """Check a sweep and create its folder, which is named by a digest of all its inputs.
 
-    Raises `ConfigError` with every problem of the campaign and of every parameter value.
+    ``given``: further options of the command line, which a task may have no use for. Raises
+    `ConfigError` with every problem of the task, of every parameter value and of these options.
     """
-    files = CampaignFiles(path)
-    parsed = parse_parameters(options, files.kind.swept_keys)
-    base, swept = check_values(files, parsed)
-    if not_simulated := tuple(simulation_of(base).sweep_problems(base)):
-        raise ConfigError(not_simulated)
-    for parameter in parsed.parameters:
-        if parameter.key == "start.lead_in_s" and not sequential:
-            message = "rows that run alone have --lead-in instead; allowed with --sequential"
-            raise ConfigError([Problem(OPTION, parameter.number, parameter.key, None, message)])
-        longest = max((v for v in parameter.values if isinstance(v, int | float)), default=0.0)
-        if parameter.key == "start.set_point_s" and not sequential and longest > lead_in:
-            message = f"{format_value(longest)} is longer than the lead-in; allowed up to --lead-in"
-            raise ConfigError([Problem(OPTION, parameter.number, parameter.key, longest, message)])
-    planned = build_plan(base)
-    _check_law(base, planned)
+    tasks = open_tasks(path, sequential=sequential, lead_in=lead_in)
+    files = TaskFiles(path, tasks)
+    parsed = parse_parameters(options, tasks)
+    problems = (*tasks.option_problems(given), *parsed.problems)
+    base, swept = check_values(files, parsed._replace(problems=problems))
+    tasks.check(base, parsed.parameters)
     request = SweepRequest(str(path), parsed.parameters, sequential, lead_in)
     digest = _digest(request, (base, *itertools.chain(*swept)))
-    folder = sweeps / f"{base.file.name}_{digest}"
+    folder = sweeps / f"{base.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
-    cases = Cases(request, planned.rows, files)
-    return Sweep(folder, base, cases, _workers_digest(request, base, files), swept)
-
-
-def _check_law(campaign: AnyCampaign, planned: AnyPlan) -> None:
-    """Raise `ConfigError` for a law that fails its trial or cannot be compiled."""
-    problems = list(trial_problems(campaign, planned))
-    if not problems:
-        problems += compilation_problems(campaign, planned.dt, _NOT_COMPILED)
-    if problems:
-        raise ConfigError(problems)
+    cases = Cases(request, base, files)
+    return Sweep(folder, tasks, base, cases, _workers_digest(request, base, files), swept)
 
 
 def reopen_cases(request: SweepRequest, digest: str) -> Cases:
-    """Return the cases of a sweep in another process with the same campaign files and code.
+    """Return the cases of a sweep in another process with the same files and code.
 
-    Raises ValueError if files or code differ from those of ``digest``, `ConfigError` if the
-    campaign cannot be opened.
+    Raises ValueError if files or code differ from those of ``digest``, `ConfigError` if the task
+    cannot be opened.
     """
-    files = CampaignFiles(Path(request.campaign))
+    path = Path(request.campaign)
+    tasks = open_tasks(path, sequential=request.sequential, lead_in=request.lead_in)
+    files = TaskFiles(path, tasks)
     base = files.open()
     if _workers_digest(request, base, files) != digest:
         raise ValueError(
             f"{platform.node()} has other files for {request.campaign}, or other code, "
             "than the client"
         )
-    return Cases(request, build_plan(base).rows, files)
+    return Cases(request, base, files)
 
 
-def _workers_digest(request: SweepRequest, base: AnyCampaign, files: CampaignFiles) -> str:
+def _workers_digest(request: SweepRequest, base: SweepTask, files: TaskFiles) -> str:
     """Return the digest of the files that a worker reads, and of the code."""
-    named_campaigns = (  # a text value may be the name of a file
+    named_tasks = (  # a text value may be the name of a file
         files.open(((parameter, value),))
         for parameter in request.parameters
         for value in parameter.values
         if isinstance(value, str)
     )
-    return _digest(request, (base, *named_campaigns))
+    return _digest(request, (base, *named_tasks))
 
 
 @contextmanager
@@ -307,7 +271,7 @@ def run(
         for outcome in executor(waiting, sweep.cases.run):
             journal.add(outcome)
             on_outcome(outcome)
-        return build_dataset(sweep.cases, sweep.campaign, journal.outcomes(), sweep.folder.name)
+        return build_dataset(sweep.cases, sweep.tasks, journal.outcomes(), sweep.folder.name)
 
 
 def write_dataset(table: "xarray.Dataset", path: Path) -> Path:
@@ -327,16 +291,13 @@ def write_dataset(table: "xarray.Dataset", path: Path) -> Path:
     return path
 
 
-def _digest(request: SweepRequest, campaigns: Iterable[AnyCampaign]) -> str:
-    """Return a digest of the campaign's files, the parameters and the code."""
+def _digest(request: SweepRequest, tasks: Iterable[SweepTask]) -> str:
+    """Return a digest of the files of tasks, the parameters and the code."""
     digest = hashlib.sha256(
         json.dumps([request.parameters, request.sequential, request.lead_in]).encode()
     )
-    for campaign in campaigns:  # separately: two files may have been swapped
-        laws = [(each.law.name, each.law.sha256) for each in campaign.axis_laws.values()]
-        inputs = (*campaign.files, *simulation_of(campaign).plant_data(campaign))
-        files = [(file.role, file.sha256) for file in inputs]
-        digest.update(json.dumps([files, *laws]).encode())
+    for task in tasks:  # separately: two files may have been swapped
+        digest.update(json.dumps(task.inputs).encode())
     digest.update(_code_digest())
     return digest.hexdigest()[:12]
 

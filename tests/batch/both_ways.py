@@ -57,7 +57,7 @@ def differing_fields(one: LoopResult, other: LoopResult) -> list[str]:
 
 def open_campaign_plan(path: Path) -> tuple[AnyCampaign, AnyPlan]:
     """Return a campaign and its plan."""
-    campaign = open_campaign(campaign_kind(path), path)
+    campaign = open_campaign(campaign_kind(kind_of_task(path)), path)
     return campaign, build_plan(campaign)
 
 

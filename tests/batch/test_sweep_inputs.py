@@ -15,7 +15,7 @@ from rig.config.problems import ConfigError
 from rig.kinds import registry
 from rig.sweep import sweep
 from rig.sweep.cases import Case
-from rig.sweep.simulator import ROOM, Simulation
+from rig.sweep.simulator import ROOM, SessionSimulation, Simulation
 
 POINT = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
 
@@ -123,12 +123,16 @@ def test_coordinates_are_the_values_of_the_rows(tmp_path: Path) -> None:
         open_test_sweep(tmp_path / "campaign.yaml", "start.set_point_s=1,10")
 
 
-def test_the_simulation_of_a_kind_has_all_that_sweeps_use() -> None:
+@pytest.mark.parametrize(
+    ("kind", "protocol"),
+    [("wavebot", Simulation), ("modular", Simulation), ("oswec bench", SessionSimulation)],
+)
+def test_the_simulation_of_a_kind_has_all_that_sweeps_use(kind: str, protocol: type) -> None:
     """A sweep imports no kind: the room `simulation` of a kind implements the protocol."""
-    members = {name: each for name, each in vars(Simulation).items() if inspect.isfunction(each)}
+    members = {name: each for name, each in vars(protocol).items() if inspect.isfunction(each)}
     functions = {name: each for name, each in members.items() if not name.startswith("_")}
-    room = registry.find("wavebot").room(ROOM)
-    assert {*functions, *inspect.get_annotations(Simulation)} == set(room.__all__)
+    room = registry.find(kind).room(ROOM)
+    assert {*functions, *inspect.get_annotations(protocol)} == set(room.__all__)
     for name, declared in functions.items():
         parameters = inspect.signature(getattr(room, name)).parameters
         assert len(parameters) == len(inspect.signature(declared).parameters) - 1, name

@@ -17,8 +17,9 @@ from rig.analysis.surfaces import draw_surfaces
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import shown, station_names
 from rig.sweep import pictures
-from rig.sweep.cases import LEAD_IN
-from rig.sweep.parameters import CampaignFiles
+from rig.sweep.campaigns import LEAD_IN
+from rig.sweep.parameters import TaskFiles
+from rig.sweep.sweep import open_tasks
 
 GRID = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -37,7 +38,8 @@ GRID = {
 def table(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     folder = tmp_path_factory.mktemp("grid")
     path = write_campaign(folder, **GRID)
-    own = CampaignFiles(path).open().plant["pto"]["torque_constant"]["value"]
+    tasks = open_tasks(path, sequential=False, lead_in=LEAD_IN)
+    own = TaskFiles(path, tasks).open().plant["pto"]["torque_constant"]["value"]
     options = (f"plant.pto.torque_constant.value={own},7.5", "sea.amplitude_m=0.1,0.127")
     return run_test_sweep(path, *options, lead_in=LEAD_IN)[1]
 

@@ -15,7 +15,8 @@ from rig_command import rig_here
 
 from rig.config.problems import ConfigError
 from rig.sweep import sweep
-from rig.sweep.cases import LEAD_IN, Case, Outcome
+from rig.sweep.campaigns import LEAD_IN
+from rig.sweep.cases import Case, Outcome
 from rig.sweep.executors import RunCase, thread_executor
 from rig.sweep.result_cache import JOURNAL_FILE, Journal
 

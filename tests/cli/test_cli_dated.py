@@ -90,9 +90,7 @@ def test_a_sweep_warns_of_the_values_that_its_cases_have(
     opened = sweep.open_sweep(
         campaign(tmp_path, own), parameters, tmp_path / "sweeps", sequential=False, lead_in=15.0
     )
-    expired = calibration_dates.expired_calibrations(
-        opened.campaign, opened.swept, date(2026, 1, 1)
-    )
+    expired = calibration_dates.expired_calibrations(opened.task, opened.swept, date(2026, 1, 1))
     assert len(expired) == len(expected)
     text = str([problem.text() for problem in expired])
     assert {day for day in (EXPIRED, VALID, "2002-01-01") if day in text} == expected

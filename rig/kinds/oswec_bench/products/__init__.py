@@ -175,15 +175,24 @@ def analyse(run_folder: str | os.PathLike[str], against: Against = None) -> Summ
 
 
 def _result(session: SessionRun, run: Path, against: Against) -> Result:
+    reference = _REFERENCES.get(session.kind)
+    if reference is None and against is not None:
+        raise ValueError(f"a session {session.kind} takes no reference run")
+    return session_result(
+        session, *([] if reference is None else [reference(session, run, against)])
+    )
+
+
+def session_result(session: SessionRun, *reference: Any) -> Result:
+    """Return the result of a session; ``reference``: of `_REFERENCES`, by default none.
+
+    Raises ValueError if the session has no analysis, or its set points give no result.
+    """
     if session.kind not in _ANALYSES:
         raise ValueError(
             f"session {session.kind!r} has no analysis; known kinds: {', '.join(KINDS)}"
         )
-    analysis, reference = _ANALYSES[session.kind].analyse_session, _REFERENCES.get(session.kind)
-    if reference is None and against is not None:
-        raise ValueError(f"a session {session.kind} takes no reference run")
-    arguments = () if reference is None else (reference(session, run, against),)
-    result: Result = analysis(session, *arguments)
+    result: Result = _ANALYSES[session.kind].analyse_session(session, *reference)
     return result
 
 

@@ -92,6 +92,7 @@ def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> 
         tuple(_figures(result)),
         tuple(_notes(session, baseline, result)),
         maps,
+        {"position_error": _position_error([*result.uncorrected, *result.corrected])},
     )
 
 
@@ -236,6 +237,12 @@ def _constants(result: DrivelineResult) -> dict[str, Estimate]:
             estimates[f"{name}_slope"] = slope.scaled(each.factor, slope_unit)
             estimates[f"{name}_at_zero"] = at_zero.scaled(each.factor, unit)
     return estimates
+
+
+def _position_error(points: list[DrivelineSetpoint]) -> Estimate:
+    """Return the error of the shaft against its reference."""
+    method = f"95th percentile, mean of {len(points)} set points, by their scatter"
+    return mean([error_percentile(each.error) / DEGREE for each in points], "deg", method)
 
 
 def _in_degrees(estimate: Estimate) -> Estimate:

@@ -1,10 +1,12 @@
-"""A bench run as set points of evenly sampled arrays, the input of every session's analysis.
+"""A bench session, recorded or simulated, as set points of evenly sampled arrays: the input of
+every session's analysis.
 
 Angles are measured ones, counts times the encoder's scale less the tared zero. Filtered estimates
 are not used: their lag would count as lag of the driveline.
 """
 
 import os
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +34,8 @@ FIELDS = (
     *("tared.motor", "tared.shaft", "tared.torque", "tared.samples"),
     *("command.limited", "encoders.age", "plan.wave_clock", "time"),
 )
+
+NO_POINTS = "no set point was measured"
 
 
 class SetpointData(NamedTuple):
@@ -95,7 +99,7 @@ class SetpointData(NamedTuple):
 
 
 class SessionRun(NamedTuple):
-    """A run of a session."""
+    """A recorded or simulated run of a session."""
 
     metadata: RunInfo
     kind: str  # driveline, torque_constant, ...
@@ -122,33 +126,46 @@ def open_session(run: str | os.PathLike[str]) -> SessionRun:
     """Read a run; RunError if it is not a session's or has no measured set point."""
     source = reader.open_files(run)
     metadata = run_info(run, source.contents)
-    config = session_config(metadata)
-    if not config:
+    if not session_config(metadata):
         raise RunError(f"{run}: not a run of a bench session: its configuration names no session")
+    reading = RecordCheck(source.contents, source.damage)
+    windows = read_windows(source, list(FIELDS), metadata.plan, reading=reading)
+    points = setpoints(metadata, windows)
+    if not points:
+        raise RunError(f"{run}: {NO_POINTS}")
+    return session_run(metadata, points, reading.state(run))
+
+
+def setpoints(metadata: RunInfo, windows: Iterable[Window]) -> list[SetpointData]:
+    """Return the set points of measured windows, whose data must stay valid."""
     scales = metadata.plan.get("scales") or {}
     dt = float(metadata.plan["dt"])
     rows = {int(row["row"]): row for row in metadata.plan.get("rows", [])}
-    repeat_period = float((config.get("irregular") or {}).get("repeat_s") or np.nan)
+    irregular = session_config(metadata).get("irregular") or {}
+    repeat_period = float(irregular.get("repeat_s") or np.nan)
     latest: dict[int, SetpointData] = {}
-    reading = RecordCheck(source.contents, source.damage)
-    for window in read_windows(source, list(FIELDS), metadata.plan, reading=reading):
+    for window in windows:
         if window.row >= 0:
             latest.pop(window.row, None)  # a later attempt replaces an earlier one
             latest[window.row] = _setpoint_data(
                 window, rows.get(window.row, {}), scales, repeat_period, dt
             )
-    if not latest:
-        raise RunError(f"{run}: no set point was measured")
-    record = reading.state(run)
+    return list(latest.values())
+
+
+def session_run(metadata: RunInfo, points: list[SetpointData], record: RecordState) -> SessionRun:
+    """Return the run of a session from its set points."""
+    config = session_config(metadata)
+    scales = metadata.plan.get("scales") or {}
     return SessionRun(
         metadata,
         str(config.get("session") or ""),
         str(config.get("name") or config.get("session") or ""),
-        list(latest.values()),
+        points,
         float(scales.get("torque_constant_n_m_per_a") or np.nan),
         bool(config.get("irregular")),
         record,
-        tuple(sorted(missing_rows(metadata.plan, latest, record))),
+        tuple(sorted(missing_rows(metadata.plan, {each.row for each in points}, record))),
     )
 
 

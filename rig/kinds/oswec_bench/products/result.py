@@ -83,3 +83,5 @@ class Result(NamedTuple):
     figures: tuple[FigureSpec, ...]
     notes: tuple[str, ...] = ()  # notes for the reader, one sentence each
     maps: Mapping[str, Any] = MappingProxyType({})  # further parts of the calibration file
+    errors: Mapping[str, Estimate] = MappingProxyType({})
+    """Errors of following a reference, which are no constants of the bench, for sweeps."""

@@ -68,8 +68,10 @@ def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> 
     baseline_points = [_tracking_point(p) for p in baseline.complete_points] if baseline else []
     open_loop = {each.setpoint: each for each in baseline_points}
     rows = [(each, open_loop.get(each.setpoint)) for each in points]
-    share = 100.0 * float(np.mean([each.tracking.relative for each in points]))
-    comparisons = [compare(f"rms error, {loop}", f"{share:.1f} % of the demand", "not built")]
+    method = f"rms error over rms demand, mean of {len(points)} set points, by their scatter"
+    error = mean([each.tracking.relative for each in points], "1", method)
+    text = f"{100.0 * error.value:.1f} % of the demand"
+    comparisons = [compare(f"rms error, {loop}", text, "not built")]
     constants: dict[str, Estimate] = {}
     if pairs := [(each, other) for each, other in rows if other is not None]:
         improvement = closed_loop_improvement(
@@ -84,6 +86,7 @@ def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> 
         constants,
         (torque_tracking(max(rows, key=lambda row: row[0].setpoint[0]), loop),),
         (f"Open loop: run {baseline.metadata.run}.",) if baseline is not None else (),
+        errors={"torque_error": error},
     )
 
 

@@ -1,6 +1,7 @@
 """The supervisor's side of a rehearsed session: settings and checks of the simulated bench."""
 
 from collections.abc import Iterator
+from functools import reduce
 from typing import Any
 
 from pydantic import ValidationError
@@ -13,6 +14,13 @@ from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
 from rig.kinds.oswec_bench.sessions.plan import session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
+
+MATCHING_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
+    ("servo", "gear_ratio"): ("motor", "gear_ratio", "value"),
+    ("servo", "encoder", "counts_per_revolution"): ("sensors", "motor_counts", "value"),
+    ("shaft_encoder", "counts_per_revolution"): ("sensors", "shaft_counts", "value"),
+}
+"""Keys of the rig and the plant's keys that must have the same value."""
 
 
 def plant_settings(session: Session) -> dict[str, Any]:
@@ -60,15 +68,10 @@ def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
     """
     if pieces.rig is None or pieces.rig_file is None or pieces.plant is None:
         return
-    rig, sensors = pieces.rig_file, plant.sensors
-    shared = (
-        SharedValue(("servo", "gear_ratio"), rig.servo.gear_ratio,
-                    ("motor", "gear_ratio", "value"), plant.motor.gear_ratio.value),
-        SharedValue(("servo", "encoder", "counts_per_revolution"),
-                    rig.servo.encoder.counts_per_revolution,
-                    ("sensors", "motor_counts", "value"), sensors.motor_counts.value),
-        SharedValue(("shaft_encoder", "counts_per_revolution"),
-                    rig.shaft_encoder.counts_per_revolution,
-                    ("sensors", "shaft_counts", "value"), sensors.shaft_counts.value),
-    )  # fmt: skip
+    rig: Any = pieces.rig_file
+    bench: Any = plant
+    shared = [
+        SharedValue(own, reduce(getattr, own, rig), theirs, reduce(getattr, theirs, bench))
+        for own, theirs in MATCHING_KEYS.items()
+    ]
     yield from mismatches(pieces.rig.locate, pieces.plant.locate, shared, "simulated bench")

@@ -20,6 +20,7 @@ from rig.kinds.oswec_bench.sessions.correction import Correction, session_correc
 from rig.planning.input_files import (
     ConfigSource,
     InputFile,
+    MappingLoader,
     hash_input_files,
     load_named_source,
     sort_problems,
@@ -77,7 +78,8 @@ FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
 class _FileReader:
     """Reads file after file and collects the problems of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, load: MappingLoader) -> None:
+        self._load = load
         self.problems: list[Problem] = []
         self.sources: list[ConfigSource | None] = []
         self.files: list[InputFile] = []
@@ -97,9 +99,9 @@ class _FileReader:
         if owner is None:
             return None
         source = self.attempt(
-            partial(load_named_source, owner, key)
+            partial(load_named_source, owner, key, self._load)
             if replacement is None
-            else lambda: ConfigSource(*load_mapping(replacement))
+            else lambda: ConfigSource(*self._load(replacement))
         )
         self.sources.append(source)
         self.files += hash_input_files(role, source)
@@ -124,15 +126,19 @@ class _FileReader:
 
 
 def open_session(
-    path: Path, further_check: FurtherCheck | None = None, rig_path: Path | None = None
+    path: Path,
+    further_check: FurtherCheck | None = None,
+    rig_path: Path | None = None,
+    load: MappingLoader = load_mapping,
 ) -> Session:
     """Read and check a session, its rig, that rig's limits, and the calibrations of both.
 
     ``further_check`` adds the checks of the simulated plant; ``rig_path`` replaces the rig that the
-    session names. Raises `ConfigError` with every problem of all these files.
+    session names; ``load`` reads the files and may change their values. Raises `ConfigError` with
+    every problem of all these files.
     """
-    reader = _FileReader()
-    session_source = ConfigSource(*load_mapping(Path(path)))
+    reader = _FileReader(load)
+    session_source = ConfigSource(*load(Path(path)))
     reader.sources.append(session_source)
     reader.files += hash_input_files("session", session_source)
     rig_source = reader.read("rig", session_source, ("rig",), rig_path)

@@ -9,7 +9,6 @@ a difference is reported, not matched. A drive without settings (a commercial on
 columns: every set of drive parameters of one run is then compared with the same point of the other.
 """
 
-import csv
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,6 +34,7 @@ from rig.analysis.summary import format_rows
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.table_file import write_table
 from rig.row_contents import DRIVE, Column, main_columns, union
 from rig.stations import Station, station_names
 
@@ -502,8 +502,4 @@ def write_csv(comparison: Comparison, path: Path) -> Path:
     quantities = ("A", "A se", "B", "B se"), ("B - A", "B - A se")
     headings = ["in", "rows A", "rows B", *settings({})]
     headings += [f"{name} {each} [W]" for group in quantities for name in names for each in group]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, headings, restval="")
-        writer.writeheader()
-        writer.writerows(lines)
-    return path
+    return write_table({each: [line.get(each, "") for line in lines] for each in headings}, path)

@@ -19,7 +19,6 @@ A categorical column, such as the realisation of a reference, has no effect of i
 differ in nothing else are repetitions; their scatter is, say, the effect of the phases.
 """
 
-import csv
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +30,7 @@ from rig.analysis import labels
 from rig.analysis.points import Matrix, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases
+from rig.recording.table_file import write_table
 from rig.row_contents import CATEGORICAL, Column, main_columns
 from rig.spectra.periods import Floats
 from rig.stations import Station, find, shown
@@ -419,8 +419,4 @@ def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
         for effects in by_station
         for i, e in enumerate(effects.effects)
     ]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(lines[0]))
-        writer.writeheader()
-        writer.writerows(lines)
-    return path
+    return write_table({key: [line[key] for line in lines] for key in lines[0]}, path)

@@ -7,7 +7,6 @@ periods. It is unknown (NaN) where a window holds only one repeat period of an i
 the point was repeated. What else the table holds is the `RowContents` of the run.
 """
 
-import csv
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -32,6 +31,7 @@ from rig.recording.runs.windows import (
     planned_ticks,
     read_windows,
 )
+from rig.recording.table_file import write_table
 from rig.row_contents import Check, Column, RowContents, column_records, columns_from_records
 from rig.stations import Station, as_records, from_records
 
@@ -396,29 +396,12 @@ def _build_dataset(
 
 def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
     """Write ``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
-    names = [str(name) for name in table.variables]
-    units = [table[name].attrs.get("units") for name in names]
-    text, binary = folder / "rows.csv", folder / "rows.nc"
-    with text.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(f"{n} [{u}]" if u else n for n, u in zip(names, units, strict=True))
-        writer.writerows(zip(*(table[name].values.tolist() for name in names), strict=True))
-    _write_netcdf(table, binary)
-    return [text, binary]
-
-
-def _write_netcdf(table: "xarray.Dataset", path: Path) -> None:
-    """Write the file that `to_netcdf` would, which imports dask where it is installed: 0.7 s."""
-    import h5netcdf  # noqa: PLC0415 - only this function needs it
-    import h5py  # noqa: PLC0415
-
-    with h5netcdf.File(path, "w") as file:
-        file.dimensions = dict(table.sizes)
-        file.attrs.update(table.attrs)
-        for name, variable in table.variables.items():
-            values, kind = variable.values, variable.dtype
-            if kind.kind == "U":
-                values, kind = values.astype(object), h5py.string_dtype()
-            fill = np.nan if kind.kind == "f" else None
-            stored = file.create_variable(str(name), variable.dims, kind, values, fillvalue=fill)
-            stored.attrs.update(variable.attrs)
+    columns = {
+        f"{name} [{unit}]" if (unit := variable.attrs.get("units")) else str(name): (
+            variable.values.tolist()
+        )
+        for name, variable in table.variables.items()
+    }
+    binary = folder / "rows.nc"
+    table.to_netcdf(binary, engine="h5netcdf")
+    return [write_table(columns, folder / "rows.csv"), binary]

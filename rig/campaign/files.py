@@ -9,7 +9,6 @@ from pydantic import TypeAdapter, ValidationError
 from rig.campaign.kind import AnyCampaign, Campaign, CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import ConfigError, Problem
-from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
 from rig.config.rig_file import Rate
 from rig.config.sea import AnySea, RecordedSea, Sea
@@ -18,12 +17,10 @@ from rig.planning.designed_sea import largest_elevation_problems
 from rig.planning.elevation import Elevation, read_elevation
 from rig.planning.input_files import (
     ConfigSource,
+    FileReader,
     InputFile,
     MappingLoader,
     hash_input_file,
-    hash_input_files,
-    load_named_source,
-    sort_problems,
 )
 from rig.planning.point import MAX_ROWS, Point
 from rig.planning.points import count_points
@@ -86,50 +83,20 @@ def open_campaign(
     ``rig_path`` replaces the rig that the campaign names; ``load`` reads the files and may change
     their values. Raises `ConfigError` with every problem of all these files.
     """
-    problems: list[Problem] = []
-
-    def attempt(step: Callable[[], T]) -> T | None:
-        try:
-            return step()
-        except ConfigError as error:
-            problems.extend(error.problems)
-            return None
-
-    top = attempt(lambda: _read_campaign(kind, Path(path), load))
-    if top is None:
-        raise ConfigError(problems)
-    inline = kind.rig_file.inline
-    rig_source = attempt(
-        lambda: (
-            load_named_source(top, ("rig",), load, inline)
-            if rig_path is None
-            else ConfigSource(*load(rig_path, inline=inline))
-        )
-    )
-    limits_source = plant_source = None
-    if rig_source is not None:
-        limits_source = attempt(lambda: load_named_source(rig_source, ("limits",), load))
+    reader = FileReader(load)
+    problems, files, attempt = reader.problems, reader.files, reader.attempt
+    top = reader.read_first("campaign", Path(path), kind.campaign_file.inline, "sea")
+    _require_campaign(top)
+    rig_source = reader.read("rig", top, ("rig",), rig_path, kind.rig_file.inline, kind.rig_parts)
+    limits_source = reader.read("limits", rig_source, ("limits",))
     owner = rig_source if top.mapping.get("plant") is None else top
-    if owner is not None:
-        plant_source = attempt(lambda: load_named_source(owner, ("plant",), load))
-
+    plant_source = reader.read("plant", owner, ("plant",))
     laws = attempt(lambda: kind.find_laws(top, rig_source))
     model = None if laws is None else kind.model(laws, rig_source.mapping if rig_source else {})
-    file = rig = limits = points = record = None
-    if model is not None:
-        file = attempt(lambda: validate(top.mapping, top.locate, model))
-    if rig_source is not None:
-        rig = attempt(lambda: validate(rig_source.mapping, rig_source.locate, kind.rig_file))
-    if limits_source is not None:
-        limits = attempt(
-            lambda: validate(limits_source.mapping, limits_source.locate, kind.limits_file)
-        )
-    files = [
-        *hash_input_files("campaign", top, "sea"),
-        *hash_input_files("rig", rig_source, kind.rig_parts),
-        *hash_input_files("limits", limits_source),
-        *hash_input_files("plant", plant_source),
-    ]
+    file = None if model is None else reader.validated(top, model)
+    rig = reader.validated(rig_source, kind.rig_file)
+    limits = reader.validated(limits_source, kind.limits_file)
+    points = record = None
     if file is not None:
         used = dict.fromkeys(each.law for each in file.axis_laws.values())
         files += [InputFile("law", Path(law.path), law.sha256) for law in used if law.is_file]
@@ -149,8 +116,7 @@ def open_campaign(
     problems += extra_check(
         CampaignParts(top, model, rig_source, plant_source, sea, elevation, rate_hz)
     )
-    if problems:
-        raise ConfigError(sort_problems(problems, (top, rig_source, limits_source, plant_source)))
+    reader.raise_problems()
     assert file is not None
     assert points is not None
     assert rig_source is not None
@@ -171,13 +137,11 @@ def open_campaign(
     )
 
 
-def _read_campaign(kind: CampaignKind, path: Path, load: MappingLoader) -> ConfigSource:
-    """Return the campaign's own file; a file of another kind is a single problem."""
-    source = ConfigSource(*load(path, inline=kind.campaign_file.inline))
+def _require_campaign(source: ConfigSource) -> None:
+    """Raise a single problem for a file that is no campaign."""
     if not any(key in source.mapping for key in _CAMPAIGN_KEYS):
         message = f"not a campaign: it has none of the keys {', '.join(_CAMPAIGN_KEYS)}"
         raise ConfigError([source.locate.problem((), None, message)])
-    return source
 
 
 def _campaign_problems(

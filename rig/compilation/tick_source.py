@@ -110,14 +110,19 @@ class PlantCode(NamedTuple):
     """A simulated plant's part of compiled ticks of loop and plant.
 
     The expressions are source text over ``plant`` (constants), ``device`` (state), ``tick`` and
-    ``dt``; the ``imports`` have their names.
+    ``dt``.
     """
 
-    imports: str  # lines
-    functions: tuple[Any, ...]  # that the expressions call
-    advance: str  # the device one tick later
-    sense: str  # the loop's input
-    actuate: str  # over ``command``, too: the device, and whether the ticks are to be interrupted
+    functions: tuple[Any, ...]  # that the expressions call, each by its own name
+    advance: str = "advance_plant(plant, device, tick, dt)"  # the device one tick later
+    sense: str = "sense(device.in_transit[0], plant.age)"  # the loop's input
+    actuate: str = "actuate(plant, device, command, dt)"
+    """Over ``command``, too: the device, and whether the ticks are to be interrupted."""
+
+    @property
+    def imports(self) -> str:
+        """The lines that import the functions."""
+        return "\n".join(f"from {f.__module__} import {f.__name__}" for f in self.functions)
 
 
 class TickSource(NamedTuple):

@@ -72,24 +72,9 @@ class TableCorrection(FileModel):
                 f"{len(self.corrected)} entries; allowed {len(self.recorded)}, as in recorded",
             )
             return
-        falling = self.corrected[1] < self.corrected[0]
-        for i in range(1, len(self.recorded)):
-            previous, value = self.recorded[i - 1], self.recorded[i]
-            if value <= previous:
-                yield RuleViolation(
-                    ("recorded", i),
-                    f"{format_number(value)} does not rise above {format_number(previous)}",
-                    value,
-                )
-            previous, value = self.corrected[i - 1], self.corrected[i]
-            if value == previous or falling != (value < previous):
-                direction = "fall" if falling else "rise"
-                yield RuleViolation(
-                    ("corrected", i),
-                    f"{format_number(value)} after {format_number(previous)}: the table must "
-                    f"{direction} strictly, or it has no inverse",
-                    value,
-                )
+        yield from self.check_rising(self.recorded, ("recorded",))
+        rule = "the table must {} strictly, or it has no inverse"
+        yield from self.check_monotone(self.corrected, ("corrected",), rule=rule)
 
 
 Correction = Annotated[

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
-from pydantic import Field, create_model, field_serializer, field_validator
+from pydantic import Field, create_model, field_validator
 
 from rig.config.law_settings import AxisLaw, ExpandName, LawSettings, law_model
 from rig.config.matrix import KindColumns, LawColumns, Matrix, matrix_model
@@ -67,10 +67,6 @@ class BaseCampaignFile(CampaignHead):
             allowed = ", ".join(cls.reference_axes)
             raise rule_error(f"{format_value(axis)} is not known; allowed {allowed}", "axis")
         return {**value, "axis": axis}
-
-    @field_serializer("tare")
-    def _tare_as_written(self, tare: Tare | None) -> Any:
-        return "none" if tare is None else tare.model_dump()
 
     @property
     def sea_seed(self) -> int:

@@ -1,11 +1,13 @@
 """Base class and field types of all models of configuration files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from rig.config.problems import format_number
 from rig.config.yaml_source import KeyPath
 
 RULE = "rule"  # type of the pydantic errors raised here; `pydantic_errors` keeps their text
@@ -33,7 +35,12 @@ class FileModel(BaseModel):
     """
 
     model_config = ConfigDict(
-        frozen=True, strict=True, extra="forbid", allow_inf_nan=False, validate_default=True, defer_build=True
+        frozen=True,
+        strict=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        validate_default=True,
+        defer_build=True,
     )
 
     foreign_keys: ClassVar[dict[str, str]] = {}
@@ -56,6 +63,31 @@ class FileModel(BaseModel):
             yield RuleViolation((), missing)
         elif None not in (getattr(self, first), getattr(self, second)):
             yield self.violation(second, f"{first} is given already; allowed one of the two")
+
+    @staticmethod
+    def check_rising(
+        values: Sequence[float], key: KeyPath, *column: str, of: str = ""
+    ) -> Iterator[RuleViolation]:
+        """Check that the values of the list at ``key`` rise; ``of`` ends the message.
+
+        ``column`` is the key of a value in an entry of the list.
+        """
+        for i, (previous, value) in enumerate(pairwise(values), 1):
+            if value <= previous:
+                text = f"{format_number(value)} does not rise above {format_number(previous)}{of}"
+                yield RuleViolation((*key, i, *column), text, value)
+
+    @staticmethod
+    def check_monotone(
+        values: Sequence[float], key: KeyPath, *column: str, rule: str
+    ) -> Iterator[RuleViolation]:
+        """Check that values keep the direction of the first two, which ``rule`` has in braces."""
+        falling = values[1] < values[0]
+        for i, (previous, value) in enumerate(pairwise(values), 1):
+            if value == previous or falling != (value < previous):
+                text = f"{format_number(value)} after {format_number(previous)}: "
+                text += rule.format("fall" if falling else "rise")
+                yield RuleViolation((*key, i, *column), text, value)
 
     @model_validator(mode="after")
     def _apply_rules(self) -> Self:

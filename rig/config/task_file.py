@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
@@ -74,5 +74,11 @@ def _expand_tare(value: Any) -> Any:
     )
 
 
-TareOrNone = Annotated[Tare | None, BeforeValidator(_expand_tare)]
+def _tare_as_written(tare: Tare | None) -> Any:
+    return "none" if tare is None else tare.model_dump()
+
+
+TareOrNone = Annotated[
+    Tare | None, BeforeValidator(_expand_tare), PlainSerializer(_tare_as_written)
+]
 """A tare, or None where the file says `none`."""

@@ -19,6 +19,11 @@ from sim_plant.bem import Bem
 _DEFAULT_SEED = 0  # no check depends on phases
 
 
+def campaign_sea(campaign: Any) -> dict[str, Any]:
+    """Return the sea of a campaign (`rig.campaign.Campaign`) as JSON values for `build_sea`."""
+    return sea_settings(campaign.file.sea, campaign.file.sea_seed, campaign.elevation)
+
+
 def sea_settings(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
     """Return a sea as JSON values for `build_sea`; ``elevation`` is that of a recorded sea."""
     if isinstance(sea, CalmSea):
@@ -55,18 +60,14 @@ def sea_settings(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[st
     }
 
 
-def requested_sea(sea_file: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
-    """Return the spectral lines that the wave maker is to make, as JSON values.
+def requested_sea(campaign: Any) -> dict[str, Any]:
+    """Return the spectral lines that a campaign's wave maker is to make, as JSON values.
 
     Elevation is sum amplitude_m cos(2 pi cycles t / repeat_s + phase_rad), t on the wave clock. A
     recorded sea is reduced to the lines of its repeat period that can excite.
     """
-    sea = build_sea(sea_settings(sea_file, seed, elevation))
-    repeat = (
-        sea_file.period
-        if isinstance(sea_file, RegularSea)
-        else getattr(sea_file, "repeat", sea.repeat)
-    )
+    file, sea = campaign.file.sea, build_sea(campaign_sea(campaign))
+    repeat = file.period if isinstance(file, RegularSea) else getattr(file, "repeat", sea.repeat)
     periods = round(sea.repeat / repeat)  # a recorded window may hold several
     frequency = sea_states.frequencies(sea)
     kept = (

@@ -3,13 +3,13 @@
 import fnmatch
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray
 
 from rig.recording.runs import RunError, open_run, reader, run_info
 from rig.recording.runs.windows import find_incomplete_windows
+from rig.recording.table_file import write_table
 
 INCOMPLETE_FIELD = "record.incomplete"
 """Field that is 1 in measured windows with missing ticks; absent if no window misses ticks."""
@@ -85,14 +85,7 @@ def write_netcdf(dataset: xarray.Dataset, path: Path) -> Path:
 def write_csv(dataset: xarray.Dataset, path: Path) -> Path:
     """Write CSV with a header `name [unit]`, `time` first; numbers read back exactly."""
     names = ["time", *(str(name) for name in dataset.data_vars)]
-    columns = {f"{name} [{dataset[name].attrs['units']}]": dataset[name].values for name in names}
-    return write_columns(columns, path)
-
-
-def write_columns(columns: dict[str, Any], path: Path) -> Path:
-    """Write arrays of equal length as CSV with the header of their names."""
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    with path.open("w", encoding="utf-8") as file:
-        file.write(",".join(columns) + "\n")
-        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
-    return path
+    columns = {
+        f"{name} [{dataset[name].attrs['units']}]": dataset[name].values.tolist() for name in names
+    }
+    return write_table(columns, path, "\n")

@@ -1,13 +1,19 @@
 """Input files of a campaign or a session: reading, order of problems, sha256."""
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from rig.config.problems import Problem, display_path, format_key
+from pydantic import BaseModel
+
+from rig.config.problems import ConfigError, Problem, display_path, format_key
+from rig.config.pydantic_errors import validate
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
+
+T = TypeVar("T")
+M = TypeVar("M", bound=BaseModel)
 
 
 class InputFile(NamedTuple):
@@ -57,27 +63,76 @@ def load_named_source(
     return ConfigSource(*load(path, owner.locate(key), format_key(key), inline))
 
 
-def sort_problems(problems: list[Problem], sources: Iterable[ConfigSource | None]) -> list[Problem]:
-    """Return problems in the order of the sources' files, and by line within each file."""
-    files = [display_path(path) for source in sources if source for path in source.locate.files]
-    rank = {file: i for i, file in reversed(list(enumerate(files)))}
-    return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
+class FileReader:
+    """Reads file after file and collects the problems of each."""
 
+    def __init__(self, load: MappingLoader = load_mapping) -> None:
+        self.problems: list[Problem] = []
+        self.files: list[InputFile] = []
+        self._load = load
+        self._sources: list[ConfigSource] = []
 
-def hash_input_files(
-    role: str, source: ConfigSource | None, inlined_role: str = ""
-) -> list[InputFile]:
-    """Return the files of a source, with the files it extends.
+    def attempt(self, step: Callable[[], T]) -> T | None:
+        """Return the result of a step, or None if it found problems."""
+        try:
+            return step()
+        except ConfigError as error:
+            self.problems.extend(error.problems)
+            return None
 
-    Files that hold the mapping of a key have the role ``inlined_role``.
-    """
-    if source is None:
-        return []
-    inlined = source.locate.inlined
-    return [
-        hash_input_file(inlined_role if path in inlined else role, path)
-        for path in source.locate.files
-    ]
+    def read_first(
+        self, role: str, path: Path, inline: tuple[str, ...] = (), inlined_role: str = ""
+    ) -> ConfigSource:
+        """Return the campaign's or session's own file; ConfigError if it cannot be read."""
+        source = ConfigSource(*self._load(path, inline=inline))
+        self._add(source, role, inlined_role)
+        return source
+
+    def read(
+        self,
+        role: str,
+        owner: ConfigSource | None,
+        key: KeyPath,
+        replacement: Path | None = None,
+        inline: tuple[str, ...] = (),
+        inlined_role: str = "",
+    ) -> ConfigSource | None:
+        """Return the file named at a key of another file, or ``replacement``."""
+        if owner is None:
+            return None
+        source = self.attempt(
+            lambda: (
+                load_named_source(owner, key, self._load, inline)
+                if replacement is None
+                else ConfigSource(*self._load(replacement, inline=inline))
+            )
+        )
+        if source is not None:
+            self._add(source, role, inlined_role)
+        return source
+
+    def validated(self, source: ConfigSource | None, model: type[M]) -> M | None:
+        """Return a source as its model, or None if it is invalid."""
+        if source is None:
+            return None
+        return self.attempt(lambda: validate(source.mapping, source.locate, model))
+
+    def _add(self, source: ConfigSource, role: str, inlined_role: str) -> None:
+        """Add the files of a source; those that hold the mapping of a key have another role."""
+        self._sources.append(source)
+        inlined = source.locate.inlined
+        self.files += [
+            hash_input_file(inlined_role if path in inlined else role, path)
+            for path in source.locate.files
+        ]
+
+    def raise_problems(self) -> None:
+        """Raise `ConfigError` with all problems, in the order of the files and of their lines."""
+        files = [display_path(path) for each in self._sources for path in each.locate.files]
+        rank = {file: i for i, file in reversed(list(enumerate(files)))}
+        if self.problems:
+            order = sorted(self.problems, key=lambda p: (rank.get(p.file, len(files)), p.line))
+            raise ConfigError(order)
 
 
 def hash_input_file(role: str, path: Path) -> InputFile:

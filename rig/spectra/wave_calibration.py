@@ -7,7 +7,6 @@ period in which the loop only skipped ticks is not. A probe may stand in a node 
 report names these lines, because dividing by them would amplify noise.
 """
 
-import csv
 import os
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +17,7 @@ import xarray
 from rig.recording.runs import RunError, reader, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.windows import Window, lost_between_rows, read_windows
+from rig.recording.table_file import write_table
 from rig.spectra.periods import Floats
 from rig.spectra.wave_lines import (
     Samples,
@@ -279,7 +279,7 @@ def findings(table: xarray.Dataset) -> list[str]:
 
 def write_calibration(table: xarray.Dataset, folder: Path) -> list[Path]:
     """Write ``wave_calibration.nc`` with all data and ``.csv`` with a row for each wave line."""
-    text, binary = folder / "wave_calibration.csv", folder / "wave_calibration.nc"
+    binary = folder / "wave_calibration.nc"
     names = table["probe"].values.tolist()
     columns = {
         "cycles": table["cycles"].values,
@@ -291,9 +291,6 @@ def write_calibration(table: xarray.Dataset, folder: Path) -> list[Path]:
         for key, unit in (("amplitude", "m"), ("amplitude_se", "m"), ("phase", "rad")):
             columns[f"{name}_{key} [{unit}]"] = table[key].values[i]
         columns[f"{name}_weak"] = table["weak"].values[i]
-    with text.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+    text = {name: values.tolist() for name, values in columns.items()}
     table.to_netcdf(binary, engine="h5netcdf")
-    return [text, binary]
+    return [write_table(text, folder / "wave_calibration.csv"), binary]

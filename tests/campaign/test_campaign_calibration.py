@@ -11,8 +11,9 @@ from rig.campaign import build_plan
 from rig.config.problems import ConfigError
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
+from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot.campaign import check_campaign, open_campaign
-from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
+from rig.kinds.wavebot.rehearsal.job import plant_settings, problems
 from rig.planning.windows import WindowError, calibration_window
 from rig.realtime import sequence
 from rig.realtime.sequence import NO_ROW, Phase

@@ -15,9 +15,10 @@ from ruamel.yaml import YAML
 from scipy.integrate import quad
 from scipy.signal import welch
 
+from rig.emulation.campaign_sea import requested_sea
 from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.campaign import check_campaign
-from rig.kinds.wavebot.rehearsal.job import plant_settings, problems, requested_sea
+from rig.kinds.wavebot.rehearsal.job import plant_settings, problems
 from sim_plant import sea_states
 from sim_plant.bem import read_bem
 

@@ -4,7 +4,6 @@ The result is a product in the run's folder; the run's own record is never chang
 files again gives the same bytes.
 """
 
-import csv
 import hashlib
 import json
 import os
@@ -39,6 +38,7 @@ from rig.recording.channel_file import (
     record_error,
 )
 from rig.recording.runs import RunError, reader, run_info
+from rig.recording.table_file import write_table
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 TTL_NAMES = ("ttltrigger", "ttl", "trigger")
@@ -300,12 +300,8 @@ def write_products(merged: MergedRecords, folder: Path) -> list[Path]:
     written = [netcdf_path, json_path, write_picture(merged, folder / "merged.png")]
     if not rows:
         return written
-    csv_path = folder / "merged_rows.csv"
-    with csv_path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    return [*written, csv_path]
+    columns = {key: [row[key] for row in rows] for key in rows[0]}
+    return [*written, write_table(columns, folder / "merged_rows.csv")]
 
 
 def row_means(table: xarray.Dataset) -> list[dict[str, Any]]:

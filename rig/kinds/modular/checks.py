@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from rig.campaign import AnyCampaign, CampaignParts, CheckReport, check_campaign
 from rig.campaign.files import no_extra_check
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
@@ -15,9 +13,7 @@ from rig.kinds.modular.build import limits_problems
 from rig.kinds.modular.campaign import CAMPAIGNS
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.rehearsal import job
-from rig.planning.input_files import ConfigSource
-
-_RIG: TypeAdapter[RigFile] = TypeAdapter(RigFile)
+from rig.planning.input_files import FileReader
 
 
 def check(
@@ -44,7 +40,7 @@ def limits_of_other_axes(campaign: AnyCampaign) -> Iterator[Problem]:
 
 def problems(parts: CampaignParts) -> tuple[Problem, ...]:
     """Return all problems that would keep loop or plant from starting."""
-    rig = _valid_rig(parts.rig)
+    rig = FileReader().validated(parts.rig, RigFile)
     ramps = {name: axis.gain_ramp_s for name, axis in rig.axes.items()} if rig else {}
     found = [*(law_problems(parts, ramps) if rig else ()), *reference_problems(parts)]
     bem = None
@@ -56,10 +52,3 @@ def problems(parts: CampaignParts) -> tuple[Problem, ...]:
         bem = job.first_bem(model) if model is not None else None
     campaign = parts.campaign.locate
     return (*found, *sea_problems(parts.sea, parts.elevation, campaign, bem, parts.rate_hz))
-
-
-def _valid_rig(source: ConfigSource | None) -> RigFile | None:
-    try:
-        return None if source is None else _RIG.validate_python(source.mapping, strict=True)
-    except ValidationError:
-        return None

@@ -82,7 +82,7 @@ def _plan_record(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, Any]:
         lambda axis: axis_channels(rig, axis, file.axis_laws.values()),
     )
     if file.sea.kind != "calm":
-        record["requested_sea"] = requested_sea(file.sea, file.sea_seed, campaign.elevation)
+        record["requested_sea"] = requested_sea(campaign)
     return record
 
 

@@ -59,15 +59,13 @@ class ReadBack(NamedTuple):
     chunks: int  # chunks with a valid check sum
 
 
-def read_back(
-    path: str | os.PathLike[str], row_size: int, max_parsed: int = MAX_PARSED
-) -> ReadBack:
+def read_back(path: str | os.PathLike[str], row_size: int) -> ReadBack:
     """Read every row of ``row_size`` bytes of a finished file with the stock MCAP library.
 
     The file must hold nothing but rows. The library takes 20 us a message, ten minutes for a day's
     record. Therefore it finds, decompresses and checks every chunk through the file's own index,
     but parses message by message only the first and last chunk and some in between, approximately
-    ``max_parsed`` messages; of the others it slices the rows at their known places. Raise RunError
+    `MAX_PARSED` messages; of the others it slices the rows at their known places. Raise RunError
     if the library rejects the file, or the file's own statistics disagree with its rows.
     """
     rows = crc = parsed = 0
@@ -78,7 +76,7 @@ def read_back(
             if summary is None or summary.statistics is None:
                 raise RunError(f"{path}: the mcap library finds no summary in it")
             indexes = summary.chunk_indexes
-            stride_of_parsed = max(1, -(-summary.statistics.message_count // max(1, max_parsed)))
+            stride_of_parsed = max(1, -(-summary.statistics.message_count // MAX_PARSED))
             for number, index in enumerate(indexes):
                 file.seek(index.chunk_start_offset + _HEAD)
                 chunk = Chunk.read(ReadDataStream(file))

@@ -11,18 +11,12 @@ from rig.kinds.modular.rehearsal import plant_coupling
 from rig.kinds.modular.rehearsal.plant_coupling import Device, Plant
 from sim_plant.modes.world import World
 
-_IMPORTS = """\
-from {coupling} import latch, sense
-from rig.kinds.modular.rehearsal.plant_coupling import actuate, advance_plant"""
-
 
 def plant_code(coupling: Any) -> PlantCode:
     """Return the plant's part of compiled ticks; ``coupling`` is the module of `couple`."""
     own = plant_coupling
     return PlantCode(
-        imports=_IMPORTS.format(coupling=coupling.__name__),
-        functions=(coupling.latch, coupling.sense, own.advance_plant, own.actuate),
-        advance="advance_plant(plant, device, tick, dt)",
+        (coupling.latch, coupling.sense, own.advance_plant, own.actuate),
         sense="sense(plant.in_transit, device.oldest, plant.age, plant.scales, plant.offsets)",
         actuate="actuate(plant, device, latch(command, plant.drives), dt)",
     )

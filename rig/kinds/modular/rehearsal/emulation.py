@@ -10,7 +10,7 @@ from rig.campaign import AnyCampaign
 from rig.config.problems import ConfigError
 from rig.config.wiring import Registers, TorqueDrive, WiringError, wiring_of
 from rig.config.yaml_source import SourceMap
-from rig.emulation.campaign_sea import sea_settings
+from rig.emulation.campaign_sea import campaign_sea
 from rig.emulation.devices import EmulatedBus, EmulatedDevices, load_cell, modbus_lines
 from rig.emulation.process import emulation_process, serve_devices
 from rig.kinds.modular.checks import check
@@ -54,8 +54,7 @@ def emulator_process(campaign: AnyCampaign) -> IoProcess:
             "add outputs with wave_trigger, or use sea: {kind: calm}"
         )
     plant = ConfigSource(campaign.plant, campaign.plant_locate)
-    sea = sea_settings(file.sea, file.sea_seed, campaign.elevation)
-    return _emulated_rig(rig, plant, sea, file.seed)
+    return _emulated_rig(rig, plant, campaign_sea(campaign), file.seed)
 
 
 def emulate_rig(

@@ -11,7 +11,7 @@ from rig.config.problems import Problem
 from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import SharedValue, mismatches
 from rig.config.yaml_source import KeyPath, SourceMap
-from rig.emulation.campaign_sea import sea_settings
+from rig.emulation.campaign_sea import campaign_sea
 from rig.kinds.modular.build import campaign_composition
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick import Composition
@@ -41,13 +41,12 @@ def plant_settings(
 
 def campaign_settings(campaign: AnyCampaign) -> dict[str, Any]:
     """Return the configuration of `devices.connect` for a campaign."""
-    file = campaign.file
     return plant_settings(
         ConfigSource(campaign.plant, campaign.plant_locate),
         campaign.rig,
         campaign_composition(campaign),
-        sea_settings(file.sea, file.sea_seed, campaign.elevation),
-        file.seed,
+        campaign_sea(campaign),
+        campaign.file.seed,
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
-from rig.emulation import campaign_sea
+from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.modular import row_contents as contents
 from rig.kinds.modular.campaign import axis_motions
 from rig.kinds.modular.checks import limits_of_other_axes, problems
@@ -78,12 +78,6 @@ def check_model(run: str, logged: Any, model: Any) -> None:
                 f"lacks; it has {', '.join(parts) or 'none'}: name the campaign of the run as "
                 "its model"
             )
-
-
-def requested_sea(campaign: Any) -> dict[str, Any]:
-    """Return the spectral lines that the wave maker is to make, as in a run's plan."""
-    file = campaign.file
-    return campaign_sea.requested_sea(file.sea, file.sea_seed, campaign.elevation)
 
 
 def wave_device(campaign: Any) -> "BodyInWaves":

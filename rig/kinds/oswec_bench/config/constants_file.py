@@ -4,7 +4,6 @@ The file records its run and date; rigs and sessions name it under `calibrations
 """
 
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 from pydantic import Field, field_validator
@@ -125,7 +124,4 @@ def _check_lists(
             message = f"{len(values)} entries; allowed {len(lists[0])}, as in {keys[0]}"
             yield RuleViolation((key,), message)
     for key in rising:
-        for i, (previous, value) in enumerate(pairwise(getattr(model, key)), 1):
-            if value <= previous:
-                message = f"{format_number(value)} does not rise above {format_number(previous)}"
-                yield RuleViolation((key, i), message, value)
+        yield from model.check_rising(getattr(model, key), (key,))

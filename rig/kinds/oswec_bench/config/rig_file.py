@@ -62,16 +62,9 @@ class Brake(FileModel):
                 f"{format_number(self.map[0].current_a)} is not 0; the map must start at 0 A",
                 self.map[0].current_a,
             )
-        for i in range(1, len(self.map)):
-            for key in ("current_a", "torque_n_m"):
-                previous, value = getattr(self.map[i - 1], key), getattr(self.map[i], key)
-                if value <= previous:
-                    yield RuleViolation(
-                        ("map", i, key),
-                        f"{format_number(value)} does not rise above {format_number(previous)} "
-                        "of the previous entry",
-                        value,
-                    )
+        for key in ("current_a", "torque_n_m"):
+            values = [getattr(point, key) for point in self.map]
+            yield from self.check_rising(values, ("map",), key, of=" of the previous entry")
 
 
 class TorqueFeedback(FileModel):

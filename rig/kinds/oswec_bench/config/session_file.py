@@ -7,7 +7,7 @@ shaft's angle, rows of the torque loop an amplitude of torque or of current.
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from pydantic import BeforeValidator, Field, field_serializer
+from pydantic import BeforeValidator, Field
 
 from rig.config.matrix import KindColumns, MatrixColumns, combination_model
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
@@ -276,10 +276,6 @@ class SessionFile(FileModel):
                 allowed = ", ".join((*required, *requirements.optional_columns))
                 message = f"a session {self.session} has no use for it; allowed {allowed}"
             yield RuleViolation((*at, key), message)
-
-    @field_serializer("tare")
-    def _tare_as_written(self, tare: Tare | None) -> Any:
-        return "none" if tare is None else tare.model_dump()
 
     @property
     def tare_duration(self) -> float:

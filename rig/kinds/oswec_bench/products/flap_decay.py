@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from scipy.signal import bilinear, find_peaks, lfilter, savgol_filter
 
 from rig.kinds.oswec_bench.products import figures
-from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed
+from rig.kinds.oswec_bench.products.estimate import Estimate, Floats, jackknifed, solve_groups
 from rig.kinds.oswec_bench.products.periods import moving_samples
 from rig.kinds.oswec_bench.products.points import SessionRun, SetpointData
 from rig.kinds.oswec_bench.products.result import Columns, Result, compare, table
@@ -109,22 +109,16 @@ def fit_decay(releases: list[Release]) -> Decay:
     logs = solved.x
     designs = [_design_matrix(each, logs) for each in releases]
     linear = _linear_coefficients(designs, releases)
-    grams, right_sides = [], []
+    groups = []
     for each, design in zip(releases, designs, strict=True):
         log_derivatives = [
             (_design_matrix(each, logs + _LOG_STEP * unit) - design) @ linear / _LOG_STEP
             for unit in np.eye(2)
         ]
-        full_design = np.column_stack([design, *log_derivatives])
         residual = each.acceleration[each.fitted_samples] - design @ linear
-        grams.append(full_design.T @ full_design)
-        right_sides.append(full_design.T @ residual)
-    gram, right = sum(grams), sum(right_sides)
+        groups.append((np.column_stack([design, *log_derivatives]), residual))
     unknowns = np.concatenate([linear, logs])
-    changes = [
-        np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0]
-        for g, r in zip(grams, right_sides, strict=True)
-    ]
+    _, *changes = solve_groups(groups, lambda g, r: np.linalg.lstsq(g, r, rcond=1e-13)[0])
     leave_one_out = [_derived_quantities(_fit_from_unknowns(unknowns + each)) for each in changes]
     fit = _fit_from_unknowns(unknowns)
     values = _derived_quantities(fit)
@@ -149,12 +143,9 @@ def _design_matrix(release: Release, logs: Floats) -> Floats:
 
 def _linear_coefficients(designs: list[Floats], releases: list[Release]) -> Floats:
     """Return w, c, b, f, w theta0 and r by least squares."""
-    gram = sum(each.T @ each for each in designs)
-    right = sum(
-        d.T @ r.acceleration[r.fitted_samples] for d, r in zip(designs, releases, strict=True)
-    )
-    scale = 1.0 / np.sqrt(np.diag(gram))
-    coefficients: Floats = scale * np.linalg.solve(gram * np.outer(scale, scale), scale * right)
+    accelerations = [each.acceleration[each.fitted_samples] for each in releases]
+    coefficients: Floats
+    coefficients, *_ = solve_groups(list(zip(designs, accelerations, strict=True)), np.linalg.solve)
     return coefficients
 
 

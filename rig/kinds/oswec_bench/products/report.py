@@ -3,7 +3,6 @@ NetCDF for programs, and the calibration file, to which rig files and later sess
 """
 
 import base64
-import csv
 import html
 import json
 import math
@@ -24,6 +23,7 @@ from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_utc, mode_stamp
 from rig.recording.runs.state import COMPLETE, RECOVERED
 from rig.recording.runs.windows import ALL_TICKS_MISSING
+from rig.recording.table_file import write_table
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 PAGE, JSON, CALIBRATION = "session.html", "session.json", "calibration.yaml"
@@ -51,7 +51,12 @@ def write_tables(result: Result, facts: dict[str, Any], folder: Path) -> list[Pa
     """
     paths = []
     for table in result.tables:
-        paths += [_write_csv(table, folder), _write_netcdf(table, facts, folder)]
+        columns = {
+            f"{c.name} [{c.unit}]" if c.unit else c.name: json_value(c.values)
+            for c in table.columns
+        }
+        paths.append(write_table(columns, folder / f"{table.name}.csv"))
+        paths.append(_write_netcdf(table, facts, folder))
     path = folder / JSON
     text = json.dumps({**facts, **result_as_dict(result)}, indent=1, ensure_ascii=False)
     path.write_text(text + "\n", encoding="utf-8")
@@ -63,15 +68,6 @@ def result_as_dict(result: Result) -> dict[str, Any]:
     tables = {t.name: {"title": t.title, "columns": t.columns} for t in result.tables}
     document: dict[str, Any] = json_value(result._asdict() | {"tables": tables})
     return {key: document[key] for key in ("constants", "comparisons", "notes", "tables")}
-
-
-def _write_csv(table: Table, folder: Path) -> Path:
-    path = folder / f"{table.name}.csv"
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(f"{c.name} [{c.unit}]" if c.unit else c.name for c in table.columns)
-        writer.writerows(zip(*(map(json_value, c.values) for c in table.columns), strict=True))
-    return path
 
 
 def _write_netcdf(table: Table, facts: dict[str, Any], folder: Path) -> Path:

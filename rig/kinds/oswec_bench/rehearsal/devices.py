@@ -1,6 +1,5 @@
 """The simulated bench or flap behind the loop's device interface, with wave maker and hand."""
 
-from types import ModuleType
 from typing import Any
 
 from rig.compilation.tick_source import PlantCode
@@ -40,7 +39,8 @@ class BenchPlantDevices(CoupledDevices):
         return WholePlant(*bench_coupling.couple(self._world))
 
     def plant_code(self) -> PlantCode:
-        return _plant_code(bench_coupling)
+        own = bench_coupling
+        return PlantCode((own.actuate, own.advance_plant, own.sense))
 
 
 class FlapDevices(BenchPlantDevices):
@@ -67,7 +67,8 @@ class FlapDevices(BenchPlantDevices):
         return WholePlant(*flap_coupling.couple(self._flap, self._tables, self._running, hand))
 
     def plant_code(self) -> PlantCode:
-        return _plant_code(flap_coupling)
+        own = flap_coupling
+        return PlantCode((own.actuate, own.advance_plant, bench_coupling.sense))
 
     def stop(self, reason: int) -> None:
         self._make_waves(-1)
@@ -90,18 +91,6 @@ class FlapDevices(BenchPlantDevices):
             position = self._flap.truth().driveline.shaft_angle
         self._hand = flap_coupling.turned(position, angle, self._dt)
         self._flap.set_angle(self._hand)
-
-
-def _plant_code(module: ModuleType) -> PlantCode:
-    """Return the code of the coupling of bench or flap, whose signals are those of the bench."""
-    name, signals = module.__name__, bench_coupling.__name__
-    return PlantCode(
-        imports=f"from {name} import actuate, advance_plant\nfrom {signals} import sense",
-        functions=(module.actuate, module.advance_plant, bench_coupling.sense),
-        advance="advance_plant(plant, device, tick, dt)",
-        sense="sense(device.in_transit[0], plant.age)",
-        actuate="actuate(plant, device, command, dt)",
-    )
 
 
 def build_bench(config: dict[str, Any], dt: float) -> BenchWorld:

@@ -3,32 +3,21 @@ once.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.config.problems import ConfigError, Problem, format_number
-from rig.config.pydantic_errors import validate
+from rig.config.problems import Problem, format_number
 from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
 from rig.kinds.oswec_bench.config.constants_file import BrakeMap, ConstantsFile
 from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SESSION_KINDS, SessionFile
 from rig.kinds.oswec_bench.sessions.correction import Correction, session_correction
-from rig.planning.input_files import (
-    ConfigSource,
-    InputFile,
-    MappingLoader,
-    hash_input_files,
-    load_named_source,
-    sort_problems,
-)
+from rig.planning.input_files import ConfigSource, FileReader, InputFile, MappingLoader
 from rig.planning.point import Point
 from rig.planning.points import count_points, points_of_grids, points_of_list
-
-T = TypeVar("T")
 
 MAX_ROWS = 1000
 """Maximum number of rows of a session, repetitions included."""
@@ -75,43 +64,8 @@ FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
 """A further check of a session; it runs even if the session has other problems."""
 
 
-class _FileReader:
-    """Reads file after file and collects the problems of each."""
-
-    def __init__(self, load: MappingLoader) -> None:
-        self._load = load
-        self.problems: list[Problem] = []
-        self.sources: list[ConfigSource | None] = []
-        self.files: list[InputFile] = []
-
-    def attempt(self, step: Callable[[], T]) -> T | None:
-        """Return the result of a step, or None if it found problems."""
-        try:
-            return step()
-        except ConfigError as error:
-            self.problems.extend(error.problems)
-            return None
-
-    def read(
-        self, role: str, owner: ConfigSource | None, key: KeyPath, replacement: Path | None = None
-    ) -> ConfigSource | None:
-        """Return the file named at a key of another file, or ``replacement``."""
-        if owner is None:
-            return None
-        source = self.attempt(
-            partial(load_named_source, owner, key, self._load)
-            if replacement is None
-            else lambda: ConfigSource(*self._load(replacement))
-        )
-        self.sources.append(source)
-        self.files += hash_input_files(role, source)
-        return source
-
-    def validated(self, source: ConfigSource | None, model: type[T]) -> T | None:
-        """Return a source as its model, or None if it is invalid."""
-        if source is None:
-            return None
-        return self.attempt(lambda: validate(source.mapping, source.locate, model))  # type: ignore[type-var]
+class _SessionReader(FileReader):
+    """Reads files of constants, too."""
 
     def constants(self, owner: ConfigSource | None, key: KeyPath) -> ConstantsFile | None:
         """Return the constants file named at a key."""
@@ -137,10 +91,8 @@ def open_session(
     session names; ``load`` reads the files and may change their values. Raises `ConfigError` with
     every problem of all these files.
     """
-    reader = _FileReader(load)
-    session_source = ConfigSource(*load(Path(path)))
-    reader.sources.append(session_source)
-    reader.files += hash_input_files("session", session_source)
+    reader = _SessionReader(load)
+    session_source = reader.read_first("session", Path(path))
     rig_source = reader.read("rig", session_source, ("rig",), rig_path)
     limits = reader.validated(reader.read("limits", rig_source, ("limits",)), BenchLimitsFile)
     owner = session_source if session_source.mapping.get("plant") is not None else rig_source
@@ -174,8 +126,7 @@ def open_session(
     if further_check is not None:
         parts = SessionParts(session_source, rig_source, plant, rig, file)
         reader.problems += further_check(parts)
-    if reader.problems:
-        raise ConfigError(sort_problems(reader.problems, reader.sources))
+    reader.raise_problems()
     assert file is not None
     assert rig is not None
     assert limits is not None

@@ -8,7 +8,6 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
-from rig.config.problems import format_number
 from rig.config.rig_file import Axis, BaseRigFile, Rate, StopTiming
 from rig.config.wiring import (
     PANEL_INPUTS,
@@ -98,25 +97,13 @@ class MagneticSpring(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the map is invertible: the stator rises, the rate is strictly monotone."""
-        falling = self.map[1].rate_n_per_m < self.map[0].rate_n_per_m
-        for i in range(1, len(self.map)):
-            previous, point = self.map[i - 1], self.map[i]
-            if point.stator_percent <= previous.stator_percent:
-                yield RuleViolation(
-                    ("map", i, "stator_percent"),
-                    f"{format_number(point.stator_percent)} does not rise above "
-                    f"{format_number(previous.stator_percent)} of the previous entry",
-                    point.stator_percent,
-                )
-            rate, previous_rate = point.rate_n_per_m, previous.rate_n_per_m
-            if rate == previous_rate or falling != (rate < previous_rate):
-                direction = "fall" if falling else "rise"
-                yield RuleViolation(
-                    ("map", i, "rate_n_per_m"),
-                    f"{format_number(rate)} after {format_number(previous_rate)}: "
-                    f"the map must {direction} strictly, or a rate has two stator positions",
-                    rate,
-                )
+        stators = [point.stator_percent for point in self.map]
+        yield from self.check_rising(
+            stators, ("map",), "stator_percent", of=" of the previous entry"
+        )
+        rates = [point.rate_n_per_m for point in self.map]
+        rule = "the map must {} strictly, or a rate has two stator positions"
+        yield from self.check_monotone(rates, ("map",), "rate_n_per_m", rule=rule)
 
     def by_rate(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the rates (N/m, increasing) and the stator position (%) of each rate."""

@@ -24,7 +24,6 @@ from rig.interop.basin.merge import SYNC_FILE, MergeSource, SyncChannels, merge,
 from rig.interop.legacy import matlab
 from rig.interop.legacy.mask4 import RowRoles, classify_rows
 from rig.interop.legacy.table import file_error
-from rig.interop.tables import write_columns
 from rig.kinds.wavebot.mask4.fields import (
     ALTERNATIVE_PATHS,
     FIELDS,
@@ -42,6 +41,7 @@ from rig.recording.mcap_writer import RowWriter
 from rig.recording.runs import create
 from rig.recording.runs.folder import CONFIG, MCAP, STATUS
 from rig.recording.runs.mcap_file import Records, row_dtype
+from rig.recording.table_file import write_table
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 from rig.spectra.periods import Floats, Ticks
 
@@ -450,9 +450,9 @@ def _write_sync(signals: Mask4Signals, folder: Path) -> list[Path]:
     time = signals.variables.get(f"{bus}time")
     if not names or time is None:
         return []
-    columns = {"time_s": np.asarray(time) - signals.time[0]}
-    columns |= {name: np.asarray(signals.variables[bus + name]) for name in names}
-    return [write_columns(columns, folder / SYNC_FILE)]
+    columns = {"time_s": (np.asarray(time) - signals.time[0]).tolist()}
+    columns |= {name: np.asarray(signals.variables[bus + name]).tolist() for name in names}
+    return [write_table(columns, folder / SYNC_FILE, "\n")]
 
 
 def _write_waves(signals: Mask4Signals, folder: Path) -> Path | None:
@@ -461,11 +461,11 @@ def _write_waves(signals: Mask4Signals, folder: Path) -> Path | None:
     data = {n.removeprefix(bus): v for n, v in signals.variables.items() if n.startswith(bus)}
     time = next((data[name] for name in _TIME_CHANNELS if name in data), None)
     waves = {
-        name: np.asarray(value)
+        name: np.asarray(value).tolist()
         for name, value in data.items()
         if name.lower() not in _CLOCK_CHANNELS and time is not None and len(value) == len(time)
     }
     if time is None or not waves:
         return None
-    columns = {"time_s": np.asarray(time) - signals.time[0]} | waves
-    return write_columns(columns, folder / WAVES_FILE)
+    columns = {"time_s": (np.asarray(time) - signals.time[0]).tolist()} | waves
+    return write_table(columns, folder / WAVES_FILE, "\n")

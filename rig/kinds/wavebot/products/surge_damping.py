@@ -6,7 +6,6 @@ rows, stroke, force and power are interpolated over the logarithm of the damping
 to row, so that the interpolation adds no extremum.
 """
 
-import csv
 import json
 import math
 import os
@@ -26,6 +25,7 @@ from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import ExcludedRows, Window, read_windows
+from rig.recording.table_file import write_table
 from rig.spectra.periods import Floats
 
 KEPT_POWER_SHARE = 0.98
@@ -259,10 +259,9 @@ def write_results(choice: DampingChoice, folder: Path) -> list[Path]:
     """Write ``surge_damping.csv`` with a line for each row, and ``surge_damping.json``."""
     text, data = folder / "surge_damping.csv", folder / "surge_damping.json"
     units = ("1", "N*s/m", "m", "N", "N", "W", "W", "W", "1")
-    with text.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([f"{n} [{u}]" for n, u in zip(DampingRow._fields, units, strict=True)])
-        writer.writerows([*row[:-1], int(row.settled)] for row in choice.rows)
+    headings = (f"{name} [{unit}]" for name, unit in zip(DampingRow._fields, units, strict=True))
+    rows = [(*row[:-1], int(row.settled)) for row in choice.rows]
+    write_table(dict(zip(headings, zip(*rows, strict=True), strict=True)), text)
     data.write_text(json.dumps(as_dict(choice), indent=2), encoding="utf-8")
     return [text, data]
 

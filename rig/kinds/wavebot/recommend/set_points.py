@@ -19,11 +19,12 @@ from rig.config.problems import ConfigError
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 from rig.design.grid import MIN_RATE, Floats
 from rig.design.margin import Margin
+from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot.campaign import CAMPAIGNS, Campaign, open_campaign
 from rig.kinds.wavebot.predictions.model import build_model
 from rig.kinds.wavebot.predictions.prediction import PREDICTED_STATIONS, RowPredictions
 from rig.kinds.wavebot.predictions.rows import predict_set_points
-from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
+from rig.kinds.wavebot.rehearsal.job import problems
 from rig.kinds.wavebot.twin import plant_file, seas
 from rig.kinds.wavebot.twin.estimate import Twin
 from rig.planning.windows import row_windows

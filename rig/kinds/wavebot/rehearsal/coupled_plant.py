@@ -19,13 +19,7 @@ from sim_plant.sensors import SensorParams
 from sim_plant.wavebot import WaveBotParams
 from sim_plant.world import Conditions, World
 
-PLANT_CODE = PlantCode(
-    imports="from rig.kinds.wavebot.rehearsal.plant_coupling import actuate, advance_plant, sense",
-    functions=(plant_coupling.advance_plant, plant_coupling.sense, plant_coupling.actuate),
-    advance="advance_plant(plant, device, tick, dt)",
-    sense="sense(device.in_transit[0], plant.age)",
-    actuate="actuate(plant, device, command, dt)",
-)
+PLANT_CODE = PlantCode((plant_coupling.advance_plant, plant_coupling.sense, plant_coupling.actuate))
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 
 

@@ -7,21 +7,19 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from rig.campaign import CampaignParts
 from rig.campaign.files import valid_key
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
 from rig.config.problems import Problem, display_path, format_number
-from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import Axis, SharedValue, mismatches
 from rig.config.yaml_source import KeyPath
 from rig.design.axis_params import estimator_params
-from rig.emulation.campaign_sea import requested_sea as sea_lines
-from rig.emulation.campaign_sea import sea_problems, sea_settings
+from rig.emulation.campaign_sea import campaign_sea, sea_problems
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.config.campaign_file import TURNAROUND_S, CampaignFile
-from rig.planning.input_files import ConfigSource
+from rig.planning.input_files import ConfigSource, FileReader
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
 from sim_plant import sea_states
 from sim_plant.bem import Bem, read_bem
@@ -50,7 +48,7 @@ def plant_settings(campaign: Campaign) -> dict[str, Any]:
     return {
         "plant": campaign_plant(campaign),
         "bem": str(campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])),
-        "sea": sea_settings(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
+        "sea": campaign_sea(campaign),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
         **_hoist_settings(campaign.file),
@@ -73,11 +71,6 @@ def campaign_plant(campaign: Campaign) -> dict[str, Any]:
     return {**campaign.plant, "drive": {**drive, "supply": supply}}
 
 
-def requested_sea(campaign: Campaign) -> dict[str, Any]:
-    """Return the spectral lines that the wave maker is to make, as JSON values."""
-    return sea_lines(campaign.file.sea, campaign.file.sea_seed, campaign.elevation)
-
-
 def problems(pieces: CampaignParts) -> tuple[Problem, ...]:
     """Return all problems that would keep loop or plant from starting; build everything once."""
     heave = valid_key(pieces.rig, "heave", _HEAVE)
@@ -86,10 +79,11 @@ def problems(pieces: CampaignParts) -> tuple[Problem, ...]:
     found += reference_problems(pieces)
     bem = None
     if pieces.plant is not None:
-        plant, bad = _load_plant(pieces.plant)
+        reader = FileReader()
+        plant = reader.validated(pieces.plant, Plant)
         bem, unreadable = _load_bem(pieces.plant, ("bem",))
         surge, unreadable_too = _load_bem(pieces.plant, ("surge", "bem"))
-        found += [*bad, *unreadable, *unreadable_too]
+        found += [*reader.problems, *unreadable, *unreadable_too]
         if plant is not None:
             found += _mismatches(pieces, heave, plant)
         if plant is not None and bem is not None and surge is not None:
@@ -109,13 +103,6 @@ def _estimator_problems(pieces: CampaignParts, heave: Axis | None) -> Iterator[P
         value = heave.jerk_density_m2_per_s5
         message = f"{format_number(value)}: {error}"
         yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
-
-
-def _load_plant(source: ConfigSource) -> tuple[Plant | None, tuple[Problem, ...]]:
-    try:
-        return Plant.model_validate(source.mapping), ()
-    except ValidationError as error:
-        return None, problems_from(error, source.locate, Plant)
 
 
 def _load_bem(source: ConfigSource, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:

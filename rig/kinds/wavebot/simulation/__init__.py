@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
+from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot import row_contents as contents
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
-from rig.kinds.wavebot.rehearsal.job import problems, requested_sea
+from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.input_files import InputFile, hash_input_file
 from rig.row_contents import RowContents
 

@@ -1,6 +1,5 @@
 """Files of a spring map: dataset, table, and the calibration for a rig file."""
 
-import csv
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -10,6 +9,7 @@ import xarray
 from rig.kinds.wavebot.spring_map.result import BY_STATION
 from rig.recording.calibration import CalibrationVersion, open_calibration
 from rig.recording.runs import RunError
+from rig.recording.table_file import write_table
 
 STROKE_MARGIN = 0.95  # of the stroke at which the stator's force reverses
 NAME = "spring_map"
@@ -17,15 +17,13 @@ NAME = "spring_map"
 
 def write_map(table: xarray.Dataset, folder: Path) -> list[Path]:
     """Write ``spring_map.nc`` with all data and ``spring_map.csv`` with a line for each station."""
-    binary, text = folder / f"{NAME}.nc", folder / f"{NAME}.csv"
+    binary = folder / f"{NAME}.nc"
     table.to_netcdf(binary, engine="h5netcdf")
-    units = {name: table[name].attrs.get("units", "1") for name in BY_STATION}
-    with text.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["station [%]", *(f"{name} [{units[name]}]" for name in BY_STATION)])
-        columns = (table[name].values.tolist() for name in ("station", *BY_STATION))
-        writer.writerows(zip(*columns, strict=True))
-    return [text, binary]
+    columns = {
+        f"{name} [{table[name].attrs.get('units', '1')}]": table[name].values.tolist()
+        for name in ("station", *BY_STATION)
+    }
+    return [write_table(columns, folder / f"{NAME}.csv"), binary]
 
 
 def safe_strokes(table: xarray.Dataset) -> list[float]:

@@ -1,8 +1,7 @@
 """The loop's part of a WaveBot: signals, checks, reasons of a stop, its part of the cycle."""
 
 from rig.kinds.wavebot.tick.check import check
-from rig.kinds.wavebot.tick.cycle import KIND, kind_with_law, observe
-from rig.kinds.wavebot.tick.find_kind import find_kind
+from rig.kinds.wavebot.tick.cycle import KIND, find_kind, kind_with_law, observe
 from rig.kinds.wavebot.tick.signals import (
     SENSE_IN_ROW,
     Command,

@@ -14,9 +14,9 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Demand, DriveCommand, Reference
+from rig import laws as law_registry
 from rig.kinds.wavebot.tick import power_checks, stations, tare
 from rig.kinds.wavebot.tick.check import check
-from rig.kinds.wavebot.tick.law_columns import setpoint_reader
 from rig.kinds.wavebot.tick.reasons import REASONS, WaveBotReason
 from rig.kinds.wavebot.tick.signals import Command, Motion, Sense, TickSignals, WaveBotRow
 from rig.kinds.wavebot.tick.state import (
@@ -190,7 +190,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
     code has it as a constant.
     """
     step_laws = _law_stepper(module)
-    start, laws_at_rest, load_setpoint = law_functions(module, setpoint_reader(module.SetPoint))
+    start, laws_at_rest, load_setpoint = law_functions(module)
 
     def control(
         params: Params,
@@ -308,3 +308,11 @@ def kind_with_law(module: Any) -> cycle.Kind:
 
 KIND = kind_with_law(impedance)
 """The WaveBot with the impedance law."""
+
+
+def find_kind(law: str) -> cycle.Kind:
+    """Return the WaveBot with the law of a request (`rig.laws.to_request`), empty for impedance.
+
+    Raises LawError if the law's file is not that of the request.
+    """
+    return KIND if not law else kind_with_law(law_registry.from_request(law).module)

@@ -134,13 +134,27 @@ class LawFunctions(NamedTuple):
     load_setpoint: Callable[[Params, int], ActiveSetpoint]  # the set point of an index
 
 
-def law_functions(law: Any, read_setpoint: Callable[[Any, int], Any]) -> LawFunctions:
-    """Return the functions for a law's module; ``read_setpoint(columns, i)`` reads its set point.
+def _setpoint_reader(set_point: Any) -> Callable[[Any, int], Any]:
+    """Return the function ``(columns, i) -> SetPoint`` of a law; a column per field, in order.
+
+    It is generated from the fields: a loop over them costs time in the tick, and compiled code has
+    none. The columns are a plain tuple: compiled code on disk refers to a type by its name, and a
+    generated type has none by which a later process would find that code.
+    """
+    values = ", ".join(f"columns[{place}][i]" for place in range(len(set_point._fields)))
+    names: dict[str, Any] = {"SetPoint": set_point}
+    exec(f"def read_setpoint(columns, i):\n    return SetPoint({values})\n", names)
+    reader: Callable[[Any, int], Any] = names["read_setpoint"]
+    return reader
+
+
+def law_functions(law: Any) -> LawFunctions:
+    """Return the functions for a law's module.
 
     They are closures, so that the tick and compiled code call the law directly. A set point is
     built once and used until the index changes.
     """
-    start_law = law.start
+    start_law, read_setpoint = law.start, _setpoint_reader(law.SetPoint)
     initial_setpoint = law.SetPoint(*(0.0 for _ in law.COLUMNS))
 
     def laws_at_rest(params: Params) -> Laws:

@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 from pydantic import Field
 from rig.config.model import FileModel, TupleOf
 from rig.config.problems import ConfigError, Problem
-from rig.config.pydantic_errors import validate
 from rig.config.task_file import FolderName
-from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design
-from rig.planning.input_files import ConfigSource, load_named_source, sort_problems
+from rig.planning.input_files import FileReader
 from rig.planning.segments import PlanSegment, cut_into_ticks
 from rig.processes.run_types import ExecutionMode, Task
 from rig.realtime import axis, cycle, limits, safety
@@ -76,27 +74,16 @@ class Report(NamedTuple):
 def examine(
     path: Path, rig: Path | None = None, *, day: date | None = None, predict: bool = True
 ) -> Report:
-    problems: list[Problem] = []
-    sources: list[ConfigSource | None] = []
-
-    def read(source: ConfigSource | None, model: Any) -> Any:
-        sources.append(source)
-        try:
-            return source and validate(source.mapping, source.locate, model)
-        except ConfigError as error:
-            problems.extend(error.problems)
-            return None
-
+    reader = FileReader()
+    models: tuple[Any, ...] = (TaskFile, RigFile, LimitsFile, PlantFile)
     try:
-        task = ConfigSource(*load_mapping(path))
-        of_rig = ConfigSource(*load_mapping(rig)) if rig else load_named_source(task, ("rig",))
-        named = [of_rig and load_named_source(of_rig, (key,)) for key in ("limits", "plant")]
+        task = reader.read_first("test", path)
+        of_rig = reader.read("rig", task, ("rig",), rig)
+        named = [reader.read(key, of_rig, (key,)) for key in ("limits", "plant")]
+        parts: list[Any] = [*map(reader.validated, (task, of_rig, *named), models)]
+        reader.raise_problems()
     except ConfigError as error:
         return Report(path, error.problems, None, None)
-    models = (TaskFile, RigFile, LimitsFile, PlantFile)
-    parts = [read(*each) for each in zip((task, of_rig, *named), models, strict=True)]
-    if problems:
-        return Report(path, tuple(sort_problems(problems, sources)), None, None)
     test = HoldTest(*parts)
     return Report(path, (), test, build_plan(test.file, test.rig))
 

@@ -74,6 +74,9 @@ class TimedDevices(FlatDevices):
     def write_in_place(self) -> None:
         self._write_in_place()
 
+    def prepare(self, now: float) -> None:
+        """The plant has nothing to prepare."""
+
 
 class TimedWriter(RingWriter):
     """Ring writer with a time stamp before and after a row is put or published."""

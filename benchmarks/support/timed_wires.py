@@ -37,9 +37,12 @@ class Stamps:
     def __init__(self) -> None:
         self._times = array("q", bytes(8 * STAMPS * MAX_TICKS))
         self._count = 0
+        self._paused = False
 
     def mark(self) -> None:
         """Store the present time."""
+        if self._paused:
+            return
         self._times[self._count] = perf_counter_ns()
         self._count += 1
 
@@ -53,6 +56,16 @@ class Stamps:
             return result
 
         return timed
+
+    def without(self, call: Callable[[float], None]) -> Callable[[float], None]:
+        """Return a function that does the same without stamps."""
+
+        def unstamped(now: float) -> None:
+            self._paused = True
+            call(now)
+            self._paused = False
+
+        return unstamped
 
     def to_bytes(self) -> bytes:
         """Return the times of all complete ticks."""
@@ -82,6 +95,7 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
         bus._link.drain = stamps.around(bus._link.drain)
         bus.send = stamps.around(bus.send)
         changed.read_in_place = stamps.around(wired.read_in_place)
+        changed.prepare = stamps.without(wired.prepare)
         changed.write_in_place = stamps.around(wired.write_in_place)
 
     def first_stop(reason: int) -> None:

@@ -62,11 +62,18 @@ class FlatDevices(ABC):
 
     @abstractmethod
     def read_in_place(self, now: float) -> None:
-        """Store the values that arrived since the last tick, as of `Devices.read`."""
+        """Store the values that arrived since the last tick, as of `Devices.read`.
+
+        It may be called twice before a tick: the second call stores all again.
+        """
 
     @abstractmethod
     def write_in_place(self) -> None:
         """Send the stored command, as of `Devices.write`."""
+
+    def prepare(self, now: float) -> None:
+        """Take what has arrived shortly before the tick of a time (s); reading completes it."""
+        self.read_in_place(now)
 
     def read(self, now: float) -> Any:
         """Return the readings, as of `Devices.read`."""
@@ -89,6 +96,9 @@ class PackedDevices:
     def read_in_place(self, now: float) -> None:
         """Store the readings."""
         self._set_sense(self._read(now))
+
+    def prepare(self, now: float) -> None:
+        """Do nothing: devices of NamedTuples are read once a tick."""
 
     def write_in_place(self) -> None:
         """Send the stored command."""

@@ -73,7 +73,7 @@ def run(
         work, dt = 0.0, clock.dt
         interpreted = InterpretedTick(kind, params, dt, ring)
         execution: Tick = interpreted
-        exchange = execution.connect(devices)
+        exchange = execution.connect(devices, clock)
         changeover: Changeover | CoupledChangeover | None = None
         if code:
             changeover = (
@@ -108,7 +108,7 @@ def run(
                     ticks += _execute_to_end(found, tick + 1, request_ticks, any_request)
                     reason = found.reason
                     return LoopResult(ticks, skipped, reason, compiled_from)
-                execution, exchange, changeover = found, found.connect(devices), None
+                execution, exchange, changeover = found, found.connect(devices, clock), None
             work = time.perf_counter() - began if measure_work else 0.0
         reason = execution.reason
         return LoopResult(ticks, skipped, reason, compiled_from, problem)

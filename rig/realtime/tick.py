@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rig.realtime import cycle, tick_memory
+from rig.realtime.clock import Clock
 from rig.realtime.compiled_tick import is_complete, load
 from rig.realtime.devices import Devices, FlatDevices, PackedDevices
 from rig.realtime.object_code import ObjectCodeError
 
 TICKS_BETWEEN_LOOKS = 100
+_NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 class RowSink(Protocol):
@@ -63,8 +65,11 @@ class Tick(Protocol):
         """Return the command for the readings of a tick (arguments as of `cycle.make`)."""
         ...
 
-    def connect(self, devices: Devices) -> Exchange:
-        """Return the function that runs a step between reading and writing the devices."""
+    def connect(self, devices: Devices, clock: Clock) -> Exchange:
+        """Return the function that runs a step between reading and writing the devices.
+
+        ``clock``: that of the loop, which may be asked for time to prepare ticks.
+        """
         ...
 
     def log(self) -> None:
@@ -101,7 +106,7 @@ class InterpretedTick:
         )
         return command
 
-    def connect(self, devices: Devices) -> Exchange:
+    def connect(self, devices: Devices, clock: Clock) -> Exchange:
         read, step, write = devices.read, self.step, devices.write
 
         def exchange(
@@ -135,6 +140,7 @@ class CompiledTick:
         self._set_sense, self._get_command = memory.setter("sense"), memory.getter("command")
         self._reason = memory.number("state", "safety", "reason")
         self._state = memory.bytes_of("state")
+        self._last: tuple[float, int] | None = None  # time and tick of the last exchange
 
     @property
     def mode(self) -> int:
@@ -155,7 +161,7 @@ class CompiledTick:
         self._set_header(request, tick, *timing, periods, self._dt, row)
         self._mode = self._code()
 
-    def connect(self, devices: Devices) -> Exchange:
+    def connect(self, devices: Devices, clock: Clock) -> Exchange:
         flat: FlatDevices | PackedDevices
         if isinstance(devices, FlatDevices):
             devices.use(self._memory)
@@ -163,15 +169,32 @@ class CompiledTick:
         else:
             flat = PackedDevices(devices, self._memory)
         read, step, write = flat.read_in_place, self.step_in_place, flat.write_in_place
+        self._prepare_devices = flat.prepare
+        clock.prepare_ticks(self._prepare)
 
         def exchange(
             now: float, request: int, tick: int, timing: cycle.Timing, periods: int
         ) -> None:
+            self._last = now, tick
             read(now)
             step(request, tick, timing, periods)
             write()
 
         return exchange
+
+    def _prepare(self) -> None:
+        """Prepare the devices, then run the next step and undo it.
+
+        The processor then has code, tables, memory and the place of the row in its caches.
+        """
+        if self._last is None:
+            return
+        now, tick = self._last
+        self._prepare_devices(now + self._dt)
+        mode, state = self._mode, self.save()
+        self.step_in_place(0, tick + 1, _NO_TIMING, 1)
+        self._mode = mode
+        self.restore(state)
 
     def save(self) -> bytes:
         return self._state.tobytes()

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 _NS = 1_000_000_000
-# Times of a real clock that prepares ticks, from HIL runs at 1 kHz on a shared virtual machine:
-# sleeps ended 50 us late (p99 130 us), the preparation of a tick took some 80 us.
+# Times of a real clock that prepares ticks. In HIL runs at 1 kHz on a busy virtual machine sleeps
+# ended 46 us late (p50; p99 from 118 us on), and the preparation of a tick took 82 us (p99 167 us).
 _EARLY_NS = 200_000  # end of the sleep before the tick
 _ENOUGH_NS = 100_000  # left then, or the tick is not prepared
 _SHORTEST_PREPARED_NS = 1_000_000  # a shorter period has no time for it
@@ -99,10 +99,9 @@ class RealClock:
     def prepare_ticks(self, prepare: Callable[[], object]) -> None:
         """Wake up early from now on, call ``prepare``, and wait for the tick without sleeping.
 
-        A tick then begins on time, and its code and data are in the caches of the processor: in HIL
-        runs, the time from the planned start of a tick to its last action fell from 219 to 131 us
-        (p50), from 355 to 233 us (p99). A second sleep instead of the loop below wakes up as late
-        as the first.
+        A tick then begins on time, and its code and data are in the caches of the processor
+        (docs/decisions/0015-one-tick-two-executions.md has the measurements). A second sleep
+        instead of the loop below wakes up as late as the first.
         """
         if self._period >= _SHORTEST_PREPARED_NS:
             self._prepare = prepare

@@ -23,6 +23,7 @@ from benchmarks.support.tick_process import tick_source_of
 from rig.compilation.tick_code import compile_tick
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import compiled_tick, cycle
+from rig.realtime.tick import CompiledTick
 from rig.realtime.tick_memory import TickMemory, of_kind
 from rig.recording.row_layout import layout, packer
 
@@ -30,6 +31,27 @@ MIN_RATIO = 20.0
 MODULE = "benchmarks.support.tick_process"
 MAX_P50_US, MAX_P999_US = 10.0, 40.0  # of a compiled cycle in a loop at its real rate
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+
+
+class OneRow:
+    """The place of one row, to which every tick writes."""
+
+    def __init__(self, size: int) -> None:
+        self.content = bytearray(size)
+        self._address = ctypes.addressof(ctypes.c_char.from_buffer(self.content))
+
+    def put(self, row: Any) -> None:
+        """Compiled ticks put no rows."""
+        raise NotImplementedError
+
+    def reserve(self, max_rows: int = 1) -> tuple[int, int]:
+        return self._address, 1
+
+    def publish(self, count: int = 1) -> None:
+        """Nobody reads the row meanwhile."""
+
+    def finish(self) -> None:
+        """Nobody waits for the end."""
 
 
 class CompiledBlocks:
@@ -42,42 +64,41 @@ class CompiledBlocks:
         began = perf_counter_ns()
         self._code: Any = compiled_tick.load_at_once(folder, self._memory)
         self.load_ms = (perf_counter_ns() - began) / 1e6
-        self._row = bytearray(layout(KIND.row_type).size)
-        self._address = ctypes.addressof(ctypes.c_char.from_buffer(self._row))
+        self._row = OneRow(layout(KIND.row_type).size)
+        self._tick = CompiledTick(
+            self._memory, self._code, recorded.dt, self._row, recorded.state.safety.mode
+        )
 
     def differing(self) -> int:
         """Return the number of recorded rows that the compiled tick does not repeat to the bit."""
-        recorded, memory, found = self._recorded, self._memory, 0
-        expected, pack = bytearray(len(self._row)), packer(KIND.row_type)
-        memory.set_state(recorded.state)
-        for i, (sense, row) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
-            tick = recorded.first + i
-            memory.set_inputs(0, tick, _NO_TIMING, 1, recorded.dt, self._address, sense)
-            self._code()
-            pack(expected, 0, row)
-            found += expected != self._row
+        recorded, row, found = self._recorded, self._row.content, 0
+        expected, pack = bytearray(len(row)), packer(KIND.row_type)
+        self._memory.set_state(recorded.state)
+        for i, (sense, logged) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
+            self._tick.step(sense, 0, recorded.first + i, _NO_TIMING, 1)
+            pack(expected, 0, logged)
+            found += expected != row
         return found
 
     def whole(self) -> float:
-        """Return the processor time (us) of a tick, readings in and command out."""
-        recorded, memory, code = self._recorded, self._memory, self._code
-        memory.set_state(recorded.state)
+        """Return the processor time (us) of a tick, readings and command as NamedTuples."""
+        recorded, step = self._recorded, self._tick.step
+        self._memory.set_state(recorded.state)
         began = process_time_ns()
         for tick, sense in enumerate(recorded.senses, recorded.first):
-            memory.set_inputs(0, tick, _NO_TIMING, 1, recorded.dt, self._address, sense)
-            code()
-            memory.command()
+            step(sense, 0, tick, _NO_TIMING, 1)
         return (process_time_ns() - began) / 1e3 / len(recorded.senses)
 
     def parts(self) -> dict[str, float]:
-        """Return the processor time (us) of each part of a tick."""
-        memory, dt, sense = self._memory, self._recorded.dt, self._recorded.senses[-1]
+        """Return the processor time (us) of a tick in place, and of each part of the others."""
+        memory, sense = self._memory, self._recorded.senses[-1]
         repeat = range(len(self._recorded.senses))
         found = {}
         for name, part, arguments in (
-            ("call and work", self._code, ()),
-            ("inputs in", memory.set_inputs, (0, 1, _NO_TIMING, 1, dt, self._address, sense)),
-            ("command out", memory.command, ()),
+            ("readings and command in place", self._tick.step_in_place, (0, 1, _NO_TIMING, 1)),
+            ("of that, call and work", self._code, ()),
+            ("readings of a NamedTuple stored", memory.setter("sense"), (sense,)),
+            ("command returned as a NamedTuple", memory.getter("command"), ()),
         ):
             began = process_time_ns()
             for _ in repeat:
@@ -147,7 +168,7 @@ def measure(short: bool) -> Result:
             plain.append(interpreted(recorded))
             whole.append(compiled.whole())
             parts.append(compiled.parts())
-    code = [each["call and work"] for each in parts]
+    code = [each["of that, call and work"] for each in parts]
     return Result(
         "tick",
         "one tick of a WaveBot with its row in place, interpreted and compiled",

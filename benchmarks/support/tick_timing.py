@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.realtime.devices import Devices
+from rig.realtime.devices import Devices, FlatDevices, PackedDevices
+from rig.realtime.tick_memory import FlatMemory
 from rig.recording.ring import RingWriter
 
 # The loop reads the devices, runs the cycle, writes, puts the row; the rest is clock and mailbox.
@@ -46,13 +47,35 @@ class TickTimes(NamedTuple):
     rest: npt.NDArray[np.float64]  # waiting for the clock included
 
 
-class TimedDevices:
-    """Devices with a time stamp before and after `read` and `write`."""
+class TimedDevices(FlatDevices):
+    """A simulated plant's devices with a time stamp before and after reading and writing.
+
+    As with devices on wires, a compiled tick finds its readings in memory and leaves its command
+    there: what the plant takes for this is part of its own time.
+    """
 
     def __init__(self, devices: Devices, stamps: Stamps) -> None:
-        self.stop, self.close = devices.stop, devices.close
-        self.read = _timed(devices.read, stamps)
-        self.write = _timed(devices.write, stamps)
+        self._devices, self._stamps = devices, stamps
+        self.warm_up, self.stop, self.close = devices.warm_up, devices.stop, devices.close
+        self.read = _timed(devices.read, stamps)  # type: ignore[method-assign]
+        self.write = _timed(devices.write, stamps)  # type: ignore[method-assign]
+
+    def use(self, memory: FlatMemory) -> None:
+        packed = PackedDevices(self._devices, memory)
+        self._read_in_place = _timed(packed.read_in_place, self._stamps)
+        self._write_in_place = _timed(packed.write_in_place, self._stamps)
+
+    def attach(self, sense: Any, command: Any) -> None:
+        """The plant has readings and command of its own."""
+
+    def read_in_place(self, now: float) -> None:
+        self._read_in_place(now)
+
+    def write_in_place(self) -> None:
+        self._write_in_place()
+
+    def prepare(self, now: float) -> None:
+        """The plant has nothing to prepare."""
 
 
 class TimedWriter(RingWriter):
@@ -76,12 +99,12 @@ class TimedWriter(RingWriter):
             self._publish(count)
 
 
-def _timed(call: Callable[[Any], Any], stamps: Stamps) -> Callable[[Any], Any]:
+def _timed(call: Callable[..., Any], stamps: Stamps) -> Callable[..., Any]:
     stamp = stamps.times.append
 
-    def timed(argument: Any) -> Any:
+    def timed(*arguments: Any) -> Any:
         began = perf_counter_ns()
-        result = call(argument)
+        result = call(*arguments)
         ended = perf_counter_ns()
         stamp(began)
         stamp(ended)

@@ -13,7 +13,7 @@ from time import perf_counter_ns
 from typing import Any
 
 from rig.kinds.wavebot.hardware import devices
-from rig.wires.can_axes import CanAxes
+from rig.kinds.wavebot.hardware.devices import WaveBotDevices
 
 STAMPS_FILE = "WEC_RIG_TICK_STAMPS"
 MAX_TICKS = 200_000
@@ -37,9 +37,12 @@ class Stamps:
     def __init__(self) -> None:
         self._times = array("q", bytes(8 * STAMPS * MAX_TICKS))
         self._count = 0
+        self._paused = False
 
     def mark(self) -> None:
         """Store the present time."""
+        if self._paused:
+            return
         self._times[self._count] = perf_counter_ns()
         self._count += 1
 
@@ -54,55 +57,56 @@ class Stamps:
 
         return timed
 
+    def without(self, call: Callable[[float], None]) -> Callable[[float], None]:
+        """Return a function that does the same without stamps."""
+
+        def unstamped(now: float) -> None:
+            self._paused = True
+            call(now)
+            self._paused = False
+
+        return unstamped
+
     def to_bytes(self) -> bytes:
         """Return the times of all complete ticks."""
         return self._times[: self._count - self._count % STAMPS].tobytes()
 
 
-class TimedDevices:
-    """The devices of a WaveBot; from the warm-up to the first stop each tick is stamped."""
+def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
+    """Return the stamped devices for a configuration of `rig.kinds.wavebot.hardware.job`.
 
-    def __init__(self, wired: Any, can: CanAxes) -> None:
-        self._devices, self._can, self._stamps = wired, can, Stamps()
-        self._times: bytes | None = None  # of all ticks, once the loop has ended
+    From the warm-up to the first stop each tick is stamped.
+    """
+    wired, stamps = devices.connect(config, dt), Stamps()
+    changed: Any = wired
+    warm_up, stop, close = wired.warm_up, wired.stop, wired.close
+    times: bytes | None = None  # of all ticks, once the loop has ended
 
-    def warm_up(self, dt: float) -> None:
-        self._devices.warm_up(dt)
-        bus, receive = self._can._bus, self._can.receive
-        link: Any = bus._link
+    def stamp_from_here(dt: float) -> None:
+        warm_up(dt)
+        bus, receive = changed._can._bus, changed._can.receive
 
         def timed_receive() -> float:
-            time = receive()
-            mark()
+            time: float = receive()
+            stamps.mark()
             return time
 
-        mark = self._stamps.mark
-        self._can.receive = timed_receive  # type: ignore[method-assign]
-        link.drain = self._stamps.around(link.drain)
-        bus.send = self._stamps.around(bus.send)  # type: ignore[method-assign]
+        changed._can.receive = timed_receive
+        bus._link.drain = stamps.around(bus._link.drain)
+        bus.send = stamps.around(bus.send)
+        changed.read_in_place = stamps.around(wired.read_in_place)
+        changed.prepare = stamps.without(wired.prepare)
+        changed.write_in_place = stamps.around(wired.write_in_place)
 
-    def read(self, now: float) -> Any:
-        self._stamps.mark()
-        sense = self._devices.read(now)
-        self._stamps.mark()
-        return sense
+    def first_stop(reason: int) -> None:
+        nonlocal times
+        if times is None:
+            times = stamps.to_bytes()
+        stop(reason)
 
-    def write(self, command: Any) -> None:
-        self._stamps.mark()
-        self._devices.write(command)
-        self._stamps.mark()
+    def write_and_close() -> None:
+        close()
+        Path(os.environ[STAMPS_FILE]).write_bytes(times or b"")
 
-    def stop(self, reason: int) -> None:
-        if self._times is None:
-            self._times = self._stamps.to_bytes()
-        self._devices.stop(reason)
-
-    def close(self) -> None:
-        self._devices.close()
-        Path(os.environ[STAMPS_FILE]).write_bytes(self._times or b"")
-
-
-def connect(config: dict[str, Any], dt: float) -> TimedDevices:
-    """Return the stamped devices for a configuration of `rig.kinds.wavebot.hardware.job`."""
-    wired = devices.connect(config, dt)
-    return TimedDevices(wired, wired._can)
+    changed.warm_up, changed.stop, changed.close = stamp_from_here, first_stop, write_and_close
+    return wired

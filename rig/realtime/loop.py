@@ -73,6 +73,7 @@ def run(
         work, dt = 0.0, clock.dt
         interpreted = InterpretedTick(kind, params, dt, ring)
         execution: Tick = interpreted
+        exchange = execution.connect(devices, clock)
         changeover: Changeover | CoupledChangeover | None = None
         if code:
             changeover = (
@@ -93,10 +94,9 @@ def run(
                 external = external_request()
             request = external or posted_request()
 
-            sense = devices.read(now)
             if measure_work or periods != 1:  # otherwise the timing has not changed
                 timing = cycle.Timing(lateness, work, skipped)
-            devices.write(execution.step(sense, request, tick, timing, periods))
+            exchange(now, request, tick, timing, periods)
             execution.log()
 
             if execution.mode == STOP_0:
@@ -108,7 +108,7 @@ def run(
                     ticks += _execute_to_end(found, tick + 1, request_ticks, any_request)
                     reason = found.reason
                     return LoopResult(ticks, skipped, reason, compiled_from)
-                execution, changeover = found, None
+                execution, exchange, changeover = found, found.connect(devices, clock), None
             work = time.perf_counter() - began if measure_work else 0.0
         reason = execution.reason
         return LoopResult(ticks, skipped, reason, compiled_from, problem)

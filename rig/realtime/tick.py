@@ -5,15 +5,19 @@ The loop starts with the interpreted tick. As soon as the code of the compiled o
 """
 
 import struct
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
 from rig.realtime import cycle, tick_memory
+from rig.realtime.clock import Clock
 from rig.realtime.compiled_tick import is_complete, load
+from rig.realtime.devices import Devices, FlatDevices, PackedDevices
 from rig.realtime.object_code import ObjectCodeError
 
 TICKS_BETWEEN_LOOKS = 100
+_NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 class RowSink(Protocol):
@@ -39,6 +43,11 @@ class RowSink(Protocol):
         ...
 
 
+Exchange = Callable[[float, int, int, cycle.Timing, int], None]
+"""``exchange(now, request, tick, timing, periods)``: read the devices, run the cycle, and send the
+command; arguments as of `rig.realtime.devices` and `rig.realtime.cycle.make`."""
+
+
 class Tick(Protocol):
     """An execution of the cycle of a rig."""
 
@@ -54,6 +63,13 @@ class Tick(Protocol):
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
         """Return the command for the readings of a tick (arguments as of `cycle.make`)."""
+        ...
+
+    def connect(self, devices: Devices, clock: Clock) -> Exchange:
+        """Return the function that runs a step between reading and writing the devices.
+
+        ``clock``: that of the loop, which may be asked for time to prepare ticks.
+        """
         ...
 
     def log(self) -> None:
@@ -90,6 +106,16 @@ class InterpretedTick:
         )
         return command
 
+    def connect(self, devices: Devices, clock: Clock) -> Exchange:
+        read, step, write = devices.read, self.step, devices.write
+
+        def exchange(
+            now: float, request: int, tick: int, timing: cycle.Timing, periods: int
+        ) -> None:
+            write(step(read(now), request, tick, timing, periods))
+
+        return exchange
+
     def log(self) -> None:
         self._rows.put(self._row)
 
@@ -108,11 +134,13 @@ class CompiledTick:
     ) -> None:
         """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step."""
         self._memory = memory  # it owns the tables that the code reads
-        self._code, self._dt, self._mode = code, dt, mode
-        self._set_inputs, self._command = memory.set_inputs, memory.command
-        self._reserve, self.log = rows.reserve, rows.publish
+        self._code, self._mode = code, mode
+        self._set_header = partial(memory.sections["header"].layout.pack_into, memory.buffer, 0)
+        self._dt, self._reserve, self.log = dt, rows.reserve, rows.publish
+        self._set_sense, self._get_command = memory.setter("sense"), memory.getter("command")
         self._reason = memory.number("state", "safety", "reason")
         self._state = memory.bytes_of("state")
+        self._last: tuple[float, int] | None = None  # time and tick of the last exchange
 
     @property
     def mode(self) -> int:
@@ -123,10 +151,50 @@ class CompiledTick:
         return int(self._reason[0])
 
     def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+        self._set_sense(sense)
+        self.step_in_place(request, tick, timing, periods)
+        return self._get_command()
+
+    def step_in_place(self, request: int, tick: int, timing: cycle.Timing, periods: int) -> None:
+        """Run a step on the readings in memory, which then also has the command."""
         row, _ = self._reserve()
-        self._set_inputs(request, tick, timing, periods, self._dt, row, sense)
+        self._set_header(request, tick, *timing, periods, self._dt, row)
         self._mode = self._code()
-        return self._command()
+
+    def connect(self, devices: Devices, clock: Clock) -> Exchange:
+        flat: FlatDevices | PackedDevices
+        if isinstance(devices, FlatDevices):
+            devices.use(self._memory)
+            flat = devices
+        else:
+            flat = PackedDevices(devices, self._memory)
+        read, step, write = flat.read_in_place, self.step_in_place, flat.write_in_place
+        self._prepare_devices = flat.prepare
+        clock.prepare_ticks(self._prepare)
+
+        def exchange(
+            now: float, request: int, tick: int, timing: cycle.Timing, periods: int
+        ) -> None:
+            self._last = now, tick
+            read(now)
+            step(request, tick, timing, periods)
+            write()
+
+        return exchange
+
+    def _prepare(self) -> None:
+        """Prepare the devices, then run the next step and undo it.
+
+        The processor then has code, tables, memory and the place of the row in its caches.
+        """
+        if self._last is None:
+            return
+        now, tick = self._last
+        self._prepare_devices(now + self._dt)
+        mode, state = self._mode, self.save()
+        self.step_in_place(0, tick + 1, _NO_TIMING, 1)
+        self._mode = mode
+        self.restore(state)
 
     def save(self) -> bytes:
         return self._state.tobytes()

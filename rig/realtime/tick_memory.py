@@ -88,21 +88,56 @@ class FlatMemory:
         tree, start, layout = self.sections[name]
         return builder(tree)(layout.unpack_from(self.buffer, start))
 
+    def setter(self, name: str) -> Callable[[Any], None]:
+        """Return ``set(tree)`` as generated code, for a section without tables."""
+        tree, start, _ = self.sections[name]
+        return partial(packer(tree), self.buffer, start)
+
+    def getter(self, name: str) -> Callable[[], Any]:
+        """Return ``get()`` as generated code, for a section without tables."""
+        tree, start, layout = self.sections[name]
+        build, unpack = builder(tree), partial(layout.unpack_from, self.buffer, start)
+        return lambda: build(unpack())
+
+    def writers(self, name: str) -> Any:
+        """Return a record like a section; its members are functions that store a part in place.
+
+        A function takes the numbers of its part in order, of all levels: ``w.panel(0, 0, 0.001)``.
+        """
+        return self._accesses(name, "pack_into")
+
+    def readers(self, name: str) -> Any:
+        """Return a record like a section; its members are functions that return a part.
+
+        A function returns the numbers of its part in order, of all levels, as a tuple.
+        """
+        return self._accesses(name, "unpack_from")
+
+    def _accesses(self, name: str, access: str) -> Any:
+        tree = self.sections[name].tree
+        parts = (self._part(name, field) for field in tree._fields)
+        return type(tree)(
+            *(partial(getattr(_layout((part,)), access), self.buffer, at) for part, at in parts)
+        )
+
     def bytes_of(self, name: str, *path: str) -> "memoryview[int]":
         """Return the bytes of a part of a section, as they stand in memory."""
-        tree, start, _ = self.sections[name]
-        for field in path:
-            index = tree._fields.index(field)
-            start += 8 * sum(1 for _ in _numbers(tree[:index]))
-            tree = tree[index]
-        return memoryview(self.buffer)[start : start + 8 * sum(1 for _ in _numbers((tree,)))]
+        part, start = self._part(name, *path)
+        return memoryview(self.buffer)[start : start + _layout((part,)).size]
 
     def number(self, name: str, *path: str) -> "memoryview[int] | memoryview[float]":
         """Return one number of a section as it stands in memory, a view of length 1."""
-        tree = self.sections[name].tree
+        part, _ = self._part(name, *path)
+        return self.bytes_of(name, *path).cast("q" if isinstance(part, int) else "d")
+
+    def _part(self, name: str, *path: str) -> tuple[Any, int]:
+        """Return a part of a section, and its first byte."""
+        tree, start, _ = self.sections[name]
         for field in path:
-            tree = getattr(tree, field)
-        return self.bytes_of(name, *path).cast("q" if isinstance(tree, int) else "d")
+            index = tree._fields.index(field)
+            start += _layout(tree[:index]).size
+            tree = tree[index]
+        return tree, start
 
     def _as_stored(self, name: str, tree: Any) -> Any:
         if name not in ("params", "plant"):
@@ -119,24 +154,6 @@ class TickMemory(FlatMemory):
         super().__init__(
             header=TickHeader(dt=dt), sense=sense, params=params, state=state, command=command
         )
-        self.set_inputs = self._inputs_packer(sense)
-        """``set_inputs(request, tick, timing, periods, dt, row, sense)``: store the inputs of the
-        next tick, as of `TickHeader`, and its readings."""
-        _, at, layout = self.sections["command"]
-        build, unpack = builder(command), partial(layout.unpack_from, self.buffer, at)
-        self.command: Callable[[], Any] = lambda: build(unpack())
-        """``command()``: return the command of the last tick."""
-
-    def _inputs_packer(self, sense: Any) -> Callable[..., None]:
-        """Return one call that stores header and readings, which stand one after the other."""
-        layouts = (self.sections[name].layout.format for name in ("header", "sense"))
-        pack_into = struct.Struct("@" + "".join(layouts).replace("@", "")).pack_into
-        pack: Callable[..., None] = eval(
-            "lambda request, tick, timing, periods, dt, row, sense: pack_into("
-            f"buffer, 0, request, tick, *timing, periods, dt, row, {_spread(sense, 'sense')})",
-            {"__builtins__": {}, "pack_into": pack_into, "buffer": self.buffer},
-        )
-        return pack
 
     def set_state(self, state: Any) -> None:
         """Store the state before the next tick."""

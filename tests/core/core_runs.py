@@ -247,7 +247,7 @@ class _RequestingClock:
 
     def __init__(self, clock: Clock, mail: Mailbox, posts: dict[int, int]) -> None:
         self.dt = clock.dt
-        self.now = clock.now
+        self.now, self.prepare_ticks = clock.now, clock.prepare_ticks
         self._clock, self._mail, self._posts = clock, mail, posts
 
     def wait_next(self) -> Any:
@@ -267,6 +267,9 @@ class LossyClock:
 
     def now(self) -> float:
         return self._tick * self.dt
+
+    def prepare_ticks(self, prepare: Callable[[], object]) -> None:
+        """No time passes before a tick."""
 
     def wait_next(self) -> Any:
         periods = self._gaps.get(self._tick + 1, 1)

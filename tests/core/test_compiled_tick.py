@@ -30,6 +30,8 @@ from rig.realtime import (
     safety,
     tick_memory,
 )
+from rig.realtime.clock import VirtualClock
+from rig.realtime.devices import FlatDevices
 from rig.realtime.object_code import ObjectCode, ObjectCodeError
 from rig.realtime.tick import Changeover, InterpretedTick
 from rig.recording import ring
@@ -74,23 +76,78 @@ def code_of(run: Recorded) -> Path:
     return compile_tick(source_of(run))
 
 
-def execute(run: Recorded, inputs: tuple[Inputs, ...], folder: Path | None, start: int) -> Any:
-    """Return rows, commands, last mode and reason; ``start``: tick in which loading begins."""
+def numbers(tree: Any) -> list[Any]:
+    return [
+        each for part in tree for each in (numbers(part) if isinstance(part, tuple) else [part])
+    ]
+
+
+class PlaceByPlace(FlatDevices):
+    """Devices that store given readings in memory and keep the commands that they find there."""
+
+    def __init__(self, run: Recorded) -> None:
+        self.now: Any = None  # readings of the present tick
+        self.commands: list[list[Any]] = []
+        example, command = tick_memory.examples(run.kind, run.params, run.dt)
+        super().__init__(type(example), type(command))
+
+    def attach(self, sense: Any, command: Any) -> None:
+        self._sense, self._command = sense, command
+
+    def read_in_place(self, now: float) -> None:
+        for put, part in zip(self._sense, self.now, strict=True):
+            put(*numbers(part))
+
+    def write_in_place(self) -> None:
+        self.commands.append([number for get in self._command for number in get()])
+
+
+class PreparedTicks(VirtualClock):
+    """A clock that prepares every tick."""
+
+    prepare: Callable[[], object] = staticmethod(lambda: None)
+
+    def prepare_ticks(self, prepare: Callable[[], object]) -> None:
+        self.prepare = prepare
+
+
+def execute(run: Recorded, inputs: tuple[Inputs, ...]) -> Any:
+    """Return rows, commands, last mode and reason of interpreted ticks."""
+    fd = ring.create(run.kind.row_type, 8192)
+    rows = ring.RingWriter(fd, run.kind.row_type, wait=False)
+    tick, commands = InterpretedTick(run.kind, run.params, run.dt, rows), []
+    for each in inputs:
+        commands.append(numbers(tick.step(*each)))
+        tick.log()
+    return ring.RingReader(fd).remaining_rows(), commands, tick.mode, tick.reason
+
+
+def execute_compiled(
+    run: Recorded, inputs: tuple[Inputs, ...], start: int, *, prepared: bool = True
+) -> Any:
+    """Return the same from devices in flat memory; in tick ``start`` the loading begins."""
     fd = ring.create(run.kind.row_type, 8192)
     rows = ring.RingWriter(fd, run.kind.row_type, wait=False)
     interpreted = InterpretedTick(run.kind, run.params, run.dt, rows)
     execution: Any = interpreted
-    changeover, commands, changed = None, [], False
-    for i, each in enumerate(inputs):
-        commands.append(execution.step(*each))
+    devices, clock = PlaceByPlace(run), PreparedTicks(run.dt)
+    exchange = execution.connect(devices, clock)
+    changeover, changed = None, False
+    for i, (sense, request, tick, timing, periods) in enumerate(inputs):
+        if prepared:  # with the readings of the last tick
+            clock.prepare()
+        devices.now = sense
+        exchange(tick * run.dt, request, tick, timing, periods)
         execution.log()
-        if folder is not None and i == start:
+        if i == start:
+            folder = code_of(run)
             changeover = Changeover(folder, run.kind, run.params, run.dt, rows, interpreted)
         if changeover is not None and (found := changeover.advance()) is not None:
             assert changeover.problem == ""
             execution, changeover, changed = found, None, True
-    assert changed is (folder is not None)
-    return ring.RingReader(fd).remaining_rows(), commands, execution.mode, execution.reason
+            exchange = execution.connect(devices, clock)
+    assert changed
+    return ring.RingReader(fd).remaining_rows(), devices.commands, execution.mode, execution.reason
 
 
 @pytest.mark.slow
@@ -99,12 +156,12 @@ def execute(run: Recorded, inputs: tuple[Inputs, ...], folder: Path | None, star
 def test_a_changeover_at_any_tick_keeps_every_bit(kind: str) -> None:
     """Ten ticks of each golden run, chosen by chance; rows, commands, mode and reason are equal."""
     run = recorded(kind)
-    expected = execute(run, run.inputs, None, 0)
-    folder = code_of(run)
+    expected = execute(run, run.inputs)
     choose = random.Random(kind)
     for _ in range(10):
         start = choose.randrange(len(run.inputs) - TICKS_OF_LOADING)
-        assert execute(run, run.inputs, folder, start) == expected, start
+        assert execute_compiled(run, run.inputs, start) == expected, start
+    assert execute_compiled(run, run.inputs, 0, prepared=False) == expected
 
 
 def disturbed(run: Recorded, undisturbed: int, seed: int) -> tuple[Inputs, ...]:
@@ -143,7 +200,7 @@ def disturbed(run: Recorded, undisturbed: int, seed: int) -> tuple[Inputs, ...]:
 def test_faults_requests_and_lost_ticks_are_equal_to_the_bit(kind: str, seed: int) -> None:
     run = recorded(kind)
     inputs = disturbed(run, UNDISTURBED_TICKS[kind], seed)
-    expected, got = (execute(run, inputs, folder, 0) for folder in (None, code_of(run)))
+    expected, got = execute(run, inputs), execute_compiled(run, inputs, 0)
     assert got[0] == expected[0]  # bytes: a NaN equals itself
     assert got[2:] == expected[2:]
 

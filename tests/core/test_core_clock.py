@@ -100,6 +100,57 @@ def test_a_signal_does_not_shorten_a_sleep(monkeypatch: pytest.MonkeyPatch) -> N
         assert host.clock.wait_next() == Wake(tick, tick * 0.001, 1, 0.0)
 
 
+def prepared_host(monkeypatch: pytest.MonkeyPatch, took: int) -> tuple[Host, list[int]]:
+    """Return a host with a clock that prepares ticks, and the times of that, ns before the tick."""
+    host, left = Host(monkeypatch), list[int]()
+
+    def pass_time() -> int:  # a look at the clock takes 100 ns
+        host.now += 100
+        return host.now
+
+    def prepare() -> None:
+        left.append(-host.now % PERIOD)
+        host.now += took
+
+    monkeypatch.setattr(clock, "time", SimpleNamespace(monotonic_ns=pass_time))
+    host.clock.prepare_ticks(prepare)
+    return host, left
+
+
+def test_a_prepared_tick_begins_on_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    host, left = prepared_host(monkeypatch, 80_000)
+    host.late = itertools.cycle([0, 50_000, 95_000])
+    wakes = [host.clock.wait_next() for _ in range(300)]
+    assert [wake.tick for wake in wakes] == list(range(300))
+    assert max(wake.lateness for wake in wakes) < 1e-6
+    assert min(wake.lateness for wake in wakes) >= 0.0
+    assert host.deadlines[1] == host.zero + PERIOD - 200_000
+    assert len(left) == 300
+    assert 104_000 < min(left) < 106_000
+    assert 198_000 < max(left) < 200_000
+
+
+def test_a_tick_is_not_prepared_without_time_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    host, left = prepared_host(monkeypatch, 80_000)
+    host.late = iter([0, 120_000, 250_000, 3 * PERIOD, 0])
+    wakes = [host.clock.wait_next() for _ in range(5)]
+    assert [wake.tick for wake in wakes] == [0, 1, 2, 5, 6]
+    assert wakes[1].lateness < 1e-6
+    assert 49e-6 < wakes[2].lateness < 51e-6
+    assert len(left) == 2
+
+
+def test_a_short_period_has_no_time_to_prepare(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = Host(monkeypatch)
+    short = RealClock(0.0005)
+    monkeypatch.setattr(short, "_sleep", lambda *_: host._sleep(1, 1, None, None))
+    host.clock = short
+    short.prepare_ticks(lambda: pytest.fail("prepared"))
+    for _ in range(5):
+        short.wait_next()
+    assert all(deadline % 500_000 == 0 for deadline in host.deadlines)
+
+
 def test_now_counts_from_tick_zero(monkeypatch: pytest.MonkeyPatch) -> None:
     host = Host(monkeypatch)
     assert -0.002 <= host.clock.now() < -0.001

@@ -33,6 +33,7 @@ from rig.kinds.modular.tick import Composition, SensorPart, compose, find_kind
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox
 from rig.realtime import cycle
+from rig.realtime.tick_memory import FlatMemory
 from rig.wires.can_axes import CanAxes, CanAxesSettings
 from rig.wires.messages import NodeHealth, message_fields, open_mailboxes
 from drivers.canopen import cia402, scaling
@@ -61,6 +62,11 @@ devices = ModularDevices(can, slots, composition, [source], 20)
 sense = devices.read(0.0)
 assert sense.dc_power.value == 15.0 and 0.0 <= sense.dc_power.age < 5.0
 command = compose(composition).Command(AxisCommand(0.0, 0.0, 0, 0), 0)
+memory = FlatMemory(sense=sense, command=command)
+place = memory.bytes_of("sense")
+place[:] = bytes(b"\\x77" * len(place))
+devices.use(memory); devices.read_in_place(0.0)  # no number of an earlier tick is left over
+assert 0x7777777777777777 not in place.cast("q").tolist()
 devices.write(command); devices.stop(0); devices.close()
 print(json.dumps(sorted(sys.modules)))
 """

@@ -16,9 +16,10 @@ from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.hardware import devices as bench_devices
 from rig.kinds.oswec_bench.hardware.devices import BenchDevices
 from rig.kinds.oswec_bench.hardware.job import Loop, build_job
-from rig.kinds.oswec_bench.tick.signals import Command
+from rig.kinds.oswec_bench.tick.signals import Command, Sense
 from rig.processes import mailbox
 from rig.processes.messages import Slot
+from rig.realtime.tick_memory import FlatMemory, example
 from rig.wires import streams
 from rig.wires.job import WiredJob
 from rig.wires.messages import (
@@ -166,6 +167,23 @@ def test_every_value_has_its_age(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert 3.0 <= rig.devices.read(0.0).brake.age < 5.0
     rig.devices.close()
     assert rig.bridge.closed
+
+
+def test_every_reading_is_stored_in_any_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No number of an earlier tick is left over."""
+    rig = Rig(job(tmp_path), monkeypatch)
+    rig.post_values(time.monotonic())
+    memory = FlatMemory(sense=example(Sense), command=COMMAND)
+    sense = memory.bytes_of("sense")
+    sense[:] = bytes(b"\x77" * len(sense))
+    rig.devices.use(memory)
+    rig.devices.read_in_place(0.0)
+    assert 0x7777777777777777 not in sense.cast("q").tolist()
+    assert memory.get("sense").encoders[:2] == (10, 20)
+    rig.devices.write_in_place()
+    assert rig.slots["set_point"].read().enable == COMMAND.enable == 1
 
 
 def test_silent_devices_are_named_before_the_first_tick(

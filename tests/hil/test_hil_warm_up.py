@@ -19,7 +19,9 @@ from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.devices import WaveBotDevices
 from rig.kinds.wavebot.hardware.job import build_job
+from rig.kinds.wavebot.tick import Command, Sense
 from rig.processes import handover
+from rig.realtime.tick_memory import FlatMemory, example
 from rig.wires import can_axes
 from rig.wires.can_axes import CanAxes, CanAxesSettings
 
@@ -170,3 +172,24 @@ def test_no_drive_is_enabled(config: CanAxesSettings) -> None:
     devices.warm_up(DT)
     assert [axis.explain() for axis in devices._can.axes.values()] == ["NOT_REQUESTED"] * 2
     assert math.isclose(devices.read(0.0).heave.current, 0.0)
+
+
+def test_every_reading_is_stored_in_any_memory(config: CanAxesSettings) -> None:
+    """No number of an earlier tick is left over, and the elevation stays unknown."""
+    bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
+    devices = create_devices(config, bus)
+    devices.warm_up(DT)
+    memory = FlatMemory(sense=example(Sense), command=example(Command))
+    sense = memory.bytes_of("sense")
+    sense[:] = bytes(b"\x77" * len(sense))
+    devices.use(memory)
+    devices.read_in_place(0.0)
+    assert 0x7777777777777777 not in sense.cast("q").tolist()
+    stored = memory.get("sense")
+    assert stored.heave.counts == bus.syncs
+    assert math.isnan(stored.wave.elevation)
+    memory.set("command", example(Command)._replace(wave_trigger=1))
+    posted: list[Any] = []
+    devices._outputs.post = posted.append  # type: ignore[method-assign]
+    devices.write_in_place()
+    assert [trigger for trigger, _ in posted] == [1]

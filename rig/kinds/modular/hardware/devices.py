@@ -8,14 +8,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from controllers.signals import PanelSense
-from rig.kinds.modular.tick import Composition, WaveSense, compose
+from rig.kinds.modular.tick import Composition, compose
 from rig.processes.mailbox import Mailbox
+from rig.realtime.devices import FlatDevices
 from rig.wires import can_axes
 from rig.wires.can_axes import CanAxes
 from rig.wires.messages import open_mailboxes, wait_for_values
-
-_UNKNOWN_ELEVATION = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
 
 
 class SensorSource(NamedTuple):
@@ -28,7 +26,7 @@ class SensorSource(NamedTuple):
     offset: float
 
 
-class ModularDevices:
+class ModularDevices(FlatDevices):
     """All devices of a modular rig on their wires."""
 
     def __init__(
@@ -42,22 +40,30 @@ class ModularDevices:
         """``sources``: one of each sensor; ``trigger_divider``: ticks between two posts of it."""
         self._can = can
         self._axes = [axis.name for axis in composition.axes]
-        self._places = [self._axes.index(name) for name in can.axes]  # of the commands
         by_name = {source.name: source for source in sources}
         given = [by_name[part.name] for part in composition.sensors]
         polled = dict.fromkeys(each.device for each in given if each.device not in self._axes)
         devices = [*self._axes, *polled]
         composed = compose(composition)
-        self._sense_type = composed.Sense
         self._sensors = [
-            (kind, devices.index(each.device), each.place, each.scale, each.offset)
-            for kind, each in zip(composed.READINGS, given, strict=True)
+            (part.name, devices.index(each.device), each.place, each.scale, each.offset)
+            for part, each in zip(composition.sensors, given, strict=True)
         ]
         self._inputs = {name: slots[name] for name in (*polled, "inputs")}
         *self._polled, self._panel = self._inputs.values()
         self._trigger = slots.get("outputs")
         self._trigger_divider = trigger_divider
         self._writes = 0
+        super().__init__(composed.Sense, composed.Command)
+
+    def attach(self, sense: Any, command: Any) -> None:
+        """Look up the place of each axis and sensor in the composed `Sense` and `Command`."""
+        self._put_axes = [(name, getattr(sense, name)) for name in self._axes]
+        self._put_sensors = [(getattr(sense, name), *source) for name, *source in self._sensors]
+        self._put_panel = sense.panel
+        self._commands = [getattr(command, name) for name in self._can.axes]
+        self._get_waves = command.waves
+        sense.wave(math.nan)  # only a simulated basin knows the undisturbed elevation
 
     def warm_up(self, dt: float) -> None:
         """Wait for a value of every device and for an answer of every drive to every SYNC.
@@ -67,8 +73,8 @@ class ModularDevices:
         wait_for_values(self._inputs, dt)
         self._can.warm_up(dt)
 
-    def read(self, now: float) -> Any:
-        """Return the composed `Sense`."""
+    def read_in_place(self, now: float) -> None:
+        """Store the composed `Sense`."""
         # Mailboxes before the time, or a value posted later would have a negative age.
         messages = [slot.read() for slot in self._polled]
         panel = self._panel.read()
@@ -77,20 +83,20 @@ class ModularDevices:
         drives = [can.read(name) for name in self._axes]
         values = [(drive.analog, drive.analog_age) for drive in drives]
         values += [(message, time_now - message.stamp) for message in messages]
-        parts: list[Any] = [can.sense(*each) for each in zip(self._axes, drives, strict=True)]
-        for kind, device, place, scale, offset in self._sensors:
+        for (name, put), drive in zip(self._put_axes, drives, strict=True):
+            put(*can.sense(name, drive))
+        for put, device, place, scale, offset in self._put_sensors:
             reading, age = values[device]
-            parts.append(kind(scale * reading[place] + offset, age))
-        parts.append(_UNKNOWN_ELEVATION)
-        parts.append(PanelSense(panel.e_stop, panel.limit_switch, time_now - panel.stamp))
-        return self._sense_type(*parts)
+            put(scale * reading[place] + offset, age)
+        self._put_panel(panel.e_stop, panel.limit_switch, time_now - panel.stamp)
 
-    def write(self, command: Any) -> None:
+    def write_in_place(self) -> None:
         """Send the composed `Command`: one command of each axis, then the wave trigger."""
-        axes = [command[place] for place in self._places]
-        self._can.send([(axis.current, axis.enable) for axis in axes])
+        commands = [get() for get in self._commands]
+        self._can.send([(current, enable) for _, current, enable, _ in commands])
         if self._writes % self._trigger_divider == 0:
-            self._post_trigger(command.waves)
+            (waves,) = self._get_waves()
+            self._post_trigger(waves)
         self._writes += 1
 
     def stop(self, reason: int) -> None:

@@ -9,19 +9,13 @@ import time
 from typing import Any, NamedTuple
 
 from controllers.blocks import clamp
-from controllers.signals import PanelSense
 from drivers.compax3 import analog_command
 from drivers.conversation import Exchange
 from rig.kinds.oswec_bench.tick import Sense
-from rig.kinds.oswec_bench.tick.signals import (
-    BrakeSense,
-    Command,
-    EncoderSense,
-    ServoSense,
-    WrenchSense,
-)
+from rig.kinds.oswec_bench.tick.signals import Command
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
+from rig.realtime.devices import FlatDevices
 from rig.wires import streams
 from rig.wires.messages import SetPointMessage, open_mailboxes
 from rig.wires.streams import Stream
@@ -41,7 +35,7 @@ class BenchDeviceSettings(NamedTuple):
     max_brake_current: float  # A, limit of the brake's output
 
 
-class BenchDevices:
+class BenchDevices(FlatDevices):
     """All devices of a bench on their wires."""
 
     def __init__(
@@ -53,6 +47,7 @@ class BenchDevices:
         self._bridge = Exchange(encoders.link, encoders.conversation)
         self._slots = slots
         self._rest = analog_command.rest_voltage(config.output)
+        super().__init__(Sense, Command)
 
     def warm_up(self, dt: float) -> None:
         """Wait for a fresh value of every device; OSError names those without one.
@@ -80,7 +75,10 @@ class BenchDevices:
         message = self._slots[name].read()
         return message is None or now - message.stamp > _MAX_WARM_UP_AGE_S
 
-    def read(self, now: float) -> Sense:
+    def attach(self, sense: Any, command: Any) -> None:
+        self._sense, self._command = sense, command
+
+    def read_in_place(self, now: float) -> None:
         slots = self._slots  # read before the time, or a later post would give a negative age
         current, acting, error, servo_stamp = slots["servo"].read()
         cell = slots["load_cell"].read()
@@ -90,27 +88,25 @@ class BenchDevices:
         brake_stamp = min(brake_stamp, slots["analog_done"].read().stamp)
         time_now = self._bridge.step()
         motor, shaft, encoder_stamp = self._encoders.read_message(time_now)
-        return Sense(
-            EncoderSense(motor, shaft, time_now - encoder_stamp),
-            ServoSense(current, acting, error, time_now - servo_stamp),
-            WrenchSense(
-                cell.fx, cell.fy, cell.fz, cell.tx, cell.ty, cell.tz, time_now - cell.stamp
-            ),
-            BrakeSense(brake, time_now - brake_stamp),
-            PanelSense(e_stop, limit_switch, time_now - panel_stamp),
-        )
+        sense = self._sense
+        sense.encoders(motor, shaft, time_now - encoder_stamp)
+        sense.servo(current, acting, error, time_now - servo_stamp)
+        sense.load(cell.fx, cell.fy, cell.fz, cell.tx, cell.ty, cell.tz, time_now - cell.stamp)
+        sense.brake(brake, time_now - brake_stamp)
+        sense.panel(e_stop, limit_switch, time_now - panel_stamp)
 
-    def write(self, command: Command) -> None:
-        config, now = self._config, time.monotonic()
-        volts, enable = command.volts, command.enable
-        torque = command.current * config.torque_per_ampere
+    def write_in_place(self) -> None:
+        config, now, command = self._config, time.monotonic(), self._command
+        (volts,), (current,), (enable,) = command.volts(), command.current(), command.enable()
+        (brake_current,) = command.brake_current()
+        torque = current * config.torque_per_ampere
         velocity, output = 0.0, self._rest
         if config.analog == 0:
             velocity = volts * config.velocity_per_volt
         elif enable == 1:
             output = analog_command.to_volts(config.output, volts).volts
         self._slots["set_point"].post(SetPointMessage(velocity, torque, enable, now))
-        brake = clamp(command.brake_current, 0.0, config.max_brake_current)
+        brake = clamp(brake_current, 0.0, config.max_brake_current)
         self._slots["analog"].post((output, brake, now))
 
     def stop(self, reason: int) -> None:

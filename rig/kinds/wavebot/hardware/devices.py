@@ -8,20 +8,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from controllers.signals import DriveSense, PanelSense, ProbeSense, SpringSense
-from rig.kinds.wavebot.tick import Command, LoadSense, PowerSense, Sense, WaveSense
+from rig.kinds.wavebot.tick import Command, Sense
 from rig.processes.mailbox import Mailbox
+from rig.realtime.devices import FlatDevices
 from rig.wires import can_axes
 from rig.wires.can_axes import CanAxes
 from rig.wires.messages import open_mailboxes, wait_for_values
 
-_UNKNOWN_ELEVATION = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
 _NO_DUMP = 0
 _POLLED = ("analyser", "cells", "probes", "inputs")
 _NEVER_AGE_S = 1e9  # s, age of a value that never came
 
 
-class WaveBotDevices:
+class WaveBotDevices(FlatDevices):
     """All devices of a WaveBot on their wires."""
 
     def __init__(self, can: CanAxes, slots: Mapping[str, Mailbox], trigger_divider: int) -> None:
@@ -32,6 +31,7 @@ class WaveBotDevices:
         self._outputs = slots["outputs"]
         self._trigger_divider = trigger_divider
         self._writes = 0
+        super().__init__(Sense, Command)
 
     def warm_up(self, dt: float) -> None:
         """Wait for a value of every unit and for an answer of every node to every SYNC.
@@ -41,44 +41,43 @@ class WaveBotDevices:
         wait_for_values(self._polled, dt)
         self._can.warm_up(dt)
 
-    def read(self, now: float) -> Sense:
+    def attach(self, sense: Any, command: Any) -> None:
+        self._sense, self._command = sense, command
+        sense.wave(math.nan)  # only a simulated basin knows the undisturbed elevation
+
+    def read_in_place(self, now: float) -> None:
         # Mailboxes before the time, or a value posted later would have a negative age.
         analyser, cells = self._analyser.read(), self._cells.read()
         probes, panel = self._probes.read(), self._panel.read()
-        can = self._can
+        can, sense = self._can, self._sense
         time_now = can.receive()
         heave, surge = can.read("heave"), can.read("surge")
         stator = can.read_actuator("stator")
         lcb, trs = heave.analog
         string_pot, rotor_angle = surge.analog
         load_age = max(time_now - cells.stamp, heave.analog_age, surge.analog_age)
-        return Sense(
-            can.sense("heave", heave),
-            can.sense("surge", surge),
-            LoadSense(
-                lcb, trs, cells.slew, cells.stator_a, cells.stator_b, string_pot, rotor_angle,
-                load_age,
-            ),
-            # A failed move counts as not arrived: the plan's own time-out names it.
-            SpringSense(
-                stator.position, stator.arrived, _NEVER_AGE_S if stator.fault else stator.age
-            ),
-            PowerSense(
-                analyser.ac, analyser.dc, analyser.bus_voltage, time_now - analyser.stamp
-            ),
-            DriveSense(heave.acting, 1 if can.axes["heave"].limit_flags else 0, _NO_DUMP),
-            ProbeSense(probes.probe_1, probes.probe_2, probes.probe_3, time_now - probes.stamp),
-            _UNKNOWN_ELEVATION,
-            PanelSense(panel.e_stop, panel.limit_switch, time_now - panel.stamp),
-        )  # fmt: skip
+        sense.heave(*can.sense("heave", heave))
+        sense.surge(*can.sense("surge", surge))
+        sense.load(
+            lcb, trs, cells.slew, cells.stator_a, cells.stator_b, string_pot, rotor_angle, load_age
+        )
+        # A failed move counts as not arrived: the plan's own time-out names it.
+        sense.spring(stator.position, stator.arrived, _NEVER_AGE_S if stator.fault else stator.age)
+        sense.power(analyser.ac, analyser.dc, analyser.bus_voltage, time_now - analyser.stamp)
+        sense.drive(heave.acting, 1 if can.axes["heave"].limit_flags else 0, _NO_DUMP)
+        sense.probes(probes.probe_1, probes.probe_2, probes.probe_3, time_now - probes.stamp)
+        sense.panel(panel.e_stop, panel.limit_switch, time_now - panel.stamp)
 
-    def write(self, command: Command) -> None:
-        heave, surge, spring, _, trigger = command
+    def write_in_place(self) -> None:
+        command = self._command
+        _, heave_current, heave_enable, _ = command.heave()
+        _, surge_current, surge_enable, _ = command.surge()
+        _, target, move = command.spring()
         self._can.send(
-            ((heave.current, heave.enable), (surge.current, surge.enable)),
-            ((spring.target, spring.enable),),
+            ((heave_current, heave_enable), (surge_current, surge_enable)), ((target, move),)
         )
         if self._writes % self._trigger_divider == 0:
+            (trigger,) = command.wave_trigger()
             self._outputs.post((trigger, self._can.time))
         self._writes += 1
 

@@ -14,7 +14,9 @@ Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 class StrictModel(BaseModel):
     """Base model: frozen, strict, without unknown keys or infinities; ints are valid floats."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True
+    )
 
 
 class Entry(StrictModel, Generic[Value, Unit]):

@@ -89,11 +89,15 @@ def _in_part(item: pytest.Item, seed: str) -> bool:
 
 
 def _unsampled(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
-    """Return the cases of sampled tests that are left out; of each test at least one remains."""
+    """Return the cases of sampled tests that are left out; of each at least one remains.
+
+    The cases of tests with one ``pool`` are those of one test.
+    """
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
-        if item.get_closest_marker("sampled"):
-            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+        if marker := item.get_closest_marker("sampled"):
+            pool = marker.kwargs.get("pool", item.nodeid.partition("[")[0])
+            cases.setdefault(pool, []).append(item)
     left_out = []
     for every in cases.values():
         every.sort(key=lambda item: _place(seed, item.nodeid))

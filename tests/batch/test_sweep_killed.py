@@ -82,6 +82,7 @@ def kill_sweep(campaign: Path, sweeps: Path, least: int) -> list[bytes]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_sigkill_loses_no_case_and_changes_no_bit(campaign: Path, tmp_path: Path) -> None:
     sweeps = tmp_path / "killed"
     after_first_kill = kill_sweep(campaign, sweeps, 3)

@@ -73,6 +73,9 @@ class Program:
         return done.stdout
 
 
+pytestmark = pytest.mark.long(group="adding a station")  # compiles loops for the new table
+
+
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Program:
     return Program(tmp_path_factory.mktemp("program"))
@@ -149,7 +152,6 @@ def test_a_run_from_before_the_row_is_read_without_it(program: Program, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.long  # the loop is compiled for the new table
 def test_a_sweep_has_the_bits_of_the_run(program: Program, run: Path) -> None:
     arguments = ("--sequential", "--json", "--sweeps", program.folder / "sweeps")
     report = json.loads(program.rig("sweep", program.campaign, *arguments))

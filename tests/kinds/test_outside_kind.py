@@ -41,6 +41,9 @@ def write_distribution(site: Path) -> None:
     (info / "entry_points.txt").write_text("[wec_rig.kinds]\noutside = wec_outside\n")
 
 
+pytestmark = pytest.mark.long(group="outside kind")  # compiles a copy of a kind
+
+
 @pytest.fixture(name="lab", scope="module")
 def of_lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the distribution and a rig of its kind, with two short rows."""
@@ -91,7 +94,6 @@ def test_it_is_checked_rehearsed_and_replayed(lab: Path, run: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long(group="outside kind")  # compiles the copy of the kind
 def test_a_sweep_has_the_powers_of_the_rehearsal(lab: Path, run: Any) -> None:
     """Within 0.5 %: a sweep begins each row anew, so its transient before the window is another."""
     swept = rig(lab, "sweep", "buoy/campaign.yaml", "--out", "swept.nc")
@@ -106,7 +108,6 @@ def test_a_sweep_has_the_powers_of_the_rehearsal(lab: Path, run: Any) -> None:
 
 
 @pytest.mark.realtime
-@pytest.mark.long(group="outside kind")
 def test_it_runs_on_its_wires(lab: Path) -> None:
     """Power within 2 %: the wires' delay shifts the force against the velocity by about 1 ms."""
     campaign = lab / "buoy" / "one_row.yaml"

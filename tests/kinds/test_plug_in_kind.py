@@ -36,6 +36,7 @@ def test_a_kind_is_one_package_outside_the_tree(lab: Path) -> None:
     assert {"wavebot", "oswec bench"} <= set(listed)
 
 
+@pytest.mark.long
 def test_its_own_tests_pass(lab: Path) -> None:
     """They check, run, show and replay it, against a closed form and with mistakes."""
     done = in_lab(lab, "pytest", lab / "wec_lift", "-c", lab / "wec_lift" / "pyproject.toml")

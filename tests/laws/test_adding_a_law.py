@@ -101,6 +101,7 @@ def test_record_holds_the_law(run: Path, example: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.long(group="adding a law")
 def test_replay_has_the_same_bits_and_needs_no_file(run: Path, example: Path) -> None:
     code, out, _ = rig_here("replay", run, "--json")
     assert (code, json.loads(out)["notice"]) == (0, "")
@@ -119,6 +120,7 @@ def test_replay_has_the_same_bits_and_needs_no_file(run: Path, example: Path) ->
         law.write_text(text)
 
 
+@pytest.mark.long(group="adding a law")
 def test_run_of_a_law_that_is_not_installed_is_shown(run: Path, tmp_path: Path) -> None:
     """Its columns come from the record; only a replay needs the law."""
     copy = tmp_path / run.name

@@ -26,7 +26,7 @@ from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime.compiled_tick import FILES
 from rig.recording.runs import open_run
 
-pytestmark = pytest.mark.sampled
+pytestmark = pytest.mark.sampled(pool="compiled rehearsals")
 
 QUICK = CONFIGS / "campaigns" / "quick.yaml"
 SESSION = GOLDEN / "bench_flap.yaml"

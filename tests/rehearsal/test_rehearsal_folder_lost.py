@@ -25,6 +25,8 @@ from rig.recording.runs import list_runs, open_run
 from rig.recording.runs.folder import MCAP
 from rig.recording.runs.reader import check_record
 
+pytestmark = pytest.mark.sampled(pool="folders lost")
+
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

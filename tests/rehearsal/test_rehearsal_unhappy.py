@@ -33,7 +33,7 @@ from rig.recording.runs.create import BusyError
 from rig.recording.runs.folder import MCAP
 from rig.recording.runs.mcap_file import scan
 
-pytestmark = pytest.mark.sampled
+pytestmark = pytest.mark.sampled(pool="failures of a rehearsal")
 
 FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave.command.force"]
 

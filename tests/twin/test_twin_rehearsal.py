@@ -85,6 +85,7 @@ def sweep_rows(path: Path, folder: Path, count: int) -> xarray.Dataset:
     return xarray.load_dataset(report_["result"], engine="h5netcdf")
 
 
+@pytest.mark.long
 def test_rehearsals_and_sweeps_on_the_twin_agree_with_the_plant(
     plant: Path, tmp_path: Path
 ) -> None:
@@ -140,6 +141,7 @@ def test_every_parameter_has_a_source(plant: Path) -> None:
     assert plant.read_text().startswith("# Identified twin of the device in ")
 
 
+@pytest.mark.long
 def test_recommended_rows_pass_the_check_and_are_best(run: Path, tmp_path: Path) -> None:
     """The best recommended row is also best on the plant: no other row is better by 0.3 W."""
     base = write_campaign(tmp_path / "base", sea=SEA, matrix=rows(GAINS[0]), plant=str(LINEAR))

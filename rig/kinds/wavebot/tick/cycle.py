@@ -14,7 +14,6 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Demand, DriveCommand, Reference
-from rig import laws as law_registry
 from rig.kinds.wavebot.tick import power_checks, stations, tare
 from rig.kinds.wavebot.tick.check import check
 from rig.kinds.wavebot.tick.reasons import REASONS, WaveBotReason
@@ -31,6 +30,7 @@ from rig.kinds.wavebot.tick.state import (
     law_functions,
     zeros_in_use,
 )
+from rig.laws import from_request
 from rig.realtime import axis, cycle, safety
 from rig.realtime.safety import OFF, RUN
 from rig.realtime.sequence import TARE, WAIT_ARRIVAL, WAIT_DRIVE
@@ -315,4 +315,4 @@ def find_kind(law: str) -> cycle.Kind:
 
     Raises LawError if the law's file is not that of the request.
     """
-    return KIND if not law else kind_with_law(law_registry.from_request(law).module)
+    return KIND if not law else kind_with_law(from_request(law).module)

@@ -35,7 +35,9 @@ def measure_speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Re
         processor_s = dict(start)
         while not run.is_drained():
             processor_s = {
-                pid: processor_time(pid) or before for pid, before in processor_s.items()
+                # A thread that has ended no longer counts.
+                pid: max(processor_time(pid) or 0.0, before)
+                for pid, before in processor_s.items()
             }
             time.sleep(0.01)
         took, ticks = time.monotonic() - began, run.ring.head - first

@@ -86,9 +86,10 @@ def _runs(pid: int, module: str) -> bool:
 
 
 def processor_time(pid: int) -> float | None:
-    """Return the processor time (s) of a process; None if it has ended."""
-    try:
-        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e9
+    """Return the processor time (s) of all threads of a process; None if it has ended."""
+    try:  # the file of the process itself counts its main thread alone
+        threads = Path(f"/proc/{pid}/task").iterdir()
+        return sum(int((each / "schedstat").read_text().split()[0]) for each in threads) / 1e9
     except (OSError, IndexError):
         return None
 

@@ -1,6 +1,5 @@
 """Cost of a compiled tick beside the interpreted one: in blocks, and in a loop at its real rate."""
 
-import ctypes
 import json
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from benchmarks.support.recorded import (
 from benchmarks.support.result import Result, figure
 from benchmarks.support.tick_process import tick_source_of
 from rig.compilation.tick_code import compile_tick
+from rig.emulation.row_simulation import RowBlock
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import compiled_tick, cycle
 from rig.realtime.tick import CompiledTick
@@ -33,25 +33,19 @@ MAX_P50_US, MAX_P999_US = 10.0, 40.0  # of a compiled cycle in a loop at its rea
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
-class OneRow:
+class OneRow(RowBlock):
     """The place of one row, to which every tick writes."""
 
-    def __init__(self, size: int) -> None:
-        self.content = bytearray(size)
-        self._address = ctypes.addressof(ctypes.c_char.from_buffer(self.content))
-
-    def put(self, row: Any) -> None:
-        """Compiled ticks put no rows."""
-        raise NotImplementedError
+    def __init__(self, row_type: type) -> None:
+        super().__init__(row_type)
+        self._place = super().reserve()  # looked up once: a ring's place costs no more
 
     def reserve(self, max_rows: int = 1) -> tuple[int, int]:
-        return self._address, 1
+        return self._place
 
-    def publish(self, count: int = 1) -> None:
-        """Nobody reads the row meanwhile."""
-
-    def finish(self) -> None:
-        """Nobody waits for the end."""
+    def content(self) -> bytes:
+        """Return the bytes of the row."""
+        return self.numbers[0].tobytes()
 
 
 class CompiledBlocks:
@@ -64,20 +58,20 @@ class CompiledBlocks:
         began = perf_counter_ns()
         self._code: Any = compiled_tick.load_at_once(folder, self._memory)
         self.load_ms = (perf_counter_ns() - began) / 1e6
-        self._row = OneRow(layout(KIND.row_type).size)
+        self._row = OneRow(KIND.row_type)
         self._tick = CompiledTick(
             self._memory, self._code, recorded.dt, self._row, recorded.state.safety.mode
         )
 
     def differing(self) -> int:
         """Return the number of recorded rows that the compiled tick does not repeat to the bit."""
-        recorded, row, found = self._recorded, self._row.content, 0
-        expected, pack = bytearray(len(row)), packer(KIND.row_type)
+        recorded, found = self._recorded, 0
+        expected, pack = bytearray(layout(KIND.row_type).size), packer(KIND.row_type)
         self._memory.set_state(recorded.state)
         for i, (sense, logged) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
             self._tick.step(sense, 0, recorded.first + i, _NO_TIMING, 1)
             pack(expected, 0, logged)
-            found += expected != row
+            found += expected != self._row.content()
         return found
 
     def whole(self) -> float:

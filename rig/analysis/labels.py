@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from rig.analysis.points import Point
-from rig.presentation.phrases import format_signed
+from rig.presentation.phrases import format_signed, unit_text
 from rig.row_contents import Column
 
 _FACTORS = {"": 1.0, "µs": 1e6}  # from SI, by displayed unit
@@ -17,8 +17,7 @@ def display_factor(column: Column) -> float:
 
 def display_unit(column: Column) -> str:
     """Return the displayed unit; empty for a dimensionless column."""
-    unit = column.shown_unit or column.unit
-    return "" if unit == "1" else unit.replace("*", "·")
+    return unit_text(column.shown_unit or column.unit)
 
 
 def axis_label(column: Column) -> str:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import xarray
-from matplotlib.backends import backend_agg, backend_pdf  # noqa: F401 - before a process forks
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle

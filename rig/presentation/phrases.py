@@ -26,6 +26,11 @@ def reason_text(reason: str) -> str:
     return earlier_reasons().text(reason or Reason.NONE.name)
 
 
+def unit_text(unit: str) -> str:
+    """Return a unit as text for people; empty for a dimensionless quantity."""
+    return "" if unit == "1" else unit.replace("*", "·")
+
+
 def format_signed(value: float, digits: int = 0) -> str:
     """Return a number with its sign and a typographic minus; zero has no sign."""
     text = f"{value:+.{digits}f}"

@@ -85,8 +85,7 @@ class FlatMemory:
 
     def get(self, name: str) -> Any:
         """Return the present numbers of a section, which has no tables, as a tree."""
-        tree, start, layout = self.sections[name]
-        return builder(tree)(layout.unpack_from(self.buffer, start))
+        return self.getter(name)()
 
     def setter(self, name: str) -> Callable[[Any], None]:
         """Return ``set(tree)`` as generated code, for a section without tables."""

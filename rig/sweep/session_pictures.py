@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from rig.analysis.rows import COMPLETE
 from rig.presentation import picture
+from rig.presentation.phrases import unit_text
 from rig.presentation.picture import ACCENT, MUTED
 from rig.sweep.pictures import base_value, is_seed
 from rig.sweep.task import UNCERTAINTY, result_names
@@ -164,8 +165,7 @@ def _short(key: str) -> str:
 
 
 def _unit(values: xarray.DataArray) -> str:
-    unit = str(values.attrs.get("units", ""))
-    return "" if unit == "1" else unit.replace("*", "·").replace(" ", "·")
+    return unit_text(str(values.attrs.get("units", ""))).replace(" ", "·")
 
 
 def _bracketed(unit: str) -> str:

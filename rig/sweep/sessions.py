@@ -11,6 +11,7 @@ import numpy as np
 from rig.analysis.rows import COMPLETE
 from rig.config.problems import Problem
 from rig.planning.input_files import InputFile, MappingLoader
+from rig.presentation.phrases import unit_text
 from rig.sweep.simulator import SessionSimulation, SessionSimulator
 from rig.sweep.task import (
     ALL_ROWS,
@@ -109,7 +110,6 @@ class SessionTasks:
         width = max(map(len, results), default=0)
         lines = [f"Results of complete cases{'' if results else ': none'}"]
         for name, each in results.items():
-            unit = "" if each["unit"] == "1" else each["unit"].replace("*", "·")
             span = " .. ".join(dict.fromkeys(f"{each[key]:.6g}" for key in ("least", "largest")))
-            lines.append(f"  {name:<{width}}  {span} {unit}".rstrip())
+            lines.append(f"  {name:<{width}}  {span} {unit_text(each['unit'])}".rstrip())
         return lines

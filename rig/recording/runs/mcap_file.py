@@ -341,11 +341,6 @@ class _Layout(NamedTuple):
         numbers = np.ndarray(shape, "<i8", rows.data, offset, strides)
         return numbers.take(self.columns, axis=1).view(self.selected)[:, 0]
 
-    @property
-    def joined_chunks(self) -> int:
-        """Number of chunks in a block: views of several cannot be joined without a copy."""
-        return 1 if self.selected is None else _JOINED_CHUNKS
-
 
 def _layout(leaves: tuple[Leaf, ...], fields: Sequence[str] | None, packed: bool) -> _Layout:
     if fields is None:
@@ -429,10 +424,11 @@ def merged_blocks(
     False the blocks are views with other bytes between the rows: avoiding the copy saves three
     quarters of the time for a caller that only selects fields.
     """
-    joined = len(parts) == 1  # the order of the first ticks is that of chunks
+    # Views of several chunks are not joined without a copy, and files are merged chunk by chunk.
+    count = _JOINED_CHUNKS if fields is not None and len(parts) == 1 else 1
     with ThreadPoolExecutor(2) as pool:
         files = [
-            _file_blocks(each, pool, damage, _layout(each.leaves, fields, packed), joined=joined)
+            _file_blocks(each, pool, damage, _layout(each.leaves, fields, packed), count)
             for each in parts
         ]
         yield from merge(*files, key=lambda block: int(block["tick"][0]))
@@ -459,15 +455,12 @@ def _file_blocks(
     pool: ThreadPoolExecutor,
     damage: list[str] | None,
     layout: _Layout,
-    *,
-    joined: bool,
+    count: int,
 ) -> Iterator[Records]:
-    """Yield the non-empty blocks of one file; some are decompressed in advance.
-
-    ``joined``: a block may hold the rows of several chunks.
+    """Yield the non-empty blocks of one file, each of ``count`` chunks; some are decompressed in
+    advance.
     """
     waiting: deque[Future[tuple[Records | None, list[str]]]] = deque()
-    count = layout.joined_chunks if joined else 1
 
     def next_block() -> Iterator[Records]:
         block, damaged = waiting.popleft().result()

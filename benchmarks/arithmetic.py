@@ -35,15 +35,14 @@ from rig.kinds.wavebot.rehearsal.devices import build_world
 from sim_plant import (
     analyser,
     body,
-    bus,
     cots_drive,
     custom_drive,
-    drive,
     electrics,
     magnetic_spring,
     pto,
     wavebot,
 )
+from sim_plant.parts import bus, drive, friction
 
 MAX_RATIO_TO_C, MIN_RATIO_TO_SCIPY = 1.3, 100.0
 KP, KI, RAMP = -2500.0, 4000.0, 0.5
@@ -52,7 +51,8 @@ CC_OPTIONS = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
 FINE_TOLERANCE, LOOSEST_TOLERANCE = 1e-10, 1e-2  # relative tolerances of the integrator
 
 _LIFTED_MODULES = (
-    analyser, biquads, blocks, body, bus, cots_drive, custom_drive, drive, electrics, impedance,
+    analyser, biquads, blocks, body, bus, cots_drive, custom_drive, drive, electrics, friction,
+    impedance,
     magnetic_spring, pto, wavebot,
 )  # fmt: skip
 _SOURCE = '''"""Generated: heave, spring, commercial drive and PI law in one compiled function."""

@@ -6,14 +6,14 @@ import math
 
 from sim_plant import sections
 from sim_plant.body import BodyParams
-from sim_plant.bus import BusParams
 from sim_plant.cots_drive import CotsParams
 from sim_plant.custom_drive import HYSTERESIS, DriveSettings, InverterParams
-from sim_plant.drive import DriveParams
 from sim_plant.drive_sections import SCHEMES, CotsDrive, CustomDrive, DriveControl
 from sim_plant.electrics import ElectricsParams
 from sim_plant.entries import Radiation
 from sim_plant.magnetic_spring import SpringParams
+from sim_plant.parts.bus import BusParams
+from sim_plant.parts.drive import DriveParams
 from sim_plant.pto import PtoParams
 from sim_plant.sensors import Channel, SensorParams
 from sim_plant.stator_force import StatorForceParams

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant import bus, cots_drive, custom_drive, drive
+from sim_plant import cots_drive, custom_drive
 from sim_plant.analyser import AnalyserState, analyser_step
-from sim_plant.bus import BusParams, BusState
 from sim_plant.cots_drive import CotsParams
 from sim_plant.custom_drive import InverterParams
-from sim_plant.drive import DriveParams, DriveState
+from sim_plant.parts import bus, drive
+from sim_plant.parts.bus import BusParams, BusState
+from sim_plant.parts.drive import DriveParams, DriveState
 from sim_plant.units import (
     Ampere,
     Code,

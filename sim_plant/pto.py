@@ -6,9 +6,10 @@ measures the motor alone.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
+from sim_plant.parts import friction as friction_part
+from sim_plant.parts.friction import FrictionParams
 from sim_plant.units import (
     Ampere,
     MetrePerSecond,
@@ -49,11 +50,9 @@ def friction(params: PtoParams, velocity: MetrePerSecond, lateral_force: Newton)
     """Return the drivetrain friction on the body: -(B v + (F_c + mu |F_lateral|) tanh(v/v_c)). N.
 
     `lateral_force` is the force on the heave guide in surge (N, either sign): it couples surge to
-    heave. tanh instead of sign keeps the force smooth, so the midpoint rule stays second
-    order and a body at rest creeps instead of chattering; v_c is far below the velocities of any
-    measured row.
+    heave. v_c is far below the velocities of any measured row.
     """
     dry_friction = params.coulomb + params.guide_friction * abs(lateral_force)
-    return -(
-        params.viscous * velocity + dry_friction * math.tanh(velocity / params.coulomb_velocity)
+    return friction_part.force(
+        FrictionParams(params.viscous, dry_friction, params.coulomb_velocity), velocity
     )

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant import body, drive
+from sim_plant import body
 from sim_plant.body import BodyParams, BodyState
-from sim_plant.drive import DriveParams, DriveState
+from sim_plant.parts import drive
+from sim_plant.parts.drive import DriveParams, DriveState
 from sim_plant.units import Ampere, Kilogram, Metre, Newton, NewtonPerAmpere, Second
 
 

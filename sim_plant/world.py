@@ -12,9 +12,9 @@ import numpy as np
 from sim_plant import body, custom_drive, magnetic_spring, pto, sea_states, wave_maker, wavebot
 from sim_plant.basin import SAMPLE_RATE, Basin
 from sim_plant.bem import Bem
-from sim_plant.bus import BusState
 from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
+from sim_plant.parts.bus import BusState
 from sim_plant.prescribed import MotionProfile, blend_in
 from sim_plant.sea_states import Sea
 from sim_plant.sensors import NOISE_LENGTH

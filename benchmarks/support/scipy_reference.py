@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 
 from controllers import impedance
 from controllers.signals import Estimate, Gains
-from sim_plant import body, cots_drive, drive, magnetic_spring, pto, wavebot
+from sim_plant import body, cots_drive, magnetic_spring, pto, wavebot
+from sim_plant.parts import drive
 
 Floats = npt.NDArray[np.float64]
 _STATES = 11  # hull, its radiation memory, current, three energies

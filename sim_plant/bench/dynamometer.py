@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_plant import drive, sensors
+from sim_plant import sensors
 from sim_plant.bench import brake, gearbox, load_cell, losses, motor, servo, transmission
 from sim_plant.bench.brake import BrakeParams, BrakeState
 from sim_plant.bench.gearbox import GearboxParams, GearboxState
@@ -20,7 +20,8 @@ from sim_plant.bench.motor import MotorParams, ShaftLoad
 from sim_plant.bench.servo import ServoParams, ServoState
 from sim_plant.bench.signals import TORQUE, Actuation, BenchReading
 from sim_plant.bench.transmission import TransmissionParams
-from sim_plant.drive import DriveParams, DriveState
+from sim_plant.parts import drive
+from sim_plant.parts.drive import DriveParams, DriveState
 from sim_plant.sensors import Channel
 from sim_plant.units import (
     Count,

@@ -17,8 +17,8 @@ from sim_plant.bench.losses import DragParams
 from sim_plant.bench.motor import MotorParams
 from sim_plant.bench.servo import ServoParams
 from sim_plant.bench.transmission import TransmissionParams
-from sim_plant.drive import DriveParams
 from sim_plant.entries import StrictModel, Text
+from sim_plant.parts.drive import DriveParams
 from sim_plant.sensors import Channel
 
 

@@ -8,14 +8,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim_plant.modes import plant as step
 from sim_plant.modes import radiation
 from sim_plant.modes.bem import BemModes, read_modes
 from sim_plant.modes.bem_content import Floats, Water
-from sim_plant.modes.parameters import Axis, Plant
-from sim_plant.modes.plant import ModesParams
+from sim_plant.modes.parameters import Axis, Backlash, Bus, EndStop, Hydraulic, Line, Plant
+from sim_plant.modes.plant import ModesParams, MotorParams
 from sim_plant.modes.radiation import Radiation
+from sim_plant.parts import bus, hydraulic
+from sim_plant.parts.bus import BusParams
+from sim_plant.parts.drive import DriveParams
+from sim_plant.parts.end_stop import FAR, EndStopParams
+from sim_plant.parts.friction import FrictionParams
+from sim_plant.parts.hydraulic import HydraulicParams
+from sim_plant.parts.mooring_line import LineParams
 
-FAR = 1.0e30  # position of an end stop that is not there
 MAX_STEP = 1.0  # of the fastest motion, in radians: the midpoint rule is unstable from 2 on
 
 
@@ -60,13 +67,45 @@ def assemble(plant: Plant, found: BemModes) -> PlantModel:
 
 
 def stiffness_matrix(plant: Plant, bem: BemModes) -> Floats:
-    """Return the file's hydrostatic stiffness, its diagonal replaced where the plant states it."""
+    """Return hydrostatics plus linear mooring.
+
+    Hydrostatics are the BEM file's, their diagonal replaced where the plant states it.
+    """
     count = len(plant.modes)
     matrix = np.zeros((count, count)) if bem.stiffness is None else bem.stiffness.copy()
     for k, mode in enumerate(plant.modes.values()):
         if mode.stiffness is not None:
             matrix[k, k] = mode.stiffness
+    names = list(plant.modes)
+    given = {(names.index(one), names.index(other)): value
+             for one, row in plant.mooring.stiffness.items()
+             for other, value in row.items()}  # fmt: skip
+    for (i, j), value in (given | {(j, i): value for (i, j), value in given.items()}).items():
+        matrix[i, j] += value
     return matrix
+
+
+def line_factors(plant: Plant) -> Floats:
+    """Return the displacement of each line's fairlead by positions of the modes, (lines, 3, n)."""
+    modes = list(plant.modes)
+    factors = np.zeros((len(plant.mooring.lines), 3, len(modes)))
+    for k, line in enumerate(plant.mooring.lines.values()):
+        for mode, vector in line.moves_with.items():
+            factors[k, :, modes.index(mode)] = vector
+    return factors
+
+
+def line_stiffness(plant: Plant) -> Floats:
+    """Return the stiffness of the taut lines for small motions, (n, n)."""
+    total = np.zeros((len(plant.modes),) * 2)
+    for line, factors in zip(plant.mooring.lines.values(), line_factors(plant), strict=True):
+        vector = np.subtract(line.fairlead_m, line.anchor_m)
+        length = float(np.linalg.norm(vector))
+        along = np.outer(vector, vector) / length**2
+        tangent = line.stiffness_n_per_m * along
+        tangent += line.pretension_n / length * (np.eye(3) - along)
+        total += factors.T @ tangent @ factors
+    return total
 
 
 def factor_matrix(plant: Plant) -> Floats:
@@ -80,10 +119,10 @@ def factor_matrix(plant: Plant) -> Floats:
 
 
 def inertia_matrix(plant: Plant, bem: BemModes) -> Floats:
-    """Return rigid mass plus A_inf plus the reflected inertia of the axes."""
+    """Return rigid mass plus A_inf plus the inertia of the motors that are coupled rigidly."""
     mass = np.diag([mode.mass for mode in plant.modes.values()])
     factors = factor_matrix(plant)
-    reflected = np.diag([axis.inertia for axis in plant.axes.values()])
+    reflected = np.diag([0.0 if axis.backlash else axis.inertia for axis in plant.axes.values()])
     total: Floats = mass + bem.added_mass_infinite + factors.T @ reflected @ factors
     smallest = float(np.linalg.eigvalsh(total).min())
     if not smallest > 0.0:
@@ -94,32 +133,62 @@ def inertia_matrix(plant: Plant, bem: BemModes) -> Floats:
     return total
 
 
+def initial_state(model: PlantModel) -> list[float]:
+    """Return the state of a plant at rest, its accumulators and bus filled."""
+    params, state = model.params, [0.0] * step.state_size(model.params)
+    first = 2 * params.modes + params.states
+    for a, axis in enumerate(model.plant.axes.values()):
+        if axis.hydraulic is not None:
+            oil = _hydraulic_params(axis.hydraulic)
+            start = axis.hydraulic.start_pressure_pa or oil.precharge
+            state[first + step.PTO_STATES * a] = hydraulic.volume_at(oil, start)
+    if params.bus_count:
+        at = step.bus_place(params)
+        state[at : at + len(bus.BusState._fields)] = map(
+            float, bus.initial(step.bus_params(params))
+        )
+    return state
+
+
 def check_step(model: PlantModel, dt: float) -> None:
     """Raise ValueError if the fastest motion of the plant is too fast for a step of dt (s).
 
-    End stops count as closed and Coulomb friction as its steepest slope.
+    End stops and teeth count as closed and Coulomb friction as its steepest slope.
     """
     plant, memory = model.plant, model.radiation
     count, states = len(plant.modes), len(memory.source)
-    stops = [mode.end_stop for mode in plant.modes.values()]
-    stiff = stiffness_matrix(plant, model.bem) + np.diag([s.stiffness if s else 0.0 for s in stops])
-    factors = factor_matrix(plant)
-    slopes = [
-        axis.viscous_friction + axis.coulomb_friction / axis.coulomb_velocity
-        for axis in plant.axes.values()
-    ]
-    losses = [m.linear_damping + (m.end_stop.damping if m.end_stop else 0.0)
-              for m in plant.modes.values()]  # fmt: skip
-    damping = np.diag(losses) + factors.T @ np.diag(slopes) @ factors
-    inverse = np.linalg.inv(inertia_matrix(plant, model.bem))
-    system = np.zeros((2 * count + states,) * 2)
-    system[:count, count : 2 * count] = np.eye(count)
-    system[count : 2 * count] = -inverse @ np.hstack([stiff, damping, memory.output])
+    factors, axes = factor_matrix(plant), plant.axes.values()
+    stops = np.diag([_contact(mode.end_stop)[0] for mode in plant.modes.values()])
+    stop_damping = [m.linear_damping + _contact(m.end_stop)[1] for m in plant.modes.values()]
+    stiff = stiffness_matrix(plant, model.bem) + line_stiffness(plant) + stops
+    damping = np.diag(stop_damping) + line_damping(plant)
+    slopes = [_friction_slope(axis) for axis in axes]
+    # A motor behind a backlash has a motion of its own; all others move with the modes.
+    free = [a for a, axis in enumerate(axes) if axis.backlash]
+    fixed = [0.0 if axis.backlash else slope for axis, slope in zip(axes, slopes, strict=True)]
+    contacts = np.array([np.add(_contact(axis.end_stop), _contact(axis.backlash)) for axis in axes])
+    stiff = stiff + factors.T @ np.diag(contacts[:, 0]) @ factors
+    damping = damping + factors.T @ np.diag(contacts[:, 1] + fixed) @ factors
+    n = count + len(free)
+    mass, k_matrix, c_matrix = np.zeros((3, n, n))
+    mass[:count, :count] = inertia_matrix(plant, model.bem)
+    k_matrix[:count, :count], c_matrix[:count, :count] = stiff, damping
+    for row, a in enumerate(free, count):
+        axis = list(axes)[a]
+        stiffness, damper = _contact(axis.backlash)
+        mass[row, row] = axis.inertia
+        k_matrix[row, row], c_matrix[row, row] = stiffness, damper + slopes[a]
+        k_matrix[row, :count] = k_matrix[:count, row] = -stiffness * factors[a]
+        c_matrix[row, :count] = c_matrix[:count, row] = -damper * factors[a]
+    system = np.zeros((2 * n + states,) * 2)
+    system[:n, n : 2 * n] = np.eye(n)
+    forces = np.vstack([memory.output, np.zeros((len(free), states))])
+    system[n : 2 * n] = -np.linalg.solve(mass, np.hstack([k_matrix, c_matrix, forces]))
     for k in range(states):
-        row = 2 * count + k
+        row = 2 * n + k
         system[row, row] += memory.diagonal[k]
-        system[row, 2 * count + memory.partner[k]] += memory.cross[k]
-        system[row, count + memory.source[k]] += memory.input[k]
+        system[row, 2 * n + memory.partner[k]] += memory.cross[k]
+        system[row, n + memory.source[k]] += memory.input[k]
     fastest = float(np.abs(np.linalg.eigvals(system)).max())
     if fastest * dt > MAX_STEP:
         raise ValueError(
@@ -129,22 +198,50 @@ def check_step(model: PlantModel, dt: float) -> None:
         )
 
 
+def _contact(part: EndStop | Backlash | None) -> tuple[float, float]:
+    """Return stiffness and damping of a closed contact."""
+    return (part.stiffness, part.damping) if part is not None else (0.0, 0.0)
+
+
+def _friction_slope(axis: Axis) -> float:
+    """Return the steepest slope of what resists an axis by the sign of its motion."""
+    slope = axis.viscous_friction + axis.coulomb_friction / axis.coulomb_velocity
+    peak = axis.torque_constant_n_m_per_a * axis.gear_ratio * axis.drive.current_limit_a
+    slope += (1.0 - axis.gear_efficiency) * peak / axis.coulomb_velocity
+    oil = axis.hydraulic
+    if oil is not None:
+        highest = (oil.start_pressure_pa or oil.precharge_pa) - oil.low_pressure_pa
+        slope += oil.area_m2 * highest / oil.valve_velocity_m_per_s
+    return slope
+
+
+def line_damping(plant: Plant) -> Floats:
+    """Return the damping of the taut lines for small motions, (n, n)."""
+    total = np.zeros((len(plant.modes),) * 2)
+    for line, factors in zip(plant.mooring.lines.values(), line_factors(plant), strict=True):
+        along = np.subtract(line.fairlead_m, line.anchor_m) @ factors
+        along = along / np.linalg.norm(np.subtract(line.fairlead_m, line.anchor_m))
+        total += line.damping_n_s_per_m * np.outer(along, along)
+    return total
+
+
 def _params(plant: Plant, bem: BemModes, memory: Radiation) -> ModesParams:
     modes, sensors = plant.modes.values(), plant.sensors.values()
-    stops = [mode.end_stop for mode in modes]
     signals = plant.signals()
     channels = [(*signals[s.signal], s.scale, s.offset, s.noise) for s in sensors]
+    lines = list(plant.mooring.lines.values())
     return ModesParams(
         len(modes),
         len(plant.axes),
         len(memory.source),
+        len(lines),
+        int(plant.bus is not None),
+        len(channels),
         _flat(np.linalg.inv(inertia_matrix(plant, bem))),
         _flat(stiffness_matrix(plant, bem)),
         [float(mode.linear_damping) for mode in modes],
         [float(mode.quadratic_damping) for mode in modes],
-        [float(stop.position) if stop else FAR for stop in stops],
-        [float(stop.stiffness) if stop else 0.0 for stop in stops],
-        [float(stop.damping) if stop else 0.0 for stop in stops],
+        [number for mode in modes for number in _stop_params(mode.end_stop)],
         list(memory.source),
         list(memory.partner),
         _flat(memory.diagonal),
@@ -153,31 +250,99 @@ def _params(plant: Plant, bem: BemModes, memory: Radiation) -> ModesParams:
         _flat(memory.output),
         _flat(factor_matrix(plant)),
         [number for axis in plant.axes.values() for number in _axis_params(axis)],
+        [float(number) for line in lines for number in _line_params(line)],
+        _flat(line_factors(plant)),
+        [float(number) for number in _bus_params(plant.bus)] if plant.bus else [],
         [float(number) for channel in channels for number in channel],
-        len(channels),
     )
 
 
 def _axis_params(axis: Axis) -> list[float]:
-    """Return the numbers of `plant.AXIS_PARAMS` for one axis of the file."""
-    drive = axis.drive
-    return [
-        float(drive.current_limit_a),
-        1.0 / (2.0 * math.pi * drive.current_bandwidth_hz),
-        float(drive.enable_delay_s),
-        float(drive.watchdog_s),
-        float(axis.torque_constant_n_m_per_a * axis.gear_ratio),
-        float(drive.resistance_ohm),
-        float(drive.standby_w),
-        float(drive.regeneration_efficiency),
-        float(axis.inertia),
-        float(axis.viscous_friction),
-        float(axis.coulomb_friction),
-        float(axis.coulomb_velocity),
-        axis.gear_ratio / (2.0 * math.pi) * axis.counts_per_revolution,
-        float(axis.count_offset),
-        float(drive.current_noise_a),
-    ]
+    """Return the numbers of `plant.AXIS_PARTS` for one axis of the file."""
+    own = axis.drive
+    kind = step.BACKLASH if axis.backlash else step.HYDRAULIC if axis.hydraulic else step.RIGID
+    ratio = 1.0 if axis.hydraulic else axis.gear_ratio
+    teeth = axis.backlash
+    parts = (
+        MotorParams(
+            kind=kind,
+            force_per_current=axis.torque_constant_n_m_per_a * ratio,
+            inertia=axis.inertia,
+            efficiency=axis.gear_efficiency,
+            cogging=axis.cogging.force_n if axis.cogging else 0.0,
+            pitch=axis.cogging.pitch_m if axis.cogging else 1.0,
+            resistance=own.resistance_ohm,
+            linear_loss=own.loss_w_per_a,
+            standby=own.standby_w,
+            regeneration=own.regeneration_efficiency,
+            back_emf=(own.back_emf_v_s_per_rad or 0.0) * ratio,
+            modulation=own.modulation,
+            current_noise=own.current_noise_a,
+            counts_per_unit=axis.gear_ratio / (2.0 * math.pi) * axis.counts_per_revolution,
+            count_offset=axis.count_offset,
+        ),
+        DriveParams(
+            own.current_limit_a,
+            1.0 / (2.0 * math.pi * own.current_bandwidth_hz),
+            own.enable_delay_s,
+            own.watchdog_s,
+        ),
+        FrictionParams(axis.viscous_friction, axis.coulomb_friction, axis.coulomb_velocity),
+        _stop_params(axis.end_stop),
+        EndStopParams(teeth.half_gap, teeth.stiffness, teeth.damping)
+        if teeth
+        else EndStopParams(FAR, 0.0, 0.0),
+        _hydraulic_params(axis.hydraulic),
+    )
+    return [float(number) for part in parts for number in part]
+
+
+def _stop_params(stop: EndStop | None) -> EndStopParams:
+    if stop is None:
+        return EndStopParams(FAR, 0.0, 0.0)
+    return EndStopParams(stop.position, stop.stiffness, stop.damping)
+
+
+def _hydraulic_params(oil: Hydraulic | None) -> HydraulicParams:
+    if oil is None:
+        return HydraulicParams(*(1.0 for _ in HydraulicParams._fields))  # unused
+    return HydraulicParams(
+        area=oil.area_m2,
+        displacement=oil.displacement_m3_per_rad,
+        low_pressure=oil.low_pressure_pa,
+        precharge=oil.precharge_pa,
+        volume=oil.volume_m3,
+        exponent=oil.exponent,
+        leakage=oil.leakage_m3_per_s_pa,
+        inertia=oil.inertia_kg_m2,
+        viscous=oil.viscous_n_m_s_per_rad,
+        valve_width=oil.valve_velocity_m_per_s,
+    )
+
+
+def _line_params(line: Line) -> LineParams:
+    x, y, z = np.subtract(line.fairlead_m, line.anchor_m).tolist()
+    return LineParams(x, y, z, line.pretension_n, line.stiffness_n_per_m, line.damping_n_s_per_m)
+
+
+def _bus_params(given: Bus) -> BusParams:
+    """Return the parameters of the bus; its dump is always selected where there is one."""
+    dumps = given.dump_ohm is not None
+    return BusParams(
+        capacitance=given.capacitance_f,
+        set_voltage=given.voltage_v,
+        supply_connected=int(given.supply_v is not None),
+        supply_voltage=given.supply_v or 0.0,
+        supply_resistance=given.supply_resistance_ohm,
+        dump_on=given.dump_on_v or 0.0,
+        dump_off=given.dump_off_v or 0.0,
+        dump_conductance=1.0 / given.dump_ohm if given.dump_ohm else 0.0,
+        dump_mask=int(dumps),
+        undervoltage=given.undervoltage_v,
+        brownout=given.brownout_v,
+        overvoltage=given.overvoltage_v,
+        trip_delay=given.undervoltage_delay_s,
+    )
 
 
 def _flat(values: Any) -> list[float]:

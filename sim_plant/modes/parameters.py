@@ -6,14 +6,20 @@ Translations are in m, N and kg, rotations in rad, N m and kg m2.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from sim_plant.entries import StrictModel, Text
-from sim_plant.modes.plant import AXIS_SIGNALS, ELEVATION, MODE_POSITION, MODE_VELOCITY
+from sim_plant.modes import plant as step
 
-MODE_SIGNALS = {"position": MODE_POSITION, "velocity": MODE_VELOCITY}
+MODE_SIGNALS = {"position": step.MODE_POSITION, "velocity": step.MODE_VELOCITY}
+BUS_SIGNALS = {
+    "voltage": step.BUS_VOLTAGE,
+    "supply_power": step.SUPPLY_POWER,
+    "dump_power": step.DUMP_POWER,
+}
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
@@ -61,6 +67,25 @@ Bandwidth = Annotated[float, Field(gt=0.0, le=1.0e5), _plain("Hz")]
 Current = Annotated[float, Field(gt=0.0, le=1.0e5), _plain("A")]
 CurrentNoise = Annotated[float, Field(ge=0.0, le=1.0e3), _plain("A")]
 Resistance = Annotated[float, Field(ge=0.0, le=1.0e5), _plain("ohm")]
+LinearLoss = Annotated[float, Field(ge=0.0, le=1.0e3), _plain("W/A")]
+BackEmf = Annotated[float, Field(gt=0.0, le=1.0e5), _plain("V*s/rad", "V s/rad")]
+Voltage = Annotated[float, Field(ge=0.0, le=1.0e5), _plain("V")]
+Capacitance = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("F")]
+Ohms = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("ohm")]
+Area = Annotated[float, Field(gt=0.0, le=10.0), _plain("m2", "m^2")]
+Displacement = Annotated[float, Field(gt=0.0, le=1.0), _plain("m3/rad", "m^3/rad")]
+Pressure = Annotated[float, Field(gt=0.0, le=1.0e9), _plain("Pa")]
+Volume = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m3", "m^3")]
+Exponent = Annotated[float, Field(ge=1.0, le=1.7), _ONE]
+Leakage = Annotated[float, Field(ge=0.0, le=1.0), _plain("m3/s/Pa", "m^3/s/Pa")]
+MotorInertia = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("kg*m2", "kg m2", "kg m^2")]
+MotorDamping = Annotated[float, Field(ge=0.0, le=1.0e6), _plain("N*m*s/rad", "N m s/rad", "N m s")]
+Efficiency = Annotated[float, Field(gt=0.0, le=1.0), _ONE]
+LineStiffness = Annotated[float, Field(ge=0.0, le=1.0e12), _plain("N/m")]
+LineDamping = Annotated[float, Field(ge=0.0, le=1.0e12), _plain("N*s/m", "N s/m")]
+Vector = Annotated[
+    list[Annotated[float, Field(ge=-1.0e5, le=1.0e5)]], Field(min_length=3, max_length=3)
+]
 Power = Annotated[float, Field(ge=0.0, le=1.0e6), _plain("W")]
 Share = Annotated[float, Field(ge=0.0, le=1.0), _ONE]
 Time = Annotated[float, Field(gt=0.0, le=100.0), _SECOND]
@@ -106,31 +131,181 @@ class Drive(StrictModel):
     current_bandwidth_hz: Bandwidth
     current_limit_a: Current
     resistance_ohm: Resistance = 0.0
+    loss_w_per_a: LinearLoss = 0.0  # of the power stage, times the magnitude of the current
     standby_w: Power = 0.0
     regeneration_efficiency: Share = 1.0
     enable_delay_s: Time = 0.1
     watchdog_s: Time = 0.2
     current_noise_a: CurrentNoise = 0.0
+    # With a bus: the current is at most (modulation times bus voltage - back-EMF) / resistance.
+    back_emf_v_s_per_rad: BackEmf | None = None
+    modulation: Share = 0.577
+
+
+class Backlash(StrictModel):
+    """Play between motor and axis; the motor is an inertia of its own, and bears the friction.
+
+    Motion and stiffness are at the axis.
+    """
+
+    half_gap: StopPosition
+    stiffness: StopStiffness
+    damping: Damping = 0.0
+
+
+class Cogging(StrictModel):
+    """Force of the magnets on the slots of a linear motor."""
+
+    force_n: Annotated[float, Field(gt=0.0, le=1.0e6), _plain("N")]
+    pitch_m: Length
+
+
+class Hydraulic(StrictModel):
+    """Oil between axis and generator: cylinder, check valves, accumulator, hydraulic motor."""
+
+    area_m2: Area
+    displacement_m3_per_rad: Displacement
+    low_pressure_pa: Pressure = 5.0e5
+    precharge_pa: Pressure
+    volume_m3: Volume  # of the gas without oil
+    start_pressure_pa: Pressure | None = None  # without: the precharge
+    exponent: Exponent = 1.4
+    leakage_m3_per_s_pa: Leakage = 0.0
+    inertia_kg_m2: MotorInertia
+    viscous_n_m_s_per_rad: MotorDamping = 0.0
+    valve_velocity_m_per_s: Speed = 0.01
 
 
 class Axis(StrictModel):
-    """One PTO: position = sum of factor times position of the modes that it moves with."""
+    """One PTO: position = sum of factor times position of the modes that it moves with.
+
+    Inertia and friction are at the axis. A screw or belt is a gear: 2 pi / lead, or 1 / radius. A
+    linear motor turns once per metre: its gear ratio is 2 pi rad/m, its torque constant the force
+    constant / 2 pi, its counts per revolution are those per metre.
+    """
 
     moves_with: Annotated[dict[Name, Factor], Field(min_length=1)]
-    inertia: ReflectedInertia = 0.0  # reflected, at the axis
+    inertia: ReflectedInertia = 0.0
     viscous_friction: Damping = 0.0
     coulomb_friction: Force = 0.0
     coulomb_velocity: Speed = 0.002  # width of the regularised sign, tanh(v / v_c)
     torque_constant_n_m_per_a: TorqueConstant
     gear_ratio: GearRatio
+    gear_efficiency: Efficiency = 1.0
     counts_per_revolution: Counts
     count_offset: CountOffset = 0
+    cogging: Cogging | None = None
+    backlash: Backlash | None = None
+    hydraulic: Hydraulic | None = None
+    end_stop: EndStop | None = None
     drive: Drive
 
     @model_validator(mode="after")
-    def _check_factors(self) -> Axis:
+    def _check_parts(self) -> Axis:
         if not any(self.moves_with.values()):
             raise ValueError("moves_with: all factors are 0; the axis would not move")
+        if self.backlash and not self.inertia > 0.0:
+            raise ValueError("backlash: the motor needs an inertia above 0 (at the axis)")
+        if self.drive.back_emf_v_s_per_rad and not self.drive.resistance_ohm > 0.0:
+            raise ValueError("drive.back_emf_v_s_per_rad: needs drive.resistance_ohm above 0")
+        if self.hydraulic is not None:
+            self._check_hydraulic(self.hydraulic)
+        return self
+
+    def _check_hydraulic(self, oil: Hydraulic) -> None:
+        for name in ("backlash", "inertia", "cogging"):
+            if getattr(self, name):
+                raise ValueError(f"{name}: a hydraulic axis has none; its motor is in `hydraulic`")
+        if self.gear_efficiency < 1.0:
+            raise ValueError("gear_efficiency: losses of a hydraulic axis are in `hydraulic`")
+        ratio = oil.area_m2 / oil.displacement_m3_per_rad
+        if abs(self.gear_ratio - ratio) > 1.0e-3 * ratio:
+            raise ValueError(
+                f"gear_ratio: {self.gear_ratio:g} rad/m is not hydraulic.area_m2 / "
+                f"displacement_m3_per_rad = {ratio:.6g} rad/m"
+            )
+        if oil.low_pressure_pa >= oil.precharge_pa:
+            raise ValueError(
+                f"hydraulic.precharge_pa: {oil.precharge_pa:g} is not above low_pressure_pa "
+                f"{oil.low_pressure_pa:g}"
+            )
+        if oil.start_pressure_pa is not None and oil.start_pressure_pa < oil.precharge_pa:
+            raise ValueError(
+                f"hydraulic.start_pressure_pa: {oil.start_pressure_pa:g} is below precharge_pa "
+                f"{oil.precharge_pa:g}"
+            )
+
+
+class Line(StrictModel):
+    """A taut mooring line; `moves_with` is the fairlead's displacement per position of each mode.
+
+    Each is a vector: m per m of a translation, m per rad of a rotation.
+    """
+
+    anchor_m: Vector
+    fairlead_m: Vector  # at rest
+    pretension_n: Force
+    stiffness_n_per_m: LineStiffness  # axial: EA / length
+    damping_n_s_per_m: LineDamping = 0.0
+    moves_with: Annotated[dict[Name, Vector], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _check_length(self) -> Line:
+        if self.anchor_m == self.fairlead_m:
+            raise ValueError("fairlead_m: is at the anchor; a line needs a length")
+        return self
+
+
+class Mooring(StrictModel):
+    """Linear stiffness between modes, symmetric, and taut lines."""
+
+    stiffness: dict[Name, dict[Name, Stiffness]] = Field(default={})  # N/m, N, N m/rad
+    lines: dict[Name, Line] = Field(default={}, max_length=24)
+
+    @model_validator(mode="after")
+    def _check_symmetry(self) -> Mooring:
+        for one, row in self.stiffness.items():
+            for other, value in row.items():
+                mirror = self.stiffness.get(other, {}).get(one, value)
+                if mirror != value:
+                    raise ValueError(
+                        f"stiffness.{one}.{other}: {value:g} differs from stiffness.{other}.{one} "
+                        f"{mirror:g}; a mooring is conservative: give it once"
+                    )
+        return self
+
+
+class Bus(StrictModel):
+    """The DC bus of all drives: capacitor, supply behind a diode, dump resistor, voltage trips."""
+
+    capacitance_f: Capacitance
+    voltage_v: Voltage  # at the start
+    supply_v: Voltage | None = None  # None: no supply
+    supply_resistance_ohm: Ohms = 1.0
+    dump_ohm: Ohms | None = None  # None: no dump resistor
+    dump_on_v: Voltage | None = None
+    dump_off_v: Voltage | None = None
+    undervoltage_v: Voltage
+    undervoltage_delay_s: Time = 0.1
+    brownout_v: Voltage
+    overvoltage_v: Voltage
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Bus:
+        dump = [self.dump_off_v, self.dump_on_v]
+        if (self.dump_ohm is not None) != all(value is not None for value in dump):
+            raise ValueError("dump_ohm, dump_on_v and dump_off_v belong together")
+        names = ["brownout_v", "undervoltage_v", "voltage_v", "overvoltage_v"]
+        if self.dump_ohm is not None:
+            names[2:3] = ["dump_off_v", "dump_on_v"]
+        values = [getattr(self, name) for name in names]
+        if values != sorted(values) or len(set(values)) < len(values):
+            listed = " < ".join(f"{n} {v:g}" for n, v in zip(names, values, strict=True))
+            raise ValueError(f"voltages must ascend; this is not true: {listed}")
+        if not self.undervoltage_v < self.voltage_v < self.overvoltage_v:
+            raise ValueError(
+                f"voltage_v: {self.voltage_v:g} is not between undervoltage_v and overvoltage_v"
+            )
         return self
 
 
@@ -155,19 +330,20 @@ class Plant(StrictModel):
     length_scale_m: Length | None = None  # ULEN of WAMIT's numeric files; 1 without
     modes: Annotated[dict[Name, Mode], Field(min_length=1, max_length=24)]
     axes: Annotated[dict[Name, Axis], Field(min_length=1, max_length=24)]
+    mooring: Mooring = Mooring()
+    bus: Bus | None = None  # None: each drive has a stiff bus
     sensors: dict[Name, Sensor] = Field(default={})
     delay_s: Delay = 0.001  # age of a reading, rounded up to whole ticks
     wave_onset_s: Annotated[float, Field(ge=0.0, le=100.0), _SECOND] = 5.0  # cosine
 
     @model_validator(mode="after")
     def _check_names(self) -> Plant:
-        for name, axis in self.axes.items():
-            for mode in axis.moves_with:
-                if mode not in self.modes:
-                    raise ValueError(
-                        f"axes.{name}.moves_with: {mode!r} is no mode; allowed: "
-                        f"{', '.join(self.modes)}"
-                    )
+        for place, mode in self._named_modes():
+            if mode not in self.modes:
+                raise ValueError(f"{place}: {mode!r} is no mode; allowed: {', '.join(self.modes)}")
+        for name in self.mooring.lines:
+            if name in self.axes or name in self.modes or name in ("wave", "bus"):
+                raise ValueError(f"mooring.lines.{name}: this name is taken; choose another")
         for name, sensor in self.sensors.items():
             if sensor.signal not in (allowed := self.signals()):
                 raise ValueError(
@@ -183,6 +359,15 @@ class Plant(StrictModel):
             by_dof[each.dof] = name
         return self
 
+    def _named_modes(self) -> Iterator[tuple[str, str]]:
+        """Yield each place that names a mode, with the name."""
+        for name, axis in self.axes.items():
+            yield from ((f"axes.{name}.moves_with", mode) for mode in axis.moves_with)
+        for name, line in self.mooring.lines.items():
+            yield from ((f"mooring.lines.{name}.moves_with", mode) for mode in line.moves_with)
+        for mode, row in self.mooring.stiffness.items():
+            yield from (("mooring.stiffness", each) for each in (mode, *row))
+
     def signals(self) -> dict[str, tuple[int, int]]:
         """Return the signals that a sensor may measure, with their kind and index in the step.
 
@@ -193,6 +378,11 @@ class Plant(StrictModel):
             for index, mode in enumerate(self.modes)
             for name, kind in MODE_SIGNALS.items()
         }
-        for index, axis in enumerate(self.axes):
-            found |= {f"{axis}.{name}": (kind, index) for kind, name in enumerate(AXIS_SIGNALS)}
-        return found | {"wave.elevation": (ELEVATION, 0)}
+        for index, (name, axis) in enumerate(self.axes.items()):
+            known = step.AXIS_SIGNALS if axis.hydraulic else step.AXIS_SIGNALS[:-1]
+            found |= {f"{name}.{signal}": (kind, index) for kind, signal in enumerate(known)}
+        for index, name in enumerate(self.mooring.lines):
+            found[f"{name}.tension"] = (step.TENSION, index)
+        if self.bus is not None:
+            found |= {f"bus.{name}": (kind, 0) for name, kind in BUS_SIGNALS.items()}
+        return found | {"wave.elevation": (step.ELEVATION, 0)}

@@ -1,42 +1,85 @@
 """A rig of n coupled modes and its PTO axes as one step on flat arrays.
 
-(M + A_inf + J) v' = F_exc - K x - F_rad - F_loss - F_stop + sum of the axes' forces, all matrices
-full. Forces are forces on the body; absorbed power is negative. Explicit midpoint rule as in
-wavebot.py: the error of a motion at 1 Hz and 1 ms is 7e-6 of its amplitude, of second order.
+(M + A_inf + J) v' = F_exc - K x - F_rad + F_drag + F_stop + F_lines + sum of the axes' forces, all
+matrices full. Forces are forces on the body; absorbed power is negative. Explicit midpoint rule as
+in wavebot.py: the error of a motion at 1 Hz and 1 ms is 7e-6 of its amplitude, of second order.
 
-The state is one array: positions, velocities and radiation states, then `AXIS_SIZE` numbers for
-each axis, then the midpoint and the forces, which only the step itself uses. The functions index
-and loop, so that the same code runs on lists and, compiled, on arrays, with the same bits.
+Each force is a part (`sim_plant.parts`); this module adds them up. What moves is one array:
+positions, velocities and radiation states, then two numbers of each PTO (`PTO_STATES`). It is
+followed by `AXIS_SIZE` numbers of each axis, those of the bus, the midpoint and the forces, which
+only the step itself uses. The functions index and loop, so that the same code runs on lists and,
+compiled, on arrays, with the same bits.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import MutableSequence, Sequence
 from typing import NamedTuple
 
-from sim_plant import drive, sensors
-from sim_plant.drive import UNLIMITED_CURRENT, DriveParams, DriveState
+from sim_plant import sensors
+from sim_plant.parts import bus, drag, drive, end_stop, friction, gear, hydraulic, linear_motor
+from sim_plant.parts import mooring_line as lines
+from sim_plant.parts.bus import BusParams, BusState
+from sim_plant.parts.drive import UNLIMITED_CURRENT, DriveParams, DriveState
+from sim_plant.parts.end_stop import EndStopParams
+from sim_plant.parts.friction import FrictionParams
+from sim_plant.parts.hydraulic import HydraulicParams
+from sim_plant.parts.mooring_line import LineParams, Pull
 from sim_plant.sensors import Channel
 
-# Numbers of an axis in the state: those of DriveState, then the shaft force (N or N m) with
-# friction and reflected inertia, and the electric power (W), the mean over the last step.
+# How the motor drives the axis: without play (its inertia is part of the mass matrix), through a
+# backlash, with an inertia of its own, or by oil. The two numbers of a PTO are: none, the motor's
+# position and velocity (m, m/s at the axis), the gas volume and the speed of the hydraulic motor.
+RIGID, BACKLASH, HYDRAULIC = 0, 1, 2
+PTO_STATES = 2
+# Numbers of an axis in the state: those of DriveState, then the force on the axis beyond gear and
+# reflected inertia (N or N m), and the electric power (W), the mean over the last step.
 AXIS_SIZE = 9
 SHAFT_FORCE, ELECTRIC_POWER = 7, 8
-# Parameters of an axis, in this order in `ModesParams.axis`.
-AXIS_PARAMS = (
-    "current_limit", "time_constant", "enable_delay", "watchdog", "force_per_current", "copper",
-    "standby", "regeneration", "inertia", "viscous", "coulomb", "coulomb_velocity",
-    "counts_per_unit", "count_offset", "current_noise",
+
+
+class MotorParams(NamedTuple):
+    """Motor, losses and encoder of an axis; forces and motion at the axis."""
+
+    kind: float  # RIGID, BACKLASH, HYDRAULIC
+    force_per_current: float  # N/A; of a hydraulic PTO the generator's torque, N m/A
+    inertia: float  # reflected
+    efficiency: float  # of the gear
+    cogging: float  # N
+    pitch: float  # m, of the cogging
+    resistance: float  # ohm
+    linear_loss: float  # W/A
+    standby: float  # W
+    regeneration: float  # efficiency of power that flows back
+    back_emf: float  # V per m/s; 0: the bus voltage does not limit the current
+    modulation: float  # largest motor voltage per bus voltage
+    current_noise: float  # A
+    counts_per_unit: float
+    count_offset: float
+
+
+# Parameters of an axis, in this order in `ModesParams.axis`, and where each part starts.
+AXIS_PARTS = (
+    MotorParams, DriveParams, FrictionParams, EndStopParams, EndStopParams, HydraulicParams
 )  # fmt: skip
-AXIS_PARAM_COUNT = len(AXIS_PARAMS)
+MOTOR = 0
+DRIVE = MOTOR + len(MotorParams._fields)
+FRICTION = DRIVE + len(DriveParams._fields)
+STOP = FRICTION + len(FrictionParams._fields)
+TEETH = STOP + len(EndStopParams._fields)
+OIL = TEETH + len(EndStopParams._fields)
+AXIS_PARAM_COUNT = OIL + len(HydraulicParams._fields)
+BUS_SIZE = len(BusState._fields) + 2  # then the power of supply and of dump resistors, W
+LINE_PARAM_COUNT = len(LineParams._fields)
 SENSOR_PARAM_COUNT = 5  # signal, its index, scale, offset, noise
 READINGS_PER_AXIS = 4  # counts, current, enabled, fault
-# Signals of a sensor; the index is that of the axis or mode.
+# Signals of a sensor, by their code; the index is that of the axis, mode or line.
 AXIS_SIGNALS = (
-    "position", "velocity", "force", "motor_force", "current", "mechanical_power", "electric_power"
+    "position", "velocity", "force", "motor_force", "current", "mechanical_power",
+    "electric_power", "motor_position", "motor_velocity", "pressure",
 )  # fmt: skip
-MODE_POSITION, MODE_VELOCITY, ELEVATION = 7, 8, 9
+MODE_POSITION, MODE_VELOCITY, ELEVATION, TENSION = 10, 11, 12, 13
+BUS_VOLTAGE, SUPPLY_POWER, DUMP_POWER = 14, 15, 16
 
 
 Numbers = Sequence[float]
@@ -49,33 +92,75 @@ class ModesParams(NamedTuple):
     modes: int
     axes: int
     states: int  # of the radiation
-    inverse_mass: Sequence[float]  # (modes, modes)
-    stiffness: Sequence[float]  # (modes, modes)
-    linear: Sequence[float]  # damping of each mode
-    quadratic: Sequence[float]
-    stop_position: Sequence[float]  # of each mode
-    stop_stiffness: Sequence[float]
-    stop_damping: Sequence[float]
+    line_count: int
+    bus_count: int  # 0 or 1
+    sensor_count: int
+    inverse_mass: Numbers  # (modes, modes)
+    stiffness: Numbers  # (modes, modes)
+    linear: Numbers  # damping of each mode
+    quadratic: Numbers
+    stops: Numbers  # (modes, 3): EndStopParams
     source: Sequence[int]  # radiation, see radiation.Radiation
     partner: Sequence[int]
-    diagonal: Sequence[float]
-    cross: Sequence[float]
-    input: Sequence[float]
-    output: Sequence[float]  # (modes, states)
-    factors: Sequence[float]  # (axes, modes): position of the axis by positions of the modes
-    axis: Sequence[float]  # (axes, AXIS_PARAM_COUNT)
-    sensors: Sequence[float]  # (sensors, SENSOR_PARAM_COUNT)
-    sensor_count: int
+    diagonal: Numbers
+    cross: Numbers
+    input: Numbers
+    output: Numbers  # (modes, states)
+    factors: Numbers  # (axes, modes): position of the axis by positions of the modes
+    axis: Numbers  # (axes, AXIS_PARAM_COUNT)
+    lines: Numbers  # (lines, LINE_PARAM_COUNT)
+    line_factors: Numbers  # (lines, 3, modes): displacement of the fairlead by positions
+    bus: Numbers  # BusParams
+    sensors: Numbers  # (sensors, SENSOR_PARAM_COUNT)
 
 
-def state_size(modes: int, axes: int, states: int) -> int:
+def motion_size(params: ModesParams) -> int:
+    """Return the number of what moves: of modes, radiation and PTOs."""
+    return 2 * params.modes + params.states + PTO_STATES * params.axes
+
+
+def bus_place(params: ModesParams) -> int:
+    """Return where the numbers of the bus start in the state."""
+    return motion_size(params) + AXIS_SIZE * params.axes
+
+
+def state_size(params: ModesParams) -> int:
     """Return the length of the state."""
-    return 2 * (2 * modes + states) + axes * AXIS_SIZE + 2 * modes
+    return bus_place(params) + BUS_SIZE * params.bus_count + motion_size(params) + 2 * params.modes
 
 
-def reading_size(axes: int, sensor_count: int) -> int:
+def reading_size(params: ModesParams) -> int:
     """Return the number of readings: four of each axis, the sensors, the wave elevation."""
-    return axes * READINGS_PER_AXIS + sensor_count + 1
+    return params.axes * READINGS_PER_AXIS + params.sensor_count + 1
+
+
+def motor_params(params: ModesParams, axis: int) -> MotorParams:
+    """Return the motor of an axis."""
+    p, at = params.axis, axis * AXIS_PARAM_COUNT + MOTOR
+    return MotorParams(
+        p[at], p[at + 1], p[at + 2], p[at + 3], p[at + 4], p[at + 5], p[at + 6], p[at + 7],
+        p[at + 8], p[at + 9], p[at + 10], p[at + 11], p[at + 12], p[at + 13], p[at + 14],
+    )  # fmt: skip
+
+
+def friction_params(params: ModesParams, axis: int) -> FrictionParams:
+    """Return the friction of an axis."""
+    p, at = params.axis, axis * AXIS_PARAM_COUNT + FRICTION
+    return FrictionParams(p[at], p[at + 1], p[at + 2])
+
+
+def stop_params(numbers: Numbers, at: int) -> EndStopParams:
+    """Return the end stops, or teeth, whose numbers start at `at`."""
+    return EndStopParams(numbers[at], numbers[at + 1], numbers[at + 2])
+
+
+def hydraulic_params(params: ModesParams, axis: int) -> HydraulicParams:
+    """Return the oil side of an axis."""
+    p, at = params.axis, axis * AXIS_PARAM_COUNT + OIL
+    return HydraulicParams(
+        p[at], p[at + 1], p[at + 2], p[at + 3], p[at + 4], p[at + 5], p[at + 6], p[at + 7],
+        p[at + 8], p[at + 9],
+    )  # fmt: skip
 
 
 def axis_position(params: ModesParams, state: Numbers, axis: int, start: int) -> float:
@@ -86,30 +171,86 @@ def axis_position(params: ModesParams, state: Numbers, axis: int, start: int) ->
     return value
 
 
-def friction(params: ModesParams, axis: int, velocity: float) -> float:
-    """Return viscous and Coulomb friction of an axis: -(B v + F_c tanh(v / v_c)), N or N m."""
-    at = axis * AXIS_PARAM_COUNT
-    viscous, coulomb, width = params.axis[at + 9], params.axis[at + 10], params.axis[at + 11]
-    return -(viscous * velocity + coulomb * math.tanh(velocity / width))
+def _pto(params: ModesParams, at: int, axis: int) -> int:
+    """Return where the two numbers of a PTO are in a motion that starts at `at`."""
+    return at + 2 * params.modes + params.states + PTO_STATES * axis
 
 
-def end_stop(params: ModesParams, mode: int, position: float, velocity: float) -> float:
-    """Return the force of an end stop: spring and damper beyond its position, never pulling."""
-    limit = params.stop_position[mode]
-    if position > limit:
-        force = params.stop_stiffness[mode] * (position - limit)
-        return -max(force + params.stop_damping[mode] * velocity, 0.0)
-    if position < -limit:
-        force = params.stop_stiffness[mode] * (-limit - position)
-        return max(force - params.stop_damping[mode] * velocity, 0.0)
-    return 0.0
+def motor_side(
+    params: ModesParams, axis: int, motor: float, position: float, velocity: float
+) -> float:
+    """Return motor force, friction, loss of the gear and cogging at a motion of the motor."""
+    own, rubbing = motor_params(params, axis), friction_params(params, axis)
+    force = motor + friction.force(rubbing, velocity)
+    if own.efficiency < 1.0:
+        force += gear.load_loss(own.efficiency, rubbing.width, motor, velocity)
+    if own.cogging > 0.0:
+        force += linear_motor.cogging_force(own.cogging, own.pitch, position)
+    return force
+
+
+def pto_force(params: ModesParams, state: Numbers, axis: int, at: int, current: float) -> float:
+    """Return the force on an axis at the motion that starts at `at`, N or N m.
+
+    Of a rigid axis without the reflected inertia, which is in the mass matrix.
+    """
+    own, n = motor_params(params, axis), params.modes
+    velocity = axis_position(params, state, axis, at + n)
+    if own.kind == HYDRAULIC:
+        oil = hydraulic_params(params, axis)
+        pressure = hydraulic.pressure(oil, state[_pto(params, at, axis)])
+        force = hydraulic.cylinder_force(oil, pressure, velocity)
+        return force + friction.force(friction_params(params, axis), velocity)
+    position = axis_position(params, state, axis, at)
+    if own.kind == BACKLASH:
+        teeth, pto = axis * AXIS_PARAM_COUNT + TEETH, _pto(params, at, axis)
+        twist, rate = state[pto] - position, state[pto + 1] - velocity
+        return gear.backlash_force(stop_params(params.axis, teeth), twist, rate)
+    return motor_side(params, axis, own.force_per_current * current, position, velocity)
+
+
+def _pto_slopes(
+    params: ModesParams, state: Numbers, axis: int, at: int, current: float
+) -> tuple[float, float]:
+    """Return the slopes of the two numbers of a PTO at the motion that starts at `at`."""
+    own, pto = motor_params(params, axis), _pto(params, at, axis)
+    first, second = state[pto], state[pto + 1]
+    if own.kind == BACKLASH:
+        teeth = pto_force(params, state, axis, at, current)
+        force = motor_side(params, axis, own.force_per_current * current, first, second) - teeth
+        return second, force / own.inertia
+    if own.kind == HYDRAULIC:
+        oil = hydraulic_params(params, axis)
+        velocity = axis_position(params, state, axis, at + params.modes)
+        brake = hydraulic.brake_torque(own.force_per_current * current, second)
+        pressure = hydraulic.pressure(oil, first)
+        return (
+            hydraulic.volume_rate(oil, first, velocity, second),
+            hydraulic.acceleration(oil, pressure, second, brake),
+        )
+    return 0.0, 0.0
+
+
+def line_pull(params: ModesParams, state: Numbers, line: int, at: int) -> Pull:
+    """Return tension and force of a mooring line at the motion that starts at `at`."""
+    n, p, k = params.modes, params.lines, line * LINE_PARAM_COUNT
+    dx, dy, dz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        x, v, f = state[at + i], state[at + n + i], 3 * line * n + i
+        dx += params.line_factors[f] * x
+        dy += params.line_factors[f + n] * x
+        dz += params.line_factors[f + 2 * n] * x
+        vx += params.line_factors[f] * v
+        vy += params.line_factors[f + n] * v
+        vz += params.line_factors[f + 2 * n] * v
+    rest = LineParams(p[k], p[k + 1], p[k + 2], p[k + 3], p[k + 4], p[k + 5])
+    return lines.pull(rest, dx, dy, dz, vx, vy, vz)
 
 
 def _slopes(
     params: ModesParams,
     state: State,
     at: int,
-    first_axis: int,
     force: int,
     excitation: Numbers,
     following: Numbers,
@@ -128,14 +269,26 @@ def _slopes(
             value -= params.stiffness[i * n + j] * state[at + j]
         for k in range(states):
             value -= params.output[i * states + k] * state[at + 2 * n + k]
-        value -= (params.linear[i] + params.quadratic[i] * abs(v)) * v
-        state[force + i] = value + end_stop(params, i, x, v)
+        value += drag.force(params.linear[i], params.quadratic[i], v)
+        state[force + i] = value + end_stop.force(stop_params(params.stops, 3 * i), x, v)
     for a in range(params.axes):
-        mean_current = state[first_axis + a * AXIS_SIZE + 1]
-        motor = params.axis[a * AXIS_PARAM_COUNT + 4] * mean_current
-        applied = motor + friction(params, a, axis_position(params, state, a, at + n))
+        current = state[motion_size(params) + a * AXIS_SIZE + 1]
+        applied = pto_force(params, state, a, at, current)
+        stops = stop_params(params.axis, a * AXIS_PARAM_COUNT + STOP)
+        if stops.position < end_stop.FAR:
+            position = axis_position(params, state, a, at)
+            velocity = axis_position(params, state, a, at + n)
+            applied += end_stop.force(stops, position, velocity)
         for i in range(n):
             state[force + i] += params.factors[a * n + i] * applied
+    for line in range(params.line_count):
+        pull, f = line_pull(params, state, line, at), 3 * line * n
+        for i in range(n):
+            state[force + i] += (
+                params.line_factors[f + i] * pull.x
+                + params.line_factors[f + n + i] * pull.y
+                + params.line_factors[f + 2 * n + i] * pull.z
+            )
     for i in range(n):
         value = 0.0
         for j in range(n):
@@ -158,30 +311,37 @@ def step(
     last step. Excitation of each mode (N or N m) now and after the step is linear between them;
     motor forces are the exact means of the current loops.
     """
-    n, states, axes = params.modes, params.states, params.axes
-    motion = 2 * n + states
-    middle = motion + axes * AXIS_SIZE
+    axes = params.axes
+    motion, half = motion_size(params), 0.5 * dt
+    middle = bus_place(params) + BUS_SIZE * params.bus_count
     force = middle + motion
     for a in range(axes):
-        _step_drive(params, state, motion + a * AXIS_SIZE, a, actuation, fresh, dt)
-
-    _slopes(params, state, 0, motion, force, excitation, following, 0.0)
-    half = 0.5 * dt
-    for i in range(n):
-        state[middle + i] = state[i] + half * state[n + i]
-        state[middle + n + i] = state[n + i] + half * state[force + n + i]
-    for k in range(states):
-        state[middle + 2 * n + k] = state[2 * n + k] + half * _memory_slope(params, state, 0, k)
-
-    _slopes(params, state, middle, motion, force, excitation, following, 0.5)
+        _step_drive(params, state, a, actuation, fresh, dt)
+    _slopes(params, state, 0, force, excitation, following, 0.0)
+    _move(params, state, 0, middle, force, half)
+    _slopes(params, state, middle, force, excitation, following, 0.5)
     for a in range(axes):
-        _power(params, state, motion + a * AXIS_SIZE, a, middle, force)
-    # The slopes of the radiation states are taken at the midpoint, so all may be written at once.
+        _power(params, state, a, middle, force)
+    if params.bus_count:
+        _step_bus(params, state, dt)
+    _move(params, state, middle, 0, force, dt)
+
+
+def _move(params: ModesParams, state: State, at: int, to: int, force: int, dt: float) -> None:
+    """Write the present motion plus dt times the slopes at `at` to the motion at `to`."""
+    n, motion = params.modes, motion_size(params)
+    for k in range(params.states):
+        state[to + 2 * n + k] = state[2 * n + k] + dt * _memory_slope(params, state, at, k)
+    for a in range(params.axes):
+        if params.axis[a * AXIS_PARAM_COUNT] != RIGID:
+            pto, current = _pto(params, 0, a), state[motion + a * AXIS_SIZE + 1]
+            first, second = _pto_slopes(params, state, a, at, current)
+            state[to + pto] = state[pto] + dt * first
+            state[to + pto + 1] = state[pto + 1] + dt * second
     for i in range(n):
-        state[i] += dt * state[middle + n + i]
-        state[n + i] += dt * state[force + n + i]
-    for k in range(states):
-        state[2 * n + k] += dt * _memory_slope(params, state, middle, k)
+        x, v = state[i], state[n + i]
+        state[to + i] = x + dt * state[at + n + i]
+        state[to + n + i] = v + dt * state[force + n + i]
 
 
 def _memory_slope(params: ModesParams, state: State, at: int, k: int) -> float:
@@ -192,17 +352,26 @@ def _memory_slope(params: ModesParams, state: State, at: int, k: int) -> float:
     return slope + params.input[k] * state[at + params.modes + params.source[k]]
 
 
+def _motor_velocity(params: ModesParams, state: Numbers, axis: int, at: int) -> float:
+    """Return the velocity of the motor at a motion: at the axis, of a hydraulic PTO in rad/s."""
+    if params.axis[axis * AXIS_PARAM_COUNT] == RIGID:
+        return axis_position(params, state, axis, at + params.modes)
+    return state[_pto(params, at, axis) + 1]
+
+
 def _step_drive(
-    params: ModesParams,
-    state: State,
-    at: int,
-    axis: int,
-    actuation: Numbers,
-    fresh: int,
-    dt: float,
+    params: ModesParams, state: State, axis: int, actuation: Numbers, fresh: int, dt: float
 ) -> None:
-    """Advance enable logic, watchdog and current loop of an axis, whose numbers start at `at`."""
-    p = axis * AXIS_PARAM_COUNT
+    """Advance enable logic, watchdog and current loop of an axis; a bus may trip or limit it."""
+    p, at = axis * AXIS_PARAM_COUNT + DRIVE, motion_size(params) + axis * AXIS_SIZE
+    trip, most = 0, UNLIMITED_CURRENT
+    if params.bus_count:
+        own, voltage = motor_params(params, axis), state[bus_place(params) + 1]
+        trip = bus.voltage_trip(bus_params(params), _bus_state(params, state))
+        if own.back_emf > 0.0:
+            speed = abs(_motor_velocity(params, state, axis, 0))
+            left = own.modulation * voltage - own.back_emf * speed
+            most = max(left, 0.0) / own.resistance
     after = drive.drive_step(
         DriveParams(params.axis[p], params.axis[p + 1], params.axis[p + 2], params.axis[p + 3]),
         DriveState(
@@ -218,8 +387,8 @@ def _step_drive(
         int(actuation[2 * axis + 1]),
         fresh,
         1,
-        0,
-        UNLIMITED_CURRENT,
+        trip,
+        most,
         dt,
     )
     state[at] = after.current
@@ -231,49 +400,126 @@ def _step_drive(
     state[at + 6] = float(after.saturated)
 
 
-def _power(params: ModesParams, state: State, at: int, axis: int, middle: int, force: int) -> None:
+def _power(params: ModesParams, state: State, axis: int, middle: int, force: int) -> None:
     """Write the shaft force and the electric power of an axis over this step.
 
-    Electric power is motor force times velocity plus copper loss; of what is negative (absorbed)
-    the regeneration efficiency arrives at the bus. Standby power is always drawn.
+    Electric power is motor force times velocity plus the losses of winding and drive; of what is
+    negative (absorbed) the regeneration efficiency arrives at the bus. Standby power is always
+    drawn.
     """
-    n, p = params.modes, axis * AXIS_PARAM_COUNT
+    own, at = motor_params(params, axis), motion_size(params) + axis * AXIS_SIZE
     current = state[at + 1]
-    motor = params.axis[p + 4] * current
-    velocity = axis_position(params, state, axis, middle + n)
-    acceleration = axis_position(params, state, axis, force + n)
-    state[at + SHAFT_FORCE] = (
-        motor + friction(params, axis, velocity) - params.axis[p + 8] * acceleration
-    )
-    power = motor * velocity + params.axis[p + 5] * current * current
+    shaft = pto_force(params, state, axis, middle, current)
+    motor, velocity = own.force_per_current * current, _motor_velocity(params, state, axis, middle)
+    if own.kind == RIGID:
+        shaft -= own.inertia * axis_position(params, state, axis, force + params.modes)
+    if own.kind == HYDRAULIC:
+        motor = -hydraulic.brake_torque(motor, velocity)
+    state[at + SHAFT_FORCE] = shaft
+    power = motor * velocity + (own.resistance * current * current + own.linear_loss * abs(current))
     if power < 0.0:
-        power *= params.axis[p + 7]
-    state[at + ELECTRIC_POWER] = power + params.axis[p + 6]
+        power *= own.regeneration
+    state[at + ELECTRIC_POWER] = power + own.standby
+
+
+def bus_params(params: ModesParams) -> BusParams:
+    """Return the parameters of the bus that all drives share."""
+    p = params.bus
+    return BusParams(
+        p[0], p[1], int(p[2]), p[3], p[4], p[5], p[6], p[7], int(p[8]), p[9], p[10], p[11], p[12]
+    )
+
+
+def _bus_state(params: ModesParams, state: Numbers) -> BusState:
+    at = bus_place(params)
+    return BusState(
+        state[at], state[at + 1], int(state[at + 2]), state[at + 3], state[at + 4], state[at + 5],
+        state[at + 6],
+    )  # fmt: skip
+
+
+def _step_bus(params: ModesParams, state: State, dt: float) -> None:
+    """Advance the bus under the electric power of all axes."""
+    at, motion = bus_place(params), motion_size(params)
+    power = 0.0
+    for a in range(params.axes):
+        power += state[motion + a * AXIS_SIZE + ELECTRIC_POWER]
+    before = _bus_state(params, state)
+    after = bus.bus_step(bus_params(params), before, power, dt)
+    state[at] = after.energy
+    state[at + 1] = after.voltage
+    state[at + 2] = float(after.dumping)
+    state[at + 3] = after.undervoltage_time
+    state[at + 4] = after.supplied
+    state[at + 5] = after.consumed
+    state[at + 6] = after.dumped
+    state[at + 7] = (after.supplied - before.supplied) / dt
+    state[at + 8] = (after.dumped - before.dumped) / dt
 
 
 def signal(params: ModesParams, state: Numbers, kind: int, index: int, elevation: float) -> float:
     """Return the true value of a signal of a sensor."""
     n = params.modes
-    if kind == ELEVATION:
-        return elevation
+    if kind < len(AXIS_SIGNALS):
+        return _axis_signal(params, state, kind, index)
     if kind == MODE_POSITION:
         return state[index]
     if kind == MODE_VELOCITY:
         return state[n + index]
-    at = 2 * n + params.states + index * AXIS_SIZE
+    if kind == ELEVATION:
+        return elevation
+    if kind == TENSION:
+        return line_pull(params, state, index, 0).tension
+    at = bus_place(params)
+    if kind == BUS_VOLTAGE:
+        return state[at + 1]
+    if kind == SUPPLY_POWER:
+        return state[at + 7]
+    return state[at + 8]
+
+
+def _axis_signal(params: ModesParams, state: Numbers, kind: int, axis: int) -> float:
+    """Return a signal of `AXIS_SIGNALS` by its index."""
+    at = motion_size(params) + axis * AXIS_SIZE
     if kind == 0:
-        return axis_position(params, state, index, 0)
+        return axis_position(params, state, axis, 0)
     if kind == 1:
-        return axis_position(params, state, index, n)
+        return axis_position(params, state, axis, params.modes)
     if kind == 2:
         return state[at + SHAFT_FORCE]
     if kind == 3:
-        return params.axis[index * AXIS_PARAM_COUNT + 4] * state[at]
+        return motor_params(params, axis).force_per_current * state[at]
     if kind == 4:
         return state[at]
     if kind == 5:
-        return state[at + SHAFT_FORCE] * axis_position(params, state, index, n)
-    return state[at + ELECTRIC_POWER]
+        return state[at + SHAFT_FORCE] * axis_position(params, state, axis, params.modes)
+    if kind == 6:
+        return state[at + ELECTRIC_POWER]
+    if kind == 7:
+        return encoder_position(params, state, axis)
+    if kind == 8:
+        return _motor_velocity(params, state, axis, 0)
+    oil = hydraulic_params(params, axis)
+    return hydraulic.pressure(oil, state[_pto(params, 0, axis)])
+
+
+def place(params: ModesParams, state: State, position: Numbers, velocity: Numbers) -> None:
+    """Set the motion of the modes; a motor behind a backlash gets that of its axis."""
+    n = params.modes
+    for i in range(n):
+        state[i] = position[i]
+        state[n + i] = velocity[i]
+    for a in range(params.axes):
+        if params.axis[a * AXIS_PARAM_COUNT] == BACKLASH:
+            state[_pto(params, 0, a)] = axis_position(params, state, a, 0)
+            state[_pto(params, 0, a) + 1] = axis_position(params, state, a, n)
+
+
+def encoder_position(params: ModesParams, state: Numbers, axis: int) -> float:
+    """Return the position that the encoder sees: of the motor, if there is play, else the axis."""
+    if params.axis[axis * AXIS_PARAM_COUNT] == BACKLASH:
+        return state[_pto(params, 0, axis)]
+    return axis_position(params, state, axis, 0)
 
 
 def sample(
@@ -285,16 +531,16 @@ def sample(
     readings: State,
 ) -> None:
     """Write the readings at a state; `normals` is the noise table, `tick` its index."""
-    at = 2 * params.modes + params.states
     for a in range(params.axes):
-        p, r = a * AXIS_PARAM_COUNT, a * READINGS_PER_AXIS
-        position = axis_position(params, state, a, 0)
-        count = sensors.encoder_count(params.axis[p + 12], int(params.axis[p + 13]), position)
+        own, r = motor_params(params, a), a * READINGS_PER_AXIS
+        at = motion_size(params) + a * AXIS_SIZE
+        position = encoder_position(params, state, a)
+        count = sensors.encoder_count(own.counts_per_unit, int(own.count_offset), position)
         readings[r] = float(count)
-        channel = Channel(0.0, params.axis[p + 14], 0.0, 4 * a + 1, 20011 * a)
-        readings[r + 1] = sensors.measure(channel, state[at + a * AXIS_SIZE], tick, normals)
-        readings[r + 2] = state[at + a * AXIS_SIZE + 2]
-        readings[r + 3] = state[at + a * AXIS_SIZE + 3]
+        channel = Channel(0.0, own.current_noise, 0.0, 4 * a + 1, 20011 * a)
+        readings[r + 1] = sensors.measure(channel, state[at], tick, normals)
+        readings[r + 2] = state[at + 2]
+        readings[r + 3] = state[at + 3]
     first = params.axes * READINGS_PER_AXIS
     for s in range(params.sensor_count):
         p = s * SENSOR_PARAM_COUNT

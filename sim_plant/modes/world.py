@@ -60,12 +60,14 @@ class Conditions(NamedTuple):
 class Stepper:
     """Interpreted stepper: advances the plant's state by one tick and samples its sensors."""
 
-    def __init__(self, params: ModesParams, normals: Sequence[float], dt: float) -> None:
+    def __init__(
+        self, params: ModesParams, state: list[float], normals: Sequence[float], dt: float
+    ) -> None:
         self._params = params
         self._normals = normals
         self._dt = dt
-        self.state = [0.0] * modes.state_size(params.modes, params.axes, params.states)
-        self._readings = [0.0] * modes.reading_size(params.axes, params.sensor_count)
+        self.state = state
+        self._readings = [0.0] * modes.reading_size(params)
         self._excitation: Sequence[float] = [0.0] * params.modes
 
     def set_excitation(self, excitation: Sequence[float]) -> None:
@@ -95,10 +97,8 @@ class Stepper:
         return list(self.state)
 
     def set_motion(self, position: Sequence[float], velocity: Sequence[float]) -> None:
-        """Set positions and velocities of the modes."""
-        count = self._params.modes
-        self.state[:count] = position
-        self.state[count : 2 * count] = velocity
+        """Set positions and velocities of the modes, and of the motors that move with them."""
+        modes.place(self._params, self.state, position, velocity)
 
 
 class World:
@@ -133,7 +133,8 @@ class World:
         self._onset_ticks = math.ceil(self._onset / dt)
         self._table = excitation_table(model, sea, dt)
         self._normals = normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
-        self._stepper = stepper(params, normals, dt)
+        state = building.initial_state(model)
+        self._stepper = stepper(params, state, normals, dt)
         self._actuation = self.rest = Actuation((0.0, 0.0) * params.axes, 0)
         self._fresh = 0
         self._tick = 0
@@ -197,7 +198,7 @@ class World:
     def truth(self) -> Truth:
         """Return the true motion and forces now, for tests and comparison with estimates."""
         params, state = self.model.params, self._stepper.numbers()
-        n, first = params.modes, 2 * params.modes + params.states
+        n, first = params.modes, modes.motion_size(params)
         axes = range(first, first + params.axes * modes.AXIS_SIZE, modes.AXIS_SIZE)
         return Truth(
             tuple(state[:n]),

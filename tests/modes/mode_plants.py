@@ -36,6 +36,29 @@ AXIS: dict[str, Any] = {
 HEAVE: dict[str, Any] = {"dof": "Heave", "mass": 3136.0}
 SURGE: dict[str, Any] = {"dof": "Surge", "mass": 3136.0, "stiffness": 9000.0}
 PITCH: dict[str, Any] = {"dof": "Pitch", "mass": 1000.0}
+OIL: dict[str, Any] = {  # a cylinder of 5 cm2, a motor of 13 cm3 a revolution
+    "area_m2": 0.0005,
+    "displacement_m3_per_rad": 2.0e-6,
+    "precharge_pa": 2.0e6,
+    "start_pressure_pa": 2.5e6,
+    "volume_m3": 0.0004,
+    "leakage_m3_per_s_pa": 1.0e-13,
+    "inertia_kg_m2": 0.002,
+    "viscous_n_m_s_per_rad": 0.001,
+    "valve_velocity_m_per_s": 0.02,
+}
+BUS: dict[str, Any] = {
+    "capacitance_f": 0.02,
+    "voltage_v": 60.0,
+    "supply_v": 58.0,
+    "supply_resistance_ohm": 0.5,
+    "dump_ohm": 5.0,
+    "dump_on_v": 64.0,
+    "dump_off_v": 62.0,
+    "undervoltage_v": 40.0,
+    "brownout_v": 30.0,
+    "overvoltage_v": 120.0,
+}
 
 
 def mapping(

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from copy import deepcopy
 from typing import Any
 
 import mode_plants
 import pytest
-from mode_plants import AXIS, CYLINDER, HEAVE, PITCH, SURGE, mapping
+from mode_plants import AXIS, BUS, CYLINDER, HEAVE, OIL, PITCH, SURGE, mapping
 from pydantic import ValidationError
 
 from sim_plant import sea_states
 from sim_plant.modes import building
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import World
+
+LINE: dict[str, Any] = {
+    "anchor_m": [0, 0, -3],
+    "fairlead_m": [0, 0, -1],
+    "pretension_n": 100.0,
+    "stiffness_n_per_m": 1000.0,
+    "moves_with": {"heave": [0, 0, 1]},
+}
 
 
 def test_a_number_may_have_unit_and_source() -> None:
@@ -54,6 +63,25 @@ def change(path: str, value: Any) -> dict[str, Any]:
         ("sensors/force/noise", -1.0, "greater than or equal to 0"),
         ("delay_s", -0.1, "greater than or equal to 0"),
         ("modes", {}, "at least 1 item"),
+        ("axes/heave/backlash", {"half_gap": 0.01, "stiffness": 1e5}, "needs an inertia above 0"),
+        ("axes/heave/gear_efficiency", 1.1, "less than or equal to 1"),
+        ("axes/heave/hydraulic", {}, "area_m2"),
+        ("axes/heave/hydraulic", OIL, r"gear_ratio: 12 rad/m is not .* = 250 rad/m"),
+        ("axes/heave/drive/back_emf_v_s_per_rad", 1.0, "needs drive.resistance_ohm above 0"),
+        ("bus", {**BUS, "dump_on_v": 50.0}, "voltages must ascend; .* dump_on_v 50"),
+        ("bus", {**BUS, "dump_ohm": None}, "dump_ohm, dump_on_v and dump_off_v belong together"),
+        ("bus", {**BUS, "voltage_v": 20.0}, "voltage_v: 20 is not between undervoltage_v and"),
+        ("bus", {**BUS, "capacitance_f": math.nan}, "finite number"),
+        ("mooring", {"stiffness": {"heave": {"sway": 1.0}}}, "stiffness: .sway. is no mode"),
+        ("mooring", {"stiffness": {"heave": {"pitch": 1.0}, "pitch": {"heave": 2.0}}},
+         "give it once"),
+        ("mooring", {"lines": {"bow": {**LINE, "fairlead_m": [0, 0, -3]}}}, "needs a length"),
+        ("mooring", {"lines": {"bow": {**LINE, "anchor_m": [0, 0]}}}, "at least 3 items"),
+        ("mooring", {"lines": {"bow": {**LINE, "moves_with": {"sway": [1, 0, 0]}}}},
+         "mooring.lines.bow.moves_with: 'sway' is no mode"),
+        ("mooring", {"lines": {"heave": LINE}}, "mooring.lines.heave: this name is taken"),
+        ("sensors/force/signal", "bus.voltage", "is no signal"),
+        ("sensors/force/signal", "heave.pressure", "is no signal"),
     ],
 )  # fmt: skip
 def test_an_invalid_file_is_refused(path: str, value: Any, message: str) -> None:
@@ -68,7 +96,7 @@ def test_signals_of_modes_axes_and_waves() -> None:
     assert set(plant.signals()) == {
         "float.position", "float.velocity", "spar.position", "spar.velocity", "wave.elevation",
         "pto.position", "pto.velocity", "pto.force", "pto.motor_force", "pto.current",
-        "pto.mechanical_power", "pto.electric_power",
+        "pto.mechanical_power", "pto.electric_power", "pto.motor_position", "pto.motor_velocity",
     }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import mode_plants
 import numpy as np
 import plant_files
 import pytest
-from mode_plants import AXIS, DRIVE, DT, HEAVE, PITCH, SURGE, WAVEBOT, mapping, world
+from mode_plants import AXIS, BUS, DRIVE, DT, HEAVE, OIL, PITCH, SURGE, WAVEBOT, mapping, world
 from numpy.typing import NDArray
 
 from rig.kinds.modular.rehearsal.compiled_plant import CompiledStepper
@@ -64,9 +64,8 @@ def closed_form(
     friction = np.diag([axis.viscous_friction for axis in plant.axes.values()]).astype(complex)
     friction[0, 0] -= pto
     linear = np.diag([mode.linear_damping for mode in plant.modes.values()])
-    system = building.stiffness_matrix(plant, model.bem) + 1j * omega * (
-        memory + linear + factors.T @ friction @ factors
-    )
+    stiffness = building.stiffness_matrix(plant, model.bem) + building.line_stiffness(plant)
+    system = stiffness + 1j * omega * (memory + linear + factors.T @ friction @ factors)
     system = system - omega**2 * building.inertia_matrix(plant, model.bem)
     count = len(plant.modes)
     force = [excitation_at(mode_bem(model.bem, k), np.array([frequency]))[0] for k in range(count)]
@@ -186,34 +185,57 @@ def test_one_mode_of_the_wavebot_moves_as_the_wavebot() -> None:
 
 # Parts.
 def rough() -> PlantModel:
-    """Return a plant with everything: two axes, end stops, friction, noise, saturation."""
+    """Return a plant of all parts, in motion: stops, play, oil, lines, a bus, noise, saturation."""
     stop = {"position": 0.03, "stiffness": 5e4, "damping": 1e3}
     modes = {
         "heave": {**HEAVE, "quadratic_damping": 500.0, "end_stop": stop},
         "surge": SURGE,
         "pitch": PITCH,
     }
-    drive = {**DRIVE, "current_limit_a": 4.0, "resistance_ohm": 0.5, "current_noise_a": 0.1}
+    drive = {
+        **DRIVE, "current_limit_a": 4.0, "resistance_ohm": 0.5, "current_noise_a": 0.1,
+        "loss_w_per_a": 2.0, "back_emf_v_s_per_rad": 0.5,
+    }  # fmt: skip
     friction = {"viscous_friction": 100.0, "coulomb_friction": 20.0, "inertia": 30.0}
     axes = {
-        "one": {"moves_with": {"heave": 1.0, "pitch": 0.3}, "drive": drive, **friction},
-        "two": {"moves_with": {"surge": 1.0}},
-    }
+        "one": {
+            "moves_with": {"heave": 1.0, "pitch": 0.3}, "drive": drive, **friction,
+            "gear_efficiency": 0.9, "cogging": {"force_n": 5.0, "pitch_m": 0.02},
+        },
+        "two": {
+            "moves_with": {"surge": 1.0}, **friction, "end_stop": stop,
+            "backlash": {"half_gap": 0.001, "stiffness": 5e5, "damping": 500.0},
+        },
+        "three": {"moves_with": {"pitch": 1.0}, "gear_ratio": 250.0, "hydraulic": OIL},
+    }  # fmt: skip
+    line = {
+        "anchor_m": [3.0, 0.5, -3.0], "fairlead_m": [1.0, 0.0, -0.5], "pretension_n": 150.0,
+        "stiffness_n_per_m": 4000.0, "damping_n_s_per_m": 30.0,
+        "moves_with": {"surge": [1, 0, 0], "heave": [0, 0, 1], "pitch": [-0.5, 0, -1]},
+    }  # fmt: skip
+    mooring = {"stiffness": {"surge": {"pitch": -400.0}}, "lines": {"bow": line}}
     sensors = {
         "force": {"signal": "one.force", "noise": 1.0, "scale": 0.1, "offset": 2.0},
         "power": {"signal": "one.electric_power"},
         "mechanical": {"signal": "one.mechanical_power"},
+        "motor": {"signal": "two.motor_position"},
+        "oil": {"signal": "three.pressure"},
         "tilt": {"signal": "pitch.position", "noise": 0.01},
+        "line": {"signal": "bow.tension"},
+        "volts": {"signal": "bus.voltage"},
+        "dump": {"signal": "bus.dump_power"},
         "probe": {"signal": "wave.elevation"},
     }
-    return mode_plants.model(mapping(modes, axes, sensors=sensors, delay_s=0.002))
+    given = mapping(modes, axes, sensors=sensors, delay_s=0.002, mooring=mooring, bus=BUS)
+    return mode_plants.model(given)
 
 
 def test_compiled_and_interpreted_plants_are_equal_bit_for_bit() -> None:
     model, sea = rough(), sea_states.jonswap(0.2, 3.0, 3.3, 10.0, 1)
     worlds = [world(model, sea, stepper=stepper) for stepper in (Stepper, CompiledStepper)]
     for tick in range(3000):
-        drives = (6.0 * math.sin(0.003 * tick), 1.0, -1.0, float(tick % 900 > 100))
+        current = 6.0 * math.sin(0.003 * tick)
+        drives = (current, 1.0, -5.0 * current, float(tick % 900 > 100), -1.0, 1.0)
         for each in worlds:
             if not 1500 < tick < 1800:  # the watchdog trips
                 each.actuate(Actuation(drives, int(tick < 2500)))
@@ -230,7 +252,7 @@ def test_a_seed_repeats_the_noise() -> None:
         simulated.advance(DT)
         simulated.advance(DT)
         simulated.advance(DT)
-        return simulated.readings()[8]
+        return simulated.readings()[12]
 
     assert force(1) == force(1) != force(2)
 

@@ -19,8 +19,8 @@ from rig.kinds.wavebot.predictions.bus import (
     block_means,
     simulate,
 )
-from sim_plant import bus
 from sim_plant.parameters import Plant
+from sim_plant.parts import bus
 
 DT = 0.001
 

@@ -8,15 +8,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from rig.compilation import lifting
-from sim_plant import drive, sensors
+from sim_plant import sensors
 from sim_plant.modes import plant
 from sim_plant.modes.plant import ModesParams
 from sim_plant.modes.world import Stepper
+from sim_plant.parts import (
+    bus,
+    drag,
+    drive,
+    end_stop,
+    friction,
+    gear,
+    hydraulic,
+    linear_motor,
+    mooring_line,
+)  # fmt: skip
 
-LIFTED_MODULES = (drive, sensors, plant)
+LIFTED_MODULES = (
+    bus, drag, drive, end_stop, friction, gear, hydraulic, linear_motor, mooring_line, sensors,
+    plant,
+)  # fmt: skip
 
 _INTEGERS = ("source", "partner")
-_SIZES = ("modes", "axes", "states", "sensor_count")
+_SIZES = ("modes", "axes", "states", "line_count", "bus_count", "sensor_count")
 _SEQUENCES = tuple(name for name in ModesParams._fields if name not in _SIZES)
 
 # Slices of two arrays are made in compiled code: each array argument costs 0.2 us a tick.
@@ -67,8 +81,10 @@ def _source() -> str:
 class CompiledStepper(Stepper):
     """A `Stepper` that runs compiled, on arrays."""
 
-    def __init__(self, params: ModesParams, normals: Sequence[float], dt: float) -> None:
-        super().__init__(params, normals, dt)
+    def __init__(
+        self, params: ModesParams, state: list[float], normals: Sequence[float], dt: float
+    ) -> None:
+        super().__init__(params, state, normals, dt)
         floats = [getattr(params, name) for name in _SEQUENCES if name not in _INTEGERS]
         parts = [*floats, self.state, normals]
         starts = np.cumsum([0, *map(len, parts)])
@@ -117,10 +133,10 @@ class CompiledStepper(Stepper):
         return numbers
 
     def set_motion(self, position: Sequence[float], velocity: Sequence[float]) -> None:
-        """Set positions and velocities of the modes."""
-        count = self._params.modes
-        self._array[:count] = position
-        self._array[count : 2 * count] = velocity
+        """Set positions and velocities of the modes, and of the motors that move with them."""
+        state = self.numbers()
+        plant.place(self._params, state, position, velocity)
+        self._array[:] = state
 
     def _call(self, fresh: int, tick: int, elevation: float) -> None:
         self._advance(

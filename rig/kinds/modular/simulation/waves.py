@@ -57,8 +57,10 @@ class BodyInWaves:
         plant, (axis,) = self._model.plant, self._model.plant.axes.values()
         factor = building.factor_matrix(plant)[0, 0]
         damping = self._only_mode().linear_damping + factor * factor * axis.viscous_friction
+        damping += building.line_damping(plant)[0, 0]
         mass = building.inertia_matrix(plant, self._model.bem)[0, 0]
         stiffness = building.stiffness_matrix(plant, self._model.bem)[0, 0]
+        stiffness += building.line_stiffness(plant)[0, 0]
         memory = radiation.response(self._model.radiation, omega)[:, 0, 0]
         found: Complexes = stiffness - omega * omega * mass + 1j * omega * (damping + memory)
         return found
@@ -76,4 +78,12 @@ class BodyInWaves:
                 f"one has the modes {', '.join(modes)} and the axes {', '.join(axes)}: use a run "
                 "that logged the undisturbed elevation"
             )
+        for name, axis in axes.items():
+            if axis.backlash is not None or axis.hydraulic is not None:
+                part = "hydraulic" if axis.backlash is None else "backlash"
+                raise ValueError(
+                    "waves are recovered from forces only where the motor's force acts on the body "
+                    f"itself; the plant's axis {name} has a section {part}: use a run that logged "
+                    "the undisturbed elevation"
+                )
         return next(iter(modes.values()))

@@ -4,7 +4,7 @@ from types import ModuleType
 from typing import Any, ClassVar
 
 from rig.compilation.plant_step import PlantStep
-from sim_plant import drive, sensors
+from sim_plant import sensors
 from sim_plant.bench import (
     brake,
     dynamometer,
@@ -19,6 +19,7 @@ from sim_plant.bench import (
 from sim_plant.bench.signals import Actuation, BenchReading
 from sim_plant.flap import body, oswec
 from sim_plant.flap import stepper as flap_stepper
+from sim_plant.parts import drive
 
 _BENCH_MODULES = (
     brake, drive, dynamometer, gearbox, load_cell, losses, motor, sensors, servo, transmission,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.design.grid import Floats, Grid
-from sim_plant.bus import BusParams
+from sim_plant.parts.bus import BusParams
 
 STEP = 0.02  # s; the dump resistors need 0.5 s or more to move the bus
 # s, initial part of an interval in which the supply follows a raised set point; extremes in it do

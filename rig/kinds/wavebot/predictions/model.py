@@ -25,9 +25,9 @@ from rig.planning.reference import list_realisations
 from sim_plant import sea_states
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.body import BodyParams
-from sim_plant.drive import DriveParams
 from sim_plant.electrics import ElectricsParams
 from sim_plant.parameters import Plant
+from sim_plant.parts.drive import DriveParams
 from sim_plant.sea_states import Sea
 from sim_plant.wavebot import WaveBotParams
 

@@ -24,7 +24,7 @@ from rig.kinds.wavebot.predictions.prediction import Prediction, RowPrediction, 
 from rig.kinds.wavebot.predictions.travel import compare_orders
 from rig.kinds.wavebot.predictions.verdict import compute_margins, judge
 from rig.realtime.sequence import NO_ROW, Phase
-from sim_plant.bus import BusParams
+from sim_plant.parts.bus import BusParams
 
 MAX_SAMPLES = 500_000  # per batch, so that the arrays fit a processor cache
 PASSES = 2  # over motion and bus, which depend on each other

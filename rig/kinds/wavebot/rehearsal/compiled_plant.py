@@ -8,10 +8,8 @@ from rig.compilation.plant_step import PlantStep
 from sim_plant import (
     analyser,
     body,
-    bus,
     cots_drive,
     custom_drive,
-    drive,
     electrics,
     magnetic_spring,
     pto,
@@ -20,13 +18,14 @@ from sim_plant import (
     surge,
     wavebot,
 )
+from sim_plant.parts import bus, drive, friction
 from sim_plant.signals import Actuation, Readings
 from sim_plant.stepper import Stepper, StepperInputs
 from sim_plant.wavebot import NO_EXCITATION, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 
 LIFTED_MODULES = (
-    analyser, body, bus, cots_drive, custom_drive, drive, electrics, magnetic_spring, pto, sensors,
-    stator_force, surge, wavebot,
+    analyser, body, bus, cots_drive, custom_drive, drive, electrics, friction, magnetic_spring,
+    pto, sensors, stator_force, surge, wavebot,
 )  # fmt: skip
 
 _ARGUMENTS = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sim_plant.drive import NO_FAULT, OVERVOLTAGE, UNDERVOLTAGE
+from sim_plant.parts.drive import NO_FAULT, OVERVOLTAGE, UNDERVOLTAGE
 from sim_plant.units import Code, Farad, Flag, Joule, Ohm, Second, Siemens, Volt, Watt
 
 

@@ -1,0 +1,1 @@
+"""Parts of simulated plants: one module each, with its equation and its source. Pure."""

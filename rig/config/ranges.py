@@ -107,7 +107,9 @@ def _descend(candidates: Iterable[AllowedValues], part: str | int) -> Iterable[A
         for member, _ in members:
             arguments = get_args(member)
             if get_origin(member) in (tuple, list) and isinstance(part, int):
-                yield AllowedValues(arguments[0], ())
+                # A tuple of fixed length has a type for each place, others one for all entries.
+                fixed = len(arguments) > part and Ellipsis not in arguments
+                yield AllowedValues(arguments[part if fixed else 0], ())
             elif get_origin(member) is dict and isinstance(part, str):
                 yield AllowedValues(arguments[1], ())
 

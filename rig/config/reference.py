@@ -23,6 +23,12 @@ Frequency = Annotated[float, Field(ge=0.02, le=5)]
 Band = Annotated[float, Field(ge=0.01, le=5)]
 RepeatPeriod = Annotated[float, Field(ge=1, le=MAX_REPEAT_S)]
 
+ProfilePoint = Annotated[
+    tuple[Annotated[float, Field(ge=0, le=MAX_REPEAT_S)], Annotated[float, Field(ge=-1, le=1)]],
+    Field(strict=False),
+]
+"""Time of a profile's point, s, and its share of the amplitude."""
+
 _ROUNDING = 1e-9  # relative tolerance for a whole number of periods
 
 
@@ -182,6 +188,59 @@ class MultisineReference(_BandStimulus):
         )
 
 
+class NoiseReference(_BandStimulus):
+    """Gaussian noise of a band: lines k/repeat with random amplitudes and phases."""
+
+    kind: Literal["noise"]
+    # None: the campaign's seed
+    seed: WholeNumber | None = Field(default=None, ge=0, le=4_294_967_295)
+
+    def description(self) -> str:
+        """Return one line of text."""
+        return f"noise, {self.amplitude_description()}, {self.band_description()}"
+
+
+class ProfileReference(_Stimulus):
+    """Straight lines between points (s, share of the amplitude); two points at one time: a step.
+
+    Ramps, steps, trapezoids. The first share holds from 0 s on, the last one to the end.
+    """
+
+    kind: Literal["profile"]
+    points: TupleOf[ProfilePoint] = Field(min_length=1, max_length=1000)
+    repeat_s: RepeatPeriod
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that times ascend within the repeat period and that some share is 1 or -1."""
+        yield from super().check_rules()
+        before, repeat = 0.0, format_number(self.repeat_s)
+        for i, (time, _) in enumerate(self.points):
+            if not before <= time <= self.repeat_s:
+                message = f"{format_number(time)} s: times ascend from 0 to repeat_s = {repeat} s"
+                yield RuleViolation(("points", i), message, time)
+                return
+            before = time
+        largest = max(abs(share) for _, share in self.points)
+        if largest != 1.0:
+            yield self.violation(
+                "points",
+                f"the largest share is {format_number(largest)}; it must be 1 or -1, at which the "
+                "force has its amplitude",
+            )
+
+    @property
+    def period(self) -> float:
+        """Repeat period of the force, s."""
+        return self.repeat_s
+
+    def description(self) -> str:
+        """Return one line of text."""
+        return (
+            f"profile of {len(self.points)} points, {self.amplitude_description()}, repeats after "
+            f"{format_number(self.repeat_s)} s"
+        )
+
+
 class RecordedReference(FileModel):
     """A force from a CSV file, played from ``start_s`` to ``end_s`` repeatedly.
 
@@ -230,8 +289,14 @@ def rational_frequency(frequency: float) -> Fraction | None:
     return fraction if abs(float(fraction) - frequency) <= 1e-12 else None
 
 
-AnyStimulus = (
-    SineReference | SteppedSineReference | ChirpReference | MultisineReference | RecordedReference
+GeneratedReference = (
+    SineReference
+    | SteppedSineReference
+    | ChirpReference
+    | MultisineReference
+    | NoiseReference
+    | ProfileReference
 )
+AnyStimulus = GeneratedReference | RecordedReference
 AnyReference = AnyStimulus | None
 Reference = Annotated[AnyStimulus, Field(discriminator="kind")]

@@ -105,6 +105,19 @@ def design_multisine(
     return Multisine(repeat_s, cycles, amplitude, phases[best])
 
 
+def draw_noise(low_hz: float, high_hz: float, repeat_s: float, seed: int) -> Multisine:
+    """Return Gaussian noise of a band: cosine and sine of each line have normal amplitudes.
+
+    Source: S. O. Rice, Mathematical Analysis of Random Noise, Bell System Technical Journal 23,
+    1944, section 2.8.
+    """
+    cycles = np.array(line_range(low_hz, high_hz, repeat_s), np.int64)
+    cosine, sine = np.random.default_rng([seed, 0, 2]).standard_normal((2, cycles.size))
+    return Multisine(
+        repeat_s, cycles, np.hypot(cosine, sine), np.mod(np.arctan2(-sine, cosine), 2.0 * np.pi)
+    )
+
+
 def one_period(signal: Multisine, count: int) -> Floats:
     """Return one repeat period as ``count`` equidistant samples from t = 0.
 

@@ -12,7 +12,10 @@ from rig.config.reference import (
     AnyReference,
     AnyStimulus,
     ChirpReference,
+    GeneratedReference,
     MultisineReference,
+    NoiseReference,
+    ProfileReference,
     RecordedReference,
     SineReference,
     SteppedSineReference,
@@ -22,6 +25,7 @@ from rig.planning.elevation import read_channel_window
 from rig.planning.multisine import (
     Floats,
     design_multisine,
+    draw_noise,
     odd_lines,
     one_period,
     random_odd_lines,
@@ -130,7 +134,7 @@ def repeat_ticks(reference: AnyStimulus, rate_hz: int) -> int:
 
 
 def _repeat_period(
-    reference: SineReference | SteppedSineReference | ChirpReference | MultisineReference,
+    reference: GeneratedReference,
     scale: float,
     ticks: int,
     seed: int,
@@ -150,7 +154,12 @@ def _repeat_period(
         return np.asarray(scale * np.sin(2.0 * np.pi * cycles[index] * (holds - index)))
     if isinstance(reference, ChirpReference):
         return np.asarray(scale * np.sin(2.0 * np.pi * _chirp_cycles(reference, time)))
+    if isinstance(reference, ProfileReference):
+        return np.asarray(scale * _profile(reference, time * reference.repeat_s))
     phase_seed = seed if reference.seed is None else reference.seed
+    if isinstance(reference, NoiseReference):
+        noise = draw_noise(reference.low_hz, reference.high_hz, reference.repeat_s, phase_seed)
+        return one_period(scale_to_peak(noise, scale), ticks)
     choose = {"all": None, "odd": odd_lines, "random odd": random_odd_lines(phase_seed)}
     signal = design_multisine(
         reference.low_hz,
@@ -164,6 +173,19 @@ def _repeat_period(
         choose=choose[reference.lines],
     )
     return one_period(scale_to_peak(signal, scale), ticks)
+
+
+def _profile(profile: ProfileReference, time: Floats) -> Floats:
+    """Return the shares of the amplitude at times within the period (s)."""
+    times, shares = np.array(profile.points).T
+    # Of two points at one time the later one holds from this time on.
+    after = np.searchsorted(times, time, side="right")
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, len(times) - 1)
+    span = times[after] - times[before]
+    share = np.divide(time - times[before], span, out=np.zeros_like(time), where=span > 0.0)
+    found: Floats = shares[before] + np.clip(share, 0.0, 1.0) * (shares[after] - shares[before])
+    return found
 
 
 def _chirp_cycles(chirp: ChirpReference, time: Floats) -> Floats:

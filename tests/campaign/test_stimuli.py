@@ -74,8 +74,8 @@ def test_noise_is_gaussian_within_its_band() -> None:
     power = [np.mean(part**2) for part in np.array_split(inside, 4)]
     assert max(power) < 1.25 * min(power)
     assert np.mean(values**4) / np.mean(values**2) ** 2 == pytest.approx(3.0, abs=0.2)
-    again = force(stimulus(kind="noise", amplitude_n=100.0, seed=6, **band))
-    assert abs(np.corrcoef(values, again)[0, 1]) < 0.1
+    other = force(stimulus(kind="noise", amplitude_n=100.0, seed=6, **band))
+    assert abs(np.corrcoef(values, other)[0, 1]) < 0.1
 
 
 def test_a_profile_has_ramps_and_steps() -> None:

@@ -15,6 +15,7 @@ from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
 from rig.planning.points import unused_row_warnings
+from rig.planning.tank import TankTimes, tank_line, tank_times, tank_warnings
 from rig.presentation.phrases import format_duration
 
 
@@ -65,6 +66,7 @@ class CheckReport(NamedTuple):
     validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
     law_warnings: tuple[Problem, ...] = ()  # about laws
+    tank_warnings: tuple[Problem, ...] = ()  # rows before the full waves, or with reflected ones
     not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
@@ -76,7 +78,8 @@ class CheckReport(NamedTuple):
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
-        return (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *predicted)
+        own = (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *self.tank_warnings)
+        return (*own, *predicted)
 
     @property
     def ok(self) -> bool:
@@ -97,6 +100,7 @@ class CheckReport(NamedTuple):
             "device": "present" if planned.rows else "absent",
             "sea": file.sea.description(),
             "sea_keys": file.sea.model_dump(mode="json") | _phases_seed(file),
+            **_tank_entry(campaign),
             "order": file.order,
             "rows": len(planned.rows),
             "points": len(campaign.points),
@@ -147,6 +151,7 @@ class CheckReport(NamedTuple):
         return [
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
             ("sea", f"{file.sea.description()}{seed}"),
+            *([] if (times := _tank_times(campaign)) is None else [("tank", tank_line(times))]),
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *_law_lines(campaign),
             ("rows", rows),
@@ -220,7 +225,26 @@ def check_campaign(
         return CheckReport(
             path, prediction.refused, None, None, prediction, out_of_date, unused_rows
         )
-    return CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
+    times = _tank_times(campaign)
+    tank = (
+        () if times is None else tank_warnings(times, planned.segments, planned.dt, campaign.locate)
+    )
+    report = CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
+    return report._replace(tank_warnings=tuple(tank))
+
+
+def _tank_times(campaign: AnyCampaign) -> TankTimes | None:
+    """Return when the waves of a campaign arrive; None without a tank, or for unknown periods."""
+    file = campaign.file
+    return None if file.tank is None else tank_times(file.tank, file.sea)
+
+
+def _tank_entry(campaign: AnyCampaign) -> dict[str, Any]:
+    times = _tank_times(campaign)
+    if times is None:
+        return {}
+    keys = ("first_s", "full_s", "reflected_s", "longest_period_s", "shortest_period_s")
+    return {"tank": dict(zip(keys, times, strict=True))}
 
 
 def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:

@@ -85,9 +85,9 @@ def open_campaign(
     """
     reader = FileReader(load)
     problems, files, attempt = reader.problems, reader.files, reader.attempt
-    top = reader.read_first("campaign", Path(path), kind.campaign_file.inline, "sea")
+    top = reader.read_first("campaign", Path(path), kind.campaign_file.inline)
     _require_campaign(top)
-    rig_source = reader.read("rig", top, ("rig",), rig_path, kind.rig_file.inline, kind.rig_parts)
+    rig_source = reader.read("rig", top, ("rig",), rig_path, kind.rig_file.inline)
     limits_source = reader.read("limits", rig_source, ("limits",))
     owner = rig_source if top.mapping.get("plant") is None else top
     plant_source = reader.read("plant", owner, ("plant",))

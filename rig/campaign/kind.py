@@ -131,7 +131,6 @@ class CampaignKind(NamedTuple):
     """Recorded limits, completed by those of checks that are newer than the run."""
     swept_keys: tuple[str, ...] = ("sea", "law", "reference", "seed", "start", "timing", "tare")
     """Keys of the campaign file that may be swept."""
-    rig_parts: str = ""  # role of files that the rig file names in place of a mapping
 
 
 class Campaign(NamedTuple, Generic[F, R, L]):

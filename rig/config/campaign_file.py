@@ -15,6 +15,7 @@ from rig.config.model import FileModel, WholeNumber, rule_error
 from rig.config.problems import format_value
 from rig.config.reference import Reference
 from rig.config.sea import Sea
+from rig.config.tank import Tank
 from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
 from rig.row_contents import Column
 
@@ -35,6 +36,7 @@ class CampaignHead(FileModel):
     plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
     seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
     sea: Sea  # or the name of a file that holds it
+    tank: Tank | None = None  # or the name of a file
 
 
 class BaseCampaignFile(CampaignHead):
@@ -43,7 +45,7 @@ class BaseCampaignFile(CampaignHead):
     A kind whose campaigns may have no rows (wave calibration) makes the matrix optional.
     """
 
-    inline: ClassVar[tuple[str, ...]] = ("sea",)
+    inline: ClassVar[tuple[str, ...]] = ("sea", "tank")
     kind_columns: ClassVar[KindColumns]
     axis_laws: ClassVar[Mapping[str, AxisLaw]]  # by axis, in the order of the rig
     reference_axes: ClassVar[tuple[str, ...]]  # that a reference may excite; the first by default

@@ -9,6 +9,7 @@ the name, and its values keep their own file and line.
 """
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,12 +44,12 @@ class SourceMap:
         path: Path,
         places: dict[KeyPath, SourceLocation],
         files: tuple[Path, ...],
-        inlined: tuple[Path, ...] = (),
+        inlined: Mapping[Path, str] | None = None,
     ) -> None:
         self.path = path
         self.locations = places
         self.files = files  # every file read: the named one first, then the files it extends
-        self.inlined = inlined  # the files among them that hold the mapping of a single key
+        self.inlined = dict(inlined or {})  # those that hold the mapping of a single key, and it
 
     def __call__(self, key: KeyPath = ()) -> SourceLocation:
         """Return the location of a key, or of the nearest enclosing key that exists."""
@@ -132,8 +133,9 @@ def _load(
     _merge(inherited, tree, locations, locate.locations, ())
     locations[()] = locate.locations[()]
     used = {location.path for location in locations.values()}
-    inlined = tuple(p for p in (*locate.inlined, *origin.inlined) if p in used)
-    unused = {*locate.inlined, *origin.inlined} - used
+    holding = origin.inlined | locate.inlined
+    inlined = {path: key for path, key in holding.items() if path in used}
+    unused = holding.keys() - used
     files = tuple(dict.fromkeys(p for p in (*locate.files, *origin.files) if p not in unused))
     return inherited, SourceMap(path, locations, files, inlined)
 
@@ -154,7 +156,7 @@ def _inline_files(
         tree[name] = mapping
         locate.locations.update({(name, *key): place for key, place in origin.locations.items()})
         locate.files += origin.files
-        locate.inlined += origin.files
+        locate.inlined |= dict.fromkeys(origin.files, name)
     return file_keys
 
 

@@ -80,12 +80,10 @@ class FileReader:
             self.problems.extend(error.problems)
             return None
 
-    def read_first(
-        self, role: str, path: Path, inline: tuple[str, ...] = (), inlined_role: str = ""
-    ) -> ConfigSource:
+    def read_first(self, role: str, path: Path, inline: tuple[str, ...] = ()) -> ConfigSource:
         """Return the campaign's or session's own file; ConfigError if it cannot be read."""
         source = ConfigSource(*self._load(path, inline=inline))
-        self._add(source, role, inlined_role)
+        self._add(source, role)
         return source
 
     def read(
@@ -95,7 +93,6 @@ class FileReader:
         key: KeyPath,
         replacement: Path | None = None,
         inline: tuple[str, ...] = (),
-        inlined_role: str = "",
     ) -> ConfigSource | None:
         """Return the file named at a key of another file, or ``replacement``."""
         if owner is None:
@@ -108,7 +105,7 @@ class FileReader:
             )
         )
         if source is not None:
-            self._add(source, role, inlined_role)
+            self._add(source, role)
         return source
 
     def validated(self, source: ConfigSource | None, model: type[M]) -> M | None:
@@ -117,12 +114,12 @@ class FileReader:
             return None
         return self.attempt(lambda: validate(source.mapping, source.locate, model))
 
-    def _add(self, source: ConfigSource, role: str, inlined_role: str) -> None:
-        """Add the files of a source; those that hold the mapping of a key have another role."""
+    def _add(self, source: ConfigSource, role: str) -> None:
+        """Add the files of a source; the role of one that holds the mapping of a key is the key."""
         self._sources.append(source)
         inlined = source.locate.inlined
         self.files += [
-            hash_input_file(inlined_role if path in inlined else role, path)
+            hash_input_file(inlined.get(path, role).replace("_", " "), path)
             for path in source.locate.files
         ]
 

@@ -38,7 +38,7 @@ def test_a_sea_can_be_the_name_of_a_file(tmp_path: Path) -> None:
     assert locate(("sea", "hm0_m")) == SourceLocation(sea, 2)
     assert locate(("sea", "missing")) == SourceLocation(sea, 1)
     assert locate(("rig",)) == SourceLocation(top, 2)
-    assert (locate.files, locate.inlined) == ((top, sea), (sea,))
+    assert (locate.files, locate.inlined) == ((top, sea), {sea: "sea"})
     assert locate.resolve_path(("sea", "kind"), "record.csv") == tmp_path / "seas" / "record.csv"
 
 
@@ -89,7 +89,7 @@ def test_one_key_of_an_inherited_sea_file_can_be_changed(tmp_path: Path) -> None
     assert (file.sea.hm0_m, file.sea.seed, file.sea.realisation) == (0.2, 4, 2)
     assert locate(("sea", "realisation")) == SourceLocation(top, 2)
     assert locate(("sea", "seed")) == SourceLocation(sea, 3)
-    assert (locate.files, locate.inlined) == ((top, base, sea), (sea,))
+    assert (locate.files, locate.inlined) == ((top, base, sea), {sea: "sea"})
 
 
 def test_another_file_replaces_an_inherited_sea_entirely(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_another_file_replaces_an_inherited_sea_entirely(tmp_path: Path) -> None
     top = write(tmp_path, "top.yaml", "extends: base.yaml\nsea: other.yaml\n")
     mapping, locate = load_mapping(top, inline=("sea",))
     assert mapping["sea"] == {"kind": "pink", "hm0_m": 0.1}  # without the seed of the replaced file
-    assert (locate.files, locate.inlined) == ((top, other, base), (other,))
+    assert (locate.files, locate.inlined) == ((top, other, base), {other: "sea"})
     written = write(tmp_path, "written.yaml", "extends: base.yaml\nsea: {kind: calm}\n")
     mapping, locate = load_mapping(written, inline=("sea",))
     assert mapping["sea"] == {"kind": "calm"}

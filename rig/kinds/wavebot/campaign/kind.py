@@ -226,6 +226,5 @@ CAMPAIGNS = CampaignKind(
     validity_warnings=validity_warnings,
     report_lines=_report_lines,
     earlier_limits=lambda recorded: complete_limits(recorded, LATER_LIMITS),
-    rig_parts="spring map",
     swept_keys=("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare"),
 )

@@ -169,7 +169,7 @@ def _campaign_text(recommendation: Recommendation, path: Path) -> str:
     """Return the text of the file at ``path``: the base campaign with the recommended matrix."""
     base, name = recommendation.base, recommendation.campaign.file.name
     name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
-    mapping, _ = load_mapping(base, inline=("sea",))
+    mapping, _ = load_mapping(base, inline=("sea", "tank"))
     inherited = mapping.get("matrix") or {}
     text_lines = [f"# {line}" for line in _header(recommendation)]
     text_lines += [

@@ -1,0 +1,172 @@
+"""Travel of waves in a tank: when they reach the device, and when their reflection is back.
+
+Energy travels with the group velocity c_g = (omega / 2k) (1 + 2kh / sinh 2kh), with
+omega² = g k tanh(kh) at the local depth h (linear waves on a slowly varying bottom; R. G. Dean and
+R. A. Dalrymple, Water Wave Mechanics for Engineers and Scientists, sections 3.4 and 4.8).
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.config.problems import Problem
+from rig.config.sea import AnySea, JonswapSea, MultisineSea, PinkSea, RegularSea
+from rig.config.tank import Tank
+from rig.config.yaml_source import SourceMap
+from rig.realtime.sequence import NO_ROW, Phase, Segments
+
+GRAVITY = 9.80665  # m/s2
+_PANELS = 400  # of Simpson's rule over a beach
+
+
+class TankTimes(NamedTuple):
+    """Times on the wave clock for the waves of a sea, s."""
+
+    first: float  # the first waves reach the device
+    full: float  # all waves have their full height there
+    reflected: float  # the first reflected waves are back
+    longest: float  # period of the fastest waves
+    shortest: float
+
+
+def wave_number(period: float, depth: float) -> float:
+    """Return k of omega² = g k tanh(k h), 1/m, by Newton's method."""
+    omega = 2.0 * math.pi / period
+    deep = omega * omega / GRAVITY
+    kh = max(deep * depth, math.sqrt(deep * depth))
+    for _ in range(50):
+        tanh = math.tanh(kh)
+        change = (kh * tanh - deep * depth) / (tanh + kh * (1.0 - tanh * tanh))
+        kh -= change
+        if abs(change) < 1e-14 * kh:
+            break
+    return kh / depth
+
+
+def group_velocity(period: float, depth: float) -> float:
+    """Return the velocity of the waves' energy, m/s."""
+    k = wave_number(period, depth)
+    kh = k * depth
+    # sinh overflows; deep water has no second term.
+    shallow = 2.0 * kh / math.sinh(2.0 * kh) if kh < 300.0 else 0.0
+    return math.pi / (period * k) * (1.0 + shallow)
+
+
+def travel_time(tank: Tank, period: float) -> float:
+    """Return the time from the wave maker to the device, s.
+
+    ``device_m`` may be above the beach.
+    """
+    return _time_to(tank, period, tank.device_m)
+
+
+def reflection_time(tank: Tank, period: float) -> float:
+    """Return the time from the device to beach or wall and back, s."""
+    return 2.0 * (_time_to(tank, period, tank.shore_m) - _time_to(tank, period, tank.device_m))
+
+
+def _time_to(tank: Tank, period: float, place: float) -> float:
+    flat = place if tank.beach is None else min(place, tank.beach.start_m)
+    time = flat / group_velocity(period, tank.depth_m)
+    if tank.beach is None or place <= flat:
+        return time
+    # Over the beach with u² = depth there / depth: the integrand is smooth up to the shore, u = 0.
+    least = max(1.0 - (place - flat) * tank.beach.slope / tank.depth_m, 0.0)
+    u = np.linspace(math.sqrt(least), 1.0, _PANELS + 1)
+    slowness = np.empty_like(u)  # u / c_g
+    for at, share in enumerate(u.tolist()):
+        if share > 0.0:
+            slowness[at] = share / group_velocity(period, tank.depth_m * share * share)
+        else:
+            slowness[at] = 1.0 / math.sqrt(GRAVITY * tank.depth_m)
+    weights = np.ones(_PANELS + 1)
+    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
+    integral = float(weights @ slowness) * (1.0 - math.sqrt(least)) / (3.0 * _PANELS)
+    return time + 2.0 * tank.depth_m / tank.beach.slope * integral
+
+
+def sea_periods(sea: AnySea) -> tuple[float, float] | None:
+    """Return the longest and the shortest period of a sea's waves, s; None for unknown ones.
+
+    Of a JONSWAP sea both are the peak period.
+    """
+    if isinstance(sea, RegularSea):
+        return sea.period, sea.period
+    if isinstance(sea, JonswapSea):
+        return sea.tp_s, sea.tp_s
+    if isinstance(sea, (PinkSea, MultisineSea)):
+        return 1.0 / sea.low_hz, 1.0 / sea.high_hz
+    return None
+
+
+def tank_times(tank: Tank, sea: AnySea) -> TankTimes | None:
+    """Return when the waves of a sea arrive and return; None for a sea without known periods."""
+    periods = sea_periods(sea)
+    if periods is None:
+        return None
+    longest, shortest = periods
+    first = tank.still_s + travel_time(tank, longest)
+    return TankTimes(
+        first,
+        tank.still_s + tank.ramp_s + travel_time(tank, shortest),
+        first + reflection_time(tank, longest),
+        longest,
+        shortest,
+    )
+
+
+def tank_line(times: TankTimes) -> str:
+    """Return when waves arrive and return, for people."""
+    waves = f"{times.longest:.4g}"
+    if times.shortest != times.longest:
+        waves += f" .. {times.shortest:.4g}"
+    return (
+        f"waves of {waves} s: at the device after {times.first:.1f} s, full height after "
+        f"{times.full:.1f} s, reflected ones after {times.reflected:.1f} s"
+    )
+
+
+def tank_warnings(
+    times: TankTimes, segments: Segments, dt: float, locate: SourceMap
+) -> Iterator[Problem]:
+    """Yield a warning about rows measured before the full waves, and about those with reflections.
+
+    ``segments``: of the plan; ``dt``: of its ticks, s; ``locate``: of the campaign file.
+    """
+    windows = list(_measured(segments, dt))
+    early = [row for row, start, _ in windows if start < times.full - dt]
+    late = [row for row, _, end in windows if end > times.reflected + dt]
+    if early:
+        first = min(start for row, start, _ in windows if row == early[0])
+        message = (
+            f"{_rows(early)} measured from {first:.1f} s on, before the waves have their full "
+            f"height at the device ({times.full:.1f} s); a lead-in of "
+            f"{math.ceil(times.full)} s is enough"
+        )
+        yield locate.problem(("tank",), None, message)
+    if late:
+        message = (
+            f"{_rows(late)} measured after the first reflected waves are back at the device "
+            f"({times.reflected:.1f} s)"
+        )
+        yield locate.problem(("tank",), None, message)
+
+
+def _measured(segments: Segments, dt: float) -> Iterator[tuple[int, float, float]]:
+    """Yield row, start and end of each measured window on the wave clock, s."""
+    clock = 0
+    for row, phase, ticks, waves in zip(
+        segments.row, segments.phase, segments.ticks, segments.waves, strict=True
+    ):
+        if phase == Phase.MEASURE and row != NO_ROW:
+            yield row, clock * dt, (clock + ticks) * dt
+        clock += ticks if waves else 0
+
+
+def _rows(rows: list[int]) -> str:
+    """Return rows as text: they follow each other in a plan."""
+    if len(rows) == 1:
+        return f"row {rows[0]} is"
+    return f"rows {rows[0]} to {rows[-1]} ({len(rows)}) are"

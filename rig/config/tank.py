@@ -43,7 +43,7 @@ class Tank(FileModel):
 
     @property
     def shore_m(self) -> float:
-        """Distance of the shore line of the beach, or of the wall, at which waves are reflected, m."""
+        """Distance of what reflects waves: the shore line of the beach, or the wall; m."""
         if self.beach is None:
             return self.length_m
         return min(self.length_m, self.beach.start_m + self.depth_m / self.beach.slope)

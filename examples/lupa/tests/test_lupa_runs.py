@@ -1,0 +1,92 @@
+"""LUPA in runs: check, rehearsal, sweep; powers against the frequency domain with the filters."""
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from controllers import biquads
+from sim_plant.modes import building
+from test_lupa_feedback import DT, SETTINGS
+from test_lupa_numbers import LUPA, dynamic_stiffness, excitation, plant
+
+from wec_lupa import feedback
+
+PERIOD, AMPLITUDE = 2.5, 0.02  # s, m: so small that the drag of the hull takes 1 % of the power
+ROWS = ((0.0, 600.0), (-2000.0, 600.0))
+
+
+def write_campaign(folder: Path, rig: str, **keys: Any) -> Path:
+    path = folder / "campaign.yaml"
+    listed = [{"stiffness_n_per_m": k, "damping_n_s_per_m": c} for k, c in ROWS]
+    content = {
+        "name": "lupa",
+        "rig": str(LUPA / "rigs" / f"{rig}.yaml"),
+        "sea": {"kind": "regular", "amplitude_m": AMPLITUDE, "period_s": PERIOD},
+        "tare": {"duration_s": 1},
+        "start": {"lead_in_s": 40},
+        "timing": {"settle_s": 20, "interval_s": 32.5},
+        "matrix": {"list": listed},
+        **keys,
+    }
+    path.write_text(json.dumps(content))  # YAML reads JSON
+    return path
+
+
+def shaft_power(name: str, stiffness: float, damping: float) -> float:
+    """Return the power of the motor on the axis, with the lag of filters, hold and readings, W."""
+    model, omega = plant(name), 2.0 * math.pi / PERIOD
+    factors = building.factor_matrix(model.plant)
+    constants = feedback.params(SETTINGS, 0.0, DT)
+    lag = biquads.response((constants.notch, constants.low_pass), omega * DT)
+    lag *= np.exp(-1j * omega * 2.5 * DT) / (1.0 + 1j * omega / (2.0 * math.pi * 200.0))
+    control = (stiffness + 1j * omega * damping) * lag * factors.T @ factors
+    force = excitation(model, omega) * AMPLITUDE / 0.05
+    motion = factors @ np.linalg.solve(dynamic_stiffness(model, omega) + control, force)
+    pressed = -(stiffness + 1j * omega * damping) * lag * motion[0]
+    return float(0.5 * (pressed * np.conj(1j * omega * motion[0])).real)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["one_body", "two_body"])
+def test_powers_of_a_rehearsal(name: str, rig: Any, tmp_path: Path) -> None:
+    """Drag takes about 1 %; the lag of the filters adds 4 % of stiffness."""
+    path = write_campaign(tmp_path, name)
+    assert rig("check", path).returncode == 0
+    done = rig("run", path, "--runs", tmp_path / "runs")
+    assert done.returncode == 0, done.stderr + done.stdout
+    (run,) = (tmp_path / "runs").iterdir()
+    with (run / "rows.csv").open() as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    for row, (stiffness, damping) in zip(rows, ROWS, strict=True):
+        expected = shaft_power(name, stiffness, damping)
+        assert float(row["power_shaft [W]"]) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["one_body", "one_body_32_teeth", "one_body_80_teeth", "two_body"])
+def test_every_rig_passes_its_check(name: str, rig: Any, tmp_path: Path) -> None:
+    done = rig("check", write_campaign(tmp_path, name), "--json")
+    assert done.returncode == 0, done.stdout
+    assert json.loads(done.stdout)["problems"] == []
+
+
+def test_mooring_lines_replace_the_linear_mooring(rig: Any, tmp_path: Path) -> None:
+    """517.4 N/m of four lines in heave; the linear mooring of the same campaign is 253.36 N/m."""
+    model = plant("two_body_lines")
+    assert building.line_stiffness(model.plant)[1, 1] == pytest.approx(517.4, rel=1e-3)
+    assert building.stiffness_matrix(model.plant, model.bem)[1, 1] == pytest.approx(77.05, rel=1e-3)
+    lines = str(LUPA / "plants" / "two_body_lines.yaml")
+    done = rig("check", write_campaign(tmp_path, "two_body", plant=lines))
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("name", ["damping_1p68s", "damping_2p5s", "damping_3s"])
+def test_shipped_campaigns_pass_their_check(name: str, rig: Any) -> None:
+    done = rig("check", LUPA / "campaigns" / f"{name}.yaml", "--json")
+    assert done.returncode == 0, done.stdout
+    report = json.loads(done.stdout)
+    assert report["tank"]["full_s"] > 50.0
+    assert report["rows"] == 23 + 2 * (name == "damping_1p68s")

@@ -40,6 +40,7 @@ COMMANDS = tuple(
         ("identify", "Identify impedances and wave excitation from open-loop runs."),
         ("replay", "Replay a run's logged sensors through today's cycle, and compare."),
         ("sweep", "Simulate a campaign or session for all values of some parameters."),
+        ("optimum", "Find the best set points of a campaign on its simulated plant."),
         ("export", "Export a run for other tools."),
         ("merge", "Align wave data, power-analyser and other records with a run's time."),
         ("calibration", "List, show, apply and compare versioned corrections of recorded values."),

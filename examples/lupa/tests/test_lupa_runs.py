@@ -66,6 +66,33 @@ def test_powers_of_a_rehearsal(name: str, rig: Any, tmp_path: Path) -> None:
         assert float(row["power_shaft [W]"]) == pytest.approx(expected, rel=0.03)
 
 
+@pytest.mark.slow
+def test_the_optimum_is_the_impedance_match(rig: Any, tmp_path: Path) -> None:
+    """|F|² / 8 R within 1 %, at K and C within 5 %: the power is flat around the match.
+
+    Without drag; Kp and Ki of the impedance law make up for the delay of the loop.
+    """
+    plain = tmp_path / "plant.yaml"
+    base = LUPA / "plants" / "one_body.yaml"
+    plain.write_text(f"extends: {base}\nmodes: {{float: {{quadratic_damping: 0}}}}\n")
+    grid = [{"kp_n_s_per_m": [-1500, -500], "ki_n_per_m": [2000, 6000]}]
+    path = write_campaign(
+        tmp_path, "one_body", law="impedance", plant=str(plain), matrix={"grid": grid}
+    )
+    best = tmp_path / "best.yaml"
+    done = rig("optimum", path, "--for", "shaft", "--lead-in", 30, "--output", best, "--json")
+    assert done.returncode == 0, done.stderr + done.stdout
+    (optimum,) = json.loads(done.stdout)["optima"]
+    omega = 2.0 * math.pi / PERIOD
+    model = plant("one_body")
+    own = dynamic_stiffness(model, omega)[0, 0] / (1j * omega)
+    force = abs(excitation(model, omega)[0]) * AMPLITUDE / 0.05
+    assert optimum["power_w"] == pytest.approx(-(force**2) / (8.0 * own.real), rel=0.01)
+    assert optimum["values"]["ki"] == pytest.approx(-omega * own.imag, rel=0.05)
+    assert optimum["at_limit"] == []
+    assert rig("check", best).returncode == 0
+
+
 @pytest.mark.parametrize("name", ["one_body", "one_body_32_teeth", "one_body_80_teeth", "two_body"])
 def test_every_rig_passes_its_check(name: str, rig: Any, tmp_path: Path) -> None:
     done = rig("check", write_campaign(tmp_path, name), "--json")

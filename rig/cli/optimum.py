@@ -1,0 +1,180 @@
+"""`rig optimum FILE`."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from rig.cli.input_files import CAMPAIGNS, input_file
+from rig.cli.options import Json
+from rig.cli.output import FAILED, STOPPED, fail, input_errors, print_result
+from rig.config.problems import display_path, error_text
+from rig.config.yaml_source import load_mapping
+from rig.presentation.console import table_console
+from rig.presentation.json_values import json_value
+from rig.presentation.phrases import format_power
+from rig.stations import shown
+from rig.sweep.campaigns import LEAD_IN, CampaignTasks
+from rig.sweep.executors import available_processors
+from rig.sweep.optimum import Optimum, Search, find_station, open_search, search
+from rig.sweep.sweep import open_tasks
+
+EXIT_CODES = """\
+Exit codes: 0 found, and the campaign is written; 1 no row completes, or the campaign could not be \
+written; 2 bad input; 3 interrupted."""
+_MARK = "# Written by rig optimum"
+_COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
+
+
+def command(
+    campaign: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Campaign whose matrix varies the gains.")
+    ],
+    best: Annotated[
+        list[str] | None,
+        typer.Option("--for", help="Station whose power to maximise; repeatable (default: all)."),
+    ] = None,
+    lead_in: Annotated[
+        float, typer.Option("--lead-in", min=5, max=3600, help="Waves before each row, s.")
+    ] = LEAD_IN,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", min=1, max=1024, help="Threads (default: one per core)."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Campaign to write (default: NAME_optimum.yaml here)."),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Find the best set points of a campaign on its simulated plant, for each power station.
+
+    The search starts from the matrix and varies the columns of the control
+    law that the matrix varies, within the ranges of the law. It writes a
+    campaign of the best row for the first station given (without: the last
+    of the rig), of rows around it, and of the best rows for the others.
+    """
+    with input_errors("optimum", as_json=as_json):
+        path = input_file(campaign, CAMPAIGNS)
+        tasks = open_tasks(path, sequential=False, lead_in=lead_in)
+        if not isinstance(tasks, CampaignTasks):
+            raise ValueError(f"{path}: a session has no gain matrix; name a campaign")
+        opened = open_search(tasks, path, lead_in, jobs or available_processors())
+        stations = [find_station(opened, name) for name in best or ()]
+        stations = stations or [*reversed(shown(opened.task.contents.stations))]
+        written = output or Path(f"{opened.task.name[:50]}_optimum.yaml")
+        _check_output(written)
+    simulator = opened.task.simulator
+    if not simulator.is_compiled():
+        print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
+    try:
+        simulator.prepare()
+        found = search(opened, stations, _progress(quiet=as_json))
+        around = opened.around([found[0].values[column.name] for column in opened.columns])
+        opened.simulate(around, lambda count: None)
+        written.write_text(_campaign_text(path, written, opened, found, around), encoding="utf-8")
+    except KeyboardInterrupt:
+        return fail("optimum", RuntimeError("interrupted"), as_json=as_json, code=STOPPED)
+    except (OSError, ValueError, ArithmeticError) as error:
+        return fail("optimum", RuntimeError(error_text(error)), as_json=as_json, code=FAILED)
+    return print_result(
+        {"campaign": display_path(path), "simulated_rows": len(opened.rows),
+         "optima": [_as_dict(each) for each in found]},
+        _text(opened, found), [written], as_json=as_json,
+    )  # fmt: skip
+
+
+def _check_output(path: Path) -> None:
+    """Raise ValueError unless the campaign may be written to ``path``."""
+    if path.suffix != ".yaml":
+        raise ValueError(f"--output {path}: a campaign is YAML; give a name ending in .yaml")
+    if not path.parent.is_dir():
+        raise ValueError(f"--output {path}: there is no folder {path.parent}; make it first")
+    if path.is_dir() or (path.exists() and not path.read_text("utf-8").startswith(_MARK)):
+        raise ValueError(f"--output {path}: exists and is not of this command; name another file")
+
+
+def _progress(*, quiet: bool) -> Any:
+    terminal = sys.stderr.isatty() and not quiet
+
+    def show(count: int) -> None:
+        if terminal:
+            print(f"\r{count} rows simulated", end="", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _as_dict(optimum: Optimum) -> dict[str, Any]:
+    return {
+        "station": optimum.station.name,
+        "power_w": optimum.power,
+        "values": optimum.values,
+        "at_limit": list(optimum.at_limit),
+        "row": json_value(optimum.row),
+    }
+
+
+def _text(opened: Search, found: Sequence[Optimum]) -> str:
+    table = Table(box=None, header_style="", title_justify="left")
+    table.title = f"Best set points by {len(opened.rows)} simulated rows (negative is absorbed)"
+    table.add_column("for")
+    for column in opened.columns:
+        table.add_column(f"{column.label} {column.unit}", justify="right")
+    stations = shown(opened.task.contents.stations)
+    for station in stations:
+        table.add_column(station.heading, justify="right")
+    table.add_column("")
+    for each in found:
+        limits = f"at the end of {', '.join(each.at_limit)}" if each.at_limit else ""
+        table.add_row(
+            each.station.label,
+            *(f"{each.values[column.name]:.4g}" for column in opened.columns),
+            *(format_power(each.row[f"power_{station.name}"]) for station in stations),
+            limits,
+        )
+    console = table_console()
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get().rstrip()
+
+
+def _campaign_text(
+    base: Path, path: Path, opened: Search, found: Sequence[Optimum], around: np.ndarray
+) -> str:
+    """Return the campaign of the rows to run: the base's, with another matrix."""
+    mapping, _ = load_mapping(base, inline=("sea", "tank"))
+    inherited = mapping.get("matrix") or {}
+    first = found[0]
+    best = tuple(first.values[column.name] for column in opened.columns)
+    reasons = {best: f"best for {first.station.heading}"}
+    for point in around.tolist():
+        reasons.setdefault(tuple(point), "around it")
+    for other in found[1:]:
+        values = tuple(other.values[column.name] for column in opened.columns)
+        reasons.setdefault(values, f"best for {other.station.heading}")
+    names = {column.name: column.key for column in opened.task.campaign.file.columns()}
+    fixed = opened.task.campaign.points[0].values
+    lines = [
+        f"{_MARK} from {display_path(base)}: {len(opened.rows)} simulated rows.",
+        f"# Sea: {opened.task.campaign.file.sea.description()}",
+        f"extends: {os.path.relpath(base.resolve(), path.resolve().parent)}",
+        f"name: {opened.task.name[:50]}_optimum",
+        "repeat: 1",
+        "matrix:",
+        *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
+        "  list:",
+    ]
+    searched = [column.name for column in opened.columns]
+    for values, reason in reasons.items():
+        row = fixed | dict(zip(searched, values, strict=True))
+        text = ", ".join(f"{names[name]}: {value:.6g}" for name, value in row.items())
+        powers = opened.rows.get(values, {})
+        power = powers.get(f"power_{first.station.name}")
+        shown_power = "" if power is None else f", {first.station.heading} {power:.3g} W"
+        lines.append(f"    - {{{text}}}  # {reason}{shown_power}")
+    return "\n".join(lines) + "\n"

@@ -49,7 +49,7 @@ CHUNK_BYTES = 512 * 1024
 # long for 1 % less, level 3 2.5 times for 5 % less; lz4 three quarters for 25 % more.
 COMPRESSION = zstandard.ZstdCompressionParameters(
     strategy=zstandard.STRATEGY_FAST, target_length=1, min_match=7, hash_log=13, chain_log=6,
-    search_log=1, window_log=19, write_checksum=True,
+    search_log=1, window_log=18, write_checksum=True,
 )  # fmt: skip
 _BUFFERS = 3  # chunks in memory: one is filled, one compressed, one waits
 _NO_CRC = 0  # zstd's own check sum is faster, and every decoder checks it

@@ -202,12 +202,14 @@ class RingReader(_Ring):
 
     def __init__(self, fd: int) -> None:
         super().__init__(fd)
+        self._memory = memoryview(self._map)
         self._taken = self.tail
         self._polled_head = self._taken
 
-    def take(self, max_rows: int = 8192) -> bytes:
-        """Take whole rows, oldest first, at most ``max_rows``; return b"" when there are none.
+    def take(self, max_rows: int = 8192) -> memoryview:
+        """Take whole rows, oldest first, at most ``max_rows``; empty when there are none.
 
+        The rows stay in the ring's memory: read them before `commit`, which frees their places.
         Only rows below the head of the previous poll are taken; all of them once the producer has
         finished or is known to be dead (`mark_finished`).
         """
@@ -217,12 +219,10 @@ class RingReader(_Ring):
         if finished:
             ready = self._polled_head
         count = min(ready - self._taken, max_rows)
-        if count <= 0:
-            return b""
         start = self._taken % self.capacity
-        count = min(count, self.capacity - start)
+        count = max(0, min(count, self.capacity - start))
         offset = _HEADER + start * self.row_size
-        block = self._map[offset : offset + count * self.row_size]
+        block = self._memory[offset : offset + count * self.row_size]
         self._check(block)
         self._taken += count
         return block
@@ -272,7 +272,7 @@ class RingReader(_Ring):
             return self._map[_HEADER:split]
         return self._map[split : _HEADER + capacity * size] + self._map[_HEADER:split]
 
-    def _check(self, block: bytes) -> None:
-        numbers, step = memoryview(block).cast("q"), self.row_size // 8
+    def _check(self, block: memoryview) -> None:
+        numbers, step = block.cast("q"), self.row_size // 8
         if numbers[::step].tolist() != numbers[step - 1 :: step].tolist():
             raise TornRowError("a row was overwritten while it was read")

@@ -138,7 +138,8 @@ class RingWriter(_Ring):
         self._dropping = False
         self._wait = wait
         self._stop_requested = stop_requested
-        self._next = self.head
+        self._next = self._limit = self.head  # numbers of the next row; of the first without place
+        self._lap_address = 0  # that row number zero would have in this lap of the ring
         self._header[_Field.STATE] = ProducerState.RUNNING
 
     def start(self, utc_ns: int) -> None:
@@ -157,22 +158,34 @@ class RingWriter(_Ring):
 
         In a full ring the address is that of one row that will be dropped.
         """
-        head, capacity = self._next, self.capacity
-        free = capacity - head + self._header[_TAIL]
-        self._dropping = free <= 0 and not self._wait_for_space(head)
-        if self._dropping:
-            return self._spare_address, 1
-        first = head % capacity
-        address = self._address + _HEADER + first * self.row_size
-        return address, min(max_rows, max(free, 1), capacity - first)
+        count = self._limit - self._next
+        if count < max_rows:
+            count = self._find_free()
+            if self._dropping:
+                return self._spare_address, 1
+        address = self._lap_address + self._next * self.row_size
+        return address, max_rows if max_rows < count else count
 
     def publish(self, count: int = 1) -> None:
         """Publish rows at the reserved address by moving the head, or count them as dropped."""
         if self._dropping:
             self._header[_DROPPED] += count
         else:
-            self._next += count
-            self._header[_HEAD] = self._next
+            self._header[_HEAD] = self._next = self._next + count
+
+    def _find_free(self) -> int:
+        """Return the number of free places from the next row to the end of the memory.
+
+        They stay free until rows are stored there, so most rows need no look at the tail.
+        """
+        head, capacity = self._next, self.capacity
+        free = capacity - head + self._header[_TAIL]
+        self._dropping = free <= 0 and not self._wait_for_space(head)
+        lap, first = divmod(head, capacity)
+        count = 0 if self._dropping else min(max(free, 1), capacity - first)
+        self._limit = head + count
+        self._lap_address = self._address + _HEADER - lap * capacity * self.row_size
+        return count
 
     def _wait_for_space(self, head: int) -> bool:
         began = time.monotonic()

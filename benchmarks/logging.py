@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 from benchmarks.reading import rehearse_rows
 from benchmarks.support.result import Result, figure, ratios
 from rig.kinds.wavebot.tick import KIND
-from rig.processes.logger import BLOCK_ROWS, TimingCertificate
+from rig.processes.logger import BLOCK_ROWS, TimingCertificate, keep_freed_memory
 from rig.recording import ring
 from rig.recording.mcap_writer import CHUNK_BYTES, TOPIC, RowWriter
 from rig.recording.row_layout import CDR_HEADER, schema
@@ -114,6 +114,7 @@ def log_by_library(rows: Records, path: Path) -> float:
 def measure(short: bool) -> Result:
     """Log the rows of a rehearsal repeatedly, with this project's writer and with the library's."""
     seconds, repetitions = (20.0, 2) if short else (110.0, 10)
+    keep_freed_memory()
     ours, library, ends = list[LogCost](), list[float](), open_ring()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

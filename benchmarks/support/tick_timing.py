@@ -93,7 +93,7 @@ class TimedWriter(RingWriter):
         self._putting = False
 
     def publish(self, count: int = 1) -> None:
-        if self._putting:
+        if self._putting or not count:  # no row: the tick is being prepared
             super().publish(count)
         else:
             self._publish(count)

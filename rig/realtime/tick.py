@@ -35,7 +35,7 @@ class RowSink(Protocol):
         ...
 
     def publish(self, count: int = 1) -> None:
-        """Take the rows at the reserved address."""
+        """Take the rows at the reserved address; none are taken with ``count`` 0."""
         ...
 
     def finish(self) -> None:
@@ -185,7 +185,7 @@ class CompiledTick:
     def _prepare(self) -> None:
         """Prepare the devices, then run the next step and undo it.
 
-        The processor then has code, tables, memory and the place of the row in its caches.
+        The processor then has code, tables, memory and the ring in its caches.
         """
         if self._last is None:
             return
@@ -193,6 +193,7 @@ class CompiledTick:
         self._prepare_devices(now + self._dt)
         mode, state = self._mode, self.save()
         self.step_in_place(0, tick + 1, _NO_TIMING, 1)
+        self.log(0)
         self._mode = mode
         self.restore(state)
 

@@ -138,7 +138,8 @@ class RingWriter(_Ring):
         self._dropping = False
         self._wait = wait
         self._stop_requested = stop_requested
-        self._next = self.head
+        self._next = self._limit = self.head  # numbers of the next row; of the first without place
+        self._lap_address = 0  # that row number zero would have in this lap of the ring
         self._header[_Field.STATE] = ProducerState.RUNNING
 
     def start(self, utc_ns: int) -> None:
@@ -157,22 +158,34 @@ class RingWriter(_Ring):
 
         In a full ring the address is that of one row that will be dropped.
         """
-        head, capacity = self._next, self.capacity
-        free = capacity - head + self._header[_TAIL]
-        self._dropping = free <= 0 and not self._wait_for_space(head)
-        if self._dropping:
-            return self._spare_address, 1
-        first = head % capacity
-        address = self._address + _HEADER + first * self.row_size
-        return address, min(max_rows, max(free, 1), capacity - first)
+        count = self._limit - self._next
+        if count < max_rows:
+            count = self._find_free()
+            if self._dropping:
+                return self._spare_address, 1
+        address = self._lap_address + self._next * self.row_size
+        return address, max_rows if max_rows < count else count
 
     def publish(self, count: int = 1) -> None:
         """Publish rows at the reserved address by moving the head, or count them as dropped."""
         if self._dropping:
             self._header[_DROPPED] += count
         else:
-            self._next += count
-            self._header[_HEAD] = self._next
+            self._header[_HEAD] = self._next = self._next + count
+
+    def _find_free(self) -> int:
+        """Return the number of free places from the next row to the end of the memory.
+
+        They stay free until rows are stored there, so most rows need no look at the tail.
+        """
+        head, capacity = self._next, self.capacity
+        free = capacity - head + self._header[_TAIL]
+        self._dropping = free <= 0 and not self._wait_for_space(head)
+        lap, first = divmod(head, capacity)
+        count = 0 if self._dropping else min(max(free, 1), capacity - first)
+        self._limit = head + count
+        self._lap_address = self._address + _HEADER - lap * capacity * self.row_size
+        return count
 
     def _wait_for_space(self, head: int) -> bool:
         began = time.monotonic()
@@ -202,12 +215,14 @@ class RingReader(_Ring):
 
     def __init__(self, fd: int) -> None:
         super().__init__(fd)
+        self._memory = memoryview(self._map)
         self._taken = self.tail
         self._polled_head = self._taken
 
-    def take(self, max_rows: int = 8192) -> bytes:
-        """Take whole rows, oldest first, at most ``max_rows``; return b"" when there are none.
+    def take(self, max_rows: int = 8192) -> memoryview:
+        """Take whole rows, oldest first, at most ``max_rows``; empty when there are none.
 
+        The rows stay in the ring's memory: read them before `commit`, which frees their places.
         Only rows below the head of the previous poll are taken; all of them once the producer has
         finished or is known to be dead (`mark_finished`).
         """
@@ -217,12 +232,10 @@ class RingReader(_Ring):
         if finished:
             ready = self._polled_head
         count = min(ready - self._taken, max_rows)
-        if count <= 0:
-            return b""
         start = self._taken % self.capacity
-        count = min(count, self.capacity - start)
+        count = max(0, min(count, self.capacity - start))
         offset = _HEADER + start * self.row_size
-        block = self._map[offset : offset + count * self.row_size]
+        block = self._memory[offset : offset + count * self.row_size]
         self._check(block)
         self._taken += count
         return block
@@ -272,7 +285,7 @@ class RingReader(_Ring):
             return self._map[_HEADER:split]
         return self._map[split : _HEADER + capacity * size] + self._map[_HEADER:split]
 
-    def _check(self, block: bytes) -> None:
-        numbers, step = memoryview(block).cast("q"), self.row_size // 8
+    def _check(self, block: memoryview) -> None:
+        numbers, step = block.cast("q"), self.row_size // 8
         if numbers[::step].tolist() != numbers[step - 1 :: step].tolist():
             raise TornRowError("a row was overwritten while it was read")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import struct
@@ -42,7 +43,11 @@ def row(n: int) -> Row:
     return Row(n, Inner(n * 0.5, -n), n)
 
 
-def decode(block: bytes) -> list[Row]:
+def packed(n: int) -> bytes:
+    return layout(Row).pack(n, n * 0.5, -n, n)
+
+
+def decode(block: bytes | memoryview) -> list[Row]:
     return [unflatten(Row, values) for values in layout(Row).iter_unpack(block)]
 
 
@@ -61,10 +66,16 @@ class Model:
         self.put: list[int] = []
         self.dropped = self.tail = self.taken = self.shown = 0
 
+    def places(self) -> int:
+        """Return the number of places for rows from the next one to the end of the memory."""
+        head = len(self.put)
+        return min(self.capacity - head + self.tail, self.capacity - head % self.capacity)
+
 
 STEPS = st.lists(
     st.one_of(
         st.tuples(st.just("put"), st.integers(1, 12)),
+        st.tuples(st.just("block"), st.integers(1, 12)),
         st.tuples(st.just("take"), st.integers(1, 12)),
         st.tuples(st.just("commit"), st.just(0)),
         st.tuples(st.just("restart"), st.just(0)),
@@ -93,6 +104,18 @@ def test_the_ring_behaves_like_a_list(capacity: int, steps: list[tuple[str, int]
                     else:
                         model.dropped += 1
                     number += 1
+            elif what == "block":
+                address, places = writer.reserve(count)
+                assert places == (min(count, model.places()) or 1)
+                block = b"".join(packed(n) for n in range(number, number + places))
+                ctypes.memmove(address, block, len(block))
+                published = (places + 1) // 2  # a block may end early
+                writer.publish(published)
+                if model.places():
+                    model.put += range(number, number + published)
+                else:
+                    model.dropped += 1
+                number += published
             elif what == "take":
                 got = [one.tick for one in decode(reader.take(count))]
                 # only rows seen by the previous poll, one contiguous part at a time

@@ -134,18 +134,20 @@ def reading_size(params: ModesParams) -> int:
     return params.axes * READINGS_PER_AXIS + params.sensor_count + 1
 
 
-def motor_params(params: ModesParams, axis: int) -> MotorParams:
-    """Return the motor of an axis."""
-    p, at = params.axis, axis * AXIS_PARAM_COUNT + MOTOR
+# The functions of single parts take the arrays that they read, not all parameters: compiled code
+# copies these wherever it does not inline a call.
+def motor_params(p: Numbers, axis: int) -> MotorParams:
+    """Return the motor of an axis; `p` is that of `ModesParams.axis`."""
+    at = axis * AXIS_PARAM_COUNT + MOTOR
     return MotorParams(
         p[at], p[at + 1], p[at + 2], p[at + 3], p[at + 4], p[at + 5], p[at + 6], p[at + 7],
         p[at + 8], p[at + 9], p[at + 10], p[at + 11], p[at + 12], p[at + 13], p[at + 14],
     )  # fmt: skip
 
 
-def friction_params(params: ModesParams, axis: int) -> FrictionParams:
+def friction_params(p: Numbers, axis: int) -> FrictionParams:
     """Return the friction of an axis."""
-    p, at = params.axis, axis * AXIS_PARAM_COUNT + FRICTION
+    at = axis * AXIS_PARAM_COUNT + FRICTION
     return FrictionParams(p[at], p[at + 1], p[at + 2])
 
 
@@ -154,9 +156,9 @@ def stop_params(numbers: Numbers, at: int) -> EndStopParams:
     return EndStopParams(numbers[at], numbers[at + 1], numbers[at + 2])
 
 
-def hydraulic_params(params: ModesParams, axis: int) -> HydraulicParams:
+def hydraulic_params(p: Numbers, axis: int) -> HydraulicParams:
     """Return the oil side of an axis."""
-    p, at = params.axis, axis * AXIS_PARAM_COUNT + OIL
+    at = axis * AXIS_PARAM_COUNT + OIL
     return HydraulicParams(
         p[at], p[at + 1], p[at + 2], p[at + 3], p[at + 4], p[at + 5], p[at + 6], p[at + 7],
         p[at + 8], p[at + 9],
@@ -176,11 +178,16 @@ def _pto(params: ModesParams, at: int, axis: int) -> int:
     return at + 2 * params.modes + params.states + PTO_STATES * axis
 
 
-def motor_side(
-    params: ModesParams, axis: int, motor: float, position: float, velocity: float
-) -> float:
+def _pto_numbers(params: ModesParams, state: Numbers, axis: int, at: int) -> tuple[float, float]:
+    """Return the two numbers of a PTO in a motion that starts at `at`."""
+    pto = _pto(params, at, axis)
+    return state[pto], state[pto + 1]
+
+
+def motor_side(p: Numbers, axis: int, current: float, position: float, velocity: float) -> float:
     """Return motor force, friction, loss of the gear and cogging at a motion of the motor."""
-    own, rubbing = motor_params(params, axis), friction_params(params, axis)
+    own, rubbing = motor_params(p, axis), friction_params(p, axis)
+    motor = own.force_per_current * current
     force = motor + friction.force(rubbing, velocity)
     if own.efficiency < 1.0:
         force += gear.load_loss(own.efficiency, rubbing.width, motor, velocity)
@@ -189,46 +196,49 @@ def motor_side(
     return force
 
 
-def pto_force(params: ModesParams, state: Numbers, axis: int, at: int, current: float) -> float:
-    """Return the force on an axis at the motion that starts at `at`, N or N m.
+def pto_force(
+    p: Numbers,
+    axis: int,
+    current: float,
+    position: float,
+    velocity: float,
+    pto: tuple[float, float],
+) -> float:
+    """Return the force on an axis in motion, N or N m; `pto` has the two numbers of its PTO.
 
     Of a rigid axis without the reflected inertia, which is in the mass matrix.
     """
-    own, n = motor_params(params, axis), params.modes
-    velocity = axis_position(params, state, axis, at + n)
-    if own.kind == HYDRAULIC:
-        oil = hydraulic_params(params, axis)
-        pressure = hydraulic.pressure(oil, state[_pto(params, at, axis)])
-        force = hydraulic.cylinder_force(oil, pressure, velocity)
-        return force + friction.force(friction_params(params, axis), velocity)
-    position = axis_position(params, state, axis, at)
-    if own.kind == BACKLASH:
-        teeth, pto = axis * AXIS_PARAM_COUNT + TEETH, _pto(params, at, axis)
-        twist, rate = state[pto] - position, state[pto + 1] - velocity
-        return gear.backlash_force(stop_params(params.axis, teeth), twist, rate)
-    return motor_side(params, axis, own.force_per_current * current, position, velocity)
+    kind = p[axis * AXIS_PARAM_COUNT]
+    if kind == RIGID:
+        return motor_side(p, axis, current, position, velocity)
+    first, second = pto
+    if kind == BACKLASH:
+        teeth = stop_params(p, axis * AXIS_PARAM_COUNT + TEETH)
+        return gear.backlash_force(teeth, first - position, second - velocity)
+    oil = hydraulic_params(p, axis)
+    force = hydraulic.cylinder_force(oil, hydraulic.pressure(oil, first), velocity)
+    return force + friction.force(friction_params(p, axis), velocity)
 
 
-def _pto_slopes(
-    params: ModesParams, state: Numbers, axis: int, at: int, current: float
+def pto_slopes(
+    p: Numbers,
+    axis: int,
+    current: float,
+    position: float,
+    velocity: float,
+    pto: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return the slopes of the two numbers of a PTO at the motion that starts at `at`."""
-    own, pto = motor_params(params, axis), _pto(params, at, axis)
-    first, second = state[pto], state[pto + 1]
+    """Return the slopes of the two numbers of a PTO, from the same inputs."""
+    own, (first, second) = motor_params(p, axis), pto
     if own.kind == BACKLASH:
-        teeth = pto_force(params, state, axis, at, current)
-        force = motor_side(params, axis, own.force_per_current * current, first, second) - teeth
-        return second, force / own.inertia
-    if own.kind == HYDRAULIC:
-        oil = hydraulic_params(params, axis)
-        velocity = axis_position(params, state, axis, at + params.modes)
-        brake = hydraulic.brake_torque(own.force_per_current * current, second)
-        pressure = hydraulic.pressure(oil, first)
-        return (
-            hydraulic.volume_rate(oil, first, velocity, second),
-            hydraulic.acceleration(oil, pressure, second, brake),
-        )
-    return 0.0, 0.0
+        teeth = pto_force(p, axis, current, position, velocity, pto)
+        return second, (motor_side(p, axis, current, first, second) - teeth) / own.inertia
+    oil = hydraulic_params(p, axis)
+    brake = hydraulic.brake_torque(own.force_per_current * current, second)
+    return (
+        hydraulic.volume_rate(oil, first, velocity, second),
+        hydraulic.acceleration(oil, hydraulic.pressure(oil, first), second, brake),
+    )
 
 
 def line_pull(params: ModesParams, state: Numbers, line: int, at: int) -> Pull:
@@ -273,11 +283,12 @@ def _slopes(
         state[force + i] = value + end_stop.force(stop_params(params.stops, 3 * i), x, v)
     for a in range(params.axes):
         current = state[motion_size(params) + a * AXIS_SIZE + 1]
-        applied = pto_force(params, state, a, at, current)
+        position = axis_position(params, state, a, at)
+        velocity = axis_position(params, state, a, at + n)
+        pto = _pto_numbers(params, state, a, at)
+        applied = pto_force(params.axis, a, current, position, velocity, pto)
         stops = stop_params(params.axis, a * AXIS_PARAM_COUNT + STOP)
         if stops.position < end_stop.FAR:
-            position = axis_position(params, state, a, at)
-            velocity = axis_position(params, state, a, at + n)
             applied += end_stop.force(stops, position, velocity)
         for i in range(n):
             state[force + i] += params.factors[a * n + i] * applied
@@ -311,37 +322,48 @@ def step(
     last step. Excitation of each mode (N or N m) now and after the step is linear between them;
     motor forces are the exact means of the current loops.
     """
-    axes = params.axes
+    n, states, axes = params.modes, params.states, params.axes
     motion, half = motion_size(params), 0.5 * dt
     middle = bus_place(params) + BUS_SIZE * params.bus_count
     force = middle + motion
     for a in range(axes):
         _step_drive(params, state, a, actuation, fresh, dt)
+
     _slopes(params, state, 0, force, excitation, following, 0.0)
-    _move(params, state, 0, middle, force, half)
+    for i in range(n):
+        state[middle + i] = state[i] + half * state[n + i]
+        state[middle + n + i] = state[n + i] + half * state[force + n + i]
+    for k in range(states):
+        state[middle + 2 * n + k] = state[2 * n + k] + half * _memory_slope(params, state, 0, k)
+    for a in range(axes):
+        if params.axis[a * AXIS_PARAM_COUNT] != RIGID:
+            _move_pto(params, state, a, 0, middle, half)
+
     _slopes(params, state, middle, force, excitation, following, 0.5)
     for a in range(axes):
         _power(params, state, a, middle, force)
+        if params.axis[a * AXIS_PARAM_COUNT] != RIGID:
+            _move_pto(params, state, a, middle, 0, dt)
     if params.bus_count:
         _step_bus(params, state, dt)
-    _move(params, state, middle, 0, force, dt)
-
-
-def _move(params: ModesParams, state: State, at: int, to: int, force: int, dt: float) -> None:
-    """Write the present motion plus dt times the slopes at `at` to the motion at `to`."""
-    n, motion = params.modes, motion_size(params)
-    for k in range(params.states):
-        state[to + 2 * n + k] = state[2 * n + k] + dt * _memory_slope(params, state, at, k)
-    for a in range(params.axes):
-        if params.axis[a * AXIS_PARAM_COUNT] != RIGID:
-            pto, current = _pto(params, 0, a), state[motion + a * AXIS_SIZE + 1]
-            first, second = _pto_slopes(params, state, a, at, current)
-            state[to + pto] = state[pto] + dt * first
-            state[to + pto + 1] = state[pto + 1] + dt * second
+    # All slopes are taken at the midpoint, so all may be written at once.
     for i in range(n):
-        x, v = state[i], state[n + i]
-        state[to + i] = x + dt * state[at + n + i]
-        state[to + n + i] = v + dt * state[force + n + i]
+        state[i] += dt * state[middle + n + i]
+        state[n + i] += dt * state[force + n + i]
+    for k in range(states):
+        state[2 * n + k] += dt * _memory_slope(params, state, middle, k)
+
+
+def _move_pto(params: ModesParams, state: State, axis: int, at: int, to: int, dt: float) -> None:
+    """Write the numbers of a PTO plus dt times their slopes at the motion `at` to that at `to`."""
+    pto, n = _pto(params, 0, axis), params.modes
+    current = state[motion_size(params) + axis * AXIS_SIZE + 1]
+    position = axis_position(params, state, axis, at)
+    velocity = axis_position(params, state, axis, at + n)
+    numbers = _pto_numbers(params, state, axis, at)
+    first, second = pto_slopes(params.axis, axis, current, position, velocity, numbers)
+    state[to + pto] = state[pto] + dt * first
+    state[to + pto + 1] = state[pto + 1] + dt * second
 
 
 def _memory_slope(params: ModesParams, state: State, at: int, k: int) -> float:
@@ -366,7 +388,7 @@ def _step_drive(
     p, at = axis * AXIS_PARAM_COUNT + DRIVE, motion_size(params) + axis * AXIS_SIZE
     trip, most = 0, UNLIMITED_CURRENT
     if params.bus_count:
-        own, voltage = motor_params(params, axis), state[bus_place(params) + 1]
+        own, voltage = motor_params(params.axis, axis), state[bus_place(params) + 1]
         trip = bus.voltage_trip(bus_params(params), _bus_state(params, state))
         if own.back_emf > 0.0:
             speed = abs(_motor_velocity(params, state, axis, 0))
@@ -407,9 +429,12 @@ def _power(params: ModesParams, state: State, axis: int, middle: int, force: int
     negative (absorbed) the regeneration efficiency arrives at the bus. Standby power is always
     drawn.
     """
-    own, at = motor_params(params, axis), motion_size(params) + axis * AXIS_SIZE
+    own, at = motor_params(params.axis, axis), motion_size(params) + axis * AXIS_SIZE
     current = state[at + 1]
-    shaft = pto_force(params, state, axis, middle, current)
+    position = axis_position(params, state, axis, middle)
+    axis_velocity = axis_position(params, state, axis, middle + params.modes)
+    pto = _pto_numbers(params, state, axis, middle)
+    shaft = pto_force(params.axis, axis, current, position, axis_velocity, pto)
     motor, velocity = own.force_per_current * current, _motor_velocity(params, state, axis, middle)
     if own.kind == RIGID:
         shaft -= own.inertia * axis_position(params, state, axis, force + params.modes)
@@ -488,7 +513,7 @@ def _axis_signal(params: ModesParams, state: Numbers, kind: int, axis: int) -> f
     if kind == 2:
         return state[at + SHAFT_FORCE]
     if kind == 3:
-        return motor_params(params, axis).force_per_current * state[at]
+        return motor_params(params.axis, axis).force_per_current * state[at]
     if kind == 4:
         return state[at]
     if kind == 5:
@@ -499,7 +524,7 @@ def _axis_signal(params: ModesParams, state: Numbers, kind: int, axis: int) -> f
         return encoder_position(params, state, axis)
     if kind == 8:
         return _motor_velocity(params, state, axis, 0)
-    oil = hydraulic_params(params, axis)
+    oil = hydraulic_params(params.axis, axis)
     return hydraulic.pressure(oil, state[_pto(params, 0, axis)])
 
 
@@ -532,7 +557,7 @@ def sample(
 ) -> None:
     """Write the readings at a state; `normals` is the noise table, `tick` its index."""
     for a in range(params.axes):
-        own, r = motor_params(params, a), a * READINGS_PER_AXIS
+        own, r = motor_params(params.axis, a), a * READINGS_PER_AXIS
         at = motion_size(params) + a * AXIS_SIZE
         position = encoder_position(params, state, a)
         count = sensors.encoder_count(own.counts_per_unit, int(own.count_offset), position)

@@ -125,7 +125,7 @@ def test_the_energy_of_a_hydraulic_pto_is_accounted_for() -> None:
     model = heaving(oil_axis())
     simulated = world(model, sea_states.regular(0.15, 0.4))
     conditions = simulated.conditions()
-    oil = step.hydraulic_params(model.params, 0)
+    oil = step.hydraulic_params(model.params.axis, 0)
     pto = 2 * model.params.modes + model.params.states
 
     def numbers() -> tuple[float, float]:

@@ -19,17 +19,15 @@ import numpy as np
 from controllers import impedance
 from rig.config.problems import format_number
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
-from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.new_files import write_new
-from sim_plant.modes.bem import BemModes, bem_files, read_modes
-from sim_plant.modes.bem_content import Floats, Water
+from sim_plant.modes.bem import BemModes, bem_files, read_modes, stated_mass
+from sim_plant.modes.bem_content import DEEPEST, Floats, Water, rotates
 
 __all__ = ["Options", "Water", "write_rig"]
 
 TEXTS = ("rig", "limits", "plant", "campaign", "rig_hil", "limits_hil")
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
-_ROTATIONS = ("Roll", "Pitch", "Yaw")
 _MARGIN = 2.0  # of the limits above the expected motion and force
 _STANDBY = 10.0  # W, of the drive
 _COUNTS = 20_000  # per revolution of an encoder, or a multiple
@@ -40,7 +38,6 @@ _DAMPING_RATIO = 0.02
 _PEAK_CURRENT = 20.0  # A, of the first motor
 _MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 _SEA_HZ = (0.05, 2.0)  # the band of all seas
-_DEEPEST = 2.0e4  # m, the largest depth that a plant file may have: infinite for any wave
 _COMMENT_COLUMN = 36  # of the written files
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match
 _KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
@@ -175,7 +172,7 @@ def read_body(options: Options) -> Body:
     if not force > 0.0:
         raise ValueError(f"{options.bem}: waves of {omega / 6.2832:.3g} Hz do not excite {dof}")
     return Body(
-        dof, dof.rpartition("__")[2].capitalize() in _ROTATIONS, mass, mass_source, stiffness,
+        dof, rotates(dof), mass, mass_source, stiffness,
         stiffness_source, damping, omega / (2.0 * math.pi), band,
         complex(radiation + damping, omega * inertia - stiffness / omega), force,
         _wave_number(omega, content.gravity, content.depth),
@@ -187,7 +184,7 @@ def _rigid_body(content: BemModes, mode: int, options: Options) -> tuple[float, 
     dof = content.modes[mode]
     missing, mass, mass_source = [], options.mass, "given"
     if mass is None:
-        mass, mass_source = stated_mass(options.bem, dof, content.density)
+        mass, mass_source = stated_mass(content, mode)
     if mass is None:
         missing.append(f"mass or moment of inertia of {dof}: give --mass (kg or kg*m2)")
     stiffness, source = options.stiffness, "given"
@@ -394,7 +391,7 @@ def _water_text(options: Options) -> str:
     }  # fmt: skip
     given = {key: getattr(options.water, field) for field, key in keys.items()}
     if given["depth_m"] == math.inf:
-        given["depth_m"] = _DEEPEST
+        given["depth_m"] = DEEPEST
     given["wave_direction_deg"] = options.direction
     return "".join(f"\n{key}: {v:g}" for key, v in given.items() if v is not None)
 

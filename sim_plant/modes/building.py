@@ -56,6 +56,8 @@ def build(plant: Plant, path: Path) -> PlantModel:
 def assemble(plant: Plant, found: BemModes) -> PlantModel:
     """Return the model of a plant with the coefficients of its modes, in the plant's order."""
     memory = radiation.fit(found)
+    infinite = found.added_mass_infinite + memory.added_mass
+    found = found._replace(added_mass_infinite=infinite)
     return PlantModel(plant, found, memory, _params(plant, found, memory))
 
 

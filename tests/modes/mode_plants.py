@@ -24,7 +24,9 @@ PLANTS = ROOT / "configs" / "plants"
 CYLINDER, TWO_BODY, WAVEBOT = (
     PLANTS / f"{name}_bem.nc" for name in ("cylinder", "two_body", "wavebot")
 )
-NUMERIC = Path(__file__).resolve().parent / "cylinder.1"  # and .3, by capytaine 3.0
+HERE = Path(__file__).resolve().parent
+NUMERIC = HERE / "cylinder.1"  # and .3, by capytaine 3.0
+HEMISPHERE = HERE / "hemisphere" / "hemisphere.nc"  # beside it those of WAMIT and Nemoh
 
 DRIVE: dict[str, Any] = {"current_bandwidth_hz": 200.0, "current_limit_a": 1000.0}
 AXIS: dict[str, Any] = {

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from datetime import date
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -65,6 +66,7 @@ class CheckReport(NamedTuple):
     validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
     law_warnings: tuple[Problem, ...] = ()  # about laws
+    plant_warnings: tuple[Problem, ...] = ()  # about the simulated plant
     not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
@@ -76,7 +78,8 @@ class CheckReport(NamedTuple):
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
-        return (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *predicted)
+        own = (self.unused_rows, self.validity_warnings, self.law_warnings, self.plant_warnings)
+        return (*chain.from_iterable(own), *predicted)
 
     @property
     def ok(self) -> bool:

@@ -85,7 +85,7 @@ def bem_files(path: Path) -> tuple[Path, ...]:
     return tuple(each for each in parts if each.exists())
 
 
-def stated_mass(bem: BemModes, mode: int) -> tuple[float | None, str]:
+def stated_mass(bem: BemModes | BemContent, mode: int) -> tuple[float | None, str]:
     """Return the mass (kg) or moment of inertia (kg m2) of a mode as the file states it, and how.
 
     That is its inertia or, for a translation, the mass of the displaced water; None without.

@@ -154,7 +154,7 @@ def read_body(options: Options) -> Body:
         dof, rotates(dof), mass, mass_source, stiffness,
         stiffness_source, damping, omega / (2.0 * math.pi), band,
         complex(radiation + damping, omega * inertia - stiffness / omega), force,
-        _wave_number(omega, content.gravity, content.depth),
+        wave_number(omega, content.gravity, content.depth),
     )  # fmt: skip
 
 
@@ -217,7 +217,7 @@ def _wave_frequency(options: Options, band: tuple[float, float], resonance: floa
     return frequency
 
 
-def _wave_number(omega: float, gravity: float, depth: float) -> float:
+def wave_number(omega: float, gravity: float, depth: float) -> float:
     """Return k of omega^2 = g k tanh(k d), 1/m, by Newton's method."""
     k = omega * omega / gravity
     if math.isinf(depth):
@@ -293,19 +293,24 @@ def file_texts(name: str, folder: Path, options: Options, body: Body, grid: Grid
 
 def bem_key(bem: Path, folder: Path) -> str:
     """Return the path of a BEM file, or of its copy, as a plant file in a folder names it."""
-    first = bem_files(bem)[0]
-    if first.resolve().is_relative_to(folder.resolve()):
-        return first.resolve().relative_to(folder.resolve()).as_posix()
-    return first.name
+    first = bem_files(bem)[0].resolve()
+    root = folder.resolve() if first.is_relative_to(folder.resolve()) else _copied_root(bem)
+    return first.relative_to(root).as_posix()
 
 
 def bem_copies(bem: Path, folder: Path) -> dict[Path, bytes]:
     """Return the files of BEM results as copies in a folder; none if they are there already."""
-    files = bem_files(bem)
-    if files[0].resolve().is_relative_to(folder.resolve()):
+    files = [each.resolve() for each in bem_files(bem)]
+    if files[0].is_relative_to(folder.resolve()):
         return {}
-    root = files[0].parent
-    return {folder / each.relative_to(root): each.read_bytes() for each in files}
+    return {folder / each.relative_to(_copied_root(bem)): each.read_bytes() for each in files}
+
+
+def _copied_root(bem: Path) -> Path:
+    """Return the folder to which the paths of copies are relative: a Nemoh run keeps its own."""
+    files = [each.resolve() for each in bem_files(bem)]
+    alone = all(each.parent == files[0].parent for each in files)
+    return files[0].parent if alone else files[0].parent.parent
 
 
 def _derived(

@@ -9,7 +9,7 @@ from string import Template
 from typing import NamedTuple
 
 from rig.config.problems import format_number
-from sim_plant.modes.bem_content import DEEPEST, RIGID_MODES, Water, rotates
+from sim_plant.modes.bem_content import DEEPEST, Water, rotates
 
 COUNTS = 20_000  # per revolution of an encoder
 PEAK_CURRENT = 20.0  # A, of the first motor
@@ -170,12 +170,6 @@ def names_of_modes(dofs: Iterable[str]) -> list[str]:
 def _field_name(text: str) -> str:
     name = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
     return name if name[:1].isalpha() else f"axis_{name}"
-
-
-def rigid_name(dof: str) -> str:
-    """Return the rigid mode, as in `RIGID_MODES`, that a mode is by its name; else empty."""
-    name = dof.rpartition("__")[2].capitalize()
-    return name if name in RIGID_MODES else ""
 
 
 def rounded(value: float, digits: int = 3) -> float:

@@ -484,4 +484,4 @@ def _least_distance(matrix: Floats, bound: Floats) -> Floats:
 def smallest_damping(radiation: Radiation, omega: Floats) -> float:
     """Return the smallest eigenvalue of Re K_r by the largest one; not negative: passive."""
     eigenvalues = np.linalg.eigvalsh(response(radiation, omega).real)
-    return float(eigenvalues.min() / eigenvalues.max())
+    return float(eigenvalues.min() / np.abs(eigenvalues).max())

@@ -276,7 +276,7 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
     before = {path: path.read_bytes() for path in (tmp_path / "buoy").iterdir()}
     done = new(tmp_path, "--bem", WAVEBOT, "--stiffness", STIFFNESS)
     assert done.returncode == 2
-    assert done.stderr.count("exists; nothing is overwritten") == 7
+    assert done.stderr.count("exists; nothing is overwritten") == 6
     assert {path: path.read_bytes() for path in before} == before
 
 

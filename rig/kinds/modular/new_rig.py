@@ -299,11 +299,16 @@ def bem_key(bem: Path, folder: Path) -> str:
 
 
 def bem_copies(bem: Path, folder: Path) -> dict[Path, bytes]:
-    """Return the files of BEM results as copies in a folder; none if they are there already."""
+    """Return the files of BEM results as copies in a folder, without those that are there."""
     files = [each.resolve() for each in bem_files(bem)]
     if files[0].is_relative_to(folder.resolve()):
         return {}
-    return {folder / each.relative_to(_copied_root(bem)): each.read_bytes() for each in files}
+    copies = {folder / each.relative_to(_copied_root(bem)): each.read_bytes() for each in files}
+    return {
+        path: content
+        for path, content in copies.items()
+        if not path.is_file() or path.read_bytes() != content
+    }
 
 
 def _copied_root(bem: Path) -> Path:

@@ -60,7 +60,7 @@ def read_numeric(path: Path, water: Water) -> BemContent:
             raise ValueError(f"{path}: {needed.name} is missing; WAMIT's .1 and .3 are both needed")
     found = Entries({}, {}, {}, {})
     for line, row in _rows(radiation, (4, 5)):
-        omega = _omega(row[0])
+        omega = _omega(line, row[0])
         key = (omega, _index(line, row[1]), _index(line, row[2]))
         _store(line, found.added_mass, key, row[3])
         if len(row) == 5:
@@ -68,7 +68,12 @@ def read_numeric(path: Path, water: Water) -> BemContent:
         elif 0.0 < omega < math.inf:
             raise ValueError(f"{line}: the damping is missing")
     for line, row in _rows(wave, (7,)):
-        _store(line, found.force, (_omega(row[0]), row[1], _index(line, row[2])), complex(*row[5:]))
+        _store(
+            line,
+            found.force,
+            (_omega(line, row[0]), row[1], _index(line, row[2])),
+            complex(*row[5:]),
+        )
     if hydrostatic.exists():
         for line, row in _rows(hydrostatic, (3,)):
             found.stiffness[_index(line, row[0]), _index(line, row[1])] = row[2]
@@ -160,20 +165,26 @@ def _rows(path: Path, lengths: tuple[int, ...]) -> list[tuple[str, list[float]]]
     return rows
 
 
-def _omega(period: float) -> float:
+def _omega(place: str, period: float) -> float:
     if period == 0.0:
         return math.inf
-    return 0.0 if period < 0.0 else 2.0 * math.pi / period
+    if period == -1.0:
+        return 0.0
+    if not period > 0.0:
+        raise ValueError(
+            f"{place}: the period is {period:g} s; allowed: above 0, 0 for an infinite frequency, "
+            "-1 for the frequency 0"
+        )
+    return 2.0 * math.pi / period
 
 
 def _period(place: str, line: str) -> float:
     value = line.split("=")[1].split(maxsplit=1)[0]
     if value in ("infinite", "zero"):
         return 0.0 if value == "infinite" else math.inf
-    try:
-        return _omega(float(value))
-    except ValueError:
-        raise ValueError(f"{place}: {value!r} is not a wave period") from None
+    if not re.fullmatch(_NUMBER, value):
+        raise ValueError(f"{place}: {value!r} is not a wave period")
+    return _omega(place, float(value))
 
 
 def _index(place: str, value: float) -> int:

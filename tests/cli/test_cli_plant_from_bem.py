@@ -17,6 +17,10 @@ from ruamel.yaml import YAML
 
 from rig.kinds.modular.bem_picture import _impulse_response
 from rig.kinds.modular.from_bem import PlantRequest, fit_plant
+from rig.kinds.modular.rehearsal.devices import build_world
+from rig.kinds.modular.rehearsal.job import campaign_settings
+from rig.kinds.modular.simulation import plant_data
+from rig.kinds.modular.tasks import examine
 from sim_plant.modes import stored_radiation
 from sim_plant.modes.bem import read_modes
 from sim_plant.modes.building import build
@@ -223,8 +227,8 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
 # The plant in a rig.
 def rig_folder(folder: Path) -> Path:
     """Write a rig in heave with the plant of the command, and return its folder."""
-    made = rig("new", "rig", "buoy", "--bem", CYLINDER, "--dof", "Heave", "--folder", folder)
-    assert made.returncode == 0, made.stderr
+    written = rig("new", "rig", "buoy", "--bem", CYLINDER, "--dof", "Heave", "--folder", folder)
+    assert written.returncode == 0, written.stderr
     buoy = folder / "buoy"
     (buoy / "plant.yaml").unlink()
     done = rig("plant", "from-bem", buoy / CYLINDER.name, "--dof", "Heave", "--output",
@@ -290,6 +294,22 @@ def test_a_stale_fit_is_refused(tmp_path: Path) -> None:
     assert "is stale: it was fitted to other coefficients" in done.stdout + done.stderr
     change(buoy / "plant.yaml", lambda plant: plant.pop("radiation"))
     assert rig("check", buoy / "campaign.yaml").returncode == 0
+
+
+def test_a_rehearsal_loads_the_stored_fit(tmp_path: Path) -> None:
+    """The world of the devices has its very numbers, in a folder that was moved, too."""
+    buoy = rig_folder(tmp_path)
+    share_scales(buoy)
+    moved = buoy.rename(tmp_path / "moved")
+    report = examine(moved / "campaign.yaml")
+    assert report.campaign is not None, report.text()
+    settings = campaign_settings(report.campaign) | {"compiled": False}
+    assert settings["radiation"] == str(moved / "plant.radiation.json")
+    world = build_world(settings, 1e-3)
+    stored = json.loads((moved / "plant.radiation.json").read_text())
+    assert world.model.params.diagonal == stored["diagonal"]
+    roles = [file.role for file in plant_data(report.campaign)]
+    assert roles == ["bem", "radiation"]  # what the result cache of sweeps depends on
 
 
 @pytest.mark.parametrize(

@@ -160,8 +160,8 @@ def two_bodies(_: Path) -> PlantModel:
 def test_power_is_that_of_the_bem_file(build: Callable[[Path], PlantModel], tmp_path: Path) -> None:
     """Closed form with added mass and damping of the file itself, at three of its frequencies."""
     model = build(tmp_path)
-    wanted = (0.3, 0.45, 0.6)
-    grid = [int(np.argmin(abs(model.bem.frequency - each))) for each in wanted]
+    frequencies = (0.3, 0.45, 0.6)
+    grid = [int(np.argmin(abs(model.bem.frequency - each))) for each in frequencies]
     for index in grid:
         frequency = float(model.bem.frequency[index])
         period = round(1.0 / frequency / DT) * DT  # of whole steps

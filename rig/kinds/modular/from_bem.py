@@ -101,7 +101,7 @@ class PlantReport(NamedTuple):
     frequencies: int
     band_hz: tuple[float, float]
     wave_band_hz: tuple[float, float]  # where some mode radiates notable waves
-    held: tuple[str, ...]  # modes of the file that the plant does not have
+    fixed_modes: tuple[str, ...]  # modes of the file that the plant does not have
     modes: tuple[ModeReport, ...]
     terms: tuple[TermReport, ...]
     irregular_hz: tuple[float, ...]
@@ -433,7 +433,7 @@ def report_text(report: PlantReport) -> str:
         f"{report.direction_deg:g} degrees (0: +x)",
         f"{'frequencies':12} {report.frequencies}, {low:.4g} .. {high:.4g} Hz; waves are radiated "
         f"at {report.wave_band_hz[0]:.3g} .. {report.wave_band_hz[1]:.3g} Hz",
-        f"{'held fixed':12} {', '.join(report.held) or 'no mode of the file'}",
+        f"{'held fixed':12} {', '.join(report.fixed_modes) or 'no mode of the file'}",
         "",
         f"{'mode':18}{'mass':>11}{'displaced':>11}{'A_inf':>11}{'by fit':>8}{'stiffness':>12}"
         f"{'period':>9}{'states':>8}{'PTO':>5}",

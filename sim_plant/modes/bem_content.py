@@ -51,6 +51,7 @@ class BemContent(NamedTuple):
     inertia: Floats | None = None  # (n, n), kg, kg m or kg m2; NaN: not stated
     inertia_source: str = ""
     problems: tuple[str, ...] = ()  # what has to be chosen before the content means anything
+    scaling: str = "dimensional, SI"  # the file's own; the values here are dimensional
 
 
 MINUS, PLUS = "e^{-i omega t}", "e^{+i omega t}"

@@ -76,6 +76,7 @@ def _read(path: Path, file: Any, water: Water) -> BemContent:
             for body, size in zip(bodies, sizes, strict=True)
             for _ in range(size)
         ),
+        scaling="dimensional, SI" if scaled else "normalised by density and gravity",
     )
 
 

@@ -266,6 +266,7 @@ def _content(
         file.source,
         PLUS,
         tuple(_volume(file.volumes, mode) for mode in modes),
+        scaling=f"normalised by density, gravity and a length of {length:g} m",
     )
 
 

@@ -95,6 +95,18 @@ def test_four_modes_with_one_pto(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.glob("*.nc")) == ["lupa.nc"]
 
 
+def test_scaling_and_phases_of_a_file_are_stated(tmp_path: Path) -> None:
+    water = ("--density", 1000, "--gravity", 9.81, "--depth", "inf", "--length-scale", 2)
+    done = from_bem(tmp_path, mode_plants.NUMERIC, "--dof", "Heave", "--mass", 3136,
+                    "--stiffness", 8000, *water)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "normalised by density, gravity and a length of 2 m in the file" in done.stdout
+    assert "e^{+i omega t} in the file, conjugated to e^{-i omega t} for the plant" in done.stdout
+    plant = load(tmp_path / "body.yaml")
+    assert (plant["depth_m"], plant["length_scale_m"]) == (20_000, 2)
+    assert sorted(path.name for path in tmp_path.glob("cylinder*")) == ["cylinder.1", "cylinder.3"]
+
+
 def test_a_single_mode_needs_no_name(tmp_path: Path) -> None:
     done = from_bem(tmp_path, WAVEBOT, "--mass", "700", "--stiffness", "24337")
     assert done.returncode == 0, done.stderr
@@ -281,6 +293,29 @@ def test_contradictions_are_warnings_of_the_check(tmp_path: Path) -> None:
     assert "the body displaces 3.136 m3 = 3136 kg" in mass["message"]
     assert "without another force 2979 .. 3293 kg" in mass["message"]
     assert "but the BEM file states 30763 N/m" in stiffness["message"]
+
+
+def test_waves_beyond_the_bem_file_are_refused_or_a_warning(tmp_path: Path) -> None:
+    """The file ends at 1.5 Hz: a regular wave of 1.6 Hz would excite nothing."""
+    buoy = rig_folder(tmp_path)
+    share_scales(buoy)
+    campaign = buoy / "campaign.yaml"
+    change(campaign, lambda given: given["sea"].update(frequency_hz=1.6))
+    done = rig("check", campaign)
+    assert done.returncode == 2
+    reason = "sea: 100.0% of the variance of the waves is beyond the BEM file: allowed 0.025 .. 1.5"
+    assert reason in done.stdout + done.stderr
+    sea = {"kind": "jonswap", "hs_m": 0.05, "tp_s": 1.0, "gamma": 1, "repeat_s": 50}
+    timing = {"settle_s": 20, "interval_s": 80}
+    change(campaign, lambda given: given.update(sea=sea, timing=timing))
+    done = rig("check", campaign, "--json")
+    assert done.returncode == 0, done.stdout
+    (warning,) = json.loads(done.stdout)["warnings"]
+    assert warning["key"] == "sea"
+    # Of a Pierson-Moskowitz sea, exp(-1.25 (f_p / f)^4) of the variance is below f.
+    below_two, below_end = (np.exp(-1.25 / f**4) for f in (2.0, 1.5))
+    expected = (below_two - below_end) / below_two
+    assert warning["value"] == pytest.approx(expected, rel=0.2)  # components to 2 Hz
 
 
 def test_a_stale_fit_is_refused(tmp_path: Path) -> None:

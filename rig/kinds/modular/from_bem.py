@@ -93,6 +93,7 @@ class PlantReport(NamedTuple):
 
     bem: str
     source: str
+    scaling: str  # of the file
     phase: str
     density: float
     gravity: float
@@ -374,6 +375,7 @@ def _report(
     return PlantReport(
         str(request.bem),
         content.source,
+        content.scaling,
         content.phase,
         bem.density,
         bem.gravity,
@@ -427,6 +429,7 @@ def report_text(report: PlantReport) -> str:
     low, high = report.band_hz
     lines = [
         f"{'file':12} {report.bem} ({report.source})",
+        f"{'values':12} {report.scaling} in the file; dimensional, SI in the plant",
         f"{'water':12} {report.density:g} kg/m3, {report.gravity:g} m/s2, "
         f"{'infinitely deep' if math.isinf(report.depth) else f'{report.depth:g} m deep'}",
         f"{'phases':12} {report.phase} in the file, {same}; waves to "

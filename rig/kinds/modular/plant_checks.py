@@ -2,11 +2,16 @@
 
 import math
 from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
 
 from rig.config.problems import Problem, format_number
 from rig.config.yaml_source import KeyPath, SourceMap
+from rig.emulation.sea import build_sea
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.tick.composition import ROTATION
+from sim_plant import sea_states
 from sim_plant.modes.bem import BemModes
 from sim_plant.modes.bem_content import rotates
 from sim_plant.modes.parameters import Plant
@@ -14,6 +19,11 @@ from sim_plant.modes.parameters import Plant
 MASS_GAP = 0.05  # of the displaced water: a body with more or less does not float as computed
 STIFFNESS_GAP = 0.05  # of the BEM file's
 NEGLIGIBLE = 1.0e-6  # of the largest stiffness: rounding of a zero
+
+UNEXCITED = 0.01  # of the variance of the waves, beyond the BEM file: a warning
+MOSTLY_UNEXCITED = 0.5  # an error
+
+_ROUNDING = 1.0e-9
 
 Finding = tuple[KeyPath, float, str]
 
@@ -63,6 +73,22 @@ def rig_findings(plant: Plant, rig: RigFile) -> Iterator[Finding]:
                 f"{axis.motion}, but in the plant it moves one to one with {dof}, which is "
                 f"{'an angle' if rotates(dof) else 'a distance'}",
             )
+
+
+def sea_finding(sea: dict[str, Any], bem: BemModes) -> tuple[float, str]:
+    """Return the share of the variance of a sea (of `build_sea`) beyond a BEM file, and a message.
+
+    Above its frequencies nothing excites the body; below, the force is that of the lowest one.
+    """
+    built = build_sea(sea)
+    frequency, variance = sea_states.frequencies(built), np.abs(built.amplitude) ** 2
+    low, high = float(bem.frequency[0]), float(bem.frequency[-1])
+    outside = (frequency < low * (1.0 - _ROUNDING)) | (frequency > high * (1.0 + _ROUNDING))
+    share = float(variance[outside].sum() / max(variance.sum(), 1e-300))
+    return share, (
+        f"{share:.1%} of the variance of the waves is beyond the BEM file: allowed {low:.4g} .. "
+        f"{high:.4g} Hz; above nothing excites the body"
+    )
 
 
 def plant_warnings(

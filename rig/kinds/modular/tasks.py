@@ -16,12 +16,12 @@ from rig.campaign.law_checks import (
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.config.problems import Problem
 from rig.design.axis_params import newtons_per_ampere
-from rig.emulation.campaign_sea import requested_sea
+from rig.emulation.campaign_sea import campaign_sea, requested_sea
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.identification import axis_channels
-from rig.kinds.modular.plant_checks import plant_warnings
+from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
 from rig.kinds.modular.predictions import simulate
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import row_contents
@@ -61,7 +61,11 @@ def _plant_warnings(campaign: AnyCampaign) -> tuple[Problem, ...]:
     source = ConfigSource(campaign.plant, campaign.plant_locate)
     plant = Plant.model_validate(source.mapping)
     bem = read_bem(plant, bem_path(source))
-    return plant_warnings(plant, bem, source.locate, campaign.rig, campaign.rig_locate)
+    found = plant_warnings(plant, bem, source.locate, campaign.rig, campaign.rig_locate)
+    share, message = sea_finding(campaign_sea(campaign), bem)
+    if share > UNEXCITED:
+        found += (campaign.locate.problem(("sea",), share, message),)
+    return found
 
 
 def execution_task(campaign: AnyCampaign, plan: AnyPlan) -> Task:

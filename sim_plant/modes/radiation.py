@@ -37,7 +37,7 @@ MAX_ORDER = 12  # states for each mode
 SMOOTH_ORDER = 8  # of the fit by which irregular frequencies are found
 MAX_ERROR = 0.10  # of the peak: a worse fit is refused
 ACCURACY = 0.02  # of an added mass from a BEM program
-COUPLED = 2.0e-3  # of the diagonal's peaks: a smaller term of the matrix is no coupling
+COUPLED = 0.5 * TOLERANCE  # of the diagonal's peaks: a smaller term in the wave band is noise
 ITERATIONS = 20  # of the placement of poles
 REWEIGHTINGS = 6  # of the residues, towards the smallest largest error in the wave band
 WITHIN_REACH = 2.0  # times the tolerance: more is not gained by reweighting
@@ -93,7 +93,7 @@ def fit(bem: BemModes, tolerance: float = TOLERANCE) -> Radiation:
     partner: list[int] = []
     columns: list[Floats] = []
     numbers: list[tuple[float, float, float]] = []
-    for modes in coupled_blocks(np.abs(normalised).max(axis=0)):
+    for modes in coupled_blocks(np.abs(normalised[kept][band]).max(axis=0)):
         own = normalised[kept][:, modes][:, :, modes]
         block, error = _fit_block(omega[kept], own, band, tolerance)
         if error > MAX_ERROR:

@@ -156,6 +156,7 @@ def two_bodies(_: Path) -> PlantModel:
     return mode_plants.model(mapping(modes, {"pto": axis}), mode_plants.TWO_BODY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", [one_mode_of_the_hemisphere, two_bodies, lupa_plant])
 def test_power_is_that_of_the_bem_file(build: Callable[[Path], PlantModel], tmp_path: Path) -> None:
     """Closed form with added mass and damping of the file itself, at three of its frequencies."""

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rig.kinds.modular.from_bem import FittedPlant, PlantReport
-from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, MUTED, style_axes
+from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, MUTED, lay_out, style_axes
 from sim_plant.modes import radiation
 from sim_plant.modes.bem import BemModes, impedance
 from sim_plant.modes.bem_content import Floats, rotates
@@ -17,6 +17,7 @@ from sim_plant.modes.bem_content import Floats, rotates
 MAX_PAIRS = 12  # rows; with more, those with the largest errors, and it is said
 MINUS_MATH = r"e^{-i\omega t}"
 _WIDTH, _ROW, _HEAD, _FOOT = 11.7, 1.75, 0.75, 2.6  # in
+_DPI = 130
 _DECAY = 5.0  # time constants of the slowest notable pole that the impulse response shows
 _FILE = {"linestyle": "", "marker": "o", "markersize": 2.4, "color": MUTED, "label": "BEM file"}
 _FIT = {"color": ACCENT, "linewidth": 1.3, "label": "state space"}
@@ -72,7 +73,8 @@ def picture(fitted: FittedPlant) -> bytes:
     for axes in (*rows.ravel(), *foot):
         style_axes(axes)
     target = io.BytesIO()
-    figure.savefig(target, format="png", dpi=130)
+    lay_out(figure, _DPI)
+    figure.savefig(target, format="png", dpi=_DPI)
     return target.getvalue()
 
 

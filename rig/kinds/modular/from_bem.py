@@ -69,7 +69,7 @@ class ModeReport(NamedTuple):
     name: str  # in the plant file
     mass: float
     mass_source: str
-    displaced_mass: float | None  # density times displaced volume; None: not stated
+    displaced_mass: float | None  # of a translation; None: the volume is not stated
     added_mass_infinite: float
     added_mass_source: str
     added_mass_correction: float  # by the fit
@@ -153,8 +153,11 @@ def fit_plant(request: PlantRequest) -> FittedPlant:
     ]
     if chosen.dofs and set(chosen.dofs) <= set(content.modes):
         problems += _missing_numbers(content, chosen)
+    problems = [f"{request.bem}: {each}" for each in problems]
+    own = (request.output, radiation_path(request.output), request.output.with_suffix(".png"))
+    problems += [f"{path}: exists; nothing is overwritten" for path in own if path.exists()]
     if problems:
-        raise ValueError("\n".join(f"{request.bem}: {each}" for each in problems))
+        raise ValueError("\n".join(problems))
     bem = choose(request.bem, content, chosen.dofs, request.direction)
     rigid = [_rigid_body(bem, k, chosen) for k in range(len(bem.modes))]
     begin = time.perf_counter()
@@ -354,7 +357,7 @@ def _report(
             mode.name,
             mode.mass,
             mode.mass_source,
-            None if volume is None else bem.density * volume,
+            None if volume is None or rotates(mode.dof) else bem.density * volume,
             float(bem.added_mass_infinite[k, k]),
             bem.infinite_method,
             float(memory.added_mass[k, k]),
@@ -401,9 +404,10 @@ def _warnings(bem: BemModes, model: PlantModel) -> Iterator[str]:
     memory = model.radiation
     for key, _, message in plant_findings(model.plant, bem):
         yield f"{'.'.join(map(str, key))}: {message}"
-    for k, dof in enumerate(bem.modes):
-        share = float(memory.added_mass[k, k] / bem.added_mass_infinite[k, k])
-        if abs(share) > NOTABLE_CORRECTION:
+    for k, (dof, mode) in enumerate(zip(bem.modes, model.plant.modes.values(), strict=True)):
+        infinite = float(bem.added_mass_infinite[k, k])
+        share = float(memory.added_mass[k, k]) / infinite
+        if abs(share) > NOTABLE_CORRECTION and infinite > NEGLIGIBLE * mode.mass:
             yield (
                 f"{dof}: the fit needs an A_inf of {1.0 + share:.1%} of the file's; is its mesh "
                 "fine enough at infinite frequency?"

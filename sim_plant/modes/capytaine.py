@@ -126,7 +126,7 @@ def _read(path: Path, fields: Fields, water: Water, version: str) -> BemContent:
 
 def _one_water(fields: Fields, water: Water) -> tuple[Fields, tuple[str, ...]]:
     """Return the fields at the given water where the file has several, and what stays open."""
-    problems = []
+    problems, fields = [], dict(fields)
     for name in SINGLE:
         if name not in fields or fields[name].values.size < 2 or fields[name].values.ndim != 1:
             continue
@@ -139,6 +139,8 @@ def _one_water(fields: Fields, water: Water) -> tuple[Fields, tuple[str, ...]]:
             listed = ", ".join(str(value) for value in values.tolist())
             advice = "select one before export" if own is None else f"choose one with --{own}"
             problems.append(f"has several values of {name} ({listed}); {advice}")
+            if given is not None:
+                del fields[name]  # the given value is none of the file's
         fields = {
             key: Field(
                 tuple(d for d in each.dimensions if d != name),

@@ -15,7 +15,7 @@ from mode_plants import CYLINDER, NUMERIC, TWO_BODY, WAVEBOT, cylinder, dataset,
 
 from sim_plant.bem import read_bem
 from sim_plant.modes.bem import BemModes, ogilvie, read_modes, stated_mass
-from sim_plant.modes.bem_content import Water
+from sim_plant.modes.bem_content import Floats, Water
 
 FRESH = Water(density=1000.0, gravity=9.81, depth=np.inf)
 ORDER = ("Surge", "Heave", "Pitch")
@@ -125,6 +125,57 @@ def test_capytaine_layouts_agree(tmp_path: Path) -> None:
     parts["Froude_Krylov_force"] = parts.diffraction_force
     parts["diffraction_force"] = 0.0 * parts.diffraction_force
     assert_same(read_modes(saved(tmp_path / "parts.nc", parts)), cylinder(), 0.0)
+
+
+def over(name: str, values: Floats) -> xr.Dataset:
+    """Return the dataset over another coordinate of its finite frequencies, which it keeps."""
+    finite = dataset().isel(omega=slice(0, -1))
+    return finite.assign_coords({name: ("omega", values)}).swap_dims(omega=name)
+
+
+def test_other_main_dimensions_agree(tmp_path: Path) -> None:
+    """Periods alone, which descend, and wave numbers with the frequencies as a coordinate."""
+    omega = dataset().omega.values[:-1]
+    periods = over("period", 2.0 * np.pi / omega).drop_vars("omega")
+    numbers = over("wavenumber", omega**2 / 9.81)
+    for name, data in (("periods", periods), ("numbers", numbers)):
+        found = read_modes(saved(tmp_path / f"{name}.nc", data))
+        np.testing.assert_allclose(found.frequency, cylinder().frequency, rtol=1e-14)
+        np.testing.assert_array_equal(found.damping, cylinder().damping)
+        np.testing.assert_array_equal(found.excitation, cylinder().excitation)
+    others = numbers.drop_vars(["omega", "freq", "period"], errors="ignore")
+    nameless = saved(tmp_path / "nameless.nc", others)
+    with pytest.raises(ValueError, match="no omega, freq or period over the dimension wavenumber"):
+        read_modes(nameless)
+
+
+def test_one_of_several_depths_is_chosen(tmp_path: Path) -> None:
+    plain = dataset().drop_vars("water_depth")
+    deep, shallow = (plain.assign_coords(water_depth=depth) for depth in (np.inf, 5.0))
+    shallow["added_mass"] = 1.1 * shallow.added_mass
+    both = xr.concat([shallow, deep], "water_depth", data_vars=["added_mass"], coords="minimal",
+                     compat="override", join="outer")  # fmt: skip
+    path = saved(tmp_path / "depths.nc", both)
+    found = read_modes(path, water=Water(depth=5.0))
+    np.testing.assert_allclose(found.added_mass, 1.1 * cylinder().added_mass, rtol=1e-14)
+    assert found.depth == 5.0
+    with pytest.raises(ValueError, match=r"several values of water_depth \(5.0, inf\); choose one"):
+        read_modes(path, water=Water(depth=7.0))
+
+
+def test_netcdf_3_and_4_agree(tmp_path: Path) -> None:
+    path = tmp_path / "old.nc"
+    dataset().to_netcdf(path, engine="scipy")
+    assert path.read_bytes()[:3] == b"CDF"
+    assert_same(read_modes(path), cylinder(), 0.0)
+
+
+def test_the_water_plane_of_a_heaving_body_is_its_stiffness(tmp_path: Path) -> None:
+    heave = dataset().sel(radiating_dof=["Heave"], influenced_dof=["Heave"])
+    heave = heave.drop_vars("hydrostatic_stiffness").assign(waterplane_area=3.14)
+    bem = read_modes(saved(tmp_path / "heave.nc", heave))
+    assert bem.stiffness is not None
+    assert bem.stiffness[0, 0] == pytest.approx(1000.0 * 9.81 * 3.14)
 
 
 def test_a_scalar_mode_needs_no_dimension(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ CLOCK_USERS = {
     "rig/sweep/cluster.py": "duration of a chunk of cases, which sets the size of the next",
     "rig/wires/": "time of a request; I/O processes, first SYNCs",
     "rig/kinds/oswec_bench/hardware/": "ages of received values",
+    "rig/kinds/modular/from_bem.py": "the duration of a fit, for its report",
     "rig/cli/": "progress for people",
     "rig/host/": "measures clocks and disk; no loop runs there",
     "drivers/": "the deadline of a conversation; links and their processes only",

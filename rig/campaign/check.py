@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from datetime import date
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -67,6 +68,7 @@ class CheckReport(NamedTuple):
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
     law_warnings: tuple[Problem, ...] = ()  # about laws
     tank_warnings: tuple[Problem, ...] = ()  # rows before the full waves, or with reflected ones
+    plant_warnings: tuple[Problem, ...] = ()  # about the simulated plant
     not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
@@ -78,8 +80,11 @@ class CheckReport(NamedTuple):
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
-        own = (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *self.tank_warnings)
-        return (*own, *predicted)
+        own = (
+            self.unused_rows, self.validity_warnings, self.law_warnings, self.plant_warnings,
+            self.tank_warnings,
+        )  # fmt: skip
+        return (*chain.from_iterable(own), *predicted)
 
     @property
     def ok(self) -> bool:

@@ -31,6 +31,7 @@ COMMANDS = tuple(
         ("campaigns", "List the shipped campaigns, sessions and rigs."),
         ("copy", "Copy a shipped campaign, session or rig, and all its files, for editing."),
         ("new", "Write a new kind of rig as a package, or the files of a new rig."),
+        ("plant", "Write the files of simulated plants: from BEM coefficients."),
         ("runs", "List all runs, newest first."),
         ("laws", "List the control laws: columns of the matrix, parameters, ranges."),
         ("kinds", "List the kinds of rig, with origin and version."),

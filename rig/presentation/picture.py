@@ -102,13 +102,15 @@ def style_axes(axes: Axes) -> None:
 
 
 def save(figure: Figure, path: Path, dpi: float = _DPI, **savefig_options: Any) -> Path:
-    """Write the picture in the format of the file name; options are those of `Figure.savefig`.
+    """Write the picture in the format of the file name; options are those of `Figure.savefig`."""
+    lay_out(figure, dpi)
+    figure.savefig(path, dpi=dpi, **savefig_options)
+    return path
 
-    The layout runs once here: savefig would repeat it for each file and draw everything before.
-    """
+
+def lay_out(figure: Figure, dpi: float) -> None:
+    """Place the parts of a figure once: savefig would do it for each file and draw all before."""
     if figure.axes and (engine := figure.get_layout_engine()) is not None:
         figure.set_dpi(dpi)
         engine.execute(figure)
         figure.set_layout_engine(None)
-    figure.savefig(path, dpi=dpi, **savefig_options)
-    return path

@@ -1,24 +1,25 @@
 """Hydrodynamic coefficients of coupled modes, from the files of boundary-element (BEM) programs.
 
 `read_modes` reads Capytaine NetCDF (`.nc`), WAMIT (`.out`, or `.1` with `.3` and `.hst` of the same
-name) and WEC-Sim BEMIO (`.h5`). All results are dimensional, with capytaine's phases: a quantity is
-Re(X e^{-i omega t}). WAMIT and BEMIO write e^{+i omega t}; their readers take the conjugate.
+name), WEC-Sim BEMIO (`.h5`) and Nemoh (a folder, or its `Nemoh.cal`). All results are dimensional,
+with the phases of Capytaine and Nemoh: a quantity is Re(X e^{-i omega t}). WAMIT and BEMIO write
+e^{+i omega t}; their readers take the conjugate.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_plant.bem import Bem
-from sim_plant.modes import bemio, capytaine, wamit
-from sim_plant.modes.bem_content import BemContent, Complexes, Floats, Water
+from sim_plant.modes import bemio, capytaine, nemoh, wamit
+from sim_plant.modes.bem_content import BemContent, Complexes, Floats, Water, rotates
 
 MAX_ASYMMETRY = 0.15  # of the diagonal's geometric mean: more is no radiation problem at rest
-SUFFIXES = (".nc", ".h5", ".out", *wamit.NUMERIC_SUFFIXES)
+SUFFIXES = (".nc", ".h5", ".out", *wamit.NUMERIC_SUFFIXES, ".cal")
 
 
 class BemModes(NamedTuple):
@@ -36,6 +37,11 @@ class BemModes(NamedTuple):
     density: float  # kg/m3
     gravity: float  # m/s2
     direction: float  # degrees, 0: waves travel to +x
+    source: str  # program and format of the file
+    phase: str  # the file's own convention
+    volume: tuple[float | None, ...]  # m3, displaced by the body of each mode; None: not stated
+    inertia: Floats | None  # (n, n), kg, kg m or kg m2; NaN: not stated
+    inertia_source: str
 
 
 def read_modes(
@@ -51,22 +57,45 @@ def read_modes(
     does not state. Raises ValueError that names file, field, value and the allowed ones, OSError
     for a file that cannot be read.
     """
-    readers = {".nc": capytaine.read, ".h5": bemio.read, ".out": wamit.read_out}
-    reader = readers.get(path.suffix.lower(), wamit.read_numeric)
-    if path.suffix.lower() not in SUFFIXES:
+    return choose(path, read_content(path, water or Water()), modes, direction)
+
+
+def read_content(path: Path, water: Water) -> BemContent:
+    """Return all modes and directions of a file; raises as `read_modes`."""
+    readers = {
+        ".nc": capytaine.read, ".h5": bemio.read, ".out": wamit.read_out, ".cal": nemoh.read
+    }  # fmt: skip
+    suffix = nemoh.cal_path(path).suffix.lower()
+    if suffix not in SUFFIXES:
         raise ValueError(
-            f"{path}: unknown type of BEM file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"
+            f"{path}: unknown type of BEM file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}, "
+            "or the folder of a Nemoh run"
         )
-    content = reader(path, water or Water())
-    return _choose(path, content, modes, direction)
+    return readers.get(suffix, wamit.read_numeric)(path, water)
 
 
 def bem_files(path: Path) -> tuple[Path, ...]:
-    """Return the existing files that `read_modes` reads: WAMIT's numeric output is several."""
-    if path.suffix.lower() not in wamit.NUMERIC_SUFFIXES:
+    """Return the existing files that `read_modes` reads, the one of the path first."""
+    suffix = nemoh.cal_path(path).suffix.lower()
+    if suffix == ".cal":
+        return nemoh.files(path)
+    if suffix not in wamit.NUMERIC_SUFFIXES:
         return (path,)
     parts = (path.with_suffix(suffix) for suffix in wamit.NUMERIC_SUFFIXES)
     return tuple(each for each in parts if each.exists())
+
+
+def stated_mass(bem: BemModes | BemContent, mode: int) -> tuple[float | None, str]:
+    """Return the mass (kg) or moment of inertia (kg m2) of a mode as the file states it, and how.
+
+    That is its inertia or, for a translation, the mass of the displaced water; None without.
+    """
+    if bem.inertia is not None and bem.inertia[mode, mode] > 0.0:
+        return float(bem.inertia[mode, mode]), bem.inertia_source
+    volume = bem.volume[mode]
+    if volume is None or rotates(bem.modes[mode]):
+        return None, ""
+    return bem.density * volume, f"displaced: {bem.density:g} kg/m3 * {volume:.5g} m3"
 
 
 def mode_bem(bem: BemModes, mode: int) -> Bem:
@@ -89,20 +118,50 @@ def impedance(bem: BemModes) -> Complexes:
     return bem.damping + 1j * omega * (bem.added_mass - bem.added_mass_infinite)
 
 
-def _choose(
+def open_choices(
+    content: BemContent, modes: Sequence[str] | None, direction: float | None
+) -> Iterator[str]:
+    """Yield what has to be chosen, or cannot be, before the content has one meaning."""
+    yield from content.problems
+    names = content.modes
+    if len(set(names)) != len(names):
+        yield f"a mode appears twice: {', '.join(names)}"
+    for name in modes or ():
+        if name not in names:
+            yield f"has no mode {name!r}; it has {', '.join(names)}"
+    directions = content.directions
+    listed = ", ".join(f"{d:g}" for d in directions)
+    if directions.size == 0:
+        yield "has no wave direction: excitation is missing"
+    elif direction is None and directions.size > 1:
+        yield (
+            f"has several wave directions: {listed} degrees; choose one with --direction, or "
+            "wave_direction_deg in the plant file"
+        )
+    elif direction is not None and _turns(directions, direction).min() > 1.0e-3:
+        yield f"has no wave direction of {direction:g} degrees; it has {listed}"
+
+
+def _turns(directions: Floats, requested: float) -> Floats:
+    """Return the angles between directions and the requested one, degrees."""
+    angles: Floats = np.abs((directions - requested + 180.0) % 360.0 - 180.0)
+    return angles
+
+
+def choose(
     path: Path, content: BemContent, modes: Sequence[str] | None, direction: float | None
 ) -> BemModes:
     """Return the requested modes of one direction on ascending finite frequencies."""
+    problems = [f"{path}: {each}" for each in open_choices(content, modes, direction)]
+    if problems:
+        raise ValueError("\n".join(problems))
     names = content.modes
-    if len(set(names)) != len(names):
-        raise ValueError(f"{path}: a mode appears twice: {', '.join(names)}")
-    for name in modes or ():
-        if name not in names:
-            raise ValueError(f"{path}: has no mode {name!r}; it has {', '.join(names)}")
     kept = [names.index(name) for name in (names if modes is None else modes)]
+    content = _ascending(content)
     grid = np.ix_(range(content.omega.size), kept, kept)
     added_mass, damping = content.added_mass[grid], content.damping[grid]
-    wave = _direction_index(path, content.directions, direction)
+    turns = _turns(content.directions, content.directions[0] if direction is None else direction)
+    wave = int(turns.argmin())
     excitation = content.excitation[:, wave][:, kept]
     omega = content.omega
     if np.any(np.isnan(omega)) or np.any(omega < 0.0):
@@ -143,24 +202,24 @@ def _choose(
         content.density,
         content.gravity,
         float(content.directions[wave]),
+        content.source,
+        content.phase,
+        tuple(content.volume[k] for k in kept),
+        None if content.inertia is None else content.inertia[np.ix_(kept, kept)],
+        content.inertia_source,
     )
 
 
-def _direction_index(path: Path, directions: Floats, requested: float | None) -> int:
-    listed = ", ".join(f"{d:g}" for d in directions)
-    if directions.size == 0:
-        raise ValueError(f"{path}: has no wave direction: excitation is missing")
-    if requested is None:
-        if directions.size > 1:
-            raise ValueError(
-                f"{path}: has several wave directions: {listed} degrees; choose one with "
-                "wave_direction_deg in the plant file"
-            )
-        return 0
-    difference = np.abs((directions - requested + 180.0) % 360.0 - 180.0)
-    if difference.min() > 1.0e-3:
-        raise ValueError(f"{path}: has no wave direction of {requested:g} degrees; it has {listed}")
-    return int(difference.argmin())
+def _ascending(content: BemContent) -> BemContent:
+    """Return the content with frequencies that descend throughout, as over periods, turned."""
+    if not np.all(np.diff(content.omega) < 0.0):
+        return content
+    return content._replace(
+        omega=content.omega[::-1],
+        added_mass=content.added_mass[::-1],
+        damping=content.damping[::-1],
+        excitation=content.excitation[::-1],
+    )
 
 
 def _check_symmetry(path: Path, field: str, values: Floats, names: Sequence[str]) -> None:

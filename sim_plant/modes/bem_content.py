@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,7 +29,10 @@ class Water(NamedTuple):
 
 
 class BemContent(NamedTuple):
-    """All modes and directions of a file, before the choice of some; frequencies may descend."""
+    """All modes and directions of a file, before the choice of some; frequencies may descend.
+
+    Phases are those of e^{-i omega t} whatever `phase` the file has.
+    """
 
     modes: tuple[str, ...]
     omega: Floats  # rad/s; may contain 0 and inf
@@ -41,6 +45,27 @@ class BemContent(NamedTuple):
     depth: float
     density: float
     gravity: float
+    source: str  # program and format
+    phase: str  # the file's own: e^{-i omega t} or e^{+i omega t}
+    volume: tuple[float | None, ...]  # m3, displaced by the body of each mode; None: not stated
+    inertia: Floats | None = None  # (n, n), kg, kg m or kg m2; NaN: not stated
+    inertia_source: str = ""
+    problems: tuple[str, ...] = ()  # what has to be chosen before the content means anything
+    scaling: str = "dimensional, SI"  # the file's own; the values here are dimensional
+
+
+MINUS, PLUS = "e^{-i omega t}", "e^{+i omega t}"
+WATER = {
+    "density": ("density_kg_per_m3", "kg/m3"),
+    "gravity": ("gravity_m_per_s2", "m/s2"),
+    "depth": ("depth_m", "m"),
+}
+ALLOWED = {
+    "density_kg_per_m3": (500.0, 2000.0),
+    "gravity_m_per_s2": (9.0, 10.5),
+    "depth_m": (1.0e-3, math.inf),
+}
+DEEPEST = 2.0e4  # m, the largest depth that a plant file may have: infinite for any wave
 
 
 @contextmanager
@@ -52,22 +77,57 @@ def open_hdf5(path: Path) -> Iterator[Any]:
         try:
             file = h5py.File(stream, "r")
         except OSError as error:
-            message = f"{path}: is not an HDF5 file (Capytaine .nc, BEMIO .h5)"
-            raise ValueError(message) from error
+            reason = "is empty" if path.stat().st_size == 0 else f"is no whole HDF5 file ({error})"
+            raise ValueError(f"{path}: {reason}") from error
         with file:
             yield file
 
 
-def stated(path: Path, name: str, found: float | None, given: float | None, unit: str) -> float:
-    """Return a property of the water from the file or the plant; both must agree."""
-    if found is None and given is None:
-        raise ValueError(f"{path}: does not state {name} ({unit}); set {name} in the plant file")
-    if found is not None and given is not None and abs(found - given) > 1.0e-6 * abs(found):
-        raise ValueError(
-            f"{path}: states {name} {found:g} {unit}, the plant file {given:g}; remove one"
-        )
-    value = found if found is not None else given
-    assert value is not None
-    if not value > 0.0:
-        raise ValueError(f"{path}: {name} is {value:g} {unit}; allowed: above 0")
-    return float(value)
+def text_lines(path: Path) -> list[str]:
+    """Return the lines of a text file; ValueError if it is binary or empty."""
+    with open_regular_file(path) as stream:
+        content = stream.read()
+    if not content.strip():
+        raise ValueError(f"{path}: is empty")
+    if b"\0" in content[:4096]:
+        raise ValueError(f"{path}: is a binary file, not the text of a BEM program")
+    return content.decode("latin-1").splitlines()
+
+
+def body_of(mode: str) -> str:
+    """Return the name of the body of a mode: `float` for `float__Heave`, else empty."""
+    return mode.rpartition("__")[0]
+
+
+def rotates(mode: str) -> bool:
+    """Return whether a mode, by its name, is an angle."""
+    return mode.rpartition("__")[2].capitalize() in RIGID_MODES[3:]
+
+
+def stated_water(path: Path, found: Water, given: Water) -> tuple[float, float, float]:
+    """Return density, gravity and depth from the file or the plant; ValueError with all problems.
+
+    What both state must agree; what lies outside `ALLOWED` has other units.
+    """
+    problems = []
+    values = {}
+    for field, (name, unit) in WATER.items():
+        in_file, own = getattr(found, field), getattr(given, field)
+        option = f"give --{field}, or {name} in the plant file"
+        if in_file is None and own is None:
+            problems.append(f"does not state {name} ({unit}); {option}")
+            continue
+        if in_file is not None and own is not None and not math.isclose(in_file, own, rel_tol=1e-6):
+            deep = own >= DEEPEST and in_file == math.inf
+            if not deep:
+                problems.append(
+                    f"states {name} {in_file:g} {unit}, the plant file {own:g}; remove one"
+                )
+        value = own if in_file is None else in_file
+        low, high = ALLOWED[name]
+        if not low <= value <= high:
+            problems.append(f"{name} is {value:g} {unit}; allowed: {low:g} .. {high:g}")
+        values[field] = float(value)
+    if problems:
+        raise ValueError("\n".join(f"{path}: {each}" for each in problems))
+    return values["density"], values["gravity"], values["depth"]

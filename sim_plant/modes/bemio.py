@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_plant.modes.bem_content import BemContent, Floats, Water, open_hdf5, stated
+from sim_plant.modes.bem_content import PLUS, BemContent, Floats, Water, open_hdf5, stated_water
 from sim_plant.modes.wamit import mode_names
 
 
@@ -30,9 +30,8 @@ def _read(path: Path, file: Any, water: Water) -> BemContent:
         raise ValueError(f"{path}: has no group 'body1'; it has {', '.join(sorted(file))}")
     omega = _values(path, file, "simulation_parameters/w").ravel()
     directions = _values(path, file, "simulation_parameters/wave_dir").ravel()
-    density = stated(path, "density_kg_per_m3", _scalar(file, "rho"), water.density, "kg/m3")
-    gravity = stated(path, "gravity_m_per_s2", _scalar(file, "g"), water.gravity, "m/s2")
-    depth = stated(path, "depth_m", _scalar(file, "water_depth"), water.depth, "m")
+    water_of_file = Water(*(_scalar(file, name) for name in ("rho", "g", "water_depth")))
+    density, gravity, depth = stated_water(path, water_of_file, water)
     scaled = _scalar(file, "scaled") == 1.0
     mass = 1.0 if scaled else density
     force = 1.0 if scaled else density * gravity
@@ -70,7 +69,22 @@ def _read(path: Path, file: Any, water: Water) -> BemContent:
         depth,
         density,
         gravity,
+        "WEC-Sim BEMIO .h5",
+        PLUS,
+        tuple(
+            _volume(file, body)
+            for body, size in zip(bodies, sizes, strict=True)
+            for _ in range(size)
+        ),
+        scaling="dimensional, SI" if scaled else "normalised by density and gravity",
     )
+
+
+def _volume(file: Any, body: str) -> float | None:
+    """Return the displaced volume of a body, m3."""
+    name = f"{body}/properties/disp_vol"
+    value = float(np.ravel(file[name][()])[0]) if name in file else 0.0
+    return value if value > 0.0 else None
 
 
 def _names(sizes: list[int]) -> tuple[str, ...]:

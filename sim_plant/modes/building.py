@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim_plant.modes import plant as step
-from sim_plant.modes import radiation
+from sim_plant.modes import radiation, stored_radiation
 from sim_plant.modes.bem import BemModes, read_modes
 from sim_plant.modes.bem_content import Floats, Water
 from sim_plant.modes.parameters import Axis, Backlash, Bus, EndStop, Hydraulic, Line, Plant
@@ -55,14 +55,20 @@ def read_bem(plant: Plant, path: Path) -> BemModes:
     return found
 
 
-def build(plant: Plant, path: Path) -> PlantModel:
-    """Return the model of a plant whose BEM file is at a path; raises as `read_bem`."""
-    return assemble(plant, read_bem(plant, path))
+def build(plant: Plant, path: Path, fitted: Path | None = None) -> PlantModel:
+    """Return the model of a plant whose BEM file and stored radiation are at paths.
+
+    Raises as `read_bem` and `stored_radiation.read`.
+    """
+    found = read_bem(plant, path)
+    return assemble(plant, found, None if fitted is None else stored_radiation.read(fitted, found))
 
 
-def assemble(plant: Plant, found: BemModes) -> PlantModel:
+def assemble(plant: Plant, found: BemModes, memory: Radiation | None = None) -> PlantModel:
     """Return the model of a plant with the coefficients of its modes, in the plant's order."""
-    memory = radiation.fit(found)
+    memory = memory or radiation.fit(found)
+    infinite = found.added_mass_infinite + memory.added_mass
+    found = found._replace(added_mass_infinite=infinite)
     return PlantModel(plant, found, memory, _params(plant, found, memory))
 
 

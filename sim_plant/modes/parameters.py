@@ -319,10 +319,11 @@ class Sensor(StrictModel):
 
 
 class Plant(StrictModel):
-    """A complete plant file; `bem` is a path relative to it."""
+    """A complete plant file; `bem` and `radiation` are paths relative to it."""
 
     name: Text
     bem: Text
+    radiation: Text | None = None  # a stored fit; without, each load fits the BEM file
     wave_direction_deg: Direction | None = None  # where the BEM file has several
     density_kg_per_m3: Density | None = None  # where the BEM file does not state it
     gravity_m_per_s2: Gravity | None = None

@@ -2,7 +2,9 @@
 
 K_r(i omega) = B + i omega (A - A_inf) is fitted by sum_k R_k / (s - p_k) with poles common to a
 block of coupled modes and symmetric residues: vector fitting places the poles, and a least-squares
-problem with linear inequalities gives the residues. K_r(0) = 0 holds exactly, the poles are stable,
+problem with linear inequalities gives the residues. It also gives a small correction of A_inf: a
+BEM program's value belongs to another mesh resolution than the rest, and i omega times its error
+would be fitted as memory. K_r(0) = 0 holds exactly, the poles are stable,
 and Re K_r(i omega) has no negative eigenvalue: violated directions are added as inequalities until
 none is left on a dense grid of frequencies and at both limits.
 
@@ -18,24 +20,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import nnls
 
 from sim_plant.modes.bem import BemModes, impedance
 from sim_plant.modes.bem_content import Floats
 
 Complexes = NDArray[Any]  # complex128
+Mask = NDArray[np.bool_]
 
 TOLERANCE = 0.01  # of the peak, in the wave band: the smallest order below it is chosen
+NEAR_BEST = 1.25  # times the rms error of the best: without one below, the smallest such order
 WAVE_BAND = 0.05  # of the largest damping: the frequencies between the first and last above it
 OUTSIDE_WEIGHT = 0.25  # of frequencies outside the wave band
-MAX_ORDER = 8  # states for each mode
+MAX_ORDER = 12  # states for each mode
+SMOOTH_ORDER = 8  # of the fit by which irregular frequencies are found
 MAX_ERROR = 0.10  # of the peak: a worse fit is refused
-COUPLED = 2.0e-3  # of the diagonal's peaks: a smaller term of the matrix is no coupling
+ACCURACY = 0.02  # of an added mass from a BEM program
+COUPLED = 0.5 * TOLERANCE  # of the diagonal's peaks: a smaller term in the wave band is noise
 ITERATIONS = 20  # of the placement of poles
+REWEIGHTINGS = 6  # of the residues, towards the smallest largest error in the wave band
+WITHIN_REACH = 2.0  # times the tolerance: more is not gained by reweighting
 OUTLIER = 0.03  # of the peak, and OUTLIER_RATIO times the median error: an irregular frequency
 OUTLIER_RATIO = 8.0
 MAX_OUTLIERS = 0.2  # of all frequencies
 CUTS = 40  # rounds of the enforcement of passivity
+FINER = 65  # points between the neighbours of a minimum of the damping
 MAX_POLE = 3.0  # times the highest frequency: a faster pole would only slow the simulation
 MIN_DAMPING = 0.05  # damping ratio of a pole: what is narrower is an irregular frequency
 MARGIN = 1.0e-4  # of the largest damping, where the curve is enforced
@@ -53,8 +63,9 @@ class Radiation(NamedTuple):
     cross: Floats  # 1/s
     input: Floats
     output: Floats
-    error: Floats  # (n, n), largest error in the wave band by the diagonal's peaks
+    error: Floats  # (n, n), largest error in the wave band by `error_scale`
     left_out: Floats  # Hz, irregular frequencies of the BEM file, which are not fitted
+    added_mass: Floats  # (n, n), correction of A_inf, kg, kg m or kg m2
 
 
 class Block(NamedTuple):
@@ -65,24 +76,26 @@ class Block(NamedTuple):
 
     poles: Complexes
     residues: Floats  # (order, m, m)
+    mass: Floats  # (m, m), the term i omega mass / (highest omega)
 
 
 def fit(bem: BemModes, tolerance: float = TOLERANCE) -> Radiation:
     """Return the state space of all modes; ValueError if a block cannot be fitted."""
     target = impedance(bem)
     count = len(bem.modes)
-    peak = np.abs(target).max(axis=0)
-    scale = np.sqrt(np.maximum(np.diag(peak), 1.0e-12 * peak.max()))
     omega = 2.0 * np.pi * bem.frequency
+    scale = np.sqrt(error_scale(bem, target))
     normalised = target / np.outer(scale, scale)
     kept = regular_frequencies(omega, normalised)
+    band = wave_band(normalised[kept])
+    added_mass = np.zeros((count, count))
     source: list[int] = []
     partner: list[int] = []
     columns: list[Floats] = []
     numbers: list[tuple[float, float, float]] = []
-    for modes in coupled_blocks(np.abs(normalised).max(axis=0)):
+    for modes in coupled_blocks(np.abs(normalised[kept][band]).max(axis=0)):
         own = normalised[kept][:, modes][:, :, modes]
-        block, error = _fit_block(omega[kept], own, tolerance)
+        block, error = _fit_block(omega[kept], own, band, tolerance)
         if error > MAX_ERROR:
             names = ", ".join(bem.modes[m] for m in modes)
             raise ValueError(
@@ -90,6 +103,7 @@ def fit(bem: BemModes, tolerance: float = TOLERANCE) -> Radiation:
                 f"{MAX_ORDER} states; allowed: {MAX_ERROR:.0%} (are there irregular frequencies "
                 "in the BEM file, or too few of them?)"
             )
+        added_mass[np.ix_(modes, modes)] = block.mass / omega[kept][-1]
         at = 0
         for pole in block.poles:
             width = 1 if pole.imag == 0.0 else 2
@@ -113,12 +127,27 @@ def fit(bem: BemModes, tolerance: float = TOLERANCE) -> Radiation:
         cross_terms,
         entries,
         np.array(columns).T,
-        peak,
+        np.zeros((count, count)),
         np.delete(bem.frequency, kept),
+        added_mass * np.outer(scale, scale),
     )
-    band = kept[wave_band(normalised[kept])]
-    gap = np.abs(response(radiation, omega[band]) - target[band]).max(axis=0)
+    inside = kept[band]
+    gap = np.abs(total_response(radiation, omega[inside]) - target[inside]).max(axis=0)
     return radiation._replace(error=gap / np.outer(scale, scale))
+
+
+def error_scale(bem: BemModes, target: Complexes) -> Floats:
+    """Return what the errors of each mode are measured by, N s/m or N m s: the peak of K_r.
+
+    At least it is `ACCURACY` of the impedance of the added mass at the end of the wave band: a deep
+    body radiates hardly any waves, and its K_r is a small difference of numbers with that error.
+    """
+    omega = 2.0 * np.pi * bem.frequency
+    peak = np.einsum("ii->i", np.abs(target).max(axis=0))
+    highest = omega[wave_band(target)][-1]
+    least = np.maximum(ACCURACY * highest * np.diag(bem.added_mass_infinite), 1e-12 * peak.max())
+    scale: Floats = np.maximum(peak, least)
+    return scale
 
 
 def response(radiation: Radiation, omega: Floats) -> Complexes:
@@ -133,12 +162,19 @@ def response(radiation: Radiation, omega: Floats) -> Complexes:
                      for w in omega])  # fmt: skip
 
 
-def wave_band(target: Complexes) -> NDArray[np.bool_]:
+def total_response(radiation: Radiation, omega: Floats) -> Complexes:
+    """Return K_r of a state space with the correction of A_inf, to compare with a file's own."""
+    correction = 1j * omega[:, None, None] * radiation.added_mass
+    total: Complexes = response(radiation, omega) + correction
+    return total
+
+
+def wave_band(target: Complexes) -> Mask:
     """Return a mask of the frequencies at which some mode radiates notable waves."""
     damping = np.einsum("wii->wi", target).real
     notable = np.flatnonzero((damping >= WAVE_BAND * damping.max(axis=0)).any(axis=1))
     indices = np.arange(target.shape[0])
-    mask: NDArray[np.bool_] = (indices >= notable[0]) & (indices <= notable[-1])
+    mask: Mask = (indices >= notable[0]) & (indices <= notable[-1])
     return mask
 
 
@@ -151,7 +187,7 @@ def regular_frequencies(omega: Floats, target: Complexes) -> NDArray[np.intp]:
     diagonal = np.einsum("wii->wi", target)
     kept = np.arange(omega.size)
     for _ in range(6):
-        poles = _place_poles(omega[kept], diagonal[kept], MAX_ORDER, np.ones(kept.size))
+        poles = _place_poles(omega[kept], diagonal[kept], SMOOTH_ORDER, np.ones(kept.size))
         part = _basis(1j * omega[kept], poles)
         system = np.vstack([part.real, part.imag])
         right = np.vstack([diagonal[kept].real, diagonal[kept].imag])
@@ -182,24 +218,57 @@ def coupled_blocks(strength: Floats) -> list[list[int]]:
     return blocks
 
 
-def _fit_block(omega: Floats, target: Complexes, tolerance: float) -> tuple[Block, float]:
-    """Return the fit of the smallest sufficient order, or the best of all, and its error."""
-    best: tuple[Block, float] | None = None
-    band = wave_band(target)
-    weight = np.where(band, 1.0, OUTSIDE_WEIGHT)
+def _fit_block(
+    omega: Floats, target: Complexes, band: Mask, tolerance: float
+) -> tuple[Block, float]:
+    """Return the fit of the smallest sufficient order and its error.
+
+    Sufficient is an error of the tolerance or, where noise in the file allows none, a root mean
+    square of `NEAR_BEST` times the best.
+    """
+    found: list[tuple[Block, float]] = []
+    scatter: list[float] = []
     upper = np.triu_indices(target.shape[1])
+    start = np.where(band, 1.0, OUTSIDE_WEIGHT)
     for order in range(2, MAX_ORDER + 1):
-        poles = _place_poles(omega, target[:, upper[0], upper[1]], order, weight)
+        poles = _place_poles(omega, target[:, upper[0], upper[1]], order, start)
+        plain = _reweighted(omega, target, band, poles, 0, tolerance)
+        if plain is None:
+            continue
+        found.append(plain)
+        scatter.append(float(np.linalg.norm((_evaluate(plain[0], omega) - target)[band])))
+        if plain[1] <= WITHIN_REACH * tolerance:
+            best = _reweighted(omega, target, band, poles, REWEIGHTINGS, tolerance)
+            if best is not None and best[1] <= tolerance:
+                return best
+    if not found:
+        raise ValueError("no passive fit of the radiation; check the damping in the BEM file")
+    # The smallest largest error would follow the noise: least squares serve better.
+    bound = NEAR_BEST * min(scatter)
+    return next(each for each, norm in zip(found, scatter, strict=True) if norm <= bound)
+
+
+def _reweighted(
+    omega: Floats, target: Complexes, band: Mask, poles: Complexes, rounds: int, tolerance: float
+) -> tuple[Block, float] | None:
+    """Return the residues with the smallest largest error in the wave band, and that error.
+
+    Each round raises the weight of the frequencies with large errors, until the tolerance holds.
+    """
+    weight = np.where(band, 1.0, OUTSIDE_WEIGHT)
+    best: tuple[Block, float] | None = None
+    for _ in range(1 + rounds):
         block = _residues(omega, target, poles, weight)
         if block is None:
-            continue
-        error = float(np.abs(_evaluate(block, omega[band]) - target[band]).max())
-        if best is None or error < best[1]:
-            best = block, error
-        if error <= tolerance:
             break
-    if best is None:
-        raise ValueError("no passive fit of the radiation; check the damping in the BEM file")
+        error = np.abs(_evaluate(block, omega) - target).max(axis=(1, 2))
+        largest = float(error[band].max())
+        if best is None or largest < best[1]:
+            best = block, largest
+        if largest <= tolerance:
+            break
+        weight = weight * np.sqrt(np.maximum(error / largest, 0.05))
+        weight = np.where(band, weight / weight[band].max(), np.minimum(weight, OUTSIDE_WEIGHT))
     return best
 
 
@@ -215,8 +284,15 @@ def _basis(s: Complexes, poles: Sequence[complex] | Complexes) -> Complexes:
     return np.array(columns).T
 
 
+def _zero_at_rest(poles: Sequence[complex] | Complexes) -> Floats:
+    """Return the coefficients with K(0) = 0: the null space of the basis at s = 0, in columns."""
+    at_zero = _basis(np.zeros(1, np.complex128), poles).real
+    free: Floats = np.linalg.svd(at_zero)[2][1:].T
+    return free
+
+
 def _place_poles(omega: Floats, columns: Complexes, order: int, weight: Floats) -> Complexes:
-    """Return stable poles by vector fitting of all columns together."""
+    """Return stable poles by vector fitting of all columns together, each with K(0) = 0."""
     curves = columns.T
     low, high = max(omega[0], 0.1 * omega[-1]), 0.7 * omega[-1]
     poles = [complex(-0.3 * w, w) for w in np.linspace(low, high, order // 2)]
@@ -224,15 +300,17 @@ def _place_poles(omega: Floats, columns: Complexes, order: int, weight: Floats) 
     s = 1j * omega
     for _ in range(ITERATIONS):
         basis = _basis(s, poles)
+        numerator = np.hstack([basis @ _zero_at_rest(poles), s[:, None] / omega[-1]])
+        free = numerator.shape[1]
         rows = []
         # Relaxed non-triviality: sigma = d + sum c phi with mean real part 1. QR of each curve's
         # own columns leaves only the equations of sigma's unknowns.
         for curve in curves:
-            system = np.hstack([basis, -curve[:, None] * np.hstack([basis, np.ones((s.size, 1))])])
-            system *= weight[:, None]
+            sigma = -curve[:, None] * np.hstack([basis, np.ones((s.size, 1))])
+            system = np.hstack([numerator, sigma]) * weight[:, None]
             real = np.vstack([system.real, system.imag])
             _, triangle = np.linalg.qr(real)
-            rows.append(triangle[order:, order:])
+            rows.append(triangle[free:, free:])
         relaxation = float(np.linalg.norm(curves)) / s.size
         mean = np.concatenate([basis.real.sum(axis=0), [s.size]])
         matrix = np.vstack([*rows, relaxation * mean])
@@ -276,12 +354,10 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
     """Return the passive least-squares residues for poles, with K(0) = 0; None if none exist."""
     modes = target.shape[1]
     upper = np.transpose(np.triu_indices(modes))
-    basis = _basis(1j * omega, poles)
-    order = basis.shape[1]
+    basis = np.hstack([_basis(1j * omega, poles), 1j * omega[:, None] / omega[-1]])
+    order = basis.shape[1] - 1
     equations = np.vstack([basis.real, basis.imag]) * np.tile(weight, 2)[:, None]
-    # K(0) = 0: the coefficients of a curve are in the null space of the basis at s = 0.
-    at_zero = _basis(np.zeros(1, np.complex128), poles).real
-    free = np.linalg.svd(at_zero)[2][1:].T
+    free = block_diag(_zero_at_rest(poles), 1.0)  # the last coefficient is that of the added mass
     reduced = equations @ free
     q, r = np.linalg.qr(reduced)
     curves = [target[:, i, j] * weight for i, j in upper]
@@ -289,23 +365,30 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
         np.linalg.solve(r, q.T @ np.concatenate([curve.real, curve.imag])) for curve in curves
     ]
     # Unknown y = r x for each curve: the distance to the best fit is the Euclidean one.
+    coefficients = free @ np.linalg.inv(r)
+    to_residues = coefficients[:order]
     grid = _passivity_grid(omega, poles)
-    real_parts = _scaled_real_part(grid, poles) @ free @ np.linalg.inv(r)
     best = np.concatenate([r @ x for x in unconstrained])
     weights = np.array([1.0 if i == j else 2.0 for i, j in upper])
-    width = order - 1
+    width = order
     solution, cuts, limits = best, [], []
     for attempt in range(CUTS):
-        values = np.einsum("gk,uk->gu", real_parts, solution.reshape(len(upper), width))
-        matrices = np.zeros((grid.size, modes, modes))
-        matrices[:, upper[:, 0], upper[:, 1]] = values
-        matrices[:, upper[:, 1], upper[:, 0]] = values
-        eigenvalues, vectors = np.linalg.eigh(matrices)
+        curves_at = solution.reshape(len(upper), width) @ to_residues.T
+        eigenvalues, vectors = _lowest_damping(grid, poles, curves_at, upper)
         worst = eigenvalues[:, 0]
         scale = float(np.abs(eigenvalues).max())
         if worst.min() >= 0.0:
-            break
-        for g in _local_minima(worst):
+            # Between the points of the grid an eigenvalue may be lower, next to its minima.
+            finer = _around_minima(grid, worst)
+            eigenvalues, vectors = _lowest_damping(finer, poles, curves_at, upper)
+            worst = eigenvalues[:, 0]
+            if worst.min() >= 0.0:
+                break
+            at = finer
+        else:
+            at = grid
+        real_parts = _scaled_real_part(at, poles) @ to_residues
+        for g in _local_minima(worst, 0.0):
             v = vectors[g, :, 0]
             cuts.append(np.concatenate([
                 weights[u] * v[i] * v[j] * real_parts[g] for u, (i, j) in enumerate(upper)
@@ -320,16 +403,18 @@ def _residues(omega: Floats, target: Complexes, poles: Complexes, weight: Floats
         )
     else:
         return None
-    coefficients = solution.reshape(len(upper), width) @ np.linalg.inv(r).T @ free.T
-    residues = np.zeros((order, modes, modes))
-    residues[:, upper[:, 0], upper[:, 1]] = coefficients.T
-    residues[:, upper[:, 1], upper[:, 0]] = coefficients.T
-    return Block(poles, residues)
+    values = coefficients @ solution.reshape(len(upper), width).T
+    matrices = np.zeros((order + 1, modes, modes))
+    matrices[:, upper[:, 0], upper[:, 1]] = values
+    matrices[:, upper[:, 1], upper[:, 0]] = values
+    return Block(poles, matrices[:order], matrices[order])
 
 
 def _evaluate(block: Block, omega: Floats) -> Complexes:
-    values: Complexes = np.tensordot(_basis(1j * omega, block.poles), block.residues, 1)
-    return values
+    """Return K_r with the correction of the added mass, on the grid of the fit."""
+    memory = np.tensordot(_basis(1j * omega, block.poles), block.residues, 1)
+    total: Complexes = memory + 1j * omega[:, None, None] / omega[-1] * block.mass
+    return total
 
 
 def _passivity_grid(omega: Floats, poles: Complexes) -> Floats:
@@ -353,11 +438,34 @@ def _scaled_real_part(grid: Floats, poles: Complexes) -> Floats:
     return scaled
 
 
-def _local_minima(values: Floats) -> list[int]:
-    """Return the indices of negative values that are not larger than their neighbours."""
+def _lowest_damping(
+    grid: Floats, poles: Complexes, coefficients: Floats, upper: NDArray[np.intp]
+) -> tuple[Floats, Floats]:
+    """Return eigenvalues, ascending, and eigenvectors of the scaled Re K on a grid."""
+    size = int(upper.max()) + 1
+    values = _scaled_real_part(grid, poles) @ coefficients.T
+    matrices = np.zeros((grid.size, size, size))
+    matrices[:, upper[:, 0], upper[:, 1]] = values
+    matrices[:, upper[:, 1], upper[:, 0]] = values
+    eigenvalues, vectors = np.linalg.eigh(matrices)
+    return eigenvalues, vectors
+
+
+def _local_minima(values: Floats, bound: float) -> list[int]:
+    """Return the indices of values below a bound that are not larger than their neighbours."""
     padded = np.concatenate([[np.inf], values, [np.inf]])
-    lowest = (values < 0.0) & (values <= padded[:-2]) & (values <= padded[2:])
+    lowest = (values < bound) & (values <= padded[:-2]) & (values <= padded[2:])
     return [int(index) for index in np.flatnonzero(lowest)]
+
+
+def _around_minima(grid: Floats, values: Floats) -> Floats:
+    """Return a fine grid between the neighbours of each local minimum of values on a grid."""
+    last = grid.size - 1
+    parts = [
+        np.linspace(grid[max(k - 1, 0)], grid[min(k + 1, last)], FINER)
+        for k in _local_minima(values, np.inf)
+    ]
+    return np.unique(np.concatenate(parts))
 
 
 def _least_distance(matrix: Floats, bound: Floats) -> Floats:
@@ -376,4 +484,4 @@ def _least_distance(matrix: Floats, bound: Floats) -> Floats:
 def smallest_damping(radiation: Radiation, omega: Floats) -> float:
     """Return the smallest eigenvalue of Re K_r by the largest one; not negative: passive."""
     eigenvalues = np.linalg.eigvalsh(response(radiation, omega).real)
-    return float(eigenvalues.min() / eigenvalues.max())
+    return float(eigenvalues.min() / np.abs(eigenvalues).max())

@@ -18,8 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant.bem import open_regular_file
-from sim_plant.modes.bem_content import RIGID_MODES, BemContent, Complexes, Floats, Water, stated
+from sim_plant.modes.bem_content import (
+    PLUS,
+    RIGID_MODES,
+    BemContent,
+    Complexes,
+    Floats,
+    Water,
+    stated_water,
+    text_lines,
+)
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 
@@ -52,7 +60,7 @@ def read_numeric(path: Path, water: Water) -> BemContent:
             raise ValueError(f"{path}: {needed.name} is missing; WAMIT's .1 and .3 are both needed")
     found = Entries({}, {}, {}, {})
     for line, row in _rows(radiation, (4, 5)):
-        omega = _omega(row[0])
+        omega = _omega(line, row[0])
         key = (omega, _index(line, row[1]), _index(line, row[2]))
         _store(line, found.added_mass, key, row[3])
         if len(row) == 5:
@@ -60,17 +68,22 @@ def read_numeric(path: Path, water: Water) -> BemContent:
         elif 0.0 < omega < math.inf:
             raise ValueError(f"{line}: the damping is missing")
     for line, row in _rows(wave, (7,)):
-        _store(line, found.force, (_omega(row[0]), row[1], _index(line, row[2])), complex(*row[5:]))
+        _store(
+            line,
+            found.force,
+            (_omega(line, row[0]), row[1], _index(line, row[2])),
+            complex(*row[5:]),
+        )
     if hydrostatic.exists():
         for line, row in _rows(hydrostatic, (3,)):
             found.stiffness[_index(line, row[0]), _index(line, row[1])] = row[2]
-    return _content(path, found, water, None, None, None)
+    return _content(path, found, water, Water(), WamitFile("WAMIT .1, .3 and .hst", []))
 
 
 def read_out(path: Path, water: Water) -> BemContent:
     """Return the content of the formatted output file of one run."""
-    with open_regular_file(path) as stream:
-        lines = stream.read().decode("latin-1").splitlines()
+    lines = text_lines(path)
+    volumes: list[float] = []
     found = Entries({}, {}, {}, {})
     gravity = length = depth = None
     section, omega, heading, body = "", math.nan, math.nan, 0
@@ -82,6 +95,8 @@ def read_out(path: Path, water: Water) -> BemContent:
             gravity, length = (*numbers, None, None)[:2]
         elif line.strip().startswith("Water depth:"):
             depth = numbers[0] if numbers else math.inf
+        elif line.strip().startswith("Volumes (VOLX"):
+            volumes.append(float(np.median(numbers)) if len(numbers) == 3 else 0.0)
         elif line.strip().startswith("C(") and ":" in line:
             entries = line[: line.index(":")].count("C(")
             first = int(line[line.index("C(") + 2])
@@ -118,7 +133,8 @@ def read_out(path: Path, water: Water) -> BemContent:
             raise ValueError(f"{path}: has no line '{name}:'; is it the output file of WAMIT?")
     if not found.force:
         found = found._replace(force=haskind)
-    return _content(path, found, water, gravity, depth, length)
+    own = Water(None, gravity, depth, length)
+    return _content(path, found, water, own, WamitFile("WAMIT .out", volumes))
 
 
 def _tokens(line: str) -> list[str]:
@@ -132,9 +148,7 @@ def _starts_with_number(line: str) -> bool:
 def _rows(path: Path, lengths: tuple[int, ...]) -> list[tuple[str, list[float]]]:
     """Return the rows of numbers of a file, each with its place; a first line of text is left."""
     rows = []
-    with open_regular_file(path) as stream:
-        text = stream.read().decode("latin-1")
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text_lines(path), 1):
         parts = line.replace("D", "E").split()
         if not parts:
             continue
@@ -151,20 +165,26 @@ def _rows(path: Path, lengths: tuple[int, ...]) -> list[tuple[str, list[float]]]
     return rows
 
 
-def _omega(period: float) -> float:
+def _omega(place: str, period: float) -> float:
     if period == 0.0:
         return math.inf
-    return 0.0 if period < 0.0 else 2.0 * math.pi / period
+    if period == -1.0:
+        return 0.0
+    if not period > 0.0:
+        raise ValueError(
+            f"{place}: the period is {period:g} s; allowed: above 0, 0 for an infinite frequency, "
+            "-1 for the frequency 0"
+        )
+    return 2.0 * math.pi / period
 
 
 def _period(place: str, line: str) -> float:
     value = line.split("=")[1].split(maxsplit=1)[0]
     if value in ("infinite", "zero"):
         return 0.0 if value == "infinite" else math.inf
-    try:
-        return _omega(float(value))
-    except ValueError:
-        raise ValueError(f"{place}: {value!r} is not a wave period") from None
+    if not re.fullmatch(_NUMBER, value):
+        raise ValueError(f"{place}: {value!r} is not a wave period")
+    return _omega(place, float(value))
 
 
 def _index(place: str, value: float) -> int:
@@ -179,25 +199,23 @@ def _store(place: str, entries: dict, key: tuple, value: complex) -> None:  # ty
     entries[key] = value
 
 
+class WamitFile(NamedTuple):
+    """Format of a file, and the displaced volume of each body where it has them (m3)."""
+
+    source: str
+    volumes: list[float]
+
+
 def _content(
-    path: Path,
-    found: Entries,
-    water: Water,
-    stated_gravity: float | None,
-    stated_depth: float | None,
-    length: float | None,
+    path: Path, found: Entries, water: Water, of_file: Water, file: WamitFile
 ) -> BemContent:
     """Return the entries as dimensional arrays on the ascending frequencies of the forces."""
     if not found.added_mass:
         raise ValueError(f"{path}: has no added mass")
     if not found.force:
         raise ValueError(f"{path}: has no exciting forces")
-    density = stated(path, "density_kg_per_m3", None, water.density, "kg/m3")
-    gravity = stated(path, "gravity_m_per_s2", stated_gravity, water.gravity, "m/s2")
-    depth = stated(path, "depth_m", stated_depth, water.depth, "m")
-    if length is None and water.length_scale is None:
-        length = 1.0
-    length = stated(path, "length_scale_m", length, water.length_scale, "m")
+    density, gravity, depth = stated_water(path, of_file, water)
+    length = _length_scale(path, of_file.length_scale, water.length_scale)
     modes = sorted({i for _, *pair in found.added_mass for i in pair})
     names = mode_names(-(-modes[-1] // 6) * 6)
     rotates = np.array([(mode - 1) % 6 > 2 for mode in modes], np.int64)
@@ -208,6 +226,11 @@ def _content(
         field = "exciting force" if missing not in waves else "added mass and damping"
         raise ValueError(f"{path}: {field} is missing at {2.0 * math.pi / missing:g} s")
     directions = sorted({key[1] for key in found.force})
+    for i, j in sorted({(i, j) for _, i, j in found.damping}):
+        for w in omega.tolist():
+            if (w, i, j) not in found.damping:
+                period = 2.0 * math.pi / w
+                raise ValueError(f"{path}: added mass and damping ({i}, {j}) miss at {period:g} s")
     place = {mode: k for k, mode in enumerate(modes)}
     added_mass, damping = np.zeros((2, omega.size, len(modes), len(modes)))
     row = {w: k for k, w in enumerate(omega.tolist())}
@@ -240,4 +263,26 @@ def _content(
         depth,
         density,
         gravity,
+        file.source,
+        PLUS,
+        tuple(_volume(file.volumes, mode) for mode in modes),
+        scaling=f"normalised by density, gravity and a length of {length:g} m",
     )
+
+
+def _volume(volumes: list[float], mode: int) -> float | None:
+    """Return the displaced volume of the body of a numbered mode, None if not stated."""
+    body = (mode - 1) // 6
+    return volumes[body] if body < len(volumes) and volumes[body] > 0.0 else None
+
+
+def _length_scale(path: Path, found: float | None, given: float | None) -> float:
+    """Return ULEN, m: of the file, else the given one, else 1."""
+    if found is not None and given is not None and not math.isclose(found, given, rel_tol=1e-6):
+        raise ValueError(
+            f"{path}: states length_scale_m {found:g} m, the plant file {given:g}; remove one"
+        )
+    length = found if given is None else given
+    if length is not None and not length > 0.0:
+        raise ValueError(f"{path}: length_scale_m is {length:g} m; allowed: above 0")
+    return 1.0 if length is None else length

@@ -15,7 +15,6 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.fault_runs import free_port
 from rig.kinds.modular.config import LimitsFile, RigFile
-from rig.kinds.modular.displacement import stated_mass
 from rig.kinds.modular.new_rig import Options, first_grid, read_body
 from rig.kinds.modular.tasks import examine, wired_mode
 from sim_plant.modes.bem import read_modes
@@ -277,7 +276,7 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
     before = {path: path.read_bytes() for path in (tmp_path / "buoy").iterdir()}
     done = new(tmp_path, "--bem", WAVEBOT, "--stiffness", STIFFNESS)
     assert done.returncode == 2
-    assert done.stderr.count("exists; nothing is overwritten") == 7
+    assert done.stderr.count("exists; nothing is overwritten") == 6
     assert {path: path.read_bytes() for path in before} == before
 
 
@@ -325,18 +324,6 @@ def test_new_rig_runs_on_emulated_devices(tmp_path: Path) -> None:
         (row,) = csv.DictReader(file)
     assert float(row["power_mechanical [W]"]) < 0.0
     assert float(row["dc_power_mean [W]"]) == pytest.approx(float(row["power_dc [W]"]), rel=0.01)
-
-
-def test_volume_of_a_wamit_file_gives_the_mass(tmp_path: Path) -> None:
-    path = tmp_path / "float.out"
-    line = " Volumes (VOLX,VOLY,VOLZ):      0.851200  0.851000  0.850900\n"
-    path.write_text(line)
-    mass, source = stated_mass(path, "Heave", 1025.0)
-    assert mass == pytest.approx(1025.0 * 0.851)
-    assert source == "displaced: 1025 kg/m3 * 0.851 m3"
-    assert stated_mass(path, "Pitch", 1025.0) == (None, "")
-    path.write_text(line + line)  # two bodies
-    assert stated_mass(path, "Heave", 1025.0) == (None, "")
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 import xarray as xr
+from scipy.io import netcdf_file
 
 from rig.kinds.modular.rehearsal.compiled_plant import CompiledStepper
 from sim_plant.modes.bem import BemModes, read_modes
@@ -24,7 +25,9 @@ PLANTS = ROOT / "configs" / "plants"
 CYLINDER, TWO_BODY, WAVEBOT = (
     PLANTS / f"{name}_bem.nc" for name in ("cylinder", "two_body", "wavebot")
 )
-NUMERIC = Path(__file__).resolve().parent / "cylinder.1"  # and .3, by capytaine 3.0
+HERE = Path(__file__).resolve().parent
+NUMERIC = HERE / "cylinder.1"  # and .3, by capytaine 3.0
+HEMISPHERE = HERE / "hemisphere" / "hemisphere.nc"  # beside it those of WAMIT and Nemoh
 
 DRIVE: dict[str, Any] = {"current_bandwidth_hz": 200.0, "current_limit_a": 1000.0}
 AXIS: dict[str, Any] = {
@@ -200,4 +203,44 @@ def dataset(path: Path = CYLINDER) -> xr.Dataset:
 
 def saved(path: Path, changed: xr.Dataset) -> Path:
     changed.to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+def lupa(path: Path) -> Path:
+    """Write the coefficients of LUPA in Capytaine's layout, as NetCDF-3; its own numbers.
+
+    Float and spar in heave, both bodies in surge and pitch about z = -0.5027 m. Heave is that of
+    `lupa_bem_heave.csv`: the direct damping of the spar by the float does not converge.
+    """
+    names = ["float__Heave", "spar__Heave", "Surge", "Pitch"]
+    table = np.genfromtxt(HERE / "lupa" / "lupa_bem_heave.csv", delimiter=",", skip_header=2).T
+    with netcdf_file(HERE / "lupa" / "lupa_bem_4dof.nc", mmap=False) as file:
+        omega, mass, damping, real, imaginary = (
+            np.array(file.variables[name][...], np.float64)
+            for name in (
+                "omega",
+                "added_mass",
+                "radiation_damping",
+                "excitation_re",
+                "excitation_im",
+            )
+        )
+    for matrix, (one, both, other) in ((mass, table[1:4]), (damping, table[4:7])):
+        matrix[:, :2, :] = matrix[:, :, :2] = 0.0
+        matrix[:, 0, 0], matrix[:, 1, 1] = one, other
+        matrix[:, 0, 1] = matrix[:, 1, 0] = both
+    force = np.full((2, omega.size, 1, 4), np.nan)
+    force[:, :-1, 0] = real, imaginary
+    force[:, :-1, 0, 0], force[:, :-1, 0, 1] = table[7:9, :-1], table[9:11, :-1]
+    matrix_of = ("omega", "influenced_dof", "radiating_dof")
+    fields = {
+        "added_mass": (matrix_of, mass),
+        "radiation_damping": (matrix_of, damping),
+        "excitation_force": (("complex", "omega", "wave_direction", "influenced_dof"), force),
+    }
+    coordinates = {
+        "omega": omega, "influenced_dof": names, "radiating_dof": names, "complex": ["re", "im"],
+        "wave_direction": [0.0], "rho": 1000.0, "g": 9.81, "water_depth": 2.7,
+    }  # fmt: skip
+    xr.Dataset(fields, coordinates).to_netcdf(path, engine="scipy")
     return path

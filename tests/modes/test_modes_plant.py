@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import mode_plants
@@ -120,6 +121,53 @@ def test_the_fit_moves_the_body_as_the_bem_file_does(
         own, _ = closed_form(model, frequency)
         file, _ = closed_form(model, frequency, file=True)
         assert np.abs(own - file).max() < allowed * np.abs(file).max()
+
+
+def lupa_plant(tmp_path: Path) -> PlantModel:
+    """Return float, spar, surge and pitch of LUPA with its PTO between the bodies."""
+    numbers = {
+        "float__Heave": (248.7, 7628.0, 0.0), "spar__Heave": (175.5, 330.0, 700.0),
+        "Surge": (424.2, 3184.0, 50.0), "Pitch": (320.0, 1800.0, 50.0),
+    }  # fmt: skip
+    modes = {
+        dof.lower().replace("__", "_"): {
+            "dof": dof, "mass": mass, "stiffness": stiffness, "linear_damping": damping
+        }
+        for dof, (mass, stiffness, damping) in numbers.items()
+    }  # fmt: skip
+    between = {"float_heave": 1.0, "spar_heave": -1.0}
+    axis = {"moves_with": between, "viscous_friction": 350.0, "inertia": 9.34}
+    return mode_plants.model(mapping(modes, {"pto": axis}), mode_plants.lupa(tmp_path / "lupa.nc"))
+
+
+def one_mode_of_the_hemisphere(_: Path) -> PlantModel:
+    axis = {"moves_with": {"heave": 1.0}, "viscous_friction": 2000.0}
+    heave = {"dof": "Heave", "mass": 2094.4}
+    return mode_plants.model(mapping({"heave": heave}, {"pto": axis}), mode_plants.HEMISPHERE)
+
+
+def two_bodies(_: Path) -> PlantModel:
+    modes = {
+        "float": {"dof": "float__Heave", "mass": 3136.0, "linear_damping": 300.0},
+        "disc": {"dof": "disc__Heave", "mass": 1480.0, "stiffness": 500.0, "linear_damping": 500.0},
+    }
+    axis = {"moves_with": {"float": 1.0, "disc": -1.0}, "viscous_friction": 3000.0}
+    return mode_plants.model(mapping(modes, {"pto": axis}), mode_plants.TWO_BODY)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("build", [one_mode_of_the_hemisphere, two_bodies, lupa_plant])
+def test_power_is_that_of_the_bem_file(build: Callable[[Path], PlantModel], tmp_path: Path) -> None:
+    """Closed form with added mass and damping of the file itself, at three of its frequencies."""
+    model = build(tmp_path)
+    frequencies = (0.3, 0.45, 0.6)
+    grid = [int(np.argmin(abs(model.bem.frequency - each))) for each in frequencies]
+    for index in grid:
+        frequency = float(model.bem.frequency[index])
+        period = round(1.0 / frequency / DT) * DT  # of whole steps
+        _, power, _ = motion_in_waves(model, 1.0 / period, off, settle=80.0)
+        _, expected = closed_form(model, frequency, file=True)
+        assert power == pytest.approx(expected, rel=5e-3)
 
 
 def test_the_error_of_a_step_is_of_second_order() -> None:

@@ -70,7 +70,7 @@ def impedance(plant: dict[str, Any], frequency: Any) -> Any:
     """Return Z_i (N*s/m) of the simulated body at frequencies (Hz), from its files."""
     body, bem = plant["modes"]["heave"], read_modes(BEM, ["Heave"])
     s = 2j * np.pi * frequency
-    waves = radiation.response(radiation.fit(bem), s.imag)[:, 0, 0]
+    waves = radiation.total_response(radiation.fit(bem), s.imag)[:, 0, 0]
     mass = body["mass"] + bem.added_mass_infinite[0, 0]
     return mass * s + waves + body["linear_damping"] + body["stiffness"] / s
 

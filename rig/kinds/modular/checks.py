@@ -8,12 +8,15 @@ from rig.campaign import AnyCampaign, CampaignParts, CheckReport, check_campaign
 from rig.campaign.files import no_extra_check
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
 from rig.config.problems import Problem
-from rig.emulation.campaign_sea import sea_problems
+from rig.emulation.campaign_sea import sea_problems, sea_settings
 from rig.kinds.modular.build import limits_problems
 from rig.kinds.modular.campaign import CAMPAIGNS
 from rig.kinds.modular.config import RigFile
+from rig.kinds.modular.plant_checks import MOSTLY_UNEXCITED, sea_finding
 from rig.kinds.modular.rehearsal import job
 from rig.planning.input_files import FileReader
+
+_SEED = 0  # of a sea; its spectrum does not depend on it
 
 
 def check(
@@ -43,12 +46,24 @@ def problems(parts: CampaignParts) -> tuple[Problem, ...]:
     rig = FileReader().validated(parts.rig, RigFile)
     ramps = {name: axis.gain_ramp_s for name, axis in rig.axes.items()} if rig else {}
     found = [*(law_problems(parts, ramps) if rig else ()), *reference_problems(parts)]
-    bem = None
+    model = None
     if parts.plant is not None:
         locate = None if parts.rig is None else parts.rig.locate
         rate = parts.rate_hz or DEFAULT_RATE_HZ
         model, bad = job.plant_problems(parts.plant, rig, locate, rate)
         found += bad
-        bem = job.first_bem(model) if model is not None else None
     campaign = parts.campaign.locate
-    return (*found, *sea_problems(parts.sea, parts.elevation, campaign, bem, parts.rate_hz))
+    bem = job.first_bem(model) if model is not None else None
+    waves = list(sea_problems(parts.sea, parts.elevation, campaign, bem, parts.rate_hz))
+    sea = parts.sea
+    if model is None or sea is None or waves or _lacks_record(parts):
+        return (*found, *waves)
+    share, message = sea_finding(sea_settings(sea, _SEED, parts.elevation), model.bem)
+    if share > MOSTLY_UNEXCITED:
+        waves.append(campaign.problem(("sea",), sea.description(), message))
+    return (*found, *waves)
+
+
+def _lacks_record(parts: CampaignParts) -> bool:
+    """Return whether the elevation of a recorded sea has problems of its own."""
+    return parts.sea is not None and parts.sea.kind == "recorded" and parts.elevation is None

@@ -7,11 +7,9 @@ to begin with: the texts mark what a laboratory has to choose.
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from importlib import resources
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from string import Template
 from typing import NamedTuple
 
 import numpy as np
@@ -19,53 +17,36 @@ import numpy as np
 from controllers import impedance
 from rig.config.problems import format_number
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
-from rig.kinds.modular.displacement import stated_mass
+from rig.kinds.modular.plant_text import (
+    COUNTS,
+    DAMPING_RATIO,
+    PEAK_CURRENT,
+    STANDBY,
+    ModeEntry,
+    PlantEntries,
+    Pto,
+    fragment,
+    names_of_modes,
+    plant_text,
+    rounded,
+)
 from rig.kinds.new_files import write_new
-from sim_plant.modes.bem import BemModes, bem_files, read_modes
-from sim_plant.modes.bem_content import Floats, Water
+from sim_plant.modes.bem import BemModes, bem_files, read_modes, stated_mass
+from sim_plant.modes.bem_content import Floats, Water, rotates
 
 __all__ = ["Options", "Water", "write_rig"]
 
 TEXTS = ("rig", "limits", "plant", "campaign", "rig_hil", "limits_hil")
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
-_ROTATIONS = ("Roll", "Pitch", "Yaw")
 _MARGIN = 2.0  # of the limits above the expected motion and force
-_STANDBY = 10.0  # W, of the drive
-_COUNTS = 20_000  # per revolution of an encoder, or a multiple
 _COUNTS_PER_JUMP = 100  # resolution of the largest allowed jump
 _STEEPNESS = 0.1  # amplitude times wave number of the waves: linear theory holds
 _BELOW_RESONANCE = 0.75  # wave frequency over the body's, so that the match needs a Ki > 0
-_DAMPING_RATIO = 0.02
-_PEAK_CURRENT = 20.0  # A, of the first motor
 _MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 _SEA_HZ = (0.05, 2.0)  # the band of all seas
-_DEEPEST = 2.0e4  # m, the largest depth that a plant file may have: infinite for any wave
-_COMMENT_COLUMN = 36  # of the written files
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match
 _KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
-
-# Keys and units of an axis that rotates, in the place of those of one that translates.
-_ROTARY = {
-    "motion: translation": "motion: rotation",
-    "gear_ratio_rad_per_m": "gear_ratio",
-    "per m of the axis": "per rad of the axis",
-    "jerk_density_m2_per_s5": "jerk_density_rad2_per_s5",
-    "_n_s_per_m": "_n_m_s_per_rad",
-    "ki_n_per_m": "ki_n_m_per_rad",
-    "force_slew_n_per_s": "torque_slew_n_m_per_s",
-    "velocity_stop_m_per_s": "velocity_stop_rad_per_s",
-    "position_warn_m": "position_warn_rad",
-    "position_stop_m": "position_stop_rad",
-    "encoder_jump_stop_m": "encoder_jump_stop_rad",
-    "tare_span_stop_m": "tare_span_stop_rad",
-    "N*s2/m2": "N*m*s2/rad2",
-    "N*s/m": "N*m*s/rad",
-    "N/m": "N*m/rad",
-    "# N (": "# N*m (",
-    "kg;": "kg*m2;",
-    "kg, ": "kg*m2, ",
-}
 
 
 class Options(NamedTuple):
@@ -128,13 +109,8 @@ def write_rig(name: str, folder: Path, options: Options) -> list[Path]:
         grid = first_grid(body, options.amplitude)
         texts = file_texts(name, folder, options, body, grid)
         found = {folder / f"{file}.yaml": text for file, text in texts.items()}
-        if not _is_inside(options.bem, folder):
-            found |= {folder / each.name: each.read_bytes() for each in bem_files(options.bem)}
+        found |= bem_copies(options.bem, folder)
     return write_new(found, problems)
-
-
-def _is_inside(path: Path, folder: Path) -> bool:
-    return path.resolve().is_relative_to(folder.resolve())
 
 
 def _name_problems(name: str, options: Options) -> Iterator[str]:
@@ -170,15 +146,15 @@ def read_body(options: Options) -> Body:
     grid = 2.0 * np.pi * content.frequency
     inertia = mass + float(np.interp(omega, grid, content.added_mass[:, mode, mode]))
     radiation = max(float(np.interp(omega, grid, content.damping[:, mode, mode])), 0.0)
-    damping = _rounded(2.0 * _DAMPING_RATIO * math.sqrt(stiffness * inertia))
+    damping = rounded(2.0 * DAMPING_RATIO * math.sqrt(stiffness * inertia))
     force = float(np.interp(omega, grid, np.abs(content.excitation[:, mode])))
     if not force > 0.0:
         raise ValueError(f"{options.bem}: waves of {omega / 6.2832:.3g} Hz do not excite {dof}")
     return Body(
-        dof, dof.rpartition("__")[2].capitalize() in _ROTATIONS, mass, mass_source, stiffness,
+        dof, rotates(dof), mass, mass_source, stiffness,
         stiffness_source, damping, omega / (2.0 * math.pi), band,
         complex(radiation + damping, omega * inertia - stiffness / omega), force,
-        _wave_number(omega, content.gravity, content.depth),
+        wave_number(omega, content.gravity, content.depth),
     )  # fmt: skip
 
 
@@ -187,7 +163,7 @@ def _rigid_body(content: BemModes, mode: int, options: Options) -> tuple[float, 
     dof = content.modes[mode]
     missing, mass, mass_source = [], options.mass, "given"
     if mass is None:
-        mass, mass_source = stated_mass(options.bem, dof, content.density)
+        mass, mass_source = stated_mass(content, mode)
     if mass is None:
         missing.append(f"mass or moment of inertia of {dof}: give --mass (kg or kg*m2)")
     stiffness, source = options.stiffness, "given"
@@ -199,7 +175,7 @@ def _rigid_body(content: BemModes, mode: int, options: Options) -> tuple[float, 
         )
     if mass is None or stiffness is None or missing:
         raise ValueError("\n".join(f"{options.bem}: does not state the {each}" for each in missing))
-    return _rounded(mass, 5), mass_source, _rounded(stiffness, 5), source
+    return rounded(mass, 5), mass_source, rounded(stiffness, 5), source
 
 
 def _band(content: BemModes, options: Options) -> tuple[tuple[float, float], Floats]:
@@ -229,10 +205,10 @@ def _wave_frequency(options: Options, band: tuple[float, float], resonance: floa
     frequency = options.frequency
     if frequency is None:
         centre = math.sqrt(low * high) if resonance is None else _BELOW_RESONANCE * resonance
-        rounded = _rounded(centre, 2)  # few digits, so that the sea repeats soon
-        if rounded < low:
+        short = rounded(centre, 2)  # few digits, so that the sea repeats soon
+        if short < low:
             return math.ceil(1e3 * low) / 1e3
-        return min(rounded, math.floor(1e3 * high) / 1e3)
+        return min(short, math.floor(1e3 * high) / 1e3)
     if not low <= frequency <= high:
         raise ValueError(
             f"--frequency {frequency:g} Hz is outside the BEM file and the band of the seas; "
@@ -241,7 +217,7 @@ def _wave_frequency(options: Options, band: tuple[float, float], resonance: floa
     return frequency
 
 
-def _wave_number(omega: float, gravity: float, depth: float) -> float:
+def wave_number(omega: float, gravity: float, depth: float) -> float:
     """Return k of omega^2 = g k tanh(k d), 1/m, by Newton's method."""
     k = omega * omega / gravity
     if math.isinf(depth):
@@ -260,8 +236,8 @@ def first_grid(body: Body, amplitude: float | None) -> Grid:
     """
     omega = 2.0 * math.pi * body.frequency
     ki_match, passive = -omega * body.impedance.imag, abs(body.impedance)
-    kp = tuple(-_rounded(share * passive, 2) for share in _KP_SHARES)
-    ki = tuple(dict.fromkeys(math.copysign(_rounded(abs(share * ki_match), 2), ki_match) + 0.0
+    kp = tuple(-rounded(share * passive, 2) for share in _KP_SHARES)
+    ki = tuple(dict.fromkeys(math.copysign(rounded(abs(share * ki_match), 2), ki_match) + 0.0
                              for share in _KI_SHARES))  # fmt: skip
     columns = {column.name: column for column in impedance.COLUMNS}
     for name, values in (("kp", kp), ("ki", ki)):
@@ -281,7 +257,7 @@ def first_grid(body: Body, amplitude: float | None) -> Grid:
             velocity, force = max(velocity, speed), max(force, abs(gain) * speed)
     if amplitude is None:
         farthest = 0.95 * _MAX_STOP / (_MARGIN * velocity / omega)
-        amplitude = _rounded(min(_STEEPNESS / body.wave_number, farthest, MAX_AMPLITUDE_M), 2)
+        amplitude = rounded(min(_STEEPNESS / body.wave_number, farthest, MAX_AMPLITUDE_M), 2)
         amplitude = max(amplitude, MIN_AMPLITUDE_M)
     motion = velocity / omega * amplitude
     if _MARGIN * motion > _MAX_STOP:
@@ -299,43 +275,76 @@ def first_grid(body: Body, amplitude: float | None) -> Grid:
 
 def file_texts(name: str, folder: Path, options: Options, body: Body, grid: Grid) -> dict[str, str]:
     """Return the text of each file in `TEXTS`."""
-    values = _values(name, folder, options, body, grid)
-    templates = Path(str(resources.files("rig"))) / "templates" / "rig"
-    texts = {}
-    for file in TEXTS:
-        text = (templates / f"{file}.yaml").read_text(encoding="utf-8")
-        if body.rotates:
-            for old, new in _ROTARY.items():
-                text = text.replace(old, new)
-        lines = Template(text).substitute(values).splitlines()
-        texts[file] = "\n".join(map(_aligned, lines)) + "\n"
-    return texts
+    axis = options.axis or names_of_modes([body.dof])[0]
+    pto, values = _derived(name, axis, options, body, grid)
+    texts = {
+        file: fragment(file, rotary=body.rotates, **values) for file in TEXTS if file != "plant"
+    }
+    mode = ModeEntry(
+        axis, body.dof, body.mass, body.mass_source, body.stiffness, body.stiffness_source,
+        body.damping,
+    )  # fmt: skip
+    entries = PlantEntries(
+        bem_key(options.bem, folder), body.band, options.water, options.direction, None, (mode,),
+        {axis: pto},
+    )  # fmt: skip
+    return {**texts, "plant": plant_text(name, entries)}
 
 
-def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -> Mapping[str, str]:
-    """Return the texts of the templates' placeholders."""
+def bem_key(bem: Path, folder: Path) -> str:
+    """Return the path of a BEM file, or of its copy, as a plant file in a folder names it."""
+    first = bem_files(bem)[0].resolve()
+    root = folder.resolve() if first.is_relative_to(folder.resolve()) else _copied_root(bem)
+    return first.relative_to(root).as_posix()
+
+
+def bem_copies(bem: Path, folder: Path) -> dict[Path, bytes]:
+    """Return the files of BEM results as copies in a folder, without those that are there."""
+    files = [each.resolve() for each in bem_files(bem)]
+    if files[0].is_relative_to(folder.resolve()):
+        return {}
+    copies = {folder / each.relative_to(_copied_root(bem)): each.read_bytes() for each in files}
+    return {
+        path: content
+        for path, content in copies.items()
+        if not path.is_file() or path.read_bytes() != content
+    }
+
+
+def _copied_root(bem: Path) -> Path:
+    """Return the folder to which the paths of copies are relative: a Nemoh run keeps its own."""
+    files = [each.resolve() for each in bem_files(bem)]
+    alone = all(each.parent == files[0].parent for each in files)
+    return files[0].parent if alone else files[0].parent.parent
+
+
+def _derived(
+    name: str, axis: str, options: Options, body: Body, grid: Grid
+) -> tuple[Pto, dict[str, str]]:
+    """Return the PTO, and the texts of the other templates' placeholders."""
     omega, period = 2.0 * math.pi * body.frequency, 1.0 / body.frequency
     stop, speed = _MARGIN * grid.position, _MARGIN * grid.velocity
     peak_force = _MARGIN * grid.force
     torque_constant = options.torque_constant or 1.0
-    gear = options.gear_ratio or _rounded(
-        min(max(peak_force / (torque_constant * _PEAK_CURRENT), 1.0), 1000.0)
+    gear = options.gear_ratio or rounded(
+        min(max(peak_force / (torque_constant * PEAK_CURRENT), 1.0), 1000.0)
     )
     per_ampere = torque_constant * gear  # N or N*m
     peak = peak_force / per_ampere  # A
     current = grid.force / per_ampere  # A
     resistance = 0.1 * grid.velocity * grid.force / (current * current)  # a tenth goes into copper
     jerk = omega * omega * grid.velocity
-    settle, measured = _rounded(8.0 * period), 10.0 * period
+    settle, measured = rounded(8.0 * period), 10.0 * period
     jump = min(max(0.05 * stop, 0.02 * speed), 1.0)
     finest = 2.0 * math.pi * _COUNTS_PER_JUMP / (gear * jump)
+    counts = max(COUNTS, math.ceil(finest / COUNTS) * COUNTS)
+    pto = Pto(torque_constant, gear, counts, 1.25 * peak, resistance)
     numbers = {
         "torque_constant": torque_constant,
         "gear_ratio": gear,
         "jerk_density": min(max(0.05 * jerk * jerk, 1e-4), 1e6),
         "stop_damping": abs(body.impedance),
-        "standby": _STANDBY,
-        "power_range": _MARGIN * (peak_force * speed + _STANDBY),
+        "power_range": _MARGIN * (peak_force * speed + STANDBY),
         "position_warn": 0.8 * stop,
         "position_stop": stop,
         "velocity_stop": speed,
@@ -345,72 +354,29 @@ def _values(name: str, folder: Path, options: Options, body: Body, grid: Grid) -
         "encoder_jump": jump,
         "current_difference": 0.2 * peak,
         "tare_span": min(0.1 * stop, 0.5),
-        "current_limit": 1.25 * peak,
-        "resistance": resistance,
+        "current_limit": pto.current_limit,
         "resistance_z": body.impedance.real,
         "reactance_z": abs(body.impedance.imag),
         "kp_match": -body.impedance.real,
         "ki_match": -omega * body.impedance.imag,
         "kp_passive": -abs(body.impedance),
         "lead_in": max(30.0, 12.0 * period),
-        "damping_percent": 100.0 * _DAMPING_RATIO,
     }
     exact = {
-        "margin": _MARGIN, "mass": body.mass, "stiffness": body.stiffness, "damping": body.damping,
-        "amplitude": grid.amplitude, "frequency": body.frequency, "settle": settle,
-        "interval": math.ceil(10.0 * (settle + measured)) / 10.0,
+        "margin": _MARGIN, "amplitude": grid.amplitude, "frequency": body.frequency,
+        "settle": settle, "interval": math.ceil(10.0 * (settle + measured)) / 10.0,
     }  # fmt: skip
-    axis = options.axis or _axis_name(body.dof)
-    return {
-        **{key: format_number(_rounded(value)) for key, value in numbers.items()},
+    return pto, {
+        **{key: format_number(rounded(value)) for key, value in numbers.items()},
         **{key: format_number(value) for key, value in exact.items()},
         "sign_z": "-" if body.impedance.imag < 0.0 else "+",
         "title": f"{name}, {axis}",
         "name": name,
         "campaign": f"{name}-first",
         "axis": axis,
-        "dof": body.dof,
-        "counts": str(max(_COUNTS, math.ceil(finest / _COUNTS) * _COUNTS)),
+        "counts": str(counts),
         "periods": "10",
-        "bem": (
-            options.bem.resolve().relative_to(folder.resolve()).as_posix()
-            if _is_inside(options.bem, folder)
-            else options.bem.name
-        ),
         "bem_range": f"{body.band[0]:.3g} .. {body.band[1]:.3g} Hz",
-        "water": _water_text(options),
-        "mass_source": body.mass_source,
-        "stiffness_source": body.stiffness_source,
         "kp": ", ".join(map(format_number, grid.kp)),
         "ki": ", ".join(map(format_number, grid.ki)),
     }
-
-
-def _water_text(options: Options) -> str:
-    """Return the lines of the plant file for what the BEM file does not state."""
-    keys = {
-        "density": "density_kg_per_m3", "gravity": "gravity_m_per_s2", "depth": "depth_m",
-        "length_scale": "length_scale_m",
-    }  # fmt: skip
-    given = {key: getattr(options.water, field) for field, key in keys.items()}
-    if given["depth_m"] == math.inf:
-        given["depth_m"] = _DEEPEST
-    given["wave_direction_deg"] = options.direction
-    return "".join(f"\n{key}: {v:g}" for key, v in given.items() if v is not None)
-
-
-def _aligned(line: str) -> str:
-    """Return a line with its comment in the column of the others."""
-    content, mark, comment = line.partition(" # ")
-    return f"{content.rstrip():<{_COMMENT_COLUMN}}{mark}{comment}" if mark and content else line
-
-
-def _axis_name(dof: str) -> str:
-    """Return the name of a log field for a mode: `Heave` and `float__Heave` give `heave`."""
-    name = re.sub(r"[^a-z0-9]+", "_", dof.rpartition("__")[2].lower()).strip("_")
-    return name if name[:1].isalpha() else f"axis_{name}"
-
-
-def _rounded(value: float, digits: int = 3) -> float:
-    """Return a value with some significant digits."""
-    return float(f"{value:.{digits}g}")

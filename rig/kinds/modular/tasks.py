@@ -14,17 +14,22 @@ from rig.campaign.law_checks import (
     compilation_problems,
 )
 from rig.campaign.record import law_source, plan_record, reference_record
+from rig.config.problems import Problem
 from rig.design.axis_params import newtons_per_ampere
-from rig.emulation.campaign_sea import requested_sea
+from rig.emulation.campaign_sea import campaign_sea, requested_sea
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.identification import axis_channels
+from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
 from rig.kinds.modular.predictions import simulate
-from rig.kinds.modular.rehearsal.job import campaign_settings
+from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.tick import find_kind
+from rig.planning.input_files import ConfigSource
 from rig.processes.run_types import ExecutionMode, Task
+from sim_plant.modes.building import read_bem
+from sim_plant.modes.parameters import Plant
 
 TaskFile = CampaignFile
 _INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
@@ -47,7 +52,20 @@ def examine(
         prediction=prediction,
         not_predicted=reason,
         law_warnings=tuple(compilation_problems(campaign, report.plan.dt, _INTERPRETED)),
+        plant_warnings=_plant_warnings(campaign),
     )
+
+
+def _plant_warnings(campaign: AnyCampaign) -> tuple[Problem, ...]:
+    """Return what contradicts in the valid plant, BEM and rig file of a campaign."""
+    source = ConfigSource(campaign.plant, campaign.plant_locate)
+    plant = Plant.model_validate(source.mapping)
+    bem = read_bem(plant, bem_path(source))
+    found = plant_warnings(plant, bem, source.locate, campaign.rig, campaign.rig_locate)
+    share, message = sea_finding(campaign_sea(campaign), bem)
+    if share > UNEXCITED:
+        found += (campaign.locate.problem(("sea",), share, message),)
+    return found
 
 
 def execution_task(campaign: AnyCampaign, plan: AnyPlan) -> Task:

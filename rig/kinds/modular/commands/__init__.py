@@ -8,4 +8,9 @@ COMMANDS = (
         f"{__name__}.new_rig",
         "Write rig, limits, plant and campaign file of a body with one axis, from its BEM file.",
     ),
+    Command(
+        "plant from-bem",
+        f"{__name__}.plant_from_bem",
+        "Write a plant file of any number of modes from a BEM file, with fit, report and pictures.",
+    ),
 )

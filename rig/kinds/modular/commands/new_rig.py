@@ -19,7 +19,7 @@ def command(
         Path,
         typer.Option(
             help="Coefficients of the body: capytaine .nc, WAMIT .out or .1 (with .3 and .hst), "
-            "WEC-Sim BEMIO .h5."
+            "WEC-Sim BEMIO .h5, or the folder of a Nemoh run."
         ),
     ],
     dof: Annotated[

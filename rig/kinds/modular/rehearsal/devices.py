@@ -78,14 +78,18 @@ def sensor_scales(
 def build_world(config: dict[str, Any], dt: float) -> World:
     """Return the rig in its sea for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
-    "compiled": false interprets the plant with the same results.
+    "radiation" is the path of a stored fit, None for a new one. "compiled": false interprets the
+    plant with the same results.
     """
     stepper = Stepper
     if config.get("compiled", True):
         from rig.kinds.modular.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
 
         stepper = CompiledStepper
-    model = building.build(Plant.model_validate(config["plant"]), Path(config["bem"]))
+    fitted = config.get("radiation")
+    model = building.build(
+        Plant.model_validate(config["plant"]), Path(config["bem"]), fitted and Path(fitted)
+    )
     return World(model, build_sea(config["sea"]), dt=dt, seed=config["seed"], stepper=stepper)
 
 

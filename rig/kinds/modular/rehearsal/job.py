@@ -19,7 +19,7 @@ from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
 from sim_plant import sea_states
 from sim_plant.bem import Bem
-from sim_plant.modes import building
+from sim_plant.modes import building, stored_radiation
 from sim_plant.modes.bem import mode_bem
 from sim_plant.modes.building import PlantModel
 from sim_plant.modes.parameters import Plant
@@ -52,12 +52,25 @@ def campaign_settings(campaign: AnyCampaign) -> dict[str, Any]:
 
 def world_settings(plant: ConfigSource, sea: dict[str, Any], seed: int) -> dict[str, Any]:
     """Return the configuration of `devices.build_world`, as JSON values."""
-    return {"plant": plant.mapping, "bem": str(bem_path(plant)), "sea": sea, "seed": seed}
+    fitted = radiation_path(plant)
+    return {
+        "plant": plant.mapping,
+        "bem": str(bem_path(plant)),
+        "radiation": None if fitted is None else str(fitted),
+        "sea": sea,
+        "seed": seed,
+    }
 
 
 def bem_path(plant: ConfigSource) -> Path:
     """Return the path of the plant's BEM file, which is relative to the plant file."""
     return plant.locate.resolve_path(("bem",), plant.mapping["bem"])
+
+
+def radiation_path(plant: ConfigSource) -> Path | None:
+    """Return the path of the plant's stored radiation, relative to the plant file; None without."""
+    name = plant.mapping.get("radiation")
+    return None if name is None else plant.locate.resolve_path(("radiation",), name)
 
 
 def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, ...]]:
@@ -66,10 +79,17 @@ def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, .
         file = Plant.model_validate(plant.mapping)
     except ValidationError as error:
         return None, problems_from(error, plant.locate, Plant)
+    key = "bem"
     try:
-        return building.build(file, bem_path(plant)), ()
+        found = building.read_bem(file, bem_path(plant))
+        fitted = radiation_path(plant)
+        if fitted is None:
+            return building.assemble(file, found), ()
+        key = "radiation"
+        return building.assemble(file, found, stored_radiation.read(fitted, found)), ()
     except (OSError, ValueError, ArithmeticError) as error:
-        return None, (plant.locate.problem(("bem",), file.bem, f"cannot be used: {error}"),)
+        message = f"cannot be used: {error}"
+        return None, (plant.locate.problem((key,), plant.mapping[key], message),)
 
 
 def plant_problems(

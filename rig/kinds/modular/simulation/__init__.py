@@ -16,6 +16,7 @@ from rig.kinds.modular.checks import limits_of_other_axes, problems
 from rig.kinds.modular.rehearsal import job
 from rig.planning.input_files import ConfigSource, InputFile, hash_input_file
 from rig.row_contents import RowContents
+from sim_plant.modes.bem import bem_files
 
 if TYPE_CHECKING:
     from rig.kinds.modular.simulation.simulation import CampaignSimulator
@@ -50,8 +51,12 @@ def row_contents(campaign: Any) -> RowContents:
 
 
 def plant_data(campaign: Any) -> tuple[InputFile, ...]:
-    """Return the BEM file of a campaign's plant."""
-    return (hash_input_file("bem", job.bem_path(_plant(campaign))),)
+    """Return the files of a campaign's plant: BEM coefficients, and its stored radiation if any."""
+    plant = _plant(campaign)
+    files = [("bem", file) for file in bem_files(job.bem_path(plant))]
+    if (fitted := job.radiation_path(plant)) is not None:
+        files.append(("radiation", fitted))
+    return tuple(hash_input_file(kind, file) for kind, file in files)
 
 
 def open_simulator(

@@ -120,11 +120,12 @@ def test_heave_modes_of_two_bodies() -> None:
     [(1.68, 1127, 4.52), (1.9, 1810, 4.52), (2.5, 1790, 1.83), (3.0, 1465, 0.95)],
 )
 def test_powers_of_two_bodies(period: float, damping: float, power: float) -> None:
-    """The table has no inertia of the drivetrain between the bodies: with it up to 5 % change."""
+    """The best damping, to the last digit of the table; it is best within 20 N s/m."""
     model = plant("two_body")
-    (axis,) = model.plant.axes.values()
-    axis.inertia = 0.0
-    assert captured(model, period, 0.0, damping) == pytest.approx(power, rel=0.01)
+    assert captured(model, period, 0.0, damping) == pytest.approx(power, abs=0.006)
+    sweep = range(500, 2501, 10)
+    best = max(sweep, key=lambda c: captured(model, period, 0.0, c))
+    assert best == pytest.approx(damping, abs=20)
 
 
 def test_damping_sweep_of_the_schedule() -> None:

@@ -31,10 +31,11 @@ class TankTimes(NamedTuple):
     shortest: float
 
 
-def wave_number(period: float, depth: float) -> float:
-    """Return k of omega² = g k tanh(k h), 1/m, by Newton's method."""
-    omega = 2.0 * math.pi / period
-    deep = omega * omega / GRAVITY
+def wave_number(omega: float, depth: float, gravity: float = GRAVITY) -> float:
+    """Return k of omega² = g k tanh(k h), 1/m, by Newton's method; `depth` may be infinite."""
+    deep = omega * omega / gravity
+    if math.isinf(depth):
+        return deep
     kh = max(deep * depth, math.sqrt(deep * depth))
     for _ in range(50):
         tanh = math.tanh(kh)
@@ -47,7 +48,7 @@ def wave_number(period: float, depth: float) -> float:
 
 def group_velocity(period: float, depth: float) -> float:
     """Return the velocity of the waves' energy, m/s."""
-    k = wave_number(period, depth)
+    k = wave_number(2.0 * math.pi / period, depth)
     kh = k * depth
     # sinh overflows; deep water has no second term.
     shallow = 2.0 * kh / math.sinh(2.0 * kh) if kh < 300.0 else 0.0

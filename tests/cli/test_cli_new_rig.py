@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ import pytest
 import xarray
 from command_here import CompletedCommand, rig
 from ruamel.yaml import YAML
+from typer.testing import CliRunner
 
 from benchmarks.support.fault_runs import free_port
+from rig.cli.app import app
 from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.new_rig import Options, first_grid, read_body
 from rig.kinds.modular.tasks import examine, wired_mode
@@ -346,3 +349,45 @@ def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path
     swept = rig("sweep", campaign, "--sweeps", tmp_path / "sweeps", "--json")
     assert swept.returncode == 0, swept.stdout + swept.stderr
     assert json.loads(swept.stdout)["rows"] == {"complete": 12}
+
+
+def answered(folder: Path, *answers: str, options: Sequence[str] = ()) -> Any:
+    """Return the result of `rig new rig asked --ask` with these answers at the terminal."""
+    return CliRunner().invoke(
+        app,
+        ["new", "rig", "asked", "--ask", "--folder", str(folder), *options],
+        input="\n".join(answers) + "\n",
+    )
+
+
+def test_a_terminal_is_asked_for_what_is_missing(tmp_path: Path) -> None:
+    """A wrong file, mode or number is asked again; what the file states is the default."""
+    result = answered(
+        tmp_path, "no.nc", str(CYLINDER), "Yaw", "2", "-5", "", "", "1.5", "y", "12",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "no.nc" in result.output
+    assert "'Yaw' is none of them" in result.output
+    assert "-5: allowed above 0" in result.output
+    rig_file = YAML(typ="safe").load(tmp_path / "asked" / "rig.yaml")
+    (axis,) = rig_file["axes"].values()
+    assert axis["torque_constant_n_m_per_a"] == 1.5
+    assert 12 in axis.values()
+
+
+def test_the_water_of_a_numeric_wamit_file_is_asked_for(tmp_path: Path) -> None:
+    result = answered(
+        tmp_path, str(WAMIT), "1025", "9.81", "1000", "3", "3000", "30000", "", "n",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    plant = YAML(typ="safe").load(tmp_path / "asked" / "plant.yaml")
+    assert plant["density_kg_per_m3"] == 1025
+    (mode,) = plant["modes"].values()
+    assert mode["mass"] == 3000
+
+
+def test_without_a_terminal_the_file_is_needed(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["new", "rig", "asked", "--folder", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "give the file of the BEM coefficients" in result.output
+    assert not list(tmp_path.iterdir())

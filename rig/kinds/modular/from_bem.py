@@ -14,7 +14,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from rig.config.sea import MAX_AMPLITUDE_M
-from rig.kinds.modular.new_rig import bem_copies, bem_key, wave_number
+from rig.kinds.modular.new_rig import bem_copies, bem_key
 from rig.kinds.modular.plant_checks import NEGLIGIBLE, plant_findings
 from rig.kinds.modular.plant_text import (
     COUNTS,
@@ -28,6 +28,7 @@ from rig.kinds.modular.plant_text import (
     rounded,
 )
 from rig.kinds.new_files import write_new
+from rig.planning.tank import wave_number
 from sim_plant.modes import building, radiation, stored_radiation
 from sim_plant.modes.bem import (
     BemModes,
@@ -314,7 +315,7 @@ def _mass_couplings(content: BemContent, chosen: _Choice) -> Iterator[str]:
 def _first_pto(bem: BemModes, mode: int) -> Pto:
     """Return a motor for twice the largest excitation by waves of moderate steepness."""
     omega = 2.0 * np.pi * bem.frequency
-    steep = [_STEEPNESS / wave_number(float(w), bem.gravity, bem.depth) for w in omega]
+    steep = [_STEEPNESS / wave_number(float(w), bem.depth, bem.gravity) for w in omega]
     amplitude = np.minimum(steep, MAX_AMPLITUDE_M)
     forces = np.abs(bem.excitation[:, mode]) * amplitude
     at = int(forces.argmax())

@@ -31,6 +31,7 @@ from rig.kinds.modular.plant_text import (
     rounded,
 )
 from rig.kinds.new_files import write_new
+from rig.planning.tank import wave_number
 from sim_plant.modes.bem import BemModes, bem_files, read_modes, stated_mass
 from sim_plant.modes.bem_content import Floats, Water, rotates
 
@@ -154,7 +155,7 @@ def read_body(options: Options) -> Body:
         dof, rotates(dof), mass, mass_source, stiffness,
         stiffness_source, damping, omega / (2.0 * math.pi), band,
         complex(radiation + damping, omega * inertia - stiffness / omega), force,
-        wave_number(omega, content.gravity, content.depth),
+        wave_number(omega, content.depth, content.gravity),
     )  # fmt: skip
 
 
@@ -215,18 +216,6 @@ def _wave_frequency(options: Options, band: tuple[float, float], resonance: floa
             f"allowed {low:.4g} .. {high:.4g} Hz"
         )
     return frequency
-
-
-def wave_number(omega: float, gravity: float, depth: float) -> float:
-    """Return k of omega^2 = g k tanh(k d), 1/m, by Newton's method."""
-    k = omega * omega / gravity
-    if math.isinf(depth):
-        return k
-    k = max(k, omega / math.sqrt(gravity * depth))
-    for _ in range(50):
-        t = math.tanh(k * depth)
-        k -= (gravity * k * t - omega * omega) / (gravity * (t + k * depth * (1.0 - t * t)))
-    return k
 
 
 def first_grid(body: Body, amplitude: float | None) -> Grid:

@@ -1,5 +1,6 @@
 """`rig new rig NAME`: the files of a rig with one axis, from a BEM file."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,7 @@ import typer
 from rig.cli.new import EXIT_CODES, Folder, report_written
 from rig.cli.options import Json
 from rig.cli.output import input_errors
+from rig.kinds.modular.commands.questions import ask_options
 from rig.kinds.modular.new_rig import Options, Water, write_rig
 
 __all__ = ["EXIT_CODES", "command"]
@@ -16,12 +18,12 @@ __all__ = ["EXIT_CODES", "command"]
 def command(
     name: Annotated[str, typer.Argument(help="Name of the rig and of the folder of its files.")],
     bem: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             help="Coefficients of the body: capytaine .nc, WAMIT .out or .1 (with .3 and .hst), "
-            "WEC-Sim BEMIO .h5, or the folder of a Nemoh run."
+            "WEC-Sim BEMIO .h5, or the folder of a Nemoh run. Without it, a terminal is asked."
         ),
-    ],
+    ] = None,
     dof: Annotated[
         str | None, typer.Option(help="Mode of the file; needed if it has several.")
     ] = None,
@@ -63,6 +65,14 @@ def command(
     length_scale: Annotated[
         float | None, typer.Option(help="ULEN of WAMIT's numeric files, m.")
     ] = None,
+    ask: Annotated[
+        bool | None,
+        typer.Option(
+            "--ask/--no-ask",
+            help="Ask for what is not given (default: on a terminal, without --bem).",
+            show_default=False,
+        ),
+    ] = None,
     folder: Folder = Path(),
     as_json: Json = False,
 ) -> int:
@@ -74,10 +84,16 @@ def command(
     from its motion and forces; comments mark the numbers to choose. No Python is needed. The
     command never overwrites a file.
     """
+    if ask is None:
+        ask = bem is None and sys.stdin.isatty() and not as_json
+    if bem is None and not ask:
+        raise typer.BadParameter("give the file of the BEM coefficients", param_hint="--bem")
     options = Options(
-        bem, dof, axis, mass, stiffness, frequency, amplitude, torque_constant, gear_ratio,
-        direction, Water(density, gravity, depth, length_scale),
+        bem or Path(), dof, axis, mass, stiffness, frequency, amplitude, torque_constant,
+        gear_ratio, direction, Water(density, gravity, depth, length_scale),
     )  # fmt: skip
+    if ask:
+        options = ask_options(options, ask_file=bem is None)
     with input_errors("new rig", as_json=as_json):
         written = write_rig(name, folder, options)
     campaign, wired = folder / name / "campaign.yaml", folder / name / "rig_hil.yaml"

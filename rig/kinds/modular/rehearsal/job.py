@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from rig.campaign import AnyCampaign
-from rig.config.problems import Problem
+from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import SharedValue, mismatches
 from rig.config.yaml_source import KeyPath, SourceMap
@@ -67,7 +67,9 @@ def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, .
     except ValidationError as error:
         return None, problems_from(error, plant.locate, Plant)
     try:
-        return building.build(file, bem_path(plant)), ()
+        return building.build(file, plant.locate.existing_path(("bem",), file.bem)), ()
+    except ConfigError as error:
+        return None, error.problems
     except (OSError, ValueError, ArithmeticError) as error:
         return None, (plant.locate.problem(("bem",), file.bem, f"cannot be used: {error}"),)
 

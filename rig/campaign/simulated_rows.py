@@ -123,7 +123,7 @@ class SimulatedRows(NamedTuple):
         style = {"title_justify": "left", "title_style": "", "header_style": "dim"}
         table = plain_table(
             *(f">{heading}" for heading in ("row\n", *(f"{a}\n{b}" for a, b in headings))),
-            "limited by…",
+            "limits reached…",
             title=title,
             padding=(0, 1, 0, 0),
             **style,
@@ -134,12 +134,19 @@ class SimulatedRows(NamedTuple):
                 values += ["-"] * len(numbers)
             else:
                 values += [format(row[name], digits) for name, digits in numbers.items()]
-            table.add_row(str(row["row"]), *values, row["incomplete_reason"] or row["limits"])
+            table.add_row(str(row["row"]), *values, _remarks(row))
         console.print()
         console.print(table)
         if len(rows) < len(self.rows):
             console.print(f"and {len(self.rows) - len(rows)} more; --rows shows all", style="dim")
         show_equal_rows(self.equal_rows, every_row=every_row, console=console)
+
+
+def _remarks(row: dict[str, Any]) -> str:
+    """Return why a row was cut short, or the limits that it reached."""
+    if row["incomplete_reason"]:
+        return str(row["incomplete_reason"])
+    return " ".join([*row["limits"].split(), *(f"{each}_WARN" for each in row["warned"].split())])
 
 
 def show_equal_rows(groups: tuple[EqualRows, ...], *, every_row: bool, console: Console) -> None:

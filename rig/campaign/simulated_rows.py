@@ -6,7 +6,7 @@ has a prediction. Sweeps reduce the windows of their simulations by the same fun
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rich.console import Console
 from rich.text import Text
@@ -23,9 +23,6 @@ from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import Window
 from rig.row_contents import PANEL, Column, RowContents, X, Y
 from rig.stations import shown
-
-if TYPE_CHECKING:
-    from rig.emulation.row_simulation import CampaignSimulator
 
 MAX_SECONDS = 7200.0
 """Length of the part of a plan that a check simulates unasked, s: some seconds of work."""
@@ -161,21 +158,22 @@ def show_equal_rows(groups: tuple[EqualRows, ...], *, every_row: bool, console: 
 def simulate_rows(
     campaign: AnyCampaign,
     plan: AnyPlan,
-    simulator: "CampaignSimulator",
+    simulation: RowSimulation,
+    row_type: type,
     contents: RowContents,
     max_seconds: float = math.inf,
     progress: Callable[[int], None] = lambda done: None,
 ) -> SimulatedRows:
     """Return the rows of a checked campaign up to ``max_seconds`` of its plan.
 
-    ``progress`` is called with the number of finished rows.
+    ``row_type`` is that of the simulated log rows; ``progress`` is called with the number of
+    finished rows.
     """
     period = repeat_period(campaign.file.sea)
     ticks = period / plan.dt if period else None
-    simulation = simulator.simulate(plan)
     rows = row_results(simulation, plan, ticks, contents, max_seconds, progress)
     motion = motion_fields(contents.axis)
-    fields = {leaf.name: leaf.unit for leaf in leaves(simulator.kind.row_type)}
+    fields = {leaf.name: leaf.unit for leaf in leaves(row_type)}
     units = column_units(contents) | {
         f"{name}_{statistic}": fields[field]
         for name, field in motion.items()

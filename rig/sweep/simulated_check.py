@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from rig.campaign import CheckReport
 from rig.campaign.simulated_rows import MAX_SECONDS, simulate_rows
@@ -39,14 +38,15 @@ def with_simulated_rows(
         ]
         if reasons:
             return report._replace(not_simulated="; ".join(reasons))
-        simulator: Any = simulation.open_simulator(campaign, plan)
+        simulator = simulation.open_simulator(campaign, plan)
         if compile_loop is not None:
             compile_loop(simulator)
         elif not simulator.is_compiled():
             return report._replace(not_simulated=NOT_COMPILED)
         limit = MAX_SECONDS if unasked else math.inf
         contents = simulation.row_contents(campaign)
-        rows = simulate_rows(campaign, plan, simulator, contents, limit, progress)
+        simulated, row_type = simulator.simulate(plan), simulator.kind.row_type
+        rows = simulate_rows(campaign, plan, simulated, row_type, contents, limit, progress)
     except KindError as error:
         return report if unasked else report._replace(not_simulated=str(error))
     except (ValueError, ArithmeticError) as error:

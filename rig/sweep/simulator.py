@@ -15,6 +15,7 @@ from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
 from rig.kinds import registry
 from rig.planning.input_files import InputFile, MappingLoader
+from rig.realtime import cycle
 from rig.row_contents import RowContents
 
 ROOM = "simulation"
@@ -38,6 +39,9 @@ class Simulator(Protocol):
 
 class CampaignSimulator(Simulator, Protocol):
     """A campaign's rig in its sea."""
+
+    kind: cycle.Kind
+    """The kind's cycle, whose rows the simulation reduces."""
 
     def simulate(
         self, plan: AnyPlan, check: Callable[[], None] = ..., place: float | None = None

@@ -80,7 +80,7 @@ class SourceMap:
             found = find_file(Path(name), *kinds, folder=self(key).path.parent)
         except UnknownNameError as error:
             message = str(error).replace("\n", "; ").replace(" here", " in this folder")
-            message += f"; allowed {allowed}too" if allowed else ""
+            message += f"; {allowed} is allowed, too" if allowed else ""
             raise ConfigError([self.problem(key, name, message)]) from None
         return found if isinstance(found, Path) else found.path
 
@@ -100,6 +100,7 @@ class SourceMap:
             reason = str(error)
         nouns = " or ".join(KINDS[kind] for kind in kinds)
         names = f", or the name of a shipped {nouns}" if kinds else ""
+        allowed = f"{allowed} or " if allowed else ""
         allowed += f"the path of a file, relative to this one{names}"
         message = f"cannot read {display_path(path)}: {reason}; allowed {allowed}"
         raise ConfigError([self.problem(key, name, message)])
@@ -203,7 +204,7 @@ def _inline_files(
     for name in sorted(file_keys):
         at = (name,)
         kinds = kinds_of(name)
-        path = locate.existing_path(at, tree[name], *kinds, allowed="a mapping, ")
+        path = locate.existing_path(at, tree[name], *kinds, allowed="a mapping")
         mapping, origin = _load(path, locate(at), name, chain, kinds=kinds)
         tree[name] = mapping
         locate.locations.update({(name, *key): place for key, place in origin.locations.items()})

@@ -105,14 +105,14 @@ def is_path(text: str) -> bool:
     return text.endswith(".py")
 
 
-def find(text: str, base: str = "") -> Law:
-    """Return the law of a name, or of a path relative to the folder ``base``.
+def find(text: str) -> Law:
+    """Return the law of a name, or of the path of its file.
 
     Raises LawError if there is none, two distributions register the name, the import fails, or the
     module lacks a part of the interface.
     """
     if is_path(text):
-        return load_file(Path(base) / text)
+        return load_file(Path(text))
     entry = REGISTRY.find(text)
     if entry is None:
         known = ", ".join(REGISTRY.names())

@@ -95,6 +95,9 @@ def _read_netcdf(path: Path) -> Bem:
 
     with open_regular_file(path) as stream, h5netcdf.File(stream, "r") as file:
         fields: Any = file.variables
+        modes = fields["added_mass"].shape[1:]
+        if modes != (1, 1):
+            raise ValueError(f"{path}: has {modes[0]} modes; expected heave alone")
         parts = np.asarray(fields["excitation_force"], dtype=np.float64)[:, :, 0, 0]
         return Bem(
             np.asarray(fields["freq"], dtype=np.float64),

@@ -12,6 +12,7 @@ from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.campaign.law_checks import trial_problems
 from rig.campaign.plan import build_plan
 from rig.campaign.record import moves_entry
+from rig.campaign.simulated_rows import SimulatedRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
@@ -69,7 +70,9 @@ class CheckReport(NamedTuple):
     law_warnings: tuple[Problem, ...] = ()  # about laws
     tank_warnings: tuple[Problem, ...] = ()  # rows before the full waves, or with reflected ones
     plant_warnings: tuple[Problem, ...] = ()  # about the simulated plant
-    not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
+    not_predicted: str = ""  # why the law has no prediction; empty otherwise
+    simulated: SimulatedRows | None = None
+    not_simulated: str = ""  # why the rows are not simulated, if they should be
 
     @property
     def checked(self) -> AnyCampaign | None:
@@ -80,11 +83,12 @@ class CheckReport(NamedTuple):
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
+        simulated = self.simulated.warnings() if self.simulated is not None else ()
         own = (
             self.unused_rows, self.validity_warnings, self.law_warnings, self.plant_warnings,
             self.tank_warnings,
         )  # fmt: skip
-        return (*chain.from_iterable(own), *predicted)
+        return (*chain.from_iterable(own), *predicted, *simulated)
 
     @property
     def ok(self) -> bool:
@@ -125,11 +129,21 @@ class CheckReport(NamedTuple):
         """Return text for people: one problem per line, or the summary."""
         if self.problems:
             return problems_text(self.problems)
-        entries = self.summary_lines() + self.input_files()
-        if self.not_predicted:
-            entries.append(("predicted", f"nothing: {self.not_predicted}"))
-        lines = [f"{label:9} {text}" for label, text in entries]
+        lines = [f"{label:9} {text}" for label, text in self.summary_lines() + self.input_files()]
+        lines += self.prediction_lines()
         return "\n".join([*lines, *(f"warning: {warning.text()}" for warning in self.warnings)])
+
+    def prediction_lines(self) -> list[str]:
+        """Return why there is no prediction, and whether the rows are simulated."""
+        texts = []
+        if self.not_predicted:
+            texts.append(f"not predicted: {self.not_predicted}")
+        if self.simulated is not None:
+            instead = " instead" if texts else ""
+            texts.append(f"simulated{instead}: {self.simulated.extent()}")
+        elif self.not_simulated:
+            texts.append(f"not simulated: {self.not_simulated}")
+        return ["; ".join(texts)] if texts else []
 
     def summary_lines(self) -> list[tuple[str, str]]:
         """Return the summary as pairs of label and text; empty if its files have problems."""
@@ -192,6 +206,8 @@ class CheckReport(NamedTuple):
             **self.summary(),
             **(self.prediction.as_dict() if self.prediction is not None else {}),
             **({"not_predicted": self.not_predicted} if self.not_predicted else {}),
+            **(self.simulated.as_dict() if self.simulated is not None else {}),
+            **({"not_simulated": self.not_simulated} if self.not_simulated else {}),
             "warnings": [warning.as_dict() for warning in self.warnings],
         }
         return json.dumps(report, ensure_ascii=False, allow_nan=False)

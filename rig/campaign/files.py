@@ -173,7 +173,7 @@ def _read_elevation(
     """Return the elevation of a recorded sea, and add its file to ``files``."""
     if not isinstance(sea, RecordedSea):
         return None
-    path = _existing_path(sea.file, "sea", locate)
+    path = locate.existing_path(("sea", "file"), sea.file)
     elevation = read_elevation(path, sea)
     files.append(hash_input_file("elevation", path))
     return elevation
@@ -185,17 +185,7 @@ def _read_record(
     """Return the samples of a recorded reference, and add its file to ``files``."""
     if not isinstance(reference, RecordedReference):
         return None
-    path = _existing_path(reference.file, "reference", locate)
+    path = locate.existing_path(("reference", "file"), reference.file)
     record = read_reference_record(path, reference)
     files.append(hash_input_file("reference", path))
     return record
-
-
-def _existing_path(name: str, section: str, locate: SourceMap) -> Path:
-    """Return the path of the file in a section; a missing file is a problem at its key."""
-    key = (section, "file")
-    path = locate.resolve_path(key, name)
-    if not path.exists():
-        message = f"{name!r} does not exist; allowed a file relative to the one with this key"
-        raise ConfigError([locate.problem(key, name, message)])
-    return path

@@ -1,4 +1,4 @@
-"""`rig campaigns`: the shipped campaigns, sessions and rigs."""
+"""`rig campaigns`: the shipped campaigns, sessions, rigs and plants."""
 
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from rig.cli.output import OK, print_json
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,
+    PLANTS,
     RIGS,
     SESSIONS,
     ShippedFile,
@@ -18,6 +19,7 @@ from rig.config.shipped_files import (
     shipped_folder,
     title,
 )
+from rig.config.yaml_source import load_mapping
 from rig.kinds.rig_file import kind_of_task, load_rig
 from rig.presentation.console import plain_table, table_console
 from rig.presentation.phrases import format_duration
@@ -25,12 +27,13 @@ from rig.presentation.phrases import format_duration
 _HEADINGS = {
     CAMPAIGNS: "campaigns: rig run NAME, rig check NAME, rig sweep NAME",
     SESSIONS: "sessions: rig run NAME, rig check NAME, rig sweep NAME",
-    RIGS: "rigs: --rig NAME; those with wiring also rig sim NAME, rig devices NAME",
+    RIGS: "rigs: --rig NAME, in files rig: NAME; with wiring also rig sim NAME, rig devices NAME",
+    PLANTS: "plants, simulated: in files plant: NAME",
 }
 
 
 def command(as_json: Json = False) -> int:
-    """List the shipped campaigns, sessions and rigs, whose names stand for their files."""
+    """List the shipped campaigns, sessions, rigs and plants, whose names stand for their files."""
     described = {kind: [_describe(one) for one in shipped_files(kind)] for kind in _HEADINGS}
     if as_json:
         return print_json({"folder": str(shipped_folder()), **described})
@@ -44,7 +47,7 @@ def command(as_json: Json = False) -> int:
 
 
 def _describe(shipped: ShippedFile) -> dict[str, Any]:
-    """Return name, title, and what `rig check` finds: rows and duration, or a rig's wiring."""
+    """Return name and title, of a task what `rig check` finds, and whether a rig has wiring."""
     described = {
         "name": shipped.name,
         "title": title(shipped.path),
@@ -73,20 +76,35 @@ def _rig_facts(path: Path) -> dict[str, Any]:
     return {"rig": rig.name, "wired": rig.wiring is not None}
 
 
-_FACTS = {CAMPAIGNS: _task_facts, SESSIONS: _task_facts, RIGS: _rig_facts}
+def _plant_facts(path: Path) -> dict[str, Any]:
+    mapping, _ = load_mapping(path, kinds=(PLANTS,))
+    return {"plant": mapping.get("name")}
+
+
+_FACTS = {
+    CAMPAIGNS: _task_facts,
+    SESSIONS: _task_facts,
+    RIGS: _rig_facts,
+    PLANTS: _plant_facts,
+}
+_COLUMNS = {RIGS: ("wiring",), PLANTS: ()}  # of others: rows and duration
 
 
 def _table(kind: str, described: list[dict[str, Any]]) -> Table:
-    facts = ("wiring",) if kind == RIGS else (">rows", "duration")
+    facts = _COLUMNS.get(kind, (">rows", "duration"))
     table = plain_table("name", *facts, "title…", header_style="dim", padding=(0, 1, 0, 0))
     for one in described:
         if one["problem"]:
             table.add_row(one["name"], *"-" * len(facts), Text(one["problem"], style="red"))
             continue
-        cells = (
-            ["yes" if one["wired"] else "none"]
-            if kind == RIGS
-            else [str(one["rows"]), format_duration(round(one["duration_s"]))]
-        )
-        table.add_row(one["name"], *cells, Text(one["title"]))
+        table.add_row(one["name"], *_cells(kind, one), Text(one["title"]))
     return table
+
+
+def _cells(kind: str, one: dict[str, Any]) -> list[str]:
+    """Return the facts about a file as the cells of its line."""
+    if kind == PLANTS:
+        return []
+    if kind == RIGS:
+        return ["yes" if one["wired"] else "none"]
+    return [str(one["rows"]), format_duration(round(one["duration_s"]))]

@@ -1,12 +1,17 @@
 """`rig check FILE`."""
 
 import json
+import sys
+import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from rig.campaign import CheckReport
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
 from rig.cli.output import BAD_INPUT, OK, fail, input_errors, print_json
@@ -14,11 +19,17 @@ from rig.config.wiring import WiringError
 from rig.kinds.interface import Display, Report, Tasks
 from rig.kinds.rig_file import kind_of_task
 
+_LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
+
 
 def command(
     task: Annotated[Path, typer.Argument(metavar="FILE", help=TASK_HELP)],
     rows: Annotated[
         bool, typer.Option("--rows", help="Show every row, not only those nearest to a limit.")
+    ] = False,
+    simulate: Annotated[
+        bool,
+        typer.Option("--simulate", help="Simulate all rows; compile the rig's loop if necessary."),
     ] = False,
     rig: Rig = None,
     as_json: Json = False,
@@ -26,8 +37,8 @@ def command(
     """Check a campaign or session: list every error, or describe the planned run.
 
     For a campaign, the report also predicts motion, current and power of
-    each row. For a rig of standard parts (`rig new rig`) it does so once
-    `rig sweep` has compiled the rig's loop on this host.
+    each row. Where its law or its kind of rig has no such prediction, the
+    report simulates the rows, if their loop is compiled on this host.
     """
     with input_errors("check", as_json=as_json):
         path, rig = input_file(task, CAMPAIGNS, SESSIONS), rig_file(rig)
@@ -35,15 +46,70 @@ def command(
         tasks: Tasks = kind.room("tasks")
         display: Display = kind.room("display")
     report = examine(tasks, path, rig)
+    if simulate and not isinstance(report, CheckReport):
+        error = ValueError(
+            "--simulate is for the rows of a campaign; rig sweep simulates a session"
+        )
+        return fail("check", error, as_json=as_json)
+    report = with_simulated_rows(report, simulate=simulate, quiet=as_json)
     refusal = _wire_refusal(tasks, report)
     if as_json:
         refused = {"ok": False, "status": "bad input", "message": str(refusal)} if refusal else {}
         print_json(json.loads(report.to_json()) | refused)
     else:
         display.show_report(report, every_row=rows)
+        if isinstance(report, CheckReport) and report.simulated is not None:
+            report.simulated.show(every_row=rows)
         if refusal:
             fail("check", refusal, as_json=False)
     return OK if report.ok and not refusal else BAD_INPUT
+
+
+def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool = True) -> Report:
+    """Return the report of a campaign with its simulated rows; others unchanged."""
+    if not isinstance(report, CheckReport) or report.plan is None:
+        return report
+    from rig.sweep import simulated_check
+
+    if not simulate:
+        return simulated_check.with_simulated_rows(report)
+    from rig.cli.sweep import compile_loop
+
+    with RowProgress(len(report.plan.rows), quiet=quiet) as progress:
+        return simulated_check.with_simulated_rows(report, compile_loop, progress.update)
+
+
+class RowProgress:
+    """Draws a bar on a terminal, prints a line every 10 s elsewhere."""
+
+    def __init__(self, total: int, *, quiet: bool) -> None:
+        self._total, self._quiet = total, quiet
+        console = Console(stderr=True, highlight=False)
+        self._live_display = console.is_terminal and not quiet
+        columns = (TextColumn("simulating"), BarColumn(), MofNCompleteColumn())
+        self._bar = Progress(
+            *columns, console=console, transient=True, disable=not self._live_display
+        )
+        self._task = self._bar.add_task("", total=total)
+        self._last_line_time: float | None = None  # before the first row, which may wait for code
+
+    def __enter__(self) -> "RowProgress":
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def update(self, done: int) -> None:
+        """Show the number of finished rows."""
+        self._bar.update(self._task, completed=done)
+        if self._live_display or self._quiet:
+            return
+        now = time.monotonic()
+        self._last_line_time = self._last_line_time or now
+        if now - self._last_line_time >= _LINE_INTERVAL_S:
+            self._last_line_time = now
+            print(f"simulated {done} of {self._total} rows", file=sys.stderr, flush=True)
 
 
 def _wire_refusal(tasks: Tasks, report: Report) -> WiringError | None:

@@ -1,4 +1,4 @@
-"""`rig copy NAME`: a shipped campaign, session or rig as files to edit."""
+"""`rig copy NAME`: a shipped campaign, session, rig or plant as files to edit."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,18 +7,28 @@ import typer
 
 from rig.cli.options import Json
 from rig.cli.output import OK, input_errors, print_json
-from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, copy_files, find_shipped
+from rig.config.shipped_files import (
+    CAMPAIGNS,
+    PLANTS,
+    RIGS,
+    SESSIONS,
+    copy_files,
+    find_shipped,
+    shipped_files,
+)
 
 _NEXT_COMMANDS = {
     CAMPAIGNS: ("rig check {}", "rig run {}"),
     SESSIONS: ("rig check {}", "rig run {}"),
     RIGS: ("rig run CAMPAIGN --rig {}",),
+    PLANTS: ("rig check CAMPAIGN, with plant: {} in the campaign or its rig file",),
 }
+_TASKS_AND_RIGS = (CAMPAIGNS, SESSIONS, RIGS)
 
 
 def command(
     name: Annotated[
-        str, typer.Argument(help="Shipped campaign, session or rig; see `rig campaigns`.")
+        str, typer.Argument(help="Shipped campaign, session, rig or plant; see `rig campaigns`.")
     ],
     folder: Annotated[Path, typer.Option("--to", help="Folder to write to.")] = Path(),
     keep_existing: Annotated[
@@ -26,13 +36,15 @@ def command(
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Copy a shipped campaign, session or rig, and all files that it refers to, for editing.
+    """Copy a shipped campaign, session, rig or plant, and all its input files, for editing.
 
     The files keep their folders (campaigns, rigs, limits, plants), so that
     they refer to each other. The command never overwrites a file.
     """
     with input_errors("copy", as_json=as_json):
-        shipped = find_shipped(name, CAMPAIGNS, SESSIONS, RIGS)
+        # A rig and its plant may have one name; the copy of the rig has the plant, too.
+        is_first = any(one.name == name for one in shipped_files(*_TASKS_AND_RIGS))
+        shipped = find_shipped(name, *_TASKS_AND_RIGS, *(() if is_first else (PLANTS,)))
         copied = copy_files(shipped.path, folder, keep_existing=keep_existing)
     if as_json:
         files = {"written": copied.written, "kept": copied.kept}

@@ -12,7 +12,7 @@ import typer
 
 from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
-from rig.cli.check import examine, print_problems
+from rig.cli.check import examine, print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim
 from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors, print_json
@@ -96,6 +96,8 @@ def run_named(
     checked, plan = report.checked, report.plan
     if checked is None or plan is None:
         return print_problems(report, as_json=as_json)
+    if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
+        report = with_simulated_rows(report)
     if not as_json:
         print_warnings(report.warnings, path)
         # A full disk stops the rig.

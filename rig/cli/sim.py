@@ -20,6 +20,7 @@ from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.options import WIRED_RIG_HELP
 from rig.cli.output import FAILED, OK, fail, input_errors
 from rig.config.rig_file import BaseRigFile
+from rig.config.shipped_files import PLANTS
 from rig.config.wiring import (
     CanBus,
     RtuLine,
@@ -100,7 +101,7 @@ def _open_devices(path: Path, campaign: Path | None) -> tuple[BaseRigFile, IoPro
         )
         return found
     plant, locate_plant = load_mapping(
-        locate.resolve_path(("plant",), rig.plant), locate(("plant",)), "plant"
+        locate.existing_path(("plant",), rig.plant, PLANTS), locate(("plant",)), "plant"
     )
     return rig, *emulation.emulate_rig(rig, plant, locate_plant)
 

@@ -23,6 +23,7 @@ from rig.sweep import executors, sweep
 from rig.sweep.campaigns import LEAD_IN
 from rig.sweep.cases import Outcome
 from rig.sweep.result_cache import JOURNAL_FILE, load_report, store_report
+from rig.sweep.simulator import Simulator
 from rig.sweep.task import FAILED as FAILED_CASE
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ def command(
                 view.begin(len(opened.cases))
             else:
                 if remaining and scheduler is None:  # workers compile for themselves
-                    _compile(opened)
+                    compile_loop(opened.cases.simulator())
                 with view:
                     table = sweep.run(opened, executor, view.update, view.begin)
                 sweep.write_dataset(table, out)
@@ -187,9 +188,8 @@ def _executor(opened: sweep.Sweep, jobs: int | None, scheduler: str | None) -> e
     return cluster_executor(scheduler, opened.cases.request, opened.digest)
 
 
-def _compile(opened: sweep.Sweep) -> None:
+def compile_loop(simulator: Simulator) -> None:
     """Compile the loop or read it from the cache; print a notice where this takes long."""
-    simulator = opened.cases.simulator()
     if not simulator.is_compiled():
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
     simulator.prepare()

@@ -100,7 +100,7 @@ def find_law(
         use = value.get("use") if isinstance(value, dict) else None
         text, key = use if isinstance(use, str) and use else DEFAULT_LAW, (*at, "use")
     try:
-        law = laws.find(text, str(locate(key).path.parent))
+        law = laws.find(str(locate.resolve_path(key, text)) if laws.is_path(text) else text)
         if problems := columns.problems(law.columns):
             raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
     except laws.LawError as error:

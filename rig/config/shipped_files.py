@@ -1,4 +1,4 @@
-"""Files that wec-rig ships (campaigns, sessions, rigs and their input files), and their names.
+"""Files that wec-rig ships (campaigns, sessions, rigs, plants, their input files), and their names.
 
 The source tree keeps them in `configs/`, a wheel in `rig/configs/`. Programs only read them: an
 installation may be read-only.
@@ -15,9 +15,20 @@ from ruamel.yaml import YAML
 
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
-CAMPAIGNS, SESSIONS, RIGS = "campaigns", "sessions", "rigs"
-KINDS = {CAMPAIGNS: "campaign", SESSIONS: "session", RIGS: "rig"}
-"""Folders whose files have names for the command line, and the noun for one such file."""
+CAMPAIGNS, SESSIONS, RIGS, PLANTS = "campaigns", "sessions", "rigs", "plants"
+LIMITS, SEAS = "limits", "seas"
+KINDS = {
+    CAMPAIGNS: "campaign",
+    SESSIONS: "session",
+    RIGS: "rig",
+    PLANTS: "plant",
+    LIMITS: "limits file",
+    SEAS: "sea",
+}
+"""Folders whose files have names, and the noun for one such file."""
+
+FILE_KEYS = {"rig": RIGS, "plant": PLANTS, "limits": LIMITS, "sea": SEAS}
+"""Keys of files that name another file, and the folder of the shipped files they may name."""
 
 _SUFFIX = ".yaml"
 _SENTENCE_END = re.compile(r"(?<=\.)\s+(?=[A-Z])")
@@ -28,7 +39,7 @@ class UnknownNameError(ValueError):
 
 
 class ShippedFile(NamedTuple):
-    """A shipped campaign, session or rig."""
+    """A shipped file of one of `KINDS`."""
 
     kind: str  # a key of KINDS
     name: str
@@ -73,20 +84,32 @@ def find_shipped(name: str, *kinds: str) -> ShippedFile:
     return matches[0]
 
 
-def find_file(name: Path, *kinds: str) -> Path | ShippedFile:
-    """Return the file that a person names: ``name`` itself if it is a path, or a shipped file.
+def find_file(name: Path, *kinds: str, folder: Path | None = None) -> Path | ShippedFile:
+    """Return the file that a person or a file names: a path, or a shipped file of some kinds.
 
-    An existing file comes first. Any other text with a suffix or a folder is a path, too, except
-    KIND/NAME of a shipped file. Raises `UnknownNameError` as `find_shipped` does.
+    A path is relative to ``folder``, that of the file with the name; None: the current one. An
+    existing file comes first. Any other text with a suffix or a folder is a path, too, except
+    KIND/NAME of a shipped file, and so is every text without ``kinds``. Raises `UnknownNameError`
+    as `find_shipped` does.
     """
-    if name.exists() and not name.is_dir():
-        return name
+    path = name if folder is None else path_from(folder, str(name))
+    is_folder = os.path.isdir(path)
+    if not kinds or (os.path.exists(path) and not is_folder):
+        return path
     try:
         return find_shipped(str(name), *kinds)
-    except UnknownNameError:
-        if len(name.parts) != 1 or name.suffix or name.is_dir():
-            return name
+    except UnknownNameError as error:
+        if len(name.parts) != 1 or name.suffix or is_folder:
+            return path
+        if os.path.isfile(f"{path}{_SUFFIX}"):
+            hint = f"{name}{_SUFFIX} is here: write the whole file name"
+            raise UnknownNameError(f"{hint}\n{error}") from None
         raise
+
+
+def path_from(folder: Path, name: str) -> Path:
+    """Return the path that a file in a folder names: relative to it, absolute, or from ``~``."""
+    return Path(os.path.normpath(folder / os.path.expanduser(name)))
 
 
 def local_copies(shipped: ShippedFile) -> list[Path]:
@@ -109,9 +132,6 @@ def title(path: Path) -> str:
 def _no_match_text(name: str, shipped: list[ShippedFile], kinds: tuple[str, ...]) -> str:
     """Return that nothing has the name, where it may be found instead, and the names there are."""
     lines = [f"{name}: no such file here, and no shipped {' or '.join(KINDS[k] for k in kinds)}"]
-    with_suffix = Path(f"{name}{_SUFFIX}")
-    if with_suffix.is_file():
-        lines[0] += f"; {with_suffix} is here: write the whole file name"
     others = [one for one in shipped_files(*KINDS) if one.name == name and one.kind not in kinds]
     lines += [f"there is a shipped {KINDS[one.kind]} {one.qualified_name}" for one in others]
     for kind in kinds:
@@ -139,7 +159,7 @@ def referenced_files(path: Path) -> list[Path]:
             continue
         text = read_regular(file, MAX_CONFIG_BYTES).decode("utf-8")
         for value in _text_values(YAML(typ="safe", pure=True).load(text)):
-            named = Path(os.path.normpath(file.parent / value))
+            named = path_from(file.parent, value)
             if named not in found and named.is_file():
                 found.append(named)
     return found

@@ -1,14 +1,17 @@
 """Reading of YAML files that keeps the file and line of every value.
 
 The files are YAML 1.2 (`1e3` is a number, `on` is text); duplicate keys are refused. A file may
-extend another one with `extends: other.yaml`, relative to itself. Mappings are then merged key by
-key, and every other value is replaced. An empty value (`key:`) removes an inherited key. A mapping
-whose `kind` changes is replaced as a whole, because the keys of one kind have no meaning in
-another. Keys listed in ``inline`` may name a file that holds their mapping: the mapping replaces
-the name, and its values keep their own file and line.
+extend another one with `extends: other.yaml`, relative to itself, or by the name of a shipped file
+of its own sort. Mappings are then merged key by key, and every other value is replaced. An empty
+value (`key:`) removes an inherited key. A mapping whose `kind` changes is replaced as a whole,
+because the keys of one kind have no meaning in another. Keys listed in ``inline`` may name a file
+that holds their mapping: the mapping replaces the name, and its values keep their own file and
+line.
 """
 
+import errno
 import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +22,14 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from rig.config.problems import ConfigError, Problem, display_path, format_key, format_value
+from rig.config.shipped_files import (
+    CAMPAIGNS,
+    FILE_KEYS,
+    KINDS,
+    SESSIONS,
+    UnknownNameError,
+    find_file,
+)
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 KeyPath = tuple[str | int, ...]
@@ -59,9 +70,41 @@ class SourceMap:
                 return location
         return self.locations.get((), SourceLocation(self.path, 1))
 
-    def resolve_path(self, key: KeyPath, name: str) -> Path:
-        """Return the path of the file that ``key`` names, relative to the file with that key."""
-        return Path(os.path.normpath(self(key).path.parent / name))
+    def resolve_path(self, key: KeyPath, name: str, *kinds: str, allowed: str = "") -> Path:
+        """Return the path of the file that ``key`` names.
+
+        A path is relative to the file with that key, absolute, or from ``~``. Else the name is that
+        of a shipped file of ``kinds``; an existing file comes first. Raises `ConfigError` for a
+        name that neither has. ``allowed`` is what else the key may have, for the message.
+        """
+        try:
+            found = find_file(Path(name), *kinds, folder=self(key).path.parent)
+        except UnknownNameError as error:
+            message = str(error).replace("\n", "; ").replace(" here", " in this folder")
+            message += f"; {allowed} is allowed, too" if allowed else ""
+            raise ConfigError([self.problem(key, name, message)]) from None
+        return found if isinstance(found, Path) else found.path
+
+    def existing_path(self, key: KeyPath, name: str, *kinds: str, allowed: str = "") -> Path:
+        """Return the path of a file as `resolve_path` does.
+
+        Raises `ConfigError` if there is no such file, too, or if it is a folder.
+        """
+        path = self.resolve_path(key, name, *kinds, allowed=allowed)
+        try:
+            if not stat.S_ISDIR(path.stat().st_mode):
+                return path
+            reason = os.strerror(errno.EISDIR)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+        except ValueError as error:
+            reason = str(error)
+        nouns = " or ".join(KINDS[kind] for kind in kinds)
+        names = f", or the name of a shipped {nouns}" if kinds else ""
+        allowed = f"{allowed} or " if allowed else ""
+        allowed += f"the path of a file, relative to this one{names}"
+        message = f"cannot read {display_path(path)}: {reason}; allowed {allowed}"
+        raise ConfigError([self.problem(key, name, message)])
 
     def problem(self, key: KeyPath, value: object, message: str) -> Problem:
         """Return a problem with the file and line of a key."""
@@ -82,15 +125,28 @@ _TOO_MANY = f"too many keys and values; allowed at most {MAX_NODES}, with aliase
 
 
 def load_mapping(
-    path: Path, named_at: SourceLocation | None = None, key: str = "", inline: tuple[str, ...] = ()
+    path: Path,
+    named_at: SourceLocation | None = None,
+    key: str = "",
+    inline: tuple[str, ...] = (),
+    kinds: tuple[str, ...] = (),
 ) -> tuple[dict[str, Any], SourceMap]:
     """Return the merged plain mapping of a file, and the file and line of each value.
 
     ``named_at`` and ``key`` are the location and the key that name the file; a file that cannot be
     read is reported there. ``inline`` lists the keys that may name a file with their mapping.
-    Raises `ConfigError` with every syntax problem.
+    ``kinds`` are those of the shipped files that it may extend by name; they follow from the key,
+    and without one the file is a campaign or session. Raises `ConfigError` with every syntax
+    problem.
     """
-    return _load(Path(path), named_at, key, (), inline)
+    if not kinds:
+        kinds = kinds_of(key) if key else (CAMPAIGNS, SESSIONS)
+    return _load(Path(path), named_at, key, (), inline, kinds)
+
+
+def kinds_of(key: str) -> tuple[str, ...]:
+    """Return the kinds of the shipped files that a key may name."""
+    return (FILE_KEYS[key],) if key in FILE_KEYS else ()
 
 
 def _load(
@@ -99,6 +155,7 @@ def _load(
     key: str,
     chain: tuple[Path, ...],
     inline: tuple[str, ...] = (),
+    kinds: tuple[str, ...] = (),
 ) -> tuple[dict[str, Any], SourceMap]:
     """Load a file; ``chain`` holds the files that led to it, to detect circular references."""
     resolved = path.resolve()
@@ -117,6 +174,8 @@ def _load(
     locate = SourceMap(path, reader.locations, (path,))
     base = tree.pop("extends", None)
     at = locate(("extends",))
+    if isinstance(base, str):
+        base_path = locate.existing_path(("extends",), base, *kinds)
     locate.locations.pop(("extends",), None)
     inlined_keys = _inline_files(tree, locate, inline, (*chain, resolved))
     if base is None:
@@ -124,8 +183,7 @@ def _load(
     if not isinstance(base, str):
         message = f"{format_value(base)} is not a file name"
         raise ConfigError([_problem(at, "extends", base, message)])
-    base_path = Path(os.path.normpath(path.parent / base))
-    inherited, origin = _load(base_path, at, "extends", (*chain, resolved), inline)
+    inherited, origin = _load(base_path, at, "extends", (*chain, resolved), inline, kinds)
     locations = dict(origin.locations)
     for name in inlined_keys & inherited.keys():
         del inherited[name]  # an inlined file replaces an inherited mapping, it does not change it
@@ -147,12 +205,9 @@ def _inline_files(
     file_keys = {name for name in inline if isinstance(tree.get(name), str)}
     for name in sorted(file_keys):
         at = (name,)
-        path = locate.resolve_path(at, tree[name])
-        if not path.is_file():
-            message = f"cannot read {display_path(path)}: no such file; "
-            message += "allowed a mapping or the name of a file that holds one"
-            raise ConfigError([locate.problem(at, tree[name], message)])
-        mapping, origin = _load(path, locate(at), name, chain)
+        kinds = kinds_of(name)
+        path = locate.existing_path(at, tree[name], *kinds, allowed="a mapping")
+        mapping, origin = _load(path, locate(at), name, chain, kinds=kinds)
         tree[name] = mapping
         locate.locations.update({(name, *key): place for key, place in origin.locations.items()})
         locate.files += origin.files

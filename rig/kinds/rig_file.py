@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from rig.config.problems import ConfigError, format_value
 from rig.config.pydantic_errors import validate
 from rig.config.rig_file import BaseRigFile
+from rig.config.shipped_files import RIGS
 from rig.config.yaml_source import SourceMap, load_mapping
 from rig.kinds.registry import KindError, RigKind, find, known, registered
 from rig.planning.input_files import ConfigSource, load_named_source
@@ -21,7 +22,7 @@ class LoadedRig(NamedTuple):
 
 def load_rig(path: Path) -> LoadedRig:
     """Return a rig file as the model of its kind; raises `ConfigError` with every problem found."""
-    mapping, locate = load_mapping(path)
+    mapping, locate = load_mapping(path, kinds=(RIGS,))
     kind = kind_of(mapping, locate)
     return LoadedRig(validate(mapping, locate, kind.room("config").RigFile), locate, kind)
 
@@ -48,7 +49,11 @@ def kind_of_task(path: Path, rig: Path | None = None) -> RigKind:
     KindError if no kind can be used.
     """
     source = ConfigSource(*load_mapping(path))
-    named = ConfigSource(*load_mapping(rig)) if rig else load_named_source(source, ("rig",))
+    named = (
+        ConfigSource(*load_mapping(rig, kinds=(RIGS,)))
+        if rig
+        else load_named_source(source, ("rig",))
+    )
     if named is not None:
         return kind_of(*named)
     usable = [each.kind for each in registered() if not each.problem]

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from rig.config.problems import ConfigError, Problem, display_path, format_key
 from rig.config.pydantic_errors import validate
-from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
+from rig.config.yaml_source import KeyPath, SourceMap, kinds_of, load_mapping
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 T = TypeVar("T")
@@ -59,8 +59,9 @@ def load_named_source(
             value = value[part] if exists else None
     if not isinstance(value, str) or not value:
         return None
-    path = owner.locate.resolve_path(key, value)
-    return ConfigSource(*load(path, owner.locate(key), format_key(key), inline))
+    name = format_key(key)
+    path = owner.locate.existing_path(key, value, *kinds_of(name))
+    return ConfigSource(*load(path, owner.locate(key), name, inline))
 
 
 class FileReader:
@@ -101,7 +102,9 @@ class FileReader:
             lambda: (
                 load_named_source(owner, key, self._load, inline)
                 if replacement is None
-                else ConfigSource(*self._load(replacement, inline=inline))
+                else ConfigSource(
+                    *self._load(replacement, inline=inline, kinds=kinds_of(format_key(key)))
+                )
             )
         )
         if source is not None:

@@ -30,7 +30,7 @@ def matrix_points(
     """
     if matrix.csv is not None:
         key = ("matrix", "csv")
-        path = locate.resolve_path(key, matrix.csv)
+        path = locate.existing_path(key, matrix.csv)
         return matrix_csv.read_matrix_csv(path, locate(key), kind_columns, law_columns)
     columns = kind_columns.with_law(law_columns)
     grid_points = points_of_grids(matrix.grid, ("matrix", "grid"), columns, locate)
@@ -68,7 +68,7 @@ def unused_row_warnings(
     if matrix is None or matrix.csv is None:
         return ()
     key = ("matrix", "csv")
-    path = locate.resolve_path(key, matrix.csv)
+    path = locate.existing_path(key, matrix.csv)
     return matrix_csv.unused_row_warnings(path, locate(key), kind_columns, law_columns)
 
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from rig.analysis.rows import (
     COMPLETE,
-    NOT_RUN,
     column_units,
     columns_of,
     contents_attributes,
-    reduce_window,
     stations_of,
 )
 from rig.campaign import (
@@ -25,6 +23,7 @@ from rig.campaign import (
     resolved_config,
 )
 from rig.campaign.law_checks import compilation_problems, trial_problems
+from rig.campaign.simulated_rows import row_results
 from rig.config.problems import ConfigError, Problem, format_value
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.planning.point import Point
@@ -33,7 +32,7 @@ from rig.presentation.phrases import format_power
 from rig.row_contents import LAW, PANEL, Column, RowContents, X, Y
 from rig.stations import find, station_names
 from rig.sweep.parameters import OPTION
-from rig.sweep.simulator import CampaignSimulator, RowSimulation, problems, simulation_of
+from rig.sweep.simulator import CampaignSimulator, problems, simulation_of
 from rig.sweep.task import ALL_ROWS, SimulatedCase, SweepParameter, TableContents, file_entries
 
 if TYPE_CHECKING:
@@ -254,28 +253,6 @@ def _is_gain(column: Column, table: "xarray.Dataset", row: Any) -> bool:
     if column.name not in row or column.role not in (PANEL, X, Y, LAW):
         return False
     return column.role != LAW or bool(table[column.name].values.any())
-
-
-def row_results(
-    simulation: RowSimulation,
-    planned: AnyPlan,
-    period_ticks: float | None,
-    contents: RowContents,
-) -> list[dict[str, Any]]:
-    """Return the results of each row of a simulated plan, with the names of the row table.
-
-    ``period_ticks`` is the sea's repeat period in ticks, None if it has none.
-    """
-    actuators = [column.actuator.name for column in contents.columns if column.actuator]
-    contents = contents._replace(columns=())  # the plan has the set points
-    results = {}
-    for window in simulation:  # the last attempt counts
-        results[window.row] = reduce_window(window, period_ticks, contents)
-    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
-    return [
-        results.get(row.row, not_run) | dict.fromkeys(actuators, row.place) | row.setting._asdict()
-        for row in planned.rows
-    ]
 
 
 def single_row_campaign(campaign: AnyCampaign, lead_in: float) -> AnyCampaign:

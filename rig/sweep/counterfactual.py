@@ -18,6 +18,7 @@ from scipy.special import stdtrit
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
+from rig.campaign.simulated_rows import row_results
 from rig.identification.incident_waves import RecoveredWaves, recover_waves, wave_maker_lines
 from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo, reader, run_info
@@ -25,7 +26,7 @@ from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
 from rig.spectra.periods import common_period_ticks
 from rig.stations import station_names
-from rig.sweep.campaigns import LEAD_IN, row_results, single_row_campaign, single_row_plan
+from rig.sweep.campaigns import LEAD_IN, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
 
 CONFIDENCE = 0.95

@@ -14,6 +14,7 @@ import numpy as np
 
 from controllers.law import Column as LawColumn
 from rig.analysis.rows import COMPLETE
+from rig.campaign.simulated_rows import row_results
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import load_mapping
 from rig.design.descent import descend
@@ -21,7 +22,7 @@ from rig.planning.point import Point
 from rig.planning.windows import repeat_period
 from rig.spectra.periods import Floats
 from rig.stations import Station, find
-from rig.sweep.campaigns import CampaignTask, CampaignTasks, row_results, single_row_plan
+from rig.sweep.campaigns import CampaignTask, CampaignTasks, single_row_plan
 
 MAX_POINTS = 400  # of the matrix: more take minutes, and the search needs a start only
 ITERATIONS = 6  # of the search

@@ -101,9 +101,10 @@ class TaskFiles:
             place: SourceLocation | None = None,
             key: str = "",
             inline: tuple[str, ...] = (),
+            kinds: tuple[str, ...] = (),
         ) -> tuple[dict[str, Any], SourceMap]:
             if (path, key) not in self._read:
-                self._read[path, key] = load_mapping(path, place, key, inline)
+                self._read[path, key] = load_mapping(path, place, key, inline, kinds)
             mapping, locate = copy.deepcopy(self._read[path, key])
             for parameter, value in values:
                 if parameter.file == (key or self.tasks.noun):

@@ -4,36 +4,22 @@ The room `simulation` of a kind with campaigns is a `Simulation`, of one with se
 `SessionSimulation`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from rig.campaign import AnyCampaign, AnyPlan, CampaignKind, CampaignParts
+from rig.campaign.simulated_rows import RowSimulation
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.identification.incident_waves import WaveDevice
 from rig.kinds import registry
 from rig.planning.input_files import InputFile, MappingLoader
-from rig.recording.runs.windows import Window
+from rig.realtime import cycle
 from rig.row_contents import RowContents
 
 ROOM = "simulation"
 CAMPAIGN_ROOM = "campaign"
-
-
-class RowSimulation(Protocol):
-    """Iterator over the measured windows of a plan's rows; then ``reason`` is that of its end."""
-
-    reason: str
-
-    @property
-    def seconds(self) -> float:
-        """Simulated time so far, s."""
-        ...
-
-    def __iter__(self) -> Iterator[Window]:
-        """Yield the window of each measured row; its data are valid until the next one."""
-        ...
 
 
 class Simulator(Protocol):
@@ -53,6 +39,9 @@ class Simulator(Protocol):
 
 class CampaignSimulator(Simulator, Protocol):
     """A campaign's rig in its sea."""
+
+    kind: cycle.Kind
+    """The kind's cycle, whose rows the simulation reduces."""
 
     def simulate(
         self, plan: AnyPlan, check: Callable[[], None] = ..., place: float | None = None

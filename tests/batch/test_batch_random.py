@@ -39,7 +39,8 @@ def draw_plant(path: Path, rng: np.random.Generator) -> dict[str, Any]:
                 scale_values(entry, key_path)
 
     scale_values(plant, ())
-    plant["bem"] = str(path.with_name(plant["bem"]))
+    for section in (plant, plant["surge"]):
+        section["bem"] = str(path.with_name(section["bem"]))
     return plant
 
 

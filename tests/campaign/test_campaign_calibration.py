@@ -49,7 +49,10 @@ def test_the_plan_is_a_lead_in_and_one_window_with_all_power_off(write: Any) -> 
     ]
     assert (planned.duration, planned.wave_seconds, planned.moves) == (90.0, 90.0, 0)
     assert sum(planned.phases) == planned.phases.lead_in + planned.phases.measure == 90.0
-    assert plant_settings(campaign._replace(plant={"bem": "x"}))["device"] == "absent"
+    assert (
+        plant_settings(campaign._replace(plant={"bem": "x", "surge": {"bem": "y"}}))["device"]
+        == "absent"
+    )
 
 
 def test_the_plan_runs_to_its_end_without_the_drive(write: Any) -> None:

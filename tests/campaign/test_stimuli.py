@@ -209,7 +209,7 @@ MULTISINE = {"kind": "multisine", "amplitude_a": 10, **BAND}
         ({**MULTISINE, "axis": "surge"}, {}, {"surge": {"use": "off"}}, "surge cannot be excited"),
         (
             {"kind": "recorded", "file": "no.csv", "channel": "x", "unit": "N", "end_s": 9},
-            {}, {}, "'no.csv' does not exist",
+            {}, {}, "no.csv: No such file or directory; allowed the path of a file",
         ),
         ({"kind": "recorded", "file": "a.txt", "channel": "x", "unit": "N", "end_s": 9},
          {}, {}, "*.csv"),

@@ -144,7 +144,7 @@ def test_names_lists_and_copies(installed: Installation) -> None:
     listed = installed.json("campaigns")
     assert Path(listed["folder"]) == installed.site / "rig" / "configs"
     assert {"default", "quick"} <= {one["name"] for one in listed["campaigns"]}
-    assert not [one for kind in ("campaigns", "sessions", "rigs") for one in listed[kind]
+    assert not [one for kind in ("campaigns", "sessions", "rigs", "plants") for one in listed[kind]
                 if one["problem"]]  # fmt: skip
     assert installed.json("check", "default")["rows"] == 66
     assert "default" in installed.rig("check", "default")
@@ -156,6 +156,19 @@ def test_names_lists_and_copies(installed: Installation) -> None:
     for name in ("csv_matrix", "recorded", "mask4_run_139", "irregular_online", "spring_map"):
         copied = installed.json("copy", name, "--to", name)
         assert installed.json("check", copied["file"])["ok"]
+
+
+def test_own_campaign_names_shipped_files(installed: Installation) -> None:
+    own = installed.folder / "own.yaml"
+    own.write_text("extends: quick\nname: own\nrig: wavebot\nplant: wavebot_linear\n")
+    report = installed.json("check", own)
+    assert report["ok"]
+    shipped = installed.site / "rig" / "configs"
+    files = {file["path"] for file in report["files"]}
+    assert str(shipped / "plants" / "wavebot_linear.yaml") in files
+    own.write_text("extends: quick\nname: own\nrig: wavebt\n")
+    refused = installed.rig("check", own, "--json", code=2)
+    assert "shipped rigs: oswec_bench, " in json.loads(refused)["message"]
 
 
 def test_rehearsal_reports_the_installed_code(installed: Installation) -> None:

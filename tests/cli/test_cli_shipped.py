@@ -29,7 +29,8 @@ def test_campaigns_lists_rows_and_duration() -> None:
     rigs = {one["name"]: one["wired"] for one in listed["rigs"]}
     assert rigs["wavebot_hil"]
     assert not rigs["wavebot"]
-    assert not any(one["problem"] for kind in ("campaigns", "sessions", "rigs")
+    assert {"wavebot", "wavebot_linear"} <= {one["name"] for one in listed["plants"]}
+    assert not any(one["problem"] for kind in ("campaigns", "sessions", "rigs", "plants")
                    for one in listed[kind])  # fmt: skip
 
 
@@ -72,6 +73,21 @@ def test_unknown_name_lists_the_shipped_ones(arguments: tuple[str, ...]) -> None
     done = rig(*arguments, "--json")
     assert done.returncode == 2
     assert json.loads(done.stdout)["status"] == "bad input"
+
+
+def test_copy_of_a_plant() -> None:
+    """A name that a rig has, too, is that of the rig, whose copy has the plant."""
+    linear = ["plants/wavebot.yaml", "plants/wavebot_bem.npz", "plants/wavebot_linear.yaml"]
+    for name, written in (
+        ("plants/wavebot_linear", linear),
+        ("wavebot_linear", linear),
+        ("plants/wavebot", linear[:2]),
+        ("wavebot", ["limits/wavebot.yaml", *linear[:2], "rigs/wavebot.yaml"]),
+    ):
+        done = rig("copy", name, "--to", name, "--json")
+        assert done.returncode == 0
+        files = {str(Path(each).relative_to(name)) for each in json.loads(done.stdout)["written"]}
+        assert files - {"plants/wavebot_surge_bem.npz"} == set(written)
 
 
 def test_copied_campaign_can_be_edited_and_checked() -> None:

@@ -62,7 +62,8 @@ def test_a_missing_sea_file_is_reported(tmp_path: Path) -> None:
     ((file, line, key, message),) = reported_problems(top)
     assert (file, line, key) == ("a.yaml", 4, "sea")
     assert message.endswith(
-        "seas/pink.yaml: no such file; allowed a mapping or the name of a file that holds one"
+        "seas/pink.yaml: No such file or directory; allowed a mapping or the path of a file, "
+        "relative to this one, or the name of a shipped sea"
     )
 
 

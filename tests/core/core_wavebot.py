@@ -167,6 +167,9 @@ def plant(sea: dict[str, Any] = WAVES) -> WaveBotPlantDevices:
     """Return the simulated plant as shipped, interpreted, with a seed."""
     path = CONFIGS / "plants" / "wavebot.yaml"
     mapping, _ = load_mapping(path)
-    bem = str(path.parent / mapping["bem"])
-    config = {"plant": mapping, "bem": bem, "sea": sea, "seed": 1, "compiled": False}
+    bem = {
+        "bem": str(path.parent / mapping["bem"]),
+        "surge_bem": str(path.parent / mapping["surge"]["bem"]),
+    }
+    config = {"plant": mapping, **bem, "sea": sea, "seed": 1, "compiled": False}
     return connect(config, DT)

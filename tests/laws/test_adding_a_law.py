@@ -54,7 +54,7 @@ def test_check_names_law_and_columns(example: Path) -> None:
     code, out, _ = rig_here("check", example)
     assert code == 0, out
     assert "law       growing_damping (" in out
-    assert "predicted nothing: the law growing_damping has no linear form" in out
+    assert "not predicted: the law growing_damping has no linear form; " in out
     assert "warning" not in out
     code, out, _ = rig_here("check", example, "--json")
     report = json.loads(out)

@@ -108,7 +108,7 @@ def test_differences_between_rig_and_plant_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bem": "missing.nc"}, "bem: cannot be used: .*missing.nc"),
+        ({"bem": "missing.nc"}, "bem: cannot read .*missing.nc: No such file"),
         ({"density_kg_per_m3": 900.0}, "states density_kg_per_m3 1000"),
         ({"delay_s": -1.0}, "delay_s: .*out of range"),
         ({"modes": {"heave": {**HEAVE, "dof": "Roll"}, "pitch": PITCH}}, "no mode 'Roll'"),

@@ -73,8 +73,8 @@ def test_check_simulates_the_rows_where_the_loop_is_compiled(
     assert [row["power_dc"] for row in report["simulated"]] == logged
     assert report["warnings"] == []
     text = rig_here("check", campaign).stdout
-    (line,) = [each for each in text.splitlines() if each.startswith("    1 Kp -3000")]
-    assert f"mechanical {report['simulated'][1]['power_mechanical']:.4g} W" in line
+    (line,) = [each for each in text.splitlines() if each.startswith("  1 -3000")]
+    assert f" {report['simulated'][1]['power_mechanical']:.4g} " in line
     tight = shutil.copytree(campaign.parent, tmp_path / "tight")
     peak = max(row["position_peak"] for row in report["simulated"])
     limits = (tight / "limits.yaml").read_text()
@@ -87,7 +87,7 @@ def test_check_simulates_the_rows_where_the_loop_is_compiled(
     assert report["simulated"][-1]["state"] == "not run"
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     report = run_rig("check", campaign)
-    assert "not compiled on this host yet" in report["not_predicted"]
+    assert "not compiled on this host yet" in report["not_simulated"]
 
 
 @pytest.mark.slow

@@ -49,5 +49,6 @@ def wrong_plant(folder: Path) -> Path:
     changed["pto"]["drivetrain_coulomb"]["value"] = 80.0
     radiation: Any = changed["body"]["radiation"]
     radiation["numerator"]["value"] = [1.3 * b for b in radiation["numerator"]["value"]]
-    changed["bem"] = str(CONFIGS / "plants" / changed["bem"])
+    for section_with_bem in (changed, changed["surge"]):
+        section_with_bem["bem"] = str(CONFIGS / "plants" / section_with_bem["bem"])
     return write_yaml(folder / "wrong.yaml", changed)

@@ -1,15 +1,10 @@
 """Texts of a modular rig's campaign: the report of `rig check`, and a run in progress."""
 
-from collections.abc import Sequence
 from typing import Any
 
-from rig.analysis.rows import NOT_RUN
 from rig.campaign import CheckReport
 from rig.kinds.modular.campaign import COLUMNS
-from rig.kinds.modular.row_contents import row_contents
-from rig.kinds.modular.tick.composition import ROTATION
 from rig.presentation.campaign_text import power_text, row_text, total_duration
-from rig.row_contents import LAW, Column, X, Y
 from rig.stations import Station
 
 __all__ = ["detail_lines", "plan_position", "short_text", "show_report", "total_duration"]
@@ -17,40 +12,11 @@ __all__ = ["detail_lines", "plan_position", "short_text", "show_report", "total_
 LogRow = dict[str, float | int]
 _ESTIMATE = ".estimate.position"
 _MEAN = "power.mean_"
-_SHOWN_ROWS = 12
 
 
 def show_report(report: CheckReport, *, every_row: bool) -> None:
-    """Print the report of `rig check`, with the first simulated rows or all."""
+    """Print the report of `rig check`; the command adds the simulated rows."""
     print(report.text())
-    if report.prediction is None or report.campaign is None:
-        return
-    rows = report.prediction.as_dict()["simulated"]
-    shown = rows if every_row else rows[:_SHOWN_ROWS]
-    rig = report.campaign.rig
-    contents = row_contents(rig, report.campaign.file.columns())
-    rotates = rig.axes[contents.axis].motion == ROTATION
-    units = ("rad", "N*m") if rotates else ("m", "N")
-    gains = [each for each in contents.columns if each.role in (X, Y, LAW)]
-    print("\nsimulated rows")
-    for row in shown:
-        print(f"{row['row']:5} {_simulated_text(row, gains, contents.stations, units)}")
-    if len(shown) < len(rows):
-        print(f"      and {len(rows) - len(shown)} more; --rows shows all")
-
-
-def _simulated_text(
-    row: Any, gains: Sequence[Column], stations: Sequence[Station], units: tuple[str, str]
-) -> str:
-    """Return set point, motion, force, current and powers of a simulated row."""
-    if row["state"] == NOT_RUN:
-        return f"{row['state']}: {row['incomplete_reason']}"
-    settings = "  ".join(f"{each.heading or each.label} {row[each.name]:g}" for each in gains)
-    powers = "  ".join(f"{each.heading} {row[f'power_{each.name}']:.4g} W" for each in stations)
-    length, force = units
-    motion = f"stroke {row['stroke']:.3g} {length}  F rms {row['force_rms']:.4g} {force}"
-    cut = f"  {row['incomplete_reason']}" if row["incomplete_reason"] else ""
-    return f"{settings}  {motion}  i rms {row['current_rms']:.3g} A  {powers}{cut}"
 
 
 def plan_position(plan: Any, row: LogRow) -> tuple[str, str]:

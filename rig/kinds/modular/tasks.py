@@ -22,7 +22,6 @@ from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.identification import axis_channels
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
-from rig.kinds.modular.predictions import simulate
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.tick import find_kind
@@ -40,20 +39,14 @@ def examine(
 ) -> CheckReport:
     """Check a campaign and all its input files; ``rig`` replaces the rig that it names.
 
-    ``predict`` adds the simulated plant, whether the laws can be compiled, and, where the loop is
-    compiled, the simulated rows.
+    ``predict`` adds the simulated plant, and whether the laws can be compiled.
     """
     report = check(path, rig, day=day, plant=predict)
     if report.campaign is None or report.plan is None or not predict:
         return report
     campaign = report.campaign
-    prediction, reason = simulate(campaign, report.plan)
-    return report._replace(
-        prediction=prediction,
-        not_predicted=reason,
-        law_warnings=tuple(compilation_problems(campaign, report.plan.dt, _INTERPRETED)),
-        plant_warnings=_plant_warnings(campaign),
-    )
+    warnings = compilation_problems(campaign, report.plan.dt, _INTERPRETED)
+    return report._replace(law_warnings=tuple(warnings), plant_warnings=_plant_warnings(campaign))
 
 
 def _plant_warnings(campaign: AnyCampaign) -> tuple[Problem, ...]:

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
+from rig.campaign.simulated_rows import show_equal_rows
 from rig.config.problems import Problem
 from rig.design.margin import tightest
 from rig.kinds.wavebot.predictions.prediction import (
@@ -63,6 +64,8 @@ class CheckView:
         self._print_rows(forecast, refused)
         self._print_problems("warnings", report.warnings, "yellow")
         self._print_problems("refused", forecast.refused, "red")
+        for line in report.prediction_lines():
+            self._console.print(line, soft_wrap=True)
         self._print_verdict(forecast)
 
     def _print_facts(self, report: CheckReport, forecast: Prediction) -> None:
@@ -151,6 +154,7 @@ class CheckView:
                 break
         self._console.print()
         self._console.print(table)
+        show_equal_rows(forecast.equal_rows, every_row=self._every_row, console=self._console)
         self._console.print()
 
     def _print_problems(self, heading: str, problems: tuple[Problem, ...], style: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from rig.campaign import AnyCampaign
-from rig.config.problems import Problem
+from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import problems_from
 from rig.config.rig_file import SharedValue, mismatches
 from rig.config.yaml_source import KeyPath, SourceMap
@@ -81,12 +81,17 @@ def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, .
         return None, problems_from(error, plant.locate, Plant)
     key = "bem"
     try:
-        found = building.read_bem(file, bem_path(plant))
+        path = bem_path(plant)
+        if not path.is_dir():  # Nemoh's results are a folder
+            path = plant.locate.existing_path(("bem",), file.bem)
+        found = building.read_bem(file, path)
         fitted = radiation_path(plant)
         if fitted is None:
             return building.assemble(file, found), ()
         key = "radiation"
         return building.assemble(file, found, stored_radiation.read(fitted, found)), ()
+    except ConfigError as error:
+        return None, error.problems
     except (OSError, ValueError, ArithmeticError) as error:
         message = f"cannot be used: {error}"
         return None, (plant.locate.problem((key,), plant.mapping[key], message),)

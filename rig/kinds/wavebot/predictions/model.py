@@ -94,14 +94,15 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
             min(getattr(bounds, name).current_peak_a, drive.current_limit),
         )
 
-    bem, drive = Path(devices["bem"]), drive_settings(campaign.file, rig)
+    heave_bem, surge_bem = Path(devices["bem"]), Path(devices["surge_bem"])
+    drive = drive_settings(campaign.file, rig)
     return CampaignModel(
         campaign,
         plant,
         params,
         grid,
-        axis(params.body, params.pto.viscous, params.electrics.drive, "heave", bem),
-        axis(params.surge.body, 0.0, params.surge.drive, "surge", bem.with_name(plant.surge.bem)),
+        axis(params.body, params.pto.viscous, params.electrics.drive, "heave", heave_bem),
+        axis(params.surge.body, 0.0, params.surge.drive, "surge", surge_bem),
         Reference(campaign.file.excited_axis, realisations, np.array(spectra)),
         number_of(drive.modulation, Modulation) if drive else 0,
         drive.current_threshold_a if drive else 0.0,

@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from rig.campaign.equal_rows import EqualRows, find_equal_rows
 from rig.config.problems import Problem, format_key
 from rig.design.margin import Margin
 from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan
 from rig.kinds.wavebot.predictions.travel import Travel
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.presentation.json_values import json_value
 
@@ -50,6 +52,13 @@ class RowPredictions(NamedTuple):
 PREDICTED_STATIONS = tuple(s for s in STATIONS if f"power_{s.name}" in RowPredictions._fields)
 """The stations whose power is predicted."""
 
+SHOWN_NUMBERS = {
+    "position_peak": ".3f",
+    "current_peak": ".1f",
+    **{f"power_{s.name}": ".1f" for s in PREDICTED_STATIONS if not s.force},
+}
+"""The numbers that every table of rows shows, however narrow, and their format."""
+
 
 class RowPrediction(NamedTuple):
     """One row of the plan; row -1 is the lead-in's set point."""
@@ -74,11 +83,22 @@ class Prediction(NamedTuple):
     warnings: tuple[Problem, ...]
     travel: tuple[Travel, ...]  # the planned order, then alternatives
 
+    @property
+    def equal_rows(self) -> tuple[EqualRows, ...]:
+        """The rows that print the same numbers although their set points differ."""
+        rows = (
+            {"row": one.row.row, **one.row.setting._asdict(), **one.predicted._asdict()}
+            for one in self.rows
+        )
+        columns = row_contents(self.campaign.file.law_columns()).columns
+        return find_equal_rows(rows, columns, RowPredictions._fields, SHOWN_NUMBERS)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the prediction as JSON values in SI units; None for missing numbers."""
         return {
             "warnings": [problem.as_dict() for problem in self.warnings],
             "predictions": [_row_as_dict(one) for one in self.rows],
+            "equal_rows": [each.as_dict() for each in self.equal_rows],
             "lead_in_prediction": _row_as_dict(self.lead_in) if self.lead_in is not None else None,
             "orders": [
                 {

@@ -65,7 +65,8 @@ def unpredicted_reason(campaign: Campaign, planned: Plan) -> str:
     if not _has_free_body(campaign, planned):
         return ""
     try:
-        row_gains(campaign, planned.rows[0].setting, planned.dt)
+        for setting in dict.fromkeys(row.setting for row in planned.rows):
+            row_gains(campaign, setting, planned.dt)
     except NotLinearError as error:
         return str(error)
     return ""

@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from rig.config.problems import Problem, display_path, format_key, format_number
-from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
+from rig.config.yaml_source import KeyPath, SourceMap, kinds_of, load_mapping
 from rig.design.margin import Effect, Limit, Margin, Role
 from rig.kinds.wavebot.campaign import Campaign, CampaignRow
 from rig.kinds.wavebot.campaign.set_points import RowSetting
@@ -114,7 +114,7 @@ class LimitLocations:
         key = self._stroke(row) if limit is STROKE else limit.key
         if limit.role not in self._read:
             path = next(file.path for file in self._campaign.files if file.role == limit.role)
-            self._read[limit.role] = load_mapping(path)[1]
+            self._read[limit.role] = load_mapping(path, kinds=kinds_of(limit.role))[1]
         location = self._read[limit.role](key)
         return f"{display_path(location.path)}:{location.line}: {format_key(key)}"
 

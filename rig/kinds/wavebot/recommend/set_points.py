@@ -184,9 +184,13 @@ def open_on_twin(path: Path, plant: Path) -> Campaign:
     """Open a campaign on another plant file; raises `ConfigError` with all its problems."""
 
     def load(
-        file: Path, place: SourceLocation | None = None, key: str = "", inline: tuple[str, ...] = ()
+        file: Path,
+        place: SourceLocation | None = None,
+        key: str = "",
+        inline: tuple[str, ...] = (),
+        kinds: tuple[str, ...] = (),
     ) -> tuple[dict[str, Any], SourceMap]:
-        return load_mapping(plant if key == "plant" else file, place, key, inline)
+        return load_mapping(plant if key == "plant" else file, place, key, inline, kinds)
 
     campaign = open_campaign(path, problems, load=load)
     if campaign.file.zc_law is None:

@@ -72,12 +72,11 @@ def build_world(config: dict[str, Any], dt: float) -> World:
 
         stepper = CompiledStepper
     plant = Plant.model_validate(config["plant"])
-    path = Path(config["bem"])
     return World(
         plant,
         build_sea(config["sea"]),
-        read_bem(path),
-        read_bem(path.with_name(plant.surge.bem)),
+        read_bem(Path(config["bem"])),
+        read_bem(Path(config["surge_bem"])),
         dt=dt,
         seed=config["seed"],
         device=config.get("device", "present") == "present",

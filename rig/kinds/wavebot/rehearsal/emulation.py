@@ -17,6 +17,7 @@ from rig.emulation.devices import (
 )
 from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.wavebot.config import RigFile
+from rig.kinds.wavebot.rehearsal.bem_files import bem_settings
 from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
@@ -68,7 +69,7 @@ def emulate_rig(
     validate(plant, locate_plant, Plant)
     settings: dict[str, Any] = {
         "plant": plant,
-        "bem": str(locate_plant.resolve_path(("bem",), plant["bem"])),
+        **bem_settings(plant, locate_plant),
         "sea": {"kind": "calm"},
         "seed": 0,
         "device": "present",

@@ -4,7 +4,6 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from functools import reduce
-from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -12,13 +11,14 @@ from pydantic import TypeAdapter
 from rig.campaign import CampaignParts
 from rig.campaign.files import valid_key
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
-from rig.config.problems import Problem, display_path, format_number
+from rig.config.problems import ConfigError, Problem, format_number
 from rig.config.rig_file import Axis, SharedValue, mismatches
 from rig.config.yaml_source import KeyPath
 from rig.design.axis_params import estimator_params
 from rig.emulation.campaign_sea import campaign_sea, sea_problems
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.config.campaign_file import TURNAROUND_S, CampaignFile
+from rig.kinds.wavebot.rehearsal.bem_files import bem_settings
 from rig.planning.input_files import ConfigSource, FileReader
 from rig.regular_file import MAX_TABLE_BYTES, open_regular
 from sim_plant import sea_states
@@ -47,7 +47,7 @@ def plant_settings(campaign: Campaign) -> dict[str, Any]:
     """Return the simulated plant's configuration for `connect`, as JSON values."""
     return {
         "plant": campaign_plant(campaign),
-        "bem": str(campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])),
+        **bem_settings(campaign.plant, campaign.plant_locate),
         "sea": campaign_sea(campaign),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
@@ -106,16 +106,14 @@ def _estimator_problems(pieces: CampaignParts, heave: Axis | None) -> Iterator[P
 
 
 def _load_bem(source: ConfigSource, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
-    """Read one of the plant's BEM files; that of surge is in the folder of that of heave."""
-    name, heave = _file_name(source, key), _file_name(source, ("bem",))
-    if name is None or heave is None:
+    """Read one of the plant's BEM files."""
+    name = _file_name(source, key)
+    if name is None:
         return None, ()  # already reported for the plant
-    path = source.locate.resolve_path(("bem",), heave)
-    if key != ("bem",):
-        if Path(name).name != name:
-            message = f"must be the name of a file in {display_path(path.parent)}"
-            return None, (source.locate.problem(key, name, message),)
-        path = path.with_name(name)
+    try:
+        path = source.locate.existing_path(key, name)
+    except ConfigError as error:
+        return None, error.problems
     try:
         with open_regular(path, MAX_TABLE_BYTES) as file:
             if path.suffix == ".npz":

@@ -13,6 +13,7 @@ from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot import row_contents as contents
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.rehearsal import job
+from rig.kinds.wavebot.rehearsal.bem_files import bem_paths
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.input_files import InputFile, hash_input_file
 from rig.row_contents import RowContents
@@ -48,9 +49,8 @@ def row_contents(campaign: Campaign) -> RowContents:
 
 
 def plant_data(campaign: Campaign) -> tuple[InputFile, ...]:
-    """Return the BEM files of a campaign's plant; that of surge is in the folder of the other."""
-    bem = _bem(campaign)
-    surge = bem.with_name(campaign.plant["surge"]["bem"])
+    """Return the BEM files of a campaign's plant."""
+    bem, surge = bem_paths(campaign.plant, campaign.plant_locate)
     return (hash_input_file("bem", bem), hash_input_file("surge.bem", surge))
 
 
@@ -68,7 +68,7 @@ def sweep_problems(campaign: Campaign) -> Iterator[Problem]:
     if campaign.file.device == "absent":
         yield campaign.locate.problem(("device",), "absent", "a wave calibration has no rows")
     if campaign.file.hoist is not None:
-        yield campaign.locate.problem(("hoist",), None, "a sweep cannot simulate a hoist")
+        yield campaign.locate.problem(("hoist",), None, "compiled code cannot simulate a hoist")
 
 
 def check_model(run: str, logged: Campaign, model: Campaign) -> None:
@@ -98,4 +98,4 @@ def identified_range(campaign: Campaign) -> dict[str, tuple[float, float]]:
 
 
 def _bem(campaign: Campaign) -> "Path":
-    return campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
+    return bem_paths(campaign.plant, campaign.plant_locate)[0]

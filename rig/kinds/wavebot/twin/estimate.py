@@ -5,17 +5,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from rig.config.shipped_files import PLANTS
 from rig.config.yaml_source import load_mapping
 from rig.identification.identify import IdentificationOptions, identify
+from rig.kinds.wavebot.rehearsal.bem_files import bem_paths
 from rig.kinds.wavebot.twin import drivetrain, seas
 from rig.kinds.wavebot.twin.group import Group
 from rig.kinds.wavebot.twin.hull import Hull, identify_hull
 from rig.kinds.wavebot.twin.records import Record, read_records
 from rig.recording.runs import RunError, RunInfo, run_info
-from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 from rig.spectra import wave_calibration
+from sim_plant.bem import read_bem
 
 GUIDE_FRICTION_DEVIATION = 20.0
 """N, engineering choice: uncertainty of the dry friction that lateral load on the guide adds in
@@ -122,9 +123,8 @@ def _template(run_facts: RunInfo, plant: Path | None) -> Template:
             problem = "" if plant.is_file() else f"its plant file {plant} does not exist"
         if plant is None or problem:
             raise RunError(f"{run_facts.run}: {problem}; give --plant FILE")
-    mapping, locate = load_mapping(plant)
-    bem = locate.resolve_path(("bem",), mapping["bem"])
-    return Template(plant, mapping, bem, bem.with_name(mapping["surge"]["bem"]))
+    mapping, locate = load_mapping(plant, kinds=(PLANTS,))
+    return Template(plant, mapping, *bem_paths(mapping, locate))
 
 
 def _coefficient(
@@ -136,8 +136,8 @@ def _coefficient(
     notes: list[str],
 ) -> seas.Coefficient:
     """Return excitation by frequency: identified with wave calibrations, else from BEM."""
-    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as binary, np.load(binary) as file:
-        frequency, force = np.array(file["f_hz"]), np.array(file["Fe_complex"])
+    coefficients = read_bem(template.heave_bem)
+    frequency, force = coefficients.frequency, coefficients.excitation
     digest = hashlib.sha256(read_regular(template.heave_bem, MAX_TABLE_BYTES)).hexdigest()[:12]
     bem = seas.Coefficient(frequency, force, f"BEM {template.heave_bem.name} (sha256 {digest})")
     if not calibrated:

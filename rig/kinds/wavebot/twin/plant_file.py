@@ -18,9 +18,10 @@ from ruamel.yaml.comments import CommentedMap
 
 from rig.kinds.wavebot.twin import drivetrain, seas
 from rig.kinds.wavebot.twin.estimate import Template, Twin
-from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from sim_plant.bem import read_bem
 
-PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS = "plant.yaml", "heave_bem.npz", "surge_bem.npz", "twin.json"
+PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS = "plant.yaml", "heave_bem.npz", "surge_bem", "twin.json"
 FOLDER = "twin"  # subfolder of the run folder
 
 _PLANT_KEYS = {  # section and key of a plant file by the name of an estimate
@@ -46,7 +47,7 @@ def mapping(twin: Twin, shift: Mapping[str, float] | None = None) -> dict[str, A
     """
     plant = copy.deepcopy(twin.template.plant)
     plant["name"] = f"twin of {plant['name']}"
-    plant["bem"], plant["surge"]["bem"] = HEAVE_BEM, SURGE_BEM
+    plant["bem"], plant["surge"]["bem"] = HEAVE_BEM, surge_bem(twin)
     values = {name: v + (shift or {}).get(name, 0.0) for name, v in twin.values.items()}
     for name, (section, key) in _PLANT_KEYS.items():
         if name in values:
@@ -127,13 +128,19 @@ def drive_settings(twin: Twin) -> dict[str, Any]:
 def write(twin: Twin, folder: Path) -> list[Path]:
     """Write plant, excitation and estimates of a twin; return the paths, the plant first."""
     folder.mkdir(parents=True, exist_ok=True)
-    plant, heave, surge, numbers = (folder / n for n in (PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS))
+    files = (PLANT, HEAVE_BEM, surge_bem(twin), NUMBERS)
+    plant, heave, surge, numbers = (folder / name for name in files)
     _write_bem(twin.template, twin, heave)
     if twin.template.surge_bem.resolve() != surge.resolve():
         shutil.copyfile(twin.template.surge_bem, surge)
     plant.write_text(_yaml_text(twin), encoding="utf-8")
     numbers.write_text(json.dumps(as_dict(twin), indent=1) + "\n", encoding="utf-8")
     return [plant, heave, surge, numbers]
+
+
+def surge_bem(twin: Twin) -> str:
+    """Return the name of the copy of the template's BEM file of surge, which keeps its format."""
+    return f"{SURGE_BEM}{twin.template.surge_bem.suffix}"
 
 
 def as_dict(twin: Twin) -> dict[str, Any]:
@@ -178,14 +185,17 @@ def _write_bem(template: Template, twin: Twin, path: Path) -> None:
     Readers of the file interpolate linearly between its frequencies. Linear interpolation of added
     mass and damping at the new frequencies therefore does not change them.
     """
-    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as binary, np.load(binary) as file:
-        fields = {name: file[name] for name in file.files}
-    old_frequency, frequency = fields["f_hz"], twin.coefficient.frequency
-    for name in ("omega", "A", "B"):
-        fields[name] = np.interp(frequency, old_frequency, fields[name])
-    fields["f_hz"] = frequency
-    fields["Fe_complex"] = twin.values[seas.SCALE] * twin.coefficient.excitation
-    np.savez(path, **fields)
+    bem, frequency = read_bem(template.heave_bem), twin.coefficient.frequency
+    np.savez(
+        path,
+        f_hz=frequency,
+        A=np.interp(frequency, bem.frequency, bem.added_mass),
+        B=np.interp(frequency, bem.frequency, bem.damping),
+        Fe_complex=twin.values[seas.SCALE] * twin.coefficient.excitation,
+        Ainf=bem.added_mass_infinite,
+        K_h=bem.stiffness,
+        depth=bem.depth,
+    )
 
 
 def _yaml_text(twin: Twin) -> str:

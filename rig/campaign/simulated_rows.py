@@ -1,0 +1,213 @@
+"""Prediction of a campaign by simulation: its plan in the compiled loop, as a rehearsal runs it.
+
+Limits, ramps and transients are those of the loop, so a row that would trip is found, and any law
+has a prediction. Sweeps reduce the windows of their simulations by the same function.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, Protocol
+
+from rich.console import Console
+from rich.text import Text
+
+from rig.analysis.rows import NOT_RUN, column_units, motion_fields, reduce_window
+from rig.campaign.equal_rows import EqualRows, find_equal_rows
+from rig.campaign.kind import AnyCampaign, AnyPlan
+from rig.config.problems import Problem
+from rig.planning.windows import repeat_period
+from rig.presentation.console import plain_table, table_console
+from rig.presentation.json_values import json_value
+from rig.realtime.reasons import Reason
+from rig.recording.row_layout import leaves
+from rig.recording.runs.windows import Window
+from rig.row_contents import PANEL, Column, RowContents, X, Y
+from rig.stations import shown
+
+MAX_SECONDS = 7200.0
+"""Length of the part of a plan that a check simulates unasked, s: some seconds of work."""
+_SHOWN_ROWS = 12
+_MAX_EQUAL = 10
+_MOTION = {"position_peak": "x", "current_peak": "i", "current_rms": "rms", "force_rms": "F rms"}
+
+
+class RowSimulation(Protocol):
+    """Iterator over the measured windows of a plan's rows; then ``reason`` is that of its end."""
+
+    reason: str
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time so far, s."""
+        ...
+
+    def __iter__(self) -> Iterator[Window]:
+        """Yield the window of each measured row; its data are valid until the next one."""
+        ...
+
+
+class SimulatedRows(NamedTuple):
+    """The rows of a campaign, simulated in sequence from power-on."""
+
+    campaign: AnyCampaign
+    planned: int  # rows of the plan, of which the first ones may be simulated
+    rows: tuple[dict[str, Any], ...]  # as in the row table, in the order of the plan
+    reason: str  # of the end: a `Reason`; NONE: the rest of the plan was not simulated
+    contents: RowContents
+    units: dict[str, str]  # of the numbers in the table
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of the matrix that a table shows: the main ones, and those that vary."""
+        return tuple(
+            each
+            for each in self.contents.columns
+            if each.role in (PANEL, X, Y) or len({row[each.name] for row in self.rows}) > 1
+        )
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """The format of each number that a table shows, by its name in the row table."""
+        ranges = (check.name for check in self.contents.checks if check.statistic == "range")
+        powers = (f"power_{station.name}" for station in shown(self.contents.stations))
+        digits = dict.fromkeys(_MOTION, ".4g") | {"position_peak": ".3f"}
+        return digits | dict.fromkeys(ranges, ".3f") | dict.fromkeys(powers, ".4g")
+
+    @property
+    def equal_rows(self) -> tuple[EqualRows, ...]:
+        """The rows that print the same numbers although their set points differ."""
+        settings = {each.name for each in self.contents.settings}
+        results = [name for name in column_units(self.contents) if name not in {*settings, "start"}]
+        return find_equal_rows(self.rows, self.contents.columns, results, self.numbers)
+
+    def extent(self) -> str:
+        """Return how many rows are simulated."""
+        count = len(self.rows)
+        if count == self.planned:
+            return f"all {count} rows" if count > 1 else "the row"
+        first = f"the first {count} of {self.planned} rows"
+        return f"{first}: the plan is long, rig check --simulate simulates all"
+
+    def warnings(self) -> Iterator[Problem]:
+        """Yield a warning if the simulated plan stops before its end."""
+        if self.reason in (Reason.PLAN_END.name, Reason.NONE.name):
+            return
+        last = len(self.rows) - 1
+        row = next((each["row"] for each in self.rows if each["incomplete_reason"]), last)
+        message = f"simulated, the run stops with {self.reason} in row {row} or before it"
+        yield self.campaign.locate.problem(("matrix",), None, message)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the rows as JSON values in SI units; None for missing numbers."""
+        return {
+            "simulated": [json_value(row) for row in self.rows],
+            "simulated_extent": self.extent(),
+            "equal_simulated_rows": [each.as_dict() for each in self.equal_rows],
+        }
+
+    def show(self, *, every_row: bool) -> None:
+        """Print the rows as a table, the first ones or all."""
+        console, numbers, columns = table_console(), self.numbers, self.columns
+        headings = [(each.heading or each.label, each.unit) for each in columns]
+        powers = {f"power_{each.name}": each.heading for each in self.contents.stations}
+        for name in numbers:  # others than these two are ranges
+            heading = _MOTION.get(name) or powers.get(name)
+            axis_range = (name.removesuffix("_stroke"), f"{self.units[name]} p-p")
+            headings.append((heading, self.units[name]) if heading else axis_range)
+        rows = self.rows if every_row else self.rows[:_SHOWN_ROWS]
+        title = Text(f"Simulated, {self.extent()}", style="bold")
+        title.append("   means over the measured window; absorbed is negative", "dim not bold")
+        style = {"title_justify": "left", "title_style": "", "header_style": "dim"}
+        table = plain_table(
+            *(f">{heading}" for heading in ("row\n", *(f"{a}\n{b}" for a, b in headings))),
+            "limits reached…",
+            title=title,
+            padding=(0, 1, 0, 0),
+            **style,
+        )
+        for row in rows:
+            values = [f"{row[each.name]:g}" for each in columns]
+            if row["state"] == NOT_RUN:
+                values += ["-"] * len(numbers)
+            else:
+                values += [format(row[name], digits) for name, digits in numbers.items()]
+            table.add_row(str(row["row"]), *values, _remarks(row))
+        console.print()
+        console.print(table)
+        if len(rows) < len(self.rows):
+            console.print(f"and {len(self.rows) - len(rows)} more; --rows shows all", style="dim")
+        show_equal_rows(self.equal_rows, every_row=every_row, console=console)
+
+
+def _remarks(row: dict[str, Any]) -> str:
+    """Return why a row was cut short, or the limits that it reached."""
+    if row["incomplete_reason"]:
+        return str(row["incomplete_reason"])
+    return " ".join([*row["limits"].split(), *(f"{each}_WARN" for each in row["warned"].split())])
+
+
+def show_equal_rows(groups: tuple[EqualRows, ...], *, every_row: bool, console: Console) -> None:
+    """Print why rows have one prediction, the first groups or all."""
+    listed = groups if every_row else groups[:_MAX_EQUAL]
+    for each in listed:
+        console.print(Text(each.text(), style="yellow"), soft_wrap=True)
+    if len(listed) < len(groups):
+        console.print(f"and {len(groups) - len(listed)} more such groups; --rows shows all")
+
+
+def simulate_rows(
+    campaign: AnyCampaign,
+    plan: AnyPlan,
+    simulation: RowSimulation,
+    row_type: type,
+    contents: RowContents,
+    max_seconds: float = math.inf,
+    progress: Callable[[int], None] = lambda done: None,
+) -> SimulatedRows:
+    """Return the rows of a checked campaign up to ``max_seconds`` of its plan.
+
+    ``row_type`` is that of the simulated log rows; ``progress`` is called with the number of
+    finished rows.
+    """
+    period = repeat_period(campaign.file.sea)
+    ticks = period / plan.dt if period else None
+    rows = row_results(simulation, plan, ticks, contents, max_seconds, progress)
+    motion = motion_fields(contents.axis)
+    fields = {leaf.name: leaf.unit for leaf in leaves(row_type)}
+    units = column_units(contents) | {
+        f"{name}_{statistic}": fields[field]
+        for name, field in motion.items()
+        for statistic in ("mean", "rms", "peak")
+    }
+    return SimulatedRows(campaign, len(plan.rows), tuple(rows), simulation.reason, contents, units)
+
+
+def row_results(
+    simulation: RowSimulation,
+    planned: AnyPlan,
+    period_ticks: float | None,
+    contents: RowContents,
+    max_seconds: float = math.inf,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[dict[str, Any]]:
+    """Return the results of each row of a simulated plan, with the names of the row table.
+
+    ``period_ticks`` is the sea's repeat period in ticks, None if it has none. The first rows up to
+    ``max_seconds`` of the plan are simulated; ``progress`` is called with their number.
+    """
+    actuators = [column.actuator.name for column in contents.columns if column.actuator]
+    contents, rows = contents._replace(columns=()), planned.rows  # the plan has the set points
+    results = {}
+    for window in simulation:  # the last attempt counts
+        results[window.row] = reduce_window(window, period_ticks, contents)
+        progress(len(results))
+        if simulation.seconds >= max_seconds and len(results) < len(rows):
+            rows = tuple(row for row in rows if row.row in results)
+            break
+    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
+    return [
+        results.get(row.row, not_run | {"row": row.row})
+        | dict.fromkeys(actuators, row.place)
+        | row.setting._asdict()
+        for row in rows
+    ]

@@ -71,6 +71,36 @@ def test_powers_of_a_rehearsal(name: str, rig: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_identification_finds_the_plant(rig: Any, tmp_path: Path) -> None:
+    """Z_i of the float from the belt's load cells; drivetrain 350 N s/m and 9.34 kg within 2 %.
+
+    The drag of the hull is in the measured Z_i: 20 N s/m at these velocities.
+    """
+    runs = tmp_path / "runs"
+    done = rig("run", LUPA / "campaigns" / "identification.yaml", "--runs", runs)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert rig("identify", "last", "--runs", runs).returncode == 0
+    (path,) = runs.glob("*/identification.json")
+    (found,) = json.loads(path.read_text())["models"]
+    frequency = np.array(found["frequency_hz"])
+
+    def response(name: str) -> Any:
+        entry = found["responses"][name]
+        return np.array(entry["re"]) + 1j * np.array(entry["im"])
+
+    drivetrain = response("Z_id") - response("Z_i")
+    omega = 2.0 * np.pi * frequency
+    assert np.mean(drivetrain.real) == pytest.approx(350.0, rel=0.02)
+    assert np.polyfit(omega, drivetrain.imag, 1)[0] == pytest.approx(9.34, rel=0.05)
+    model = plant("one_body")
+    whole = np.array([dynamic_stiffness(model, w)[0, 0] / (1j * w) for w in omega])
+    body = whole - 350.0 - 9.34j * omega
+    gap = response("Z_i") - body
+    assert 0.0 < np.median(gap.real) < 40.0
+    assert np.abs(np.median(gap.imag)) < 0.02 * np.abs(body.imag).max()
+
+
+@pytest.mark.slow
 def test_the_optimum_is_the_impedance_match(rig: Any, tmp_path: Path) -> None:
     """|F|² / 8 R within 1 %, at K and C within 5 %: the power is flat around the match.
 
@@ -121,3 +151,14 @@ def test_shipped_campaigns_pass_their_check(name: str, rig: Any) -> None:
     report = json.loads(done.stdout)
     assert report["tank"]["full_s"] > 50.0
     assert report["rows"] == 23 + 2 * (name == "damping_1p68s")
+
+
+@pytest.mark.parametrize("name", ["identification", "ramps"])
+def test_campaigns_in_calm_water_pass_their_check(name: str, rig: Any) -> None:
+    assert rig("check", LUPA / "campaigns" / f"{name}.yaml").returncode == 0
+
+
+def test_an_ampere_is_the_force_of_the_measured_torque_constant() -> None:
+    """7.86 N m/A on the 50-tooth sprocket: 123.46 N at the belt."""
+    (axis,) = plant("one_body").plant.axes.values()
+    assert axis.torque_constant_n_m_per_a * axis.gear_ratio == pytest.approx(123.46, rel=1e-4)

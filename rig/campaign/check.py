@@ -242,16 +242,21 @@ def check_campaign(
     if failed_trials:
         return CheckReport(path, failed_trials, None, None)
     prediction = predictor(campaign, planned)
-    if prediction is not None and prediction.refused:
-        return CheckReport(
-            path, prediction.refused, None, None, prediction, out_of_date, unused_rows
-        )
     times = _tank_times(campaign)
     tank = (
         () if times is None else tank_warnings(times, planned.segments, planned.dt, campaign.locate)
     )
-    report = CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
-    return report._replace(tank_warnings=tuple(tank))
+    refused = prediction.refused if prediction is not None else ()
+    return CheckReport(
+        path,
+        refused,
+        None if refused else campaign,
+        None if refused else planned,
+        prediction,
+        out_of_date,
+        unused_rows,
+        tank_warnings=tuple(tank),
+    )
 
 
 def _tank_times(campaign: AnyCampaign) -> TankTimes | None:

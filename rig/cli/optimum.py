@@ -1,5 +1,7 @@
 """`rig optimum FILE`."""
 
+import json
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -13,6 +15,7 @@ from rich.table import Table
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import Json
 from rig.cli.output import FAILED, STOPPED, fail, input_errors, print_result
+from rig.cli.sweep import compile_loop
 from rig.config.problems import display_path, error_text
 from rig.config.yaml_source import load_mapping
 from rig.presentation.console import table_console
@@ -28,7 +31,6 @@ EXIT_CODES = """\
 Exit codes: 0 found, and the campaign is written; 1 no row completes, or the campaign could not be \
 written; 2 bad input; 3 interrupted."""
 _MARK = "# Written by rig optimum"
-_COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
 
 
 def command(
@@ -61,19 +63,18 @@ def command(
     """
     with input_errors("optimum", as_json=as_json):
         path = input_file(campaign, CAMPAIGNS)
+        if not math.isfinite(lead_in):
+            raise ValueError(f"--lead-in {lead_in}: allowed 5 .. 3600 s")
         tasks = open_tasks(path, sequential=False, lead_in=lead_in)
         if not isinstance(tasks, CampaignTasks):
             raise ValueError(f"{path}: a session has no gain matrix; name a campaign")
         opened = open_search(tasks, path, lead_in, jobs or available_processors())
         stations = [find_station(opened, name) for name in best or ()]
         stations = stations or [*reversed(shown(opened.task.contents.stations))]
-        written = output or Path(f"{opened.task.name[:50]}_optimum.yaml")
-        _check_output(written)
-    simulator = opened.task.simulator
-    if not simulator.is_compiled():
-        print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
+        written = output or Path(f"{_name(opened)}.yaml")
+        _check_output(written, path)
     try:
-        simulator.prepare()
+        compile_loop(opened.task.simulator)
         found = search(opened, stations, _progress(quiet=as_json))
         around = opened.around([found[0].values[column.name] for column in opened.columns])
         opened.simulate(around, lambda count: None)
@@ -89,14 +90,21 @@ def command(
     )  # fmt: skip
 
 
-def _check_output(path: Path) -> None:
-    """Raise ValueError unless the campaign may be written to ``path``."""
+def _check_output(path: Path, base: Path) -> None:
+    """Raise ValueError unless the campaign may be written to ``path``, and extend ``base``."""
     if path.suffix != ".yaml":
         raise ValueError(f"--output {path}: a campaign is YAML; give a name ending in .yaml")
     if not path.parent.is_dir():
         raise ValueError(f"--output {path}: there is no folder {path.parent}; make it first")
+    if path.exists() and path.samefile(base):
+        raise ValueError(f"--output {path}: is the campaign itself; name another file")
     if path.is_dir() or (path.exists() and not path.read_text("utf-8").startswith(_MARK)):
         raise ValueError(f"--output {path}: exists and is not of this command; name another file")
+
+
+def _name(opened: Search) -> str:
+    name = opened.task.name
+    return name if name.endswith("_optimum") else f"{name[:52]}_optimum"
 
 
 def _progress(*, quiet: bool) -> Any:
@@ -115,6 +123,7 @@ def _as_dict(optimum: Optimum) -> dict[str, Any]:
         "power_w": optimum.power,
         "values": optimum.values,
         "at_limit": list(optimum.at_limit),
+        "far": list(optimum.far),
         "row": json_value(optimum.row),
     }
 
@@ -131,6 +140,8 @@ def _text(opened: Search, found: Sequence[Optimum]) -> str:
     table.add_column("")
     for each in found:
         limits = f"at the end of {', '.join(each.at_limit)}" if each.at_limit else ""
+        if each.far:
+            limits = f"far from the matrix in {', '.join(each.far)}: search again from here"
         table.add_row(
             each.station.label,
             *(f"{each.values[column.name]:.4g}" for column in opened.columns),
@@ -162,8 +173,8 @@ def _campaign_text(
     lines = [
         f"{_MARK} from {display_path(base)}: {len(opened.rows)} simulated rows.",
         f"# Sea: {opened.task.campaign.file.sea.description()}",
-        f"extends: {os.path.relpath(base.resolve(), path.resolve().parent)}",
-        f"name: {opened.task.name[:50]}_optimum",
+        f"extends: {json.dumps(os.path.relpath(base.resolve(), path.resolve().parent))}",
+        f"name: {_name(opened)}",
         "repeat: 1",
         "matrix:",
         *(f"  {form}:" for form in ("grid", "csv") if form in inherited),

@@ -155,7 +155,7 @@ def _repeat_period(
     if isinstance(reference, ChirpReference):
         return np.asarray(scale * np.sin(2.0 * np.pi * _chirp_cycles(reference, time)))
     if isinstance(reference, ProfileReference):
-        return np.asarray(scale * _profile(reference, time * reference.repeat_s))
+        return np.asarray(scale * _profile(reference, ticks))
     phase_seed = seed if reference.seed is None else reference.seed
     if isinstance(reference, NoiseReference):
         noise = draw_noise(reference.low_hz, reference.high_hz, reference.repeat_s, phase_seed)
@@ -175,16 +175,17 @@ def _repeat_period(
     return one_period(scale_to_peak(signal, scale), ticks)
 
 
-def _profile(profile: ProfileReference, time: Floats) -> Floats:
-    """Return the shares of the amplitude at times within the period (s)."""
-    times, shares = np.array(profile.points).T
-    # Of two points at one time the later one holds from this time on.
-    after = np.searchsorted(times, time, side="right")
+def _profile(profile: ProfileReference, ticks: int) -> Floats:
+    """Return the shares of the amplitude at the ticks of a period; points fall on ticks."""
+    at, shares = np.array(profile.points).T
+    at, tick = np.round(at * (ticks / profile.repeat_s)), np.arange(ticks)
+    # Of two points at one tick the later one holds from this tick on.
+    after = np.searchsorted(at, tick, side="right")
     before = np.maximum(after - 1, 0)
-    after = np.minimum(after, len(times) - 1)
-    span = times[after] - times[before]
-    share = np.divide(time - times[before], span, out=np.zeros_like(time), where=span > 0.0)
-    found: Floats = shares[before] + np.clip(share, 0.0, 1.0) * (shares[after] - shares[before])
+    after = np.minimum(after, len(at) - 1)
+    span = at[after] - at[before]
+    part = np.divide(tick - at[before], span, out=np.zeros(ticks), where=span > 0.0)
+    found: Floats = shares[before] + np.clip(part, 0.0, 1.0) * (shares[after] - shares[before])
     return found
 
 

@@ -143,8 +143,8 @@ def tank_warnings(
         first = min(start for row, start, _ in windows if row == early[0])
         message = (
             f"{_rows(early)} measured from {first:.1f} s on, before the waves have their full "
-            f"height at the device ({times.full:.1f} s); a lead-in of "
-            f"{math.ceil(times.full)} s is enough"
+            f"height at the device ({times.full:.1f} s); {math.ceil(times.full - first)} s more of "
+            "lead-in are enough"
         )
         yield locate.problem(("tank",), None, message)
     if late:

@@ -28,6 +28,8 @@ MAX_POINTS = 400  # of the matrix: more take minutes, and the search needs a sta
 ITERATIONS = 6  # of the search
 PENALTY = 2.0  # times the largest power: cost of a row that would not complete
 AT_LIMIT = 1e-3  # of the range
+FAR = 1.5  # spans of the matrix from the best row of it
+MAX_COLUMNS = 5  # each doubles the rows of an iteration
 NEAR = 0.15  # of the range of the matrix: distance of the rows around the best one
 
 
@@ -38,6 +40,7 @@ class Optimum(NamedTuple):
     values: dict[str, float]  # of the columns searched, by name
     row: dict[str, Any]  # as in the row table
     at_limit: tuple[str, ...]  # columns whose range ends the search
+    far: tuple[str, ...]  # columns in which it ended far from the matrix: it may go on
 
     @property
     def power(self) -> float:
@@ -49,7 +52,7 @@ class Search:
     """The rows of a campaign as a function of the columns that its matrix varies."""
 
     def __init__(self, task: CampaignTask, lead_in: float, jobs: int) -> None:
-        """Raise ValueError for a campaign whose matrix varies no column of a law."""
+        """Raise ValueError for a matrix that varies no column of a law, too many, or others."""
         campaign = task.campaign
         self.task, self._lead_in, self._jobs = task, lead_in, jobs
         self._base = campaign.points[0]
@@ -66,6 +69,18 @@ class Search:
             raise ValueError(
                 f"{task.name}: the matrix varies no column of a law; give two values or more of "
                 f"{known}"
+            )
+        if len(self.columns) > MAX_COLUMNS:
+            raise ValueError(
+                f"{task.name}: the matrix varies {len(self.columns)} columns of laws; allowed "
+                f"{MAX_COLUMNS}"
+            )
+        searched = {column.name for column in self.columns}
+        others = [c.key for c in campaign.file.columns() if c.name in varied - searched]
+        if others:
+            raise ValueError(
+                f"{task.name}: the matrix varies {', '.join(others)}, which the search would fix; "
+                "give one value of each"
             )
         self.values = np.array(
             [[point.values[column.name] for column in self.columns] for point in campaign.points]
@@ -102,10 +117,11 @@ class Search:
         def costs(points: Floats) -> Floats:
             rows = self.simulate(points, progress)
             powers = np.array([_power(row, name) for row in rows])
-            largest = max(abs(_power(row, name)) for row in self.rows.values() if _done(row))
+            known = [abs(_power(row, name)) for row in self.rows.values()]
+            largest = max(power for power in known if np.isfinite(power))
             return np.where(np.isfinite(powers), powers, PENALTY * largest + 1.0)
 
-        known = [key for key, row in self.rows.items() if _done(row)]
+        known = [key for key, row in self.rows.items() if np.isfinite(_power(row, name))]
         if not known:
             reasons = {str(row["incomplete_reason"]) for row in self.rows.values()}
             raise ValueError(f"no row completes: {', '.join(sorted(reasons))}")
@@ -120,11 +136,13 @@ class Search:
         best = min([first, tuple(map(float, found))], key=lambda key: _power(self.rows[key], name))
         reach = AT_LIMIT * (self.high - self.low)
         limits = (np.array(best) - self.low < reach) | (self.high - np.array(best) < reach)
+        far = np.abs(np.array(best) - np.array(first)) > FAR * self.span
         return Optimum(
             station,
             dict(zip((column.name for column in self.columns), best, strict=True)),
             self.rows[best],
             tuple(c.key for c, at in zip(self.columns, limits, strict=True) if at),
+            tuple(c.key for c, each in zip(self.columns, far & ~limits, strict=True) if each),
         )
 
     def around(self, best: Sequence[float]) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 from sim_plant.modes import plant as step
 from sim_plant.modes import radiation, stored_radiation
 from sim_plant.modes.bem import BemModes, read_modes
-from sim_plant.modes.bem_content import Floats, Water
+from sim_plant.modes.bem_content import Complexes, Floats, Water
 from sim_plant.modes.parameters import Axis, Backlash, Bus, EndStop, Hydraulic, Line, Plant
 from sim_plant.modes.plant import ModesParams, MotorParams
 from sim_plant.modes.radiation import Radiation
@@ -23,7 +23,8 @@ from sim_plant.parts.friction import FrictionParams
 from sim_plant.parts.hydraulic import HydraulicParams
 from sim_plant.parts.mooring_line import LineParams
 
-MAX_STEP = 1.0  # of the fastest motion, in radians: the midpoint rule is unstable from 2 on
+MAX_STEP = 1.0  # of the fastest motion, in radians: a decay is unstable from 2 on
+MAX_GAIN = 0.02  # of energy, of an oscillation in half a period
 
 
 class PlantModel(NamedTuple):
@@ -195,13 +196,45 @@ def check_step(model: PlantModel, dt: float) -> None:
         system[row, row] += memory.diagonal[k]
         system[row, 2 * n + memory.partner[k]] += memory.cross[k]
         system[row, n + memory.source[k]] += memory.input[k]
-    fastest = float(np.abs(np.linalg.eigvals(system)).max())
-    if fastest * dt > MAX_STEP:
+    rates = [np.linalg.eigvals(system), *(np.array([rate]) for rate in _single_rates(plant))]
+    poles = np.concatenate(rates)
+    fastest = float(np.abs(poles).max())
+    if fastest * dt > MAX_STEP or _energy_gain(poles, dt) > MAX_GAIN:
+        needed = dt
+        while fastest * needed > MAX_STEP or _energy_gain(poles, needed) > MAX_GAIN:
+            needed *= 0.9
         raise ValueError(
             f"the fastest motion of the plant, {fastest:.0f} rad/s, needs a tick of at most "
-            f"{MAX_STEP / fastest:.2g} s, not {dt:g} s; soften end stops, lower coulomb_friction, "
+            f"{needed:.2g} s, not {dt:g} s; soften end stops or damp them, lower coulomb_friction, "
             "or raise coulomb_velocity or rate_hz"
         )
+
+
+def _energy_gain(poles: Complexes, dt: float) -> float:
+    """Return the largest share of energy that a free oscillation gains in half a period.
+
+    The midpoint rule multiplies a motion by 1 + z + z²/2 in a step, z = pole times dt; half a
+    period is the contact with an end stop.
+    """
+    swinging = poles[np.abs(poles.imag) > 1.0e-9] * dt
+    if swinging.size == 0:
+        return 0.0
+    growth = np.log(np.abs(1.0 + swinging + 0.5 * swinging * swinging))
+    return float((2.0 * growth * math.pi / np.abs(swinging.imag)).max())
+
+
+def _single_rates(plant: Plant) -> list[float]:
+    """Return the rates, 1/s, of what moves by itself: brakes of hydraulic motors, and the bus."""
+    rates = []
+    for axis in plant.axes.values():
+        if axis.hydraulic is not None:
+            torque = axis.torque_constant_n_m_per_a * axis.drive.current_limit_a
+            rates.append(-torque / (hydraulic.STANDSTILL * axis.hydraulic.inertia_kg_m2))
+    if plant.bus is not None:
+        resistors = [plant.bus.dump_ohm]
+        resistors += [plant.bus.supply_resistance_ohm] if plant.bus.supply_v is not None else []
+        rates += [-2.0 / (ohm * plant.bus.capacitance_f) for ohm in resistors if ohm is not None]
+    return rates
 
 
 def _contact(part: EndStop | Backlash | None) -> tuple[float, float]:
@@ -216,9 +249,14 @@ def _friction_slope(axis: Axis) -> float:
     slope += (1.0 - axis.gear_efficiency) * peak / axis.coulomb_velocity
     oil = axis.hydraulic
     if oil is not None:
-        highest = (oil.start_pressure_pa or oil.precharge_pa) - oil.low_pressure_pa
+        highest = _relief(oil) - oil.low_pressure_pa
         slope += oil.area_m2 * highest / oil.valve_velocity_m_per_s
     return slope
+
+
+def _relief(oil: Hydraulic) -> float:
+    """Return the pressure at which the relief valve opens, Pa."""
+    return oil.relief_pa or 4.0 * oil.precharge_pa
 
 
 def line_damping(plant: Plant) -> Floats:
@@ -282,6 +320,7 @@ def _axis_params(axis: Axis) -> list[float]:
             standby=own.standby_w,
             regeneration=own.regeneration_efficiency,
             back_emf=(own.back_emf_v_s_per_rad or 0.0) * ratio,
+            voltage_drop=own.voltage_drop_v_per_a or own.resistance_ohm or 1.0,
             modulation=own.modulation,
             current_noise=own.current_noise_a,
             counts_per_unit=axis.gear_ratio / (2.0 * math.pi) * axis.counts_per_revolution,
@@ -318,6 +357,7 @@ def _hydraulic_params(oil: Hydraulic | None) -> HydraulicParams:
         low_pressure=oil.low_pressure_pa,
         precharge=oil.precharge_pa,
         volume=oil.volume_m3,
+        least_volume=oil.volume_m3 * (oil.precharge_pa / _relief(oil)) ** (1.0 / oil.exponent),
         exponent=oil.exponent,
         leakage=oil.leakage_m3_per_s_pa,
         inertia=oil.inertia_kg_m2,

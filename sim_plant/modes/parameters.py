@@ -6,6 +6,7 @@ Translations are in m, N and kg, rotations in rad, N m and kg m2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -20,6 +21,7 @@ BUS_SIGNALS = {
     "supply_power": step.SUPPLY_POWER,
     "dump_power": step.DUMP_POWER,
 }
+MAX_COUNTS = 1.0e9  # per unit of an axis: `sensors.encoder_count` has no larger ones
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
@@ -125,7 +127,8 @@ class Drive(StrictModel):
 
     `resistance_ohm`: copper loss is resistance times the square of the drive current, which is the
     current that the torque constant multiplies. Where that is the peak phase current of a
-    three-phase motor, it is 3/2 of the resistance of a phase (3/4 of that between two terminals).
+    three-phase motor, it is 3/2 of the resistance of a phase (3/4 of that between two terminals);
+    where it is the rms of a phase, 3 times the resistance of a phase (3/2 between two terminals).
     """
 
     current_bandwidth_hz: Bandwidth
@@ -137,8 +140,9 @@ class Drive(StrictModel):
     enable_delay_s: Time = 0.1
     watchdog_s: Time = 0.2
     current_noise_a: CurrentNoise = 0.0
-    # With a bus: the current is at most (modulation times bus voltage - back-EMF) / resistance.
-    back_emf_v_s_per_rad: BackEmf | None = None
+    # With a bus: the current is at most (modulation times bus voltage -+ back-EMF) / voltage drop.
+    back_emf_v_s_per_rad: BackEmf | None = None  # of the motor
+    voltage_drop_v_per_a: Ohms | None = None  # of the motor; without: resistance_ohm
     modulation: Share = 0.577
 
 
@@ -168,6 +172,7 @@ class Hydraulic(StrictModel):
     low_pressure_pa: Pressure = 5.0e5
     precharge_pa: Pressure
     volume_m3: Volume  # of the gas without oil
+    relief_pa: Pressure | None = None  # at which the relief valve opens; without: 4 precharges
     start_pressure_pa: Pressure | None = None  # without: the precharge
     exponent: Exponent = 1.4
     leakage_m3_per_s_pa: Leakage = 0.0
@@ -206,8 +211,18 @@ class Axis(StrictModel):
             raise ValueError("moves_with: all factors are 0; the axis would not move")
         if self.backlash and not self.inertia > 0.0:
             raise ValueError("backlash: the motor needs an inertia above 0 (at the axis)")
-        if self.drive.back_emf_v_s_per_rad and not self.drive.resistance_ohm > 0.0:
-            raise ValueError("drive.back_emf_v_s_per_rad: needs drive.resistance_ohm above 0")
+        drop = self.drive.voltage_drop_v_per_a or self.drive.resistance_ohm
+        if self.drive.back_emf_v_s_per_rad and not drop > 0.0:
+            raise ValueError(
+                "drive.back_emf_v_s_per_rad: needs drive.voltage_drop_v_per_a, or resistance_ohm "
+                "above 0"
+            )
+        counts = self.gear_ratio / (2.0 * math.pi) * self.counts_per_revolution
+        if counts > MAX_COUNTS:
+            raise ValueError(
+                f"counts_per_revolution: {counts:.3g} counts per unit of the axis; allowed up to "
+                f"{MAX_COUNTS:.0e}: an encoder's count has a limit"
+            )
         if self.hydraulic is not None:
             self._check_hydraulic(self.hydraulic)
         return self
@@ -228,6 +243,12 @@ class Axis(StrictModel):
             raise ValueError(
                 f"hydraulic.precharge_pa: {oil.precharge_pa:g} is not above low_pressure_pa "
                 f"{oil.low_pressure_pa:g}"
+            )
+        if oil.relief_pa is not None and oil.relief_pa <= (
+            oil.start_pressure_pa or oil.precharge_pa
+        ):
+            raise ValueError(
+                f"hydraulic.relief_pa: {oil.relief_pa:g} is not above the pressure at the start"
             )
         if oil.start_pressure_pa is not None and oil.start_pressure_pa < oil.precharge_pa:
             raise ValueError(
@@ -253,6 +274,8 @@ class Line(StrictModel):
     def _check_length(self) -> Line:
         if self.anchor_m == self.fairlead_m:
             raise ValueError("fairlead_m: is at the anchor; a line needs a length")
+        if not any(any(vector) for vector in self.moves_with.values()):
+            raise ValueError("moves_with: all vectors are 0; the fairlead would not move")
         return self
 
 
@@ -302,6 +325,12 @@ class Bus(StrictModel):
         if values != sorted(values) or len(set(values)) < len(values):
             listed = " < ".join(f"{n} {v:g}" for n, v in zip(names, values, strict=True))
             raise ValueError(f"voltages must ascend; this is not true: {listed}")
+        highest = self.dump_off_v or self.overvoltage_v
+        if self.supply_v is not None and not 0.0 < self.supply_v < highest:
+            raise ValueError(
+                f"supply_v: {self.supply_v:g} is out of range; allowed above 0 and below "
+                f"{highest:g}, or it would feed the dump resistor or trip the drives"
+            )
         if not self.undervoltage_v < self.voltage_v < self.overvoltage_v:
             raise ValueError(
                 f"voltage_v: {self.voltage_v:g} is not between undervoltage_v and overvoltage_v"
@@ -380,8 +409,12 @@ class Plant(StrictModel):
             for name, kind in MODE_SIGNALS.items()
         }
         for index, (name, axis) in enumerate(self.axes.items()):
-            known = step.AXIS_SIGNALS if axis.hydraulic else step.AXIS_SIGNALS[:-1]
-            found |= {f"{name}.{signal}": (kind, index) for kind, signal in enumerate(known)}
+            left_out = "motor_position" if axis.hydraulic else "pressure"
+            found |= {
+                f"{name}.{signal}": (kind, index)
+                for kind, signal in enumerate(step.AXIS_SIGNALS)
+                if signal != left_out
+            }
         for index, name in enumerate(self.mooring.lines):
             found[f"{name}.tension"] = (step.TENSION, index)
         if self.bus is not None:

@@ -52,6 +52,7 @@ class MotorParams(NamedTuple):
     standby: float  # W
     regeneration: float  # efficiency of power that flows back
     back_emf: float  # V per m/s; 0: the bus voltage does not limit the current
+    voltage_drop: float  # V/A of the motor
     modulation: float  # largest motor voltage per bus voltage
     current_noise: float  # A
     counts_per_unit: float
@@ -142,6 +143,7 @@ def motor_params(p: Numbers, axis: int) -> MotorParams:
     return MotorParams(
         p[at], p[at + 1], p[at + 2], p[at + 3], p[at + 4], p[at + 5], p[at + 6], p[at + 7],
         p[at + 8], p[at + 9], p[at + 10], p[at + 11], p[at + 12], p[at + 13], p[at + 14],
+        p[at + 15],
     )  # fmt: skip
 
 
@@ -161,7 +163,7 @@ def hydraulic_params(p: Numbers, axis: int) -> HydraulicParams:
     at = axis * AXIS_PARAM_COUNT + OIL
     return HydraulicParams(
         p[at], p[at + 1], p[at + 2], p[at + 3], p[at + 4], p[at + 5], p[at + 6], p[at + 7],
-        p[at + 8], p[at + 9],
+        p[at + 8], p[at + 9], p[at + 10],
     )  # fmt: skip
 
 
@@ -186,11 +188,11 @@ def _pto_numbers(params: ModesParams, state: Numbers, axis: int, at: int) -> tup
 
 def motor_side(p: Numbers, axis: int, current: float, position: float, velocity: float) -> float:
     """Return motor force, friction, loss of the gear and cogging at a motion of the motor."""
-    own, rubbing = motor_params(p, axis), friction_params(p, axis)
+    own, dry = motor_params(p, axis), friction_params(p, axis)
     motor = own.force_per_current * current
-    force = motor + friction.force(rubbing, velocity)
+    force = motor + friction.force(dry, velocity)
     if own.efficiency < 1.0:
-        force += gear.load_loss(own.efficiency, rubbing.width, motor, velocity)
+        force += gear.load_loss(own.efficiency, dry.width, motor, velocity)
     if own.cogging > 0.0:
         force += linear_motor.cogging_force(own.cogging, own.pitch, position)
     return force
@@ -386,14 +388,16 @@ def _step_drive(
 ) -> None:
     """Advance enable logic, watchdog and current loop of an axis; a bus may trip or limit it."""
     p, at = axis * AXIS_PARAM_COUNT + DRIVE, motion_size(params) + axis * AXIS_SIZE
-    trip, most = 0, UNLIMITED_CURRENT
+    trip, max_current = 0, UNLIMITED_CURRENT
     if params.bus_count:
         own, voltage = motor_params(params.axis, axis), state[bus_place(params) + 1]
         trip = bus.voltage_trip(bus_params(params), _bus_state(params, state))
         if own.back_emf > 0.0:
-            speed = abs(_motor_velocity(params, state, axis, 0))
-            left = own.modulation * voltage - own.back_emf * speed
-            most = max(left, 0.0) / own.resistance
+            # A motor needs back-EMF plus drop, a generator back-EMF less drop.
+            induced = own.back_emf * _motor_velocity(params, state, axis, 0)
+            if actuation[2 * axis] < 0.0:
+                induced = -induced
+            max_current = max(own.modulation * voltage - induced, 0.0) / own.voltage_drop
     after = drive.drive_step(
         DriveParams(params.axis[p], params.axis[p + 1], params.axis[p + 2], params.axis[p + 3]),
         DriveState(
@@ -410,7 +414,7 @@ def _step_drive(
         fresh,
         1,
         trip,
-        most,
+        max_current,
         dt,
     )
     state[at] = after.current
@@ -444,7 +448,10 @@ def _power(params: ModesParams, state: State, axis: int, middle: int, force: int
     power = motor * velocity + (own.resistance * current * current + own.linear_loss * abs(current))
     if power < 0.0:
         power *= own.regeneration
-    state[at + ELECTRIC_POWER] = power + own.standby
+    standby = own.standby
+    if params.bus_count and state[bus_place(params) + 1] < bus_params(params).brownout:
+        standby = 0.0  # the drive's logic is off
+    state[at + ELECTRIC_POWER] = power + standby
 
 
 def bus_params(params: ModesParams) -> BusParams:
@@ -513,7 +520,7 @@ def _axis_signal(params: ModesParams, state: Numbers, kind: int, axis: int) -> f
     if kind == 2:
         return state[at + SHAFT_FORCE]
     if kind == 3:
-        return motor_params(params.axis, axis).force_per_current * state[at]
+        return _motor_force(params, state, axis)
     if kind == 4:
         return state[at]
     if kind == 5:
@@ -538,6 +545,19 @@ def place(params: ModesParams, state: State, position: Numbers, velocity: Number
         if params.axis[a * AXIS_PARAM_COUNT] == BACKLASH:
             state[_pto(params, 0, a)] = axis_position(params, state, a, 0)
             state[_pto(params, 0, a) + 1] = axis_position(params, state, a, n)
+
+
+def _motor_force(params: ModesParams, state: Numbers, axis: int) -> float:
+    """Return the force of the motor on the axis, of a hydraulic PTO that of its braking torque."""
+    own, at = motor_params(params.axis, axis), motion_size(params) + axis * AXIS_SIZE
+    force = own.force_per_current * state[at]
+    if own.kind != HYDRAULIC:
+        return force
+    oil = hydraulic_params(params.axis, axis)
+    brake = hydraulic.brake_torque(force, _motor_velocity(params, state, axis, 0))
+    velocity = axis_position(params, state, axis, params.modes)
+    direction = hydraulic.cylinder_force(oil, oil.low_pressure + 1.0 / oil.area, velocity)
+    return brake * oil.area / oil.displacement * direction
 
 
 def encoder_position(params: ModesParams, state: Numbers, axis: int) -> float:

@@ -23,7 +23,7 @@ from typing import NamedTuple
 from sim_plant.units import MetrePerSecond, Newton, NewtonMetre, RadianPerSecond
 
 COMPLIANCE = 0.02  # of line and oil between precharge and low pressure, by the gas volume V_0
-STANDSTILL = 0.1  # rad/s, width in which the generator's torque vanishes at a standing shaft
+STANDSTILL = 5.0  # rad/s, width in which the generator's torque vanishes at a standing shaft
 
 
 class HydraulicParams(NamedTuple):
@@ -34,6 +34,7 @@ class HydraulicParams(NamedTuple):
     low_pressure: float  # Pa, held by the low-pressure side
     precharge: float  # Pa, p_0 of the gas without oil
     volume: float  # m3, V_0
+    least_volume: float  # m3, at which the relief valve opens
     exponent: float  # n
     leakage: float  # m3/s per Pa, between the two lines
     inertia: float  # kg m2, of motor and generator
@@ -73,13 +74,16 @@ def volume_rate(
 ) -> float:
     """Return the rate of the gas volume, m3/s: positive while oil leaves the accumulator.
 
-    An empty accumulator gives no oil; then the motor runs partly dry.
+    An empty accumulator gives no oil; then the motor runs partly dry. A full one takes none: the
+    relief valve lets it go to the low-pressure side.
     """
     inflow = params.area * velocity * math.tanh(velocity / params.valve_width)
     difference = pressure(params, volume) - params.low_pressure
     rate = params.displacement * speed + params.leakage * difference - inflow
     if not volume < (1.0 + COMPLIANCE) * params.volume:
         return min(rate, 0.0)
+    if not volume > params.least_volume:
+        return max(rate, 0.0)
     return rate
 
 

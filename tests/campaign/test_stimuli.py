@@ -89,6 +89,13 @@ def test_a_profile_has_ramps_and_steps() -> None:
     assert values[round(6.0 * RATE) - 1] == pytest.approx(200.0 - 50.0 / RATE)
 
 
+def test_a_step_of_a_profile_is_at_its_tick() -> None:
+    """57000 / 100000 * 100 is below 57 in binary numbers."""
+    reference = stimulus(kind="profile", amplitude_n=1, repeat_s=100, points=[[57, 0], [57, 1]])
+    values = force(reference)
+    assert (values[56_999], values[57_000]) == (0.0, 1.0)
+
+
 def test_a_stepped_sine_has_no_steps() -> None:
     reference = stimulus(
         kind="stepped sine", amplitude_n=100, hold_s=10,

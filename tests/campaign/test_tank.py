@@ -93,7 +93,7 @@ def test_a_check_reports_times_and_warns_of_rows(tmp_path: Path) -> None:
     assert times["reflected_s"] == pytest.approx(81.79, abs=0.01)
     early, late = (warning.message for warning in report.warnings)
     assert "before the waves have their full height at the device (63.1 s)" in early
-    assert "a lead-in of 64 s is enough" in early
+    assert "23 s more of lead-in are enough" in early
     assert "measured after the first reflected waves are back at the device (81.8 s)" in late
     assert "tank" in report.text()
 

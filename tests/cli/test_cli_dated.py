@@ -62,7 +62,7 @@ def test_a_sweep_warns(
         raise ValueError("no case is run")
 
     monkeypatch.setattr(sweep, "run", run_no_case)
-    monkeypatch.setattr(sweep_command, "_compile", lambda _: None)
+    monkeypatch.setattr(sweep_command, "compile_loop", lambda _: None)
     _, _, err = rig_here("sweep", campaign(tmp_path, before), "--sweeps", tmp_path / "sweeps")
     assert ("spring_map v1 does not hold on" in err) is warns
     assert "no case is run" in err

@@ -210,10 +210,12 @@ def lupa(path: Path) -> Path:
     """Write the coefficients of LUPA in Capytaine's layout, as NetCDF-3; its own numbers.
 
     Float and spar in heave, both bodies in surge and pitch about z = -0.5027 m. Heave is that of
-    `lupa_bem_heave.csv`: the direct damping of the spar by the float does not converge.
+    `heave.csv`: the direct damping of the spar by the float does not converge.
     """
     names = ["float__Heave", "spar__Heave", "Surge", "Pitch"]
-    table = np.genfromtxt(HERE / "lupa" / "lupa_bem_heave.csv", delimiter=",", skip_header=2).T
+    table = np.genfromtxt(
+        ROOT / "examples" / "lupa" / "hydrodynamics" / "heave.csv", delimiter=",", skip_header=2
+    ).T
     with netcdf_file(HERE / "lupa" / "lupa_bem_4dof.nc", mmap=False) as file:
         omega, mass, damping, real, imaginary = (
             np.array(file.variables[name][...], np.float64)

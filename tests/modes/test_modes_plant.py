@@ -254,7 +254,10 @@ def rough() -> PlantModel:
             "moves_with": {"surge": 1.0}, **friction, "end_stop": stop,
             "backlash": {"half_gap": 0.001, "stiffness": 5e5, "damping": 500.0},
         },
-        "three": {"moves_with": {"pitch": 1.0}, "gear_ratio": 250.0, "hydraulic": OIL},
+        "three": {
+            "moves_with": {"pitch": 1.0}, "gear_ratio": 250.0, "hydraulic": OIL,
+            "drive": {**DRIVE, "current_limit_a": 4.0},
+        },
     }  # fmt: skip
     line = {
         "anchor_m": [3.0, 0.5, -3.0], "fairlead_m": [1.0, 0.0, -0.5], "pretension_n": 150.0,

@@ -19,7 +19,8 @@ from sim_plant.parts.mooring_line import LineParams
 AMPLITUDE, OMEGA = 0.8, 2.5  # of a sinusoidal velocity, m/s and rad/s
 OIL = HydraulicParams(
     area=0.005, displacement=2.0e-5, low_pressure=5.0e5, precharge=4.0e6, volume=0.01,
-    exponent=1.4, leakage=0.0, inertia=0.05, viscous=0.01, valve_width=0.01,
+    least_volume=0.004, exponent=1.4, leakage=0.0, inertia=0.05, viscous=0.01,
+    valve_width=0.01,
 )  # fmt: skip
 
 
@@ -101,11 +102,10 @@ def test_a_line_has_the_stiffness_of_a_taut_string() -> None:
     np.testing.assert_allclose(stiffness(params), expected, atol=1e-4)
 
 
-def test_four_lines_hold_a_spar_as_published() -> None:
+def test_four_lines_hold_a_spar() -> None:
     """LUPA (Oregon State University): 4 lines, 285 N, 963 N/m, fairleads (±.19, ±.19, -.228) m,
-    anchors (±1.95, ±1.6, -.368) m: 517.4 N/m in heave (its tutorial's formula with dz, which it
-    squares) and 2172 N/m in surge, for which it takes the lines at 45 degrees: the mean of surge
-    and sway.
+    anchors (±1.95, ±1.6, -.368) m. Its tutorial has 504.8 N/m in heave by a formula that squares
+    the vertical distance, and 2178 N/m in surge for lines at 45 degrees: the mean of surge, sway.
     """
     total = np.zeros((3, 3))
     for sx in (1.0, -1.0):
@@ -113,7 +113,9 @@ def test_four_lines_hold_a_spar_as_published() -> None:
             vector = (sx * (0.19 - 1.95), sy * (0.19 - 1.6), -0.228 + 0.368)
             total += stiffness(LineParams(*vector, 285.0, 963.0, 0.0))
     assert total[2, 2] == pytest.approx(517.4, rel=2e-4)
-    assert 0.5 * (total[0, 0] + total[1, 1]) == pytest.approx(2172.0, rel=2e-4)
+    assert total[0, 0] == pytest.approx(2535.6, rel=1e-4)
+    assert total[1, 1] == pytest.approx(1808.0, rel=1e-4)
+    assert 0.5 * (total[0, 0] + total[1, 1]) == pytest.approx(2178.0, rel=4e-3)
 
 
 def test_a_line_goes_slack_and_its_force_at_rest_is_taken_off() -> None:
@@ -135,6 +137,7 @@ def test_gas_follows_its_polytrope() -> None:
     assert hydraulic.pressure(OIL, 0.5 * (0.01 + empty)) == pytest.approx(2.25e6)
     assert hydraulic.pressure(OIL, 1.01 * empty) == pytest.approx(OIL.low_pressure)
     assert hydraulic.volume_rate(OIL, empty, 0.0, 100.0) == 0.0
+    assert hydraulic.volume_rate(OIL, 0.004, 1.0, 0.0) == 0.0  # the relief valve is open
 
 
 def test_the_oil_takes_the_power_of_the_cylinder() -> None:

@@ -1,7 +1,7 @@
 """LUPA's plants in the frequency domain against published numbers and an independent computation.
 
-The table of powers was computed by others from the same coefficients with a program of their own:
-float of 248.721 kg, losses of 350 N s/m, drivetrain of 9.34 kg, waves of 0.05 m.
+The powers were computed from the same BEM table by a program outside this project: float of
+248.721 kg, losses of 350 N s/m, drivetrain of 9.34 kg, waves of 0.05 m.
 """
 
 from pathlib import Path

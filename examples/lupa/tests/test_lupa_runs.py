@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from controllers import biquads
+from rig.config.yaml_source import load_mapping
 from sim_plant.modes import building
 from test_lupa_feedback import DT, SETTINGS
 from test_lupa_numbers import LUPA, dynamic_stiffness, excitation, plant
@@ -72,9 +73,9 @@ def test_powers_of_a_rehearsal(name: str, rig: Any, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_identification_finds_the_plant(rig: Any, tmp_path: Path) -> None:
-    """Z_i of the float from the belt's load cells; drivetrain 350 N s/m and 9.34 kg within 2 %.
+    """Z_i of the float from the belt's load cells; drivetrain 350 N s/m within 2 %, 9.34 kg in 5 %.
 
-    The drag of the hull is in the measured Z_i: 20 N s/m at these velocities.
+    The drag of the hull is in the measured Z_i, sqrt(8 / pi) c sigma: 12 to 25 N s/m here.
     """
     runs = tmp_path / "runs"
     done = rig("run", LUPA / "campaigns" / "identification.yaml", "--runs", runs)
@@ -96,13 +97,13 @@ def test_identification_finds_the_plant(rig: Any, tmp_path: Path) -> None:
     whole = np.array([dynamic_stiffness(model, w)[0, 0] / (1j * w) for w in omega])
     body = whole - 350.0 - 9.34j * omega
     gap = response("Z_i") - body
-    assert 0.0 < np.median(gap.real) < 40.0
+    assert 8.0 < np.median(gap.real) < 30.0
     assert np.abs(np.median(gap.imag)) < 0.02 * np.abs(body.imag).max()
 
 
 @pytest.mark.slow
 def test_the_optimum_is_the_impedance_match(rig: Any, tmp_path: Path) -> None:
-    """|F|² / 8 R within 1 %, at K and C within 5 %: the power is flat around the match.
+    """|F|² / 8 R within 1 %, K and C within 5 and 15 %: the power is flat around the match.
 
     Without drag; Kp and Ki of the impedance law make up for the delay of the loop.
     """
@@ -123,7 +124,8 @@ def test_the_optimum_is_the_impedance_match(rig: Any, tmp_path: Path) -> None:
     force = abs(excitation(model, omega)[0]) * AMPLITUDE / 0.05
     assert optimum["power_w"] == pytest.approx(-(force**2) / (8.0 * own.real), rel=0.01)
     assert optimum["values"]["ki"] == pytest.approx(-omega * own.imag, rel=0.05)
-    assert optimum["at_limit"] == []
+    assert optimum["values"]["kp"] == pytest.approx(-own.real, rel=0.15)
+    assert optimum["at_limit"] == optimum["far"] == []
     assert rig("check", best).returncode == 0
 
 
@@ -156,6 +158,16 @@ def test_shipped_campaigns_pass_their_check(name: str, rig: Any) -> None:
 @pytest.mark.parametrize("name", ["identification", "ramps"])
 def test_campaigns_in_calm_water_pass_their_check(name: str, rig: Any) -> None:
     assert rig("check", LUPA / "campaigns" / f"{name}.yaml").returncode == 0
+
+
+@pytest.mark.parametrize("name", ["one_body", "one_body_32_teeth", "one_body_80_teeth"])
+def test_the_velocity_stop_is_that_of_the_motor(name: str) -> None:
+    """150 rpm."""
+    mapping, locate = load_mapping(LUPA / "rigs" / f"{name}.yaml")
+    limits, _ = load_mapping(locate.resolve_path(("limits",), mapping["limits"]))
+    speed = limits["axes"]["pto"]["velocity_stop_m_per_s"]
+    gear = mapping["axes"]["pto"]["gear_ratio_rad_per_m"]
+    assert speed * gear == pytest.approx(150.0 * 2.0 * math.pi / 60.0, rel=0.01)
 
 
 def test_an_ampere_is_the_force_of_the_measured_torque_constant() -> None:

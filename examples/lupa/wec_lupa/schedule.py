@@ -7,6 +7,7 @@ device: still water, ramp of the wave maker, and the travel of the waves by thei
 
 import argparse
 import math
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -48,7 +49,7 @@ def read_schedule(path: Path) -> list[Gains]:
         raise ScheduleError(f"{path}: cannot be read; allowed *.xlsx")
     try:
         sheet = load_workbook(path, read_only=True, data_only=True).worksheets[0]
-    except (InvalidFileException, BadZipFile, KeyError, ValueError, EOFError) as error:
+    except (InvalidFileException, BadZipFile, IndexError, KeyError, ValueError, EOFError) as error:
         raise ScheduleError(f"{path}: is not an Excel workbook: {error}") from error
     problems: list[str] = []
     gains: list[Gains] = []
@@ -136,6 +137,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if not 0.5 <= given.period <= 20.0:
         parser.error(f"--period {given.period:g} s is out of range; allowed 0.5 .. 20 s")
+    if not 0.001 <= given.amplitude <= 0.5:
+        parser.error(f"--amplitude {given.amplitude:g} m is out of range; allowed 0.001 .. 0.5 m")
     shown = f"{given.period:g}s".replace(".", "p")
     try:
         if given.kind == "read":
@@ -147,7 +150,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (ScheduleError, OSError) as error:
         sys.exit(str(error))
     command = f"lupa-schedule {words} --period {given.period:g} --amplitude {given.amplitude:g}"
-    text = campaign_text(given.name or name, rows, given.period, given.amplitude, command)
+    name = given.name or re.sub(r"[^A-Za-z0-9_.-]", "-", name)[:60]
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}", name):
+        parser.error(f"--name {name!r}: allowed letters, digits, _ . -, at most 60")
+    text = campaign_text(name, rows, given.period, given.amplitude, command)
     if given.output is None:
         print(text, end="")
         return

@@ -20,6 +20,9 @@ def ask_options(given: Options, *, ask_file: bool) -> Options:
     options, content = _read_file(given, ask_file=ask_file)
     dof = options.dof
     if dof not in content.modes:
+        if dof is not None:
+            typer.echo(f"{options.bem}: has no mode {dof!r}; it has {', '.join(content.modes)}")
+            options = options._replace(mass=None, stiffness=None)  # they were that mode's
         dof = _choose("Mode that the PTO moves with", content.modes)
     mode, unit = content.modes.index(dof), "kg*m2" if rotates(dof) else "kg"
     direction = options.direction

@@ -16,7 +16,7 @@ from rig.campaign.equal_rows import EqualRows, find_equal_rows
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.config.problems import Problem
 from rig.planning.windows import repeat_period
-from rig.presentation.console import plain_table, table_console
+from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
 from rig.realtime.reasons import Reason
 from rig.recording.row_layout import leaves
@@ -133,7 +133,7 @@ class SimulatedRows(NamedTuple):
                 values += [format(row[name], digits) for name, digits in numbers.items()]
             table.add_row(str(row["row"]), *values, _remarks(row))
         console.print()
-        console.print(table)
+        console.print(whole_table(table), soft_wrap=True)
         if len(rows) < len(self.rows):
             console.print(f"and {len(self.rows) - len(rows)} more; --rows shows all", style="dim")
         show_equal_rows(self.equal_rows, every_row=every_row, console=console)

@@ -18,7 +18,7 @@ from rig.cli.output import FAILED, STOPPED, fail, input_errors, print_result
 from rig.cli.sweep import compile_loop
 from rig.config.problems import display_path, error_text
 from rig.config.yaml_source import load_mapping
-from rig.presentation.console import table_console
+from rig.presentation.console import table_console, whole_table
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_power
 from rig.stations import shown
@@ -150,7 +150,7 @@ def _text(opened: Search, found: Sequence[Optimum]) -> str:
         )
     console = table_console()
     with console.capture() as capture:
-        console.print(table)
+        console.print(whole_table(table), soft_wrap=True)
     return capture.get().rstrip()
 
 

@@ -4,6 +4,7 @@ import os
 from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Column, Table
 
 WIDTH = 100  # where there is no terminal
@@ -15,6 +16,13 @@ def table_console() -> Console:
     if console.is_terminal or os.environ.get("COLUMNS"):
         return console
     return Console(highlight=False, width=WIDTH)
+
+
+def whole_table(table: Table) -> Table:
+    """Return a table that keeps its width on a narrow terminal: a number cut short is no number."""
+    wide = Console(width=1000)
+    table.width = Measurement.get(wide, wide.options, table).maximum
+    return table
 
 
 def plain_table(*headings: str, **style: Any) -> Table:

@@ -169,9 +169,7 @@ def simulate_rows(
     ``row_type`` is that of the simulated log rows; ``progress`` is called with the number of
     finished rows.
     """
-    period = repeat_period(campaign.file.sea)
-    ticks = period / plan.dt if period else None
-    rows = row_results(simulation, plan, ticks, contents, max_seconds, progress)
+    rows = row_results(simulation, campaign, plan, contents, max_seconds, progress)
     motion = motion_fields(contents.axis)
     fields = {leaf.name: leaf.unit for leaf in leaves(row_type)}
     units = column_units(contents) | {
@@ -184,17 +182,19 @@ def simulate_rows(
 
 def row_results(
     simulation: RowSimulation,
+    campaign: AnyCampaign,
     planned: AnyPlan,
-    period_ticks: float | None,
     contents: RowContents,
     max_seconds: float = math.inf,
     progress: Callable[[int], None] = lambda done: None,
 ) -> list[dict[str, Any]]:
     """Return the results of each row of a simulated plan, with the names of the row table.
 
-    ``period_ticks`` is the sea's repeat period in ticks, None if it has none. The first rows up to
-    ``max_seconds`` of the plan are simulated; ``progress`` is called with their number.
+    The first rows up to ``max_seconds`` of the plan are simulated; ``progress`` is called with
+    their number.
     """
+    period = repeat_period(campaign.file.sea)
+    period_ticks = period / planned.dt if period else None
     actuators = [column.actuator.name for column in contents.columns if column.actuator]
     contents, rows = contents._replace(columns=()), planned.rows  # the plan has the set points
     results = {}

@@ -1,8 +1,6 @@
 """`rig optimum FILE`."""
 
-import json
 import math
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,25 +10,25 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from rig.campaign.derived_file import derived_name, derived_text
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.options import Json
 from rig.cli.output import FAILED, STOPPED, fail, input_errors, print_result
 from rig.cli.sweep import compile_loop
 from rig.config.problems import display_path, error_text
-from rig.config.yaml_source import load_mapping
 from rig.presentation.console import table_console, whole_table
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_power
-from rig.stations import shown
+from rig.stations import find, shown
 from rig.sweep.campaigns import LEAD_IN, CampaignTasks
 from rig.sweep.executors import available_processors
-from rig.sweep.optimum import Optimum, Search, find_station, open_search, search
+from rig.sweep.optimum import Optimum, Search, open_search, search
 from rig.sweep.sweep import open_tasks
 
 EXIT_CODES = """\
 Exit codes: 0 found, and the campaign is written; 1 no row completes, or the campaign could not be \
 written; 2 bad input; 3 interrupted."""
-_MARK = "# Written by rig optimum"
+_MARK = "Written by rig optimum"
 
 
 def command(
@@ -68,8 +66,8 @@ def command(
         tasks = open_tasks(path, sequential=False, lead_in=lead_in)
         if not isinstance(tasks, CampaignTasks):
             raise ValueError(f"{path}: a session has no gain matrix; name a campaign")
-        opened = open_search(tasks, path, lead_in, jobs or available_processors())
-        stations = [find_station(opened, name) for name in best or ()]
+        opened = open_search(tasks, path, jobs or available_processors())
+        stations = [find(opened.task.contents.stations, name) for name in best or ()]
         stations = stations or [*reversed(shown(opened.task.contents.stations))]
         written = output or Path(f"{_name(opened)}.yaml")
         _check_output(written, path)
@@ -98,13 +96,12 @@ def _check_output(path: Path, base: Path) -> None:
         raise ValueError(f"--output {path}: there is no folder {path.parent}; make it first")
     if path.exists() and path.samefile(base):
         raise ValueError(f"--output {path}: is the campaign itself; name another file")
-    if path.is_dir() or (path.exists() and not path.read_text("utf-8").startswith(_MARK)):
+    if path.is_dir() or (path.exists() and not path.read_text("utf-8").startswith(f"# {_MARK}")):
         raise ValueError(f"--output {path}: exists and is not of this command; name another file")
 
 
 def _name(opened: Search) -> str:
-    name = opened.task.name
-    return name if name.endswith("_optimum") else f"{name[:52]}_optimum"
+    return derived_name(opened.task.name, "_optimum")
 
 
 def _progress(*, quiet: bool) -> Any:
@@ -158,8 +155,6 @@ def _campaign_text(
     base: Path, path: Path, opened: Search, found: Sequence[Optimum], around: np.ndarray
 ) -> str:
     """Return the campaign of the rows to run: the base's, with another matrix."""
-    mapping, _ = load_mapping(base, inline=("sea", "tank"))
-    inherited = mapping.get("matrix") or {}
     first = found[0]
     best = tuple(first.values[column.name] for column in opened.columns)
     reasons = {best: f"best for {first.station.heading}"}
@@ -168,24 +163,19 @@ def _campaign_text(
     for other in found[1:]:
         values = tuple(other.values[column.name] for column in opened.columns)
         reasons.setdefault(values, f"best for {other.station.heading}")
-    names = {column.name: column.key for column in opened.task.campaign.file.columns()}
-    fixed = opened.task.campaign.points[0].values
-    lines = [
-        f"{_MARK} from {display_path(base)}: {len(opened.rows)} simulated rows.",
-        f"# Sea: {opened.task.campaign.file.sea.description()}",
-        f"extends: {json.dumps(os.path.relpath(base.resolve(), path.resolve().parent))}",
-        f"name: {_name(opened)}",
-        "repeat: 1",
-        "matrix:",
-        *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
-        "  list:",
-    ]
+    campaign = opened.task.campaign
+    names = {column.name: column.key for column in campaign.file.columns()}
+    fixed = campaign.points[0].values
     searched = [column.name for column in opened.columns]
+    rows = []
     for values, reason in reasons.items():
         row = fixed | dict(zip(searched, values, strict=True))
-        text = ", ".join(f"{names[name]}: {value:.6g}" for name, value in row.items())
-        powers = opened.rows.get(values, {})
-        power = powers.get(f"power_{first.station.name}")
+        power = opened.rows.get(values, {}).get(f"power_{first.station.name}")
         shown_power = "" if power is None else f", {first.station.heading} {power:.3g} W"
-        lines.append(f"    - {{{text}}}  # {reason}{shown_power}")
-    return "\n".join(lines) + "\n"
+        columns = {names[name]: float(f"{value:.6g}") for name, value in row.items()}
+        rows.append((columns, f"{reason}{shown_power}"))
+    header = (
+        f"{_MARK} from {display_path(base)}: {len(opened.rows)} simulated rows.",
+        f"Sea: {campaign.file.sea.description()}",
+    )
+    return derived_text(base, path, header, (f"name: {_name(opened)}", "repeat: 1"), rows)

@@ -114,17 +114,25 @@ class CampaignTask:
     def run(self, row: int, base: "CampaignTask", check: Callable[[], None]) -> SimulatedCase:
         """Return the results of a row of ``base``, or of all rows in sequence."""
         if self.lead_in is None:
-            planned, place = self.plan, None
-            numbers = [base.numbers[each.point, each.repetition] for each in planned.rows]
+            case = self._simulate(self.plan, None, check)
+            numbers = [base.numbers[each.point, each.repetition] for each in self.plan.rows]
         else:
-            point = self.campaign.points[base.points[row]]
-            planned = single_row_plan(self.campaign, self.lead_in, point)
-            place, numbers = planned.rows[0].place, [row]
-        period = repeat_period(self.campaign.file.sea)
-        ticks = period / planned.dt if period else None
+            case = self.run_point(self.campaign.points[base.points[row]], check)
+            numbers = [row]
+        rows = ({**each, "row": number} for each, number in zip(case.rows, numbers, strict=True))
+        return case._replace(rows=tuple(rows))
+
+    def run_point(self, point: Point, check: Callable[[], None]) -> SimulatedCase:
+        """Return the results of a point as a row that runs alone."""
+        assert self.lead_in is not None
+        planned = single_row_plan(self.campaign, self.lead_in, point)
+        return self._simulate(planned, planned.rows[0].place, check)
+
+    def _simulate(
+        self, planned: AnyPlan, place: float | None, check: Callable[[], None]
+    ) -> SimulatedCase:
         simulation = self.simulator.simulate(planned, check, place)
-        results = row_results(simulation, planned, ticks, self.contents)
-        rows = ({**each, "row": number} for each, number in zip(results, numbers, strict=True))
+        rows = row_results(simulation, self.campaign, planned, self.contents)
         return SimulatedCase(tuple(rows), simulation.seconds)
 
 

@@ -20,7 +20,6 @@ from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
 from rig.campaign.simulated_rows import row_results
 from rig.identification.incident_waves import RecoveredWaves, recover_waves, wave_maker_lines
-from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
@@ -298,14 +297,13 @@ def _simulate_points(
     campaign: AnyCampaign, sea: dict[str, Any], lead_in: float
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield each point's number and its simulated results in a sea, with names of the row table."""
-    period, simulation = repeat_period(campaign.file.sea), simulation_of(campaign)
+    simulation = simulation_of(campaign)
     whole = build_plan(single_row_campaign(campaign, lead_in))
     simulator = simulation.open_simulator(campaign, whole, sea)
     for number, point in enumerate(campaign.points):
         planned = single_row_plan(campaign, lead_in, point)
         rows = simulator.simulate(planned, place=planned.rows[0].place)
-        ticks = period / planned.dt if period else None
-        (row,) = row_results(rows, planned, ticks, simulation.row_contents(campaign))
+        (row,) = row_results(rows, campaign, planned, simulation.row_contents(campaign))
         yield number, row
 
 

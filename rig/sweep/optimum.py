@@ -14,15 +14,13 @@ import numpy as np
 
 from controllers.law import Column as LawColumn
 from rig.analysis.rows import COMPLETE
-from rig.campaign.simulated_rows import row_results
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import load_mapping
 from rig.design.descent import descend
 from rig.planning.point import Point
-from rig.planning.windows import repeat_period
 from rig.spectra.periods import Floats
-from rig.stations import Station, find
-from rig.sweep.campaigns import CampaignTask, CampaignTasks, single_row_plan
+from rig.stations import Station
+from rig.sweep.campaigns import CampaignTask, CampaignTasks
 
 MAX_POINTS = 400  # of the matrix: more take minutes, and the search needs a start only
 ITERATIONS = 6  # of the search
@@ -51,10 +49,10 @@ class Optimum(NamedTuple):
 class Search:
     """The rows of a campaign as a function of the columns that its matrix varies."""
 
-    def __init__(self, task: CampaignTask, lead_in: float, jobs: int) -> None:
+    def __init__(self, task: CampaignTask, jobs: int) -> None:
         """Raise ValueError for a matrix that varies no column of a law, too many, or others."""
         campaign = task.campaign
-        self.task, self._lead_in, self._jobs = task, lead_in, jobs
+        self.task, self._jobs = task, jobs
         self._base = campaign.points[0]
         varied = {
             name
@@ -103,11 +101,7 @@ class Search:
     def _row(self, key: tuple[float, ...]) -> dict[str, Any]:
         changed = {column.name: value for column, value in zip(self.columns, key, strict=True)}
         point = Point(self._base.values | changed, self._base.locations)
-        planned = single_row_plan(self.task.campaign, self._lead_in, point)
-        period = repeat_period(self.task.campaign.file.sea)
-        simulation = self.task.simulator.simulate(planned, lambda: None, planned.rows[0].place)
-        ticks = period / planned.dt if period else None
-        (row,) = row_results(simulation, planned, ticks, self.task.contents)
+        (row,) = self.task.run_point(point, lambda: None).rows
         return row
 
     def optimum(self, station: Station, progress: Callable[[int], None]) -> Optimum:
@@ -161,14 +155,17 @@ def _power(row: dict[str, Any], name: str) -> float:
     return float(row[name]) if _done(row) and row.get(name) is not None else np.inf
 
 
-def open_search(tasks: CampaignTasks, path: Path, lead_in: float, jobs: int) -> Search:
-    """Return the search of a campaign; ConfigError or ValueError if it cannot be simulated."""
+def open_search(tasks: CampaignTasks, path: Path, jobs: int) -> Search:
+    """Return the search of a campaign; ConfigError or ValueError if it cannot be simulated.
+
+    ``tasks`` have rows that run alone.
+    """
     task = tasks.open(path, load_mapping)
     tasks.check(task, ())
     if len(task.campaign.points) > MAX_POINTS:
         message = f"{len(task.campaign.points)} points; the search takes up to {MAX_POINTS}"
         raise ConfigError([task.campaign.locate.problem(("matrix",), None, message)])
-    return Search(task, lead_in, jobs)
+    return Search(task, jobs)
 
 
 def search(
@@ -177,8 +174,3 @@ def search(
     """Return the optimum of each station, the rows of the matrix first."""
     opened.simulate(opened.values, progress)
     return [opened.optimum(station, progress) for station in stations]
-
-
-def find_station(opened: Search, name: str) -> Station:
-    """Return a station of the campaign's rig; ValueError that lists them."""
-    return find(opened.task.contents.stations, name)

@@ -106,13 +106,19 @@ def line_stiffness(plant: Plant) -> Floats:
     """Return the stiffness of the taut lines for small motions, (n, n)."""
     total = np.zeros((len(plant.modes),) * 2)
     for line, factors in zip(plant.mooring.lines.values(), line_factors(plant), strict=True):
-        vector = np.subtract(line.fairlead_m, line.anchor_m)
+        vector = _line_vector(line)
         length = float(np.linalg.norm(vector))
         along = np.outer(vector, vector) / length**2
         tangent = line.stiffness_n_per_m * along
         tangent += line.pretension_n / length * (np.eye(3) - along)
         total += factors.T @ tangent @ factors
     return total
+
+
+def _line_vector(line: Line) -> Floats:
+    """Return the vector from the anchor to the fairlead at rest, m."""
+    vector: Floats = np.subtract(line.fairlead_m, line.anchor_m)
+    return vector
 
 
 def factor_matrix(plant: Plant) -> Floats:
@@ -143,12 +149,11 @@ def inertia_matrix(plant: Plant, bem: BemModes) -> Floats:
 def initial_state(model: PlantModel) -> list[float]:
     """Return the state of a plant at rest, its accumulators and bus filled."""
     params, state = model.params, [0.0] * step.state_size(model.params)
-    first = 2 * params.modes + params.states
     for a, axis in enumerate(model.plant.axes.values()):
         if axis.hydraulic is not None:
             oil = _hydraulic_params(axis.hydraulic)
             start = axis.hydraulic.start_pressure_pa or oil.precharge
-            state[first + step.PTO_STATES * a] = hydraulic.volume_at(oil, start)
+            state[step.pto_place(params, 0, a)] = hydraulic.volume_at(oil, start)
     if params.bus_count:
         at = step.bus_place(params)
         state[at : at + len(bus.BusState._fields)] = map(
@@ -263,8 +268,8 @@ def line_damping(plant: Plant) -> Floats:
     """Return the damping of the taut lines for small motions, (n, n)."""
     total = np.zeros((len(plant.modes),) * 2)
     for line, factors in zip(plant.mooring.lines.values(), line_factors(plant), strict=True):
-        along = np.subtract(line.fairlead_m, line.anchor_m) @ factors
-        along = along / np.linalg.norm(np.subtract(line.fairlead_m, line.anchor_m))
+        vector = _line_vector(line)
+        along = vector @ factors / np.linalg.norm(vector)
         total += line.damping_n_s_per_m * np.outer(along, along)
     return total
 
@@ -367,7 +372,7 @@ def _hydraulic_params(oil: Hydraulic | None) -> HydraulicParams:
 
 
 def _line_params(line: Line) -> LineParams:
-    x, y, z = np.subtract(line.fairlead_m, line.anchor_m).tolist()
+    x, y, z = _line_vector(line).tolist()
     return LineParams(x, y, z, line.pretension_n, line.stiffness_n_per_m, line.damping_n_s_per_m)
 
 

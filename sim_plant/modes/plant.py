@@ -175,14 +175,14 @@ def axis_position(params: ModesParams, state: Numbers, axis: int, start: int) ->
     return value
 
 
-def _pto(params: ModesParams, at: int, axis: int) -> int:
+def pto_place(params: ModesParams, at: int, axis: int) -> int:
     """Return where the two numbers of a PTO are in a motion that starts at `at`."""
     return at + 2 * params.modes + params.states + PTO_STATES * axis
 
 
 def _pto_numbers(params: ModesParams, state: Numbers, axis: int, at: int) -> tuple[float, float]:
     """Return the two numbers of a PTO in a motion that starts at `at`."""
-    pto = _pto(params, at, axis)
+    pto = pto_place(params, at, axis)
     return state[pto], state[pto + 1]
 
 
@@ -358,7 +358,7 @@ def step(
 
 def _move_pto(params: ModesParams, state: State, axis: int, at: int, to: int, dt: float) -> None:
     """Write the numbers of a PTO plus dt times their slopes at the motion `at` to that at `to`."""
-    pto, n = _pto(params, 0, axis), params.modes
+    pto, n = pto_place(params, 0, axis), params.modes
     current = state[motion_size(params) + axis * AXIS_SIZE + 1]
     position = axis_position(params, state, axis, at)
     velocity = axis_position(params, state, axis, at + n)
@@ -380,7 +380,7 @@ def _motor_velocity(params: ModesParams, state: Numbers, axis: int, at: int) -> 
     """Return the velocity of the motor at a motion: at the axis, of a hydraulic PTO in rad/s."""
     if params.axis[axis * AXIS_PARAM_COUNT] == RIGID:
         return axis_position(params, state, axis, at + params.modes)
-    return state[_pto(params, at, axis) + 1]
+    return state[pto_place(params, at, axis) + 1]
 
 
 def _step_drive(
@@ -532,7 +532,7 @@ def _axis_signal(params: ModesParams, state: Numbers, kind: int, axis: int) -> f
     if kind == 8:
         return _motor_velocity(params, state, axis, 0)
     oil = hydraulic_params(params.axis, axis)
-    return hydraulic.pressure(oil, state[_pto(params, 0, axis)])
+    return hydraulic.pressure(oil, state[pto_place(params, 0, axis)])
 
 
 def place(params: ModesParams, state: State, position: Numbers, velocity: Numbers) -> None:
@@ -543,8 +543,8 @@ def place(params: ModesParams, state: State, position: Numbers, velocity: Number
         state[n + i] = velocity[i]
     for a in range(params.axes):
         if params.axis[a * AXIS_PARAM_COUNT] == BACKLASH:
-            state[_pto(params, 0, a)] = axis_position(params, state, a, 0)
-            state[_pto(params, 0, a) + 1] = axis_position(params, state, a, n)
+            state[pto_place(params, 0, a)] = axis_position(params, state, a, 0)
+            state[pto_place(params, 0, a) + 1] = axis_position(params, state, a, n)
 
 
 def _motor_force(params: ModesParams, state: Numbers, axis: int) -> float:
@@ -555,15 +555,14 @@ def _motor_force(params: ModesParams, state: Numbers, axis: int) -> float:
         return force
     oil = hydraulic_params(params.axis, axis)
     brake = hydraulic.brake_torque(force, _motor_velocity(params, state, axis, 0))
-    velocity = axis_position(params, state, axis, params.modes)
-    direction = hydraulic.cylinder_force(oil, oil.low_pressure + 1.0 / oil.area, velocity)
-    return brake * oil.area / oil.displacement * direction
+    pressure = oil.low_pressure + brake / oil.displacement  # that holds against the brake
+    return hydraulic.cylinder_force(oil, pressure, axis_position(params, state, axis, params.modes))
 
 
 def encoder_position(params: ModesParams, state: Numbers, axis: int) -> float:
     """Return the position that the encoder sees: of the motor, if there is play, else the axis."""
     if params.axis[axis * AXIS_PARAM_COUNT] == BACKLASH:
-        return state[_pto(params, 0, axis)]
+        return state[pto_place(params, 0, axis)]
     return axis_position(params, state, axis, 0)
 
 

@@ -127,7 +127,7 @@ def test_the_energy_of_a_hydraulic_pto_is_accounted_for() -> None:
     simulated = world(model, sea_states.regular(0.15, 0.4))
     conditions = simulated.conditions()
     oil = step.hydraulic_params(model.params.axis, 0)
-    pto = 2 * model.params.modes + model.params.states
+    pto = step.pto_place(model.params, 0, 0)
 
     def numbers() -> tuple[float, float]:
         state = simulated.conditions().state

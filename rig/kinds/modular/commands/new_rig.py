@@ -9,6 +9,13 @@ import typer
 from rig.cli.new import EXIT_CODES, Folder, report_written
 from rig.cli.options import Json
 from rig.cli.output import input_errors
+from rig.kinds.modular.commands.bem_options import (
+    Density,
+    Depth,
+    Direction,
+    Gravity,
+    LengthScale,
+)
 from rig.kinds.modular.commands.questions import ask_options
 from rig.kinds.modular.new_rig import Options, Water, write_rig
 
@@ -50,21 +57,11 @@ def command(
         float | None,
         typer.Option(help="Motor per axis, rad/m or rad/rad; default: 20 A for the peak force."),
     ] = None,
-    direction: Annotated[
-        float | None, typer.Option(help="Of the waves, degrees; needed if the file has several.")
-    ] = None,
-    density: Annotated[
-        float | None, typer.Option(help="Of the water, kg/m3, if the file does not state it.")
-    ] = None,
-    gravity: Annotated[
-        float | None, typer.Option(help="m/s2, if the file does not state it.")
-    ] = None,
-    depth: Annotated[
-        float | None, typer.Option(help="Of the water, m, if the file does not state it.")
-    ] = None,
-    length_scale: Annotated[
-        float | None, typer.Option(help="ULEN of WAMIT's numeric files, m.")
-    ] = None,
+    direction: Direction = None,
+    density: Density = None,
+    gravity: Gravity = None,
+    depth: Depth = None,
+    length_scale: LengthScale = None,
     ask: Annotated[
         bool | None,
         typer.Option(

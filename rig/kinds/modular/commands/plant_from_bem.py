@@ -8,6 +8,13 @@ import typer
 from rig.cli.new import EXIT_CODES
 from rig.cli.options import Json
 from rig.cli.output import input_errors, print_result
+from rig.kinds.modular.commands.bem_options import (
+    Density,
+    Depth,
+    Direction,
+    Gravity,
+    LengthScale,
+)
 from rig.kinds.modular.from_bem import PlantRequest, fit_plant, report_text, write_plant
 from rig.presentation.json_values import json_value
 from sim_plant.modes.bem_content import Water
@@ -40,22 +47,11 @@ def command(
         list[str] | None,
         typer.Option(help="MODE=VALUE, N/m or N*m/rad; default: the file's hydrostatic one."),
     ] = None,
-    direction: Annotated[
-        float | None, typer.Option(help="Of the waves, degrees; needed if the file has several.")
-    ] = None,
-    density: Annotated[
-        float | None, typer.Option(help="Of the water, kg/m3, if the file does not state it.")
-    ] = None,
-    gravity: Annotated[
-        float | None, typer.Option(help="m/s2, if the file does not state it.")
-    ] = None,
-    depth: Annotated[
-        float | None,
-        typer.Option(help="Of the water, m, if the file does not state it or has several."),
-    ] = None,
-    length_scale: Annotated[
-        float | None, typer.Option(help="ULEN of WAMIT's numeric files, m.")
-    ] = None,
+    direction: Direction = None,
+    density: Density = None,
+    gravity: Gravity = None,
+    depth: Depth = None,
+    length_scale: LengthScale = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Plant file to write; default: NAME_plant.yaml here."),

@@ -1,10 +1,10 @@
 """Output of a recommendation: campaign file, JSON and text tables."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
+from rig.campaign.derived_file import derived_name, derived_text
 from rig.config.problems import display_path
 from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
@@ -167,30 +167,20 @@ def _is_number(cell: str) -> bool:
 
 def _campaign_text(recommendation: Recommendation, path: Path) -> str:
     """Return the text of the file at ``path``: the base campaign with the recommended matrix."""
-    base, name = recommendation.base, recommendation.campaign.file.name
-    name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
+    base, file = recommendation.base, recommendation.campaign.file
     mapping, _ = load_mapping(base, inline=("sea", "tank"))
-    inherited = mapping.get("matrix") or {}
-    text_lines = [f"# {line}" for line in _header(recommendation)]
-    text_lines += [
-        f"extends: {os.path.relpath(base.resolve(), path.resolve().parent)}",
-        f"name: {name}",
-        "repeat: 1",
-        "order: fewest spring moves",
-        "matrix:",
-        *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
-        "  list:",
-    ]
-    others = _other_columns(inherited)
-    settings = {}
+    others = _other_columns(mapping.get("matrix") or {})
+    rows = []
     for row in recommendation.rows:
         kp, ki, spring_rate = row.prediction.gains
         values = dict(zip(_KEYS, (spring_rate, kp, ki), strict=True)) | others
-        text = ", ".join(f"{key}: {value:.10g}" for key, value in values.items())
-        settings[f"{{{text}}}"] = f"{row.reason}: {_power_text(row.prediction)}"
-    widest = max(map(len, settings))
-    text_lines += [f"    - {text:<{widest}}  # {comment}" for text, comment in settings.items()]
-    return "\n".join(text_lines) + "\n"
+        rows.append((values, f"{row.reason}: {_power_text(row.prediction)}"))
+    keys = (
+        f"name: {derived_name(file.name, '_recommended')}",
+        "repeat: 1",
+        "order: fewest spring moves",
+    )
+    return derived_text(base, path, _header(recommendation), keys, rows)
 
 
 def _other_columns(inherited: dict[str, Any]) -> dict[str, float]:

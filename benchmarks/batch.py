@@ -17,6 +17,7 @@ from benchmarks.support.result import Figure, Result, figure, ratios
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
+from rig.realtime.requests import NO_REQUEST
 from rig.sweep.executors import available_processors
 
 MIN_RATIO = 40.0  # of the interpreted loop to a pass
@@ -86,7 +87,7 @@ def run_interpreted(path: Path) -> float:
     began = time.process_time()
     for tick in range(ticks):
         sense = devices.read(tick * dt)
-        state, command, _ = step(parts.params, state, sense, 0, tick, timing, 1, dt)
+        state, command, _ = step(parts.params, state, sense, NO_REQUEST, tick, timing, 1, dt)
         devices.write(command)
     return (time.process_time() - began) / ticks * 1e6
 

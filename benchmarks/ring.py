@@ -23,6 +23,7 @@ from benchmarks.support.result import Result, figure, quantile, ratios
 from benchmarks.tick import compile_ticks, run_on_real_clock
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
+from rig.realtime.requests import NO_REQUEST
 from rig.recording import ring
 from rig.recording.runs import open_run
 
@@ -102,7 +103,7 @@ def _time_cycles(recorded: RecordedTicks, writer: ring.RingWriter) -> tuple[floa
         senses = recorded.senses[start : start + BLOCK_TICKS]
         began = now()
         for tick, sense in enumerate(senses, recorded.first + start):
-            state, _, row = step(params, state, sense, 0, tick, timing, 1, dt)
+            state, _, row = step(params, state, sense, NO_REQUEST, tick, timing, 1, dt)
             put(row)
         return state, (now() - began) / 1e3 / len(senses)
 

@@ -23,6 +23,7 @@ from rig.compilation.tick_code import compile_tick
 from rig.emulation.row_simulation import RowBlock
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import compiled_tick, cycle
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.tick import CompiledTick
 from rig.realtime.tick_memory import TickMemory, of_kind
 from rig.recording.row_layout import layout, packer
@@ -69,7 +70,7 @@ class CompiledBlocks:
         expected, pack = bytearray(layout(KIND.row_type).size), packer(KIND.row_type)
         self._memory.set_state(recorded.state)
         for i, (sense, logged) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
-            self._tick.step(sense, 0, recorded.first + i, _NO_TIMING, 1)
+            self._tick.step(sense, NO_REQUEST, recorded.first + i, _NO_TIMING, 1)
             pack(expected, 0, logged)
             found += expected != self._row.content()
         return found
@@ -80,7 +81,7 @@ class CompiledBlocks:
         self._memory.set_state(recorded.state)
         began = process_time_ns()
         for tick, sense in enumerate(recorded.senses, recorded.first):
-            step(sense, 0, tick, _NO_TIMING, 1)
+            step(sense, NO_REQUEST, tick, _NO_TIMING, 1)
         return (process_time_ns() - began) / 1e3 / len(recorded.senses)
 
     def parts(self) -> dict[str, float]:
@@ -108,7 +109,7 @@ def interpreted(recorded: RecordedTicks) -> float:
     row_bytes = bytearray(layout(KIND.row_type).size)
     began = process_time_ns()
     for tick, sense in enumerate(recorded.senses, recorded.first):
-        state, _, row = step(params, state, sense, 0, tick, _NO_TIMING, 1, dt)
+        state, _, row = step(params, state, sense, NO_REQUEST, tick, _NO_TIMING, 1, dt)
         pack(row_bytes, 0, row)
     return (process_time_ns() - began) / 1e3 / len(recorded.senses)
 

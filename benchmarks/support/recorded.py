@@ -15,6 +15,7 @@ from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices, connect
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
+from rig.realtime.requests import NO_REQUEST
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 _OPENING = 6.5  # s of tare, readiness and lead-in of the campaign below
@@ -117,7 +118,9 @@ def record_ticks(path: Path, ticks: int, skip: int = 12_000) -> RecordedTicks:
         sense = devices.read(tick * dt)
         if tick == skip:
             start = state
-        state, command, row = step(loop_parts.params, state, sense, 0, tick, no_timing, 1, dt)
+        state, command, row = step(
+            loop_parts.params, state, sense, NO_REQUEST, tick, no_timing, 1, dt
+        )
         devices.write(command)
         if tick >= skip:
             senses.append(sense)

@@ -18,7 +18,7 @@ from rig import laws
 from rig.compilation.tick_source import TickSource, tick_source
 from rig.kinds.wavebot.tick import KIND
 from rig.processes import mailbox
-from rig.processes.mailbox import Mailbox, Request
+from rig.processes.mailbox import LoopMailbox
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import RealClock
@@ -54,7 +54,7 @@ def run_loop(loop_parts: LoopParts, seconds: float, stamps: Stamps, code: Path |
         devices,
         clock,
         writer,
-        Mailbox(mail_fd, Request),
+        LoopMailbox(mail_fd, -1, ()),
         stop_request,
         measure_work=False,
         code=code,

@@ -22,6 +22,8 @@ COMMANDS = tuple(
     Command(name, f"rig.cli.{name}", text)
     for name, text in (
         ("run", "Run a campaign or session, and analyse it."),
+        ("manual", "Run a rig in manual mode: people choose gains and signals while it runs."),
+        ("request", "Ask something of a running run: stop, hold, skip, set, annotate ..."),
         ("check", "Check a campaign or session: list every error, or describe the planned run."),
         ("compile", "Compile the tick of a campaign or session ahead of its runs."),
         ("sim", "Emulate the devices of a wired rig, at the addresses of its rig file."),

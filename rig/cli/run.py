@@ -4,6 +4,7 @@ import math
 import sys
 from contextlib import suppress
 from enum import IntEnum, IntFlag
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import Annotated, Any, NamedTuple
@@ -19,6 +20,7 @@ from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors,
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
 from rig.config.wiring import WiringError
+from rig.execution.attended import attended_task
 from rig.execution.task import RunResult, run_task
 from rig.host import disk
 from rig.kinds.interface import Checked, Display, Products, Tasks
@@ -51,6 +53,10 @@ class RunOptions(NamedTuple):
     realtime: bool = False
     emulated: bool = False  # --sim
     interpreted: bool = False
+    arm: bool = False  # power waits for people
+    manual: Path | None = None  # file of a run in manual mode, as a person named it
+    unattended: bool = False  # manual mode without the dead man's time
+    kept: Path = Path("kept_rows.yaml")  # campaign with the set points that people keep
 
 
 def command(
@@ -59,6 +65,9 @@ def command(
     rig: Rig = None,
     sim: Sim = False,
     interpreted: Interpreted = False,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="Switch power on only when an operator has armed the run.")
+    ] = False,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -68,7 +77,7 @@ def command(
     rehearsal on the simulated plant. A rig file with wiring runs on the rig's
     devices.
     """
-    options = RunOptions(rig, realtime, sim, interpreted)
+    options = RunOptions(rig, realtime, sim, interpreted, arm)
     return run_named("run", task, runs, options, as_json=as_json)
 
 
@@ -99,7 +108,7 @@ def run_named(
     if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
         report = with_simulated_rows(report)
     if not as_json:
-        print_warnings(report.warnings, path)
+        print_warnings(() if options.manual else report.warnings, path)
         # A full disk stops the rig.
         if shortage := disk.space_shortage(runs, plan.duration, 1.0 / plan.dt):
             print(f"warning: {shortage}", file=sys.stderr)
@@ -110,14 +119,29 @@ def run_named(
         if not mode.real_clock:
             importing.start()
         with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
-            ended = run_task(tasks.execution_task(checked, plan), runs, view, mode)
+            task = attended_task(
+                tasks.execution_task(checked, plan),
+                checked,
+                plan,
+                options.manual or path,
+                partial(tasks.examine, rig=rig),
+                options.kept,
+                arming=options.arm,
+                manual=options.manual is not None,
+                unattended=options.unattended,
+            )
+            ended = run_task(task, runs, view, mode)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
         return fail(command_name, error, as_json=as_json, code=FAILED)
     if importing.ident is not None:
         importing.join()
-    products = _analyse(kind, ended, len(plan.rows), quiet=as_json)
+    products = (
+        RunProducts((), {}, rows_done=0, text="Manual mode: the journal has the set points.")
+        if options.manual
+        else _analyse(kind, ended, len(plan.rows), quiet=as_json)
+    )
     trouble = "; ".join(filter(None, (ended.save_error, products.trouble)))
     outcome, lost = ended.outcome, lost_ticks(ended)
     if as_json:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from rig.compilation.cache_folder import code_folder, code_text, is_plain
 from rig.realtime import coupled_ticks, cycle, tick_memory
-from rig.realtime.coupled_ticks import ChunkHeader, Coupling
+from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.safety import STOP_0
 from rig.realtime.tick_memory import FlatMemory, Table
 from rig.recording.row_layout import leaves
@@ -172,7 +172,7 @@ def coupled_source(
         sense_plant=code.sense,
         actuate=code.actuate,
         stop_0=STOP_0,
-        at_executed=8 * ChunkHeader._fields.index("executed"),
+        at_executed=memory.start_of("header", "executed"),
     )
 
 

@@ -85,6 +85,14 @@ class StopTiming(FileModel):
             )
 
 
+class Operator(FileModel):
+    """What is required of the operator of a run."""
+
+    dead_man_s: Annotated[float, Field(ge=0.5, le=3600)] | None = 5.0
+    """Time in manual mode without an operator after which the rig stops, s; it damps at once."""
+    stop_by_viewers: bool = True  # whoever sees the page may stop the rig
+
+
 class BaseRigFile(FileModel):
     """A rig: its kind, its loop and the files of its limits and its simulated plant.
 
@@ -100,6 +108,7 @@ class BaseRigFile(FileModel):
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
+    operator: Operator = Operator()
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that drives expect a command in each tick."""

@@ -24,6 +24,7 @@ from rig.realtime.compiled_tick import is_complete
 from rig.realtime.coupled_ticks import CoupledTicks, Coupling
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason, ReasonTable
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import MEASURE, Segments
 from rig.realtime.tick import RowSink
@@ -206,7 +207,7 @@ class RowSimulation:
         ticks, filled, linger = self._ticks, 0, 0
         while linger < LINGER_TICKS:
             self._check()
-            executed = ticks.execute(self._tick, 0, _BLOCK_TICKS)
+            executed = ticks.execute(self._tick, NO_REQUEST, _BLOCK_TICKS)
             self._tick += executed
             linger += ticks.mode == STOP_0  # without power each call has one tick
             for begin, end, measured in _stretches(phases[:executed] == MEASURE):

@@ -6,31 +6,37 @@ command does not change the senses, which stay those of the log.
 
 The cycle runs compiled where the code of the tick is in the cache, with the same bits.
 
-Requests of people are not logged. Where the log's safety machine reached a mode that only a request
-leads to, the replay gives the cycle that request and reports it.
+Requests are in the rows, and set points that people chose in the run's journal; the replay gives
+both to the cycle. Older runs did not log requests: where their safety machine reached a mode that
+only a request leads to, the replay gives the cycle that request.
 """
 
 import ctypes
+import itertools
 import os
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rig.compilation.tick_source import tick_source
 from rig.kinds import registry
+from rig.planning.attendance import attendance, attended
 from rig.processes.run_types import RecordedTask
-from rig.realtime import cycle, safety, tick_memory
+from rig.realtime import cycle, requests, safety, tick_memory
 from rig.realtime.compiled_tick import is_complete, load_at_once
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.tick import CompiledTick, InterpretedTick, Tick
 from rig.recording import row_layout
+from rig.recording.journal import JOURNAL, read_journal
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.mcap_file import Records, row_dtype
 
 _INPUT_FIELDS = ("tick", "time", "timing", "tick_end")
 _TIMING_FIELDS = ("timing.lateness", "timing.work", "timing.skipped")
 _SAFETY_FIELDS = ("safety.mode", "safety.reason")
+_REQUEST_FIELDS = tuple(f"plan.request.{name}" for name in requests.Request._fields)
 _REQUEST_CODES = {
     "STOP": safety.REQUEST_STOP,
     "ABORT": safety.REQUEST_ABORT,
@@ -39,6 +45,7 @@ _REQUEST_CODES = {
     "LOGGER_LOST": safety.REQUEST_LOGGER_LOST,
     "SUPERVISOR_LOST": safety.REQUEST_SUPERVISOR_LOST,
 }
+_REQUEST_NAMES = {code: name for name, code in _REQUEST_CODES.items()}
 ProgressCallback = Callable[[int], None]
 
 
@@ -47,6 +54,7 @@ class _ReplayTarget(NamedTuple):
 
     task: RecordedTask
     tick: str  # package of the kind's tick
+    live: dict[int, Sequence[float]]  # numbers of the set points that people chose, by number
     sense: Any  # NamedTuple type of the sense
     row_prefixes: dict[str, str]  # by field of the sense
 
@@ -61,7 +69,7 @@ class _ReplayTarget(NamedTuple):
     def is_input(self, name: str) -> bool:
         """Return whether a row field is an input of the cycle, not a result."""
         prefixes = tuple(f"{each}." for each in (*_INPUT_FIELDS, *self.row_prefixes.values()))
-        return name in _INPUT_FIELDS or name.startswith(prefixes)
+        return name in (*_INPUT_FIELDS, *_REQUEST_FIELDS) or name.startswith(prefixes)
 
 
 class Difference(NamedTuple):
@@ -76,8 +84,8 @@ class Difference(NamedTuple):
     largest: float  # largest difference; NaN where one of the two values is NaN
 
 
-class Request(NamedTuple):
-    """A request that the logged modes imply."""
+class LoggedRequest(NamedTuple):
+    """A request in the log, or that its modes imply."""
 
     tick: int
     name: str
@@ -90,7 +98,7 @@ class ReplayReport(NamedTuple):
     ticks: int
     fields: int  # number of compared fields
     differences: tuple[Difference, ...]  # the earliest first; empty: no difference
-    requests: tuple[Request, ...]
+    requests: tuple[LoggedRequest, ...]
     absent: tuple[str, ...]  # fields of today's rows that the run does not have
     finished: bool  # False: the logger did not end the record; lost last rows are not compared
     notice: str = ""  # how the law of today differs from that of the run; empty: it does not
@@ -137,7 +145,10 @@ def replay(
         on_progress(done)
     if not done:
         raise RunError(f"{run_facts.run}: it logged no tick")
-    absent = tuple(leaf.name for leaf in today if leaf.name not in names)
+    inputs = (*_REQUEST_FIELDS, "plan.live")  # of older runs: found by their modes, and 0
+    absent = tuple(
+        leaf.name for leaf in today if leaf.name not in names and leaf.name not in inputs
+    )
     finished = all(contents.finished for contents in source.contents)
     differences, requests = comparison.differences(), tuple(cycle_replay.requests)
     return ReplayReport(
@@ -212,12 +223,17 @@ class _CycleReplay:
         kinds: list[Any] = list(target.sense.__annotations__.values())
         self._parts = [(kind, len(kind._fields)) for kind in kinds]
         self._next = self._skipped = 0
-        self.requests: list[Request] = []
+        self._live = target.live
+        self._request = NO_REQUEST
+        self.requests: list[LoggedRequest] = []
 
     def replay_block(self, block: Records) -> Records:
         """Return the rows that today's cycle gives for these ticks."""
         self._rows.begin(len(block))
-        for tick, timing, sense, logged in self._read_inputs(block):
+        are_logged = set(_REQUEST_FIELDS) <= set(block.dtype.names or ())
+        logged_requests = _read_requests(block) if are_logged else itertools.repeat(None)
+        inputs = zip(self._read_inputs(block), logged_requests, strict=False)
+        for (tick, timing, sense, logged), request in inputs:
             skipped = timing.skipped - self._skipped
             if tick != self._next + skipped:
                 raise RunError(
@@ -225,8 +241,27 @@ class _CycleReplay:
                     "be replayed"
                 )
             self._next, self._skipped = tick + 1, timing.skipped
-            self._replay_tick(tick, timing, sense, logged, 1 + skipped)
+            if request is None:
+                self._replay_tick(tick, timing, sense, logged, 1 + skipped)
+            else:
+                self._follow(request, tick)
+                self._tick.step(sense, request, tick, timing, 1 + skipped)
+                self._tick.log()
         return self._rows.records()
+
+    def _follow(self, request: requests.Request, tick: int) -> None:
+        """Note a new request, and store the set point that it puts in force."""
+        if request == self._request:
+            return
+        if request.code not in (self._request.code, safety.REQUEST_NONE):
+            self.requests.append(LoggedRequest(tick, _REQUEST_NAMES[request.code]))
+        if request.live not in (self._request.live, 0):
+            if request.live not in self._live:
+                raise RunError(
+                    f"{self._run}: {JOURNAL} does not have set point {request.live} of tick {tick}"
+                )
+            self._tick.set_live(request.live, self._live[request.live])
+        self._request = request
 
     def _replay_tick(
         self, tick: int, timing: cycle.Timing, sense: Any, logged: tuple[int, int], periods: int
@@ -234,15 +269,15 @@ class _CycleReplay:
         """Add one row. Where only a request explains the logged mode and reason, apply it."""
         before = self._tick.save()
 
-        def explains(request: int) -> bool:
+        def explains(code: int) -> bool:
             self._tick.restore(before)
-            self._tick.step(sense, request, tick, timing, periods)
+            self._tick.step(sense, NO_REQUEST._replace(code=code), tick, timing, periods)
             return (self._tick.mode, self._tick.reason) == logged
 
         if not explains(safety.REQUEST_NONE):
-            for name, request in _REQUEST_CODES.items():
-                if explains(request):
-                    self.requests.append(Request(tick, name))
+            for name, code in _REQUEST_CODES.items():
+                if explains(code):
+                    self.requests.append(LoggedRequest(tick, name))
                     break
             else:
                 explains(safety.REQUEST_NONE)
@@ -264,6 +299,15 @@ class _CycleReplay:
                 parts.append(kind(*values[at : at + length]))
                 at += length
             yield tick, cycle.Timing(*timing), self._sense(*parts), mode_and_reason
+
+
+def _read_requests(block: Records) -> Iterator[requests.Request]:
+    """Yield the request of each tick of a block; one object as long as it does not change."""
+    last = NO_REQUEST
+    for values in zip(*(block[name].tolist() for name in _REQUEST_FIELDS), strict=True):
+        if values != last:
+            last = requests.Request(*values)
+        yield last
 
 
 class _Comparison:
@@ -319,4 +363,7 @@ def _load_target(run_facts: RunInfo) -> _ReplayTarget:
     sense = tick.Sense if task.sense is None else task.sense
     renamed = tick.SENSE_IN_ROW if task.sense_in_row is None else task.sense_in_row
     prefixes = {name: renamed.get(name, name) for name in sense._fields}
-    return _ReplayTarget(task, tick.__name__, sense, prefixes)
+    task = task._replace(params=attended(task.params, attendance(run_facts.plan)))
+    entries = read_journal(run_facts.journal)
+    live = {entry.number: entry.numbers for entry in entries if entry.accepted and entry.number}
+    return _ReplayTarget(task, tick.__name__, live, sense, prefixes)

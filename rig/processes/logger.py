@@ -27,6 +27,7 @@ from numpy.lib.recfunctions import repack_fields
 from rig.processes import handover
 from rig.processes.messages import DiskState, LoggerJob, RecordLost, RecordMoved, report
 from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
+from rig.recording.journal import JOURNAL
 from rig.recording.mcap_writer import RowWriter
 from rig.recording.ring import ProducerState, RingReader, lock_consumer
 from rig.recording.row_layout import Leaf
@@ -185,6 +186,8 @@ class RunLogger:
                 time.sleep(IDLE_INTERVAL)
         for name, value in (("timing.json", self._timing()), ("status.json", self._status())):
             self._writer.attach(name, json.dumps(value, indent=2).encode())
+        with suppress(OSError):  # of most runs there is none
+            self._writer.attach(JOURNAL, (self._folder / JOURNAL).read_bytes())
         while not self._save(self._writer.finish):
             if not self._may_retry():
                 return EXIT_ROWS_LOST

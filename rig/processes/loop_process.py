@@ -21,13 +21,14 @@ from rig import laws
 from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
-from rig.processes.mailbox import Mailbox, Request
+from rig.processes.mailbox import LoopMailbox
 from rig.processes.messages import CodeMissing, LoopJob, LoopPrivileges, Refused, report
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.compiled_tick import is_complete
 from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.devices import Devices
+from rig.realtime.live_setpoints import live_columns
 from rig.realtime.reasons import Reason
 from rig.recording.ring import RingWriter
 
@@ -49,7 +50,7 @@ def main(tick: Any, device_module: Any) -> None:
     """
     ignore_terminal_signals()
     kind, job = _read_job(tick.find_kind, sys.stdin.read())
-    mailbox = Mailbox(job.mailbox, Request)
+    mailbox = LoopMailbox(job.mailbox, job.live, live_columns(job.params))
     last_logger = LastLogger(job.logger[0] if job.logger else None, job.supervisor)
     terminated = False
 
@@ -65,16 +66,13 @@ def main(tick: Any, device_module: Any) -> None:
         return safety.REQUEST_NONE
 
     def supervisor_timed_out() -> bool:
-        message = mailbox.read()
-        return message is not None and time.monotonic() - message.heartbeat > job.supervisor_timeout
+        heartbeat = mailbox.heartbeat()
+        return heartbeat is not None and time.monotonic() - heartbeat > job.supervisor_timeout
 
     def must_not_wait() -> bool:
-        message = mailbox.read()
         if last_logger.ensure_logger():
             return False  # the logger will make room in the ring
-        return external_request() != 0 or (
-            message is not None and message.request != safety.REQUEST_NONE
-        )
+        return external_request() != 0 or safety.stop_reason(mailbox.read().code) != 0
 
     signal.signal(signal.SIGTERM, abort)
     ring = RingWriter(

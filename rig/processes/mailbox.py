@@ -8,19 +8,41 @@ level, not an event: a value stays until the next post.
 
 import mmap
 import os
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
 
-from controllers.signals import Index, Second
+from controllers.signals import Count, Flag, Index, Second
+from rig.realtime.requests import NO_REQUEST, Request
 from rig.recording.row_layout import layout, leaves, packer
 
 _SLOT = mmap.PAGESIZE
 
 
-class Request(NamedTuple):
-    """A request of people or the supervisor to the loop, repeatedly posted as a heartbeat."""
+class SupervisorMessage(NamedTuple):
+    """The requests to the loop, repeatedly posted as a heartbeat."""
 
-    request: Index  # rig.realtime.safety.REQUEST_*
     heartbeat: Second  # CLOCK_MONOTONIC when the supervisor posted it
+    code: Index = 0  # this and all that follow as of `rig.realtime.requests.Request`
+    armed: Flag = 0
+    live: Count = 0
+    jump: Count = 0
+    segment: Index = 0
+
+    @property
+    def request(self) -> Request:
+        """The requests without the heartbeat."""
+        return Request(*self[1:])
+
+
+def live_setpoint_type(columns: Sequence[float]) -> Any:
+    """Return the type of the message with a set point that people chose.
+
+    ``columns``: numbers of any set point, for their types.
+    """
+    fields: list[tuple[str, Any]] = [("number", Count)]
+    for i, each in enumerate(columns):
+        fields.append((f"column_{i}", Index if isinstance(each, int) else Annotated[float, "1"]))
+    return NamedTuple("LiveSetpoint", fields)
 
 
 def create() -> int:
@@ -63,3 +85,31 @@ class Mailbox:
             self._last = self._type(*value)
             self._read = before
         return self._last
+
+
+class LoopMailbox:
+    """The loop's end of the supervisor's mailboxes: requests, and set points that people chose."""
+
+    def __init__(self, fd: int, live_fd: int, columns: Sequence[float]) -> None:
+        """``live_fd``: of the set points, whose numbers have the types of ``columns``; -1: none."""
+        self._requests = Mailbox(fd, SupervisorMessage)
+        self._live = Mailbox(live_fd, live_setpoint_type(columns)) if live_fd >= 0 else None
+        self._message: SupervisorMessage | None = None
+        self._request = NO_REQUEST
+
+    def read(self) -> Request:
+        """Return the requests in force."""
+        message = self._requests.read()
+        if message is not self._message:
+            self._message, self._request = message, message.request
+        return self._request
+
+    def live_numbers(self, number: int) -> Sequence[float] | None:
+        """Return the numbers of the set point with a number; None if it is not there (yet)."""
+        message = self._live.read() if self._live else None
+        return message[1:] if message is not None and message.number == number else None
+
+    def heartbeat(self) -> float | None:
+        """Return when the supervisor posted last, CLOCK_MONOTONIC (s); None before the first."""
+        message = self._requests.read()
+        return None if message is None else message.heartbeat

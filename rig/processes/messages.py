@@ -51,6 +51,7 @@ class LoopJob(NamedTuple):
     code: str = ""  # folder where the compiled tick is or will be; empty: it stays interpreted
     coupled: bool = False  # the ticks are compiled with the plant, whose code the process finds
     compiles: bool = False  # missing code is compiled beside the run
+    live: int = -1  # file descriptor of the set points that people choose; -1: there are none
 
 
 class CompileJob(NamedTuple):

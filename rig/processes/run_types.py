@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from rig.processes.io_processes import IoProcess
+from rig.processes.orders import People
 from rig.processes.wire_locks import Wire
 from rig.realtime import cycle
 
@@ -23,6 +24,7 @@ class Task(NamedTuple):
     plan: dict[str, Any]  # JSON values for `plan.json` in the run's folder
     law: str = ""  # for `rig.laws.from_request`; empty: the kind has no law to choose
     law_source: str = ""  # of a law that is given by its file, for `law.py`
+    people: People = People()  # how they may act on the run
 
 
 class RecordedTask(NamedTuple):

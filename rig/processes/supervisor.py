@@ -21,7 +21,7 @@ from rig.processes import handover, mailbox
 from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
 from rig.processes.io_processes import IoProcessError, IoProcesses
-from rig.processes.mailbox import Mailbox, Request
+from rig.processes.mailbox import Mailbox, SupervisorMessage, live_setpoint_type
 from rig.processes.messages import (
     CodeMissing,
     DiskState,
@@ -32,13 +32,18 @@ from rig.processes.messages import (
     RecordMoved,
     Refused,
 )
+from rig.processes.orders import Orders
+from rig.processes.request_socket import RequestServer
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.tick_compiler import TickCompiler
 from rig.realtime import safety
+from rig.realtime.live_setpoints import live_columns
 from rig.realtime.loop import LoopResult
 from rig.realtime.reasons import NO_REASON
+from rig.realtime.requests import NO_REQUEST
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
+from rig.recording.journal import Journal
 from rig.recording.row_layout import layout, leaves, schema
 from rig.recording.runs.create import end_status, write_json
 from rig.recording.runs.folder import MCAP
@@ -129,13 +134,22 @@ class SupervisedRun:
         self._ring_fd = ring.create(task.kind.row_type, _ring_capacity(task.dt))
         self._mailbox_fd = mailbox.create()
         self._ring = ring.RingReader(self._ring_fd)
-        self._mailbox = Mailbox(self._mailbox_fd, Request)
+        self._mailbox = Mailbox(self._mailbox_fd, SupervisorMessage)
+        self._live_fd = mailbox.create()
+        self._live_type = live_setpoint_type(live_columns(task.params))
+        self._live = Mailbox(self._live_fd, self._live_type)
+        self._woken = threading.Event()
+        self._orders = Orders(
+            task.params.segments, task.people, Journal(lambda: self.folder), self._woken.set
+        )
+        self._server: RequestServer | None = None
         self._layout = layout(task.kind.row_type)
         self._names = [leaf.name for leaf in leaves(task.kind.row_type)]
         self._io_processes = IoProcesses(mode.io_processes, folder, wire_locks)
         self._compiler: TickCompiler | None = None
-        self._request = safety.REQUEST_NONE
+        self._request = safety.REQUEST_NONE  # to stop: of the terminal, people, or the logger's end
         self._aborted = 0.0  # when an abort was posted, s
+        self._posted_live = NO_REQUEST.live
         self._parts = 0
         self._problem = ""
         self._end: LoopResult | None = None
@@ -177,6 +191,7 @@ class SupervisedRun:
         logger: Child | None = None
         try:
             self._io_processes.start()
+            self._listen()
             if not self._mode.interpreted:
                 errors = self.folder / "compiler.stderr"
                 self._compiler = TickCompiler(self._task, self._mode, errors)
@@ -189,6 +204,7 @@ class SupervisedRun:
                 if not loop.alive():
                     self._ring.mark_finished()
                 self._set_request(get_request())
+                self._post()
                 self._kill_hung_loop(loop)
                 died = self._io_processes.check()
                 if loop.alive():  # I/O processes end by themselves after the loop
@@ -198,7 +214,8 @@ class SupervisedRun:
                 if self._log_abandoned and not loop.alive():
                     break
                 show(self._snapshot())
-                time.sleep(POLL_INTERVAL_S)
+                self._woken.wait(POLL_INTERVAL_S)
+                self._woken.clear()
         except IoProcessError as error:
             self._refused = str(error)
         finally:
@@ -207,19 +224,39 @@ class SupervisedRun:
         return self._outcome(loop)
 
     def _set_request(self, request: int) -> None:
-        """Post a request, unless a request of higher priority is in force already."""
-        if (
-            _REQUEST_PRIORITY.get(request, 0) >= _REQUEST_PRIORITY.get(self._request, 0)
-            and request != self._request
-        ):
+        """Put a request to stop in force, unless one of higher priority is in force already."""
+        if _STOP_PRIORITY.get(request, 0) > _STOP_PRIORITY.get(self._request, 0):
             self._request = request
             if request == safety.REQUEST_ABORT:
                 self._aborted = time.monotonic()
-        self._post()
+
+    def _listen(self) -> None:
+        """Open the socket for requests of people; without it the run goes on."""
+        facts = {
+            "run": self._run,
+            "folder": str(self.folder),
+            "rig": self._task.kind_name,
+            "mode": self._mode.name,
+            "dt": self._task.dt,
+            "schema": schema(self._task.kind.row_type),
+            "supervisor": os.getpid(),
+        }
+        try:
+            self._server = RequestServer(self.folder, self._orders, facts, self._ring_fd)
+        except OSError as error:
+            self._problem = f"no requests from pages and commands: {error.strerror or error}"
 
     def _post(self) -> None:
-        """Post the request in force; the post itself is the heartbeat."""
-        self._mailbox.post(Request(self._request, time.monotonic()))
+        """Post the requests in force; the post itself is the heartbeat."""
+        request = self._orders.update(self._latest_row())
+        self._set_request(request.code)
+        set_point = self._orders.set_point()
+        if set_point is not None and set_point[0] != self._posted_live:
+            self._posted_live = set_point[0]
+            # Before the request with its number.
+            self._live.post(self._live_type(set_point[0], *set_point[1]))
+        request = request._replace(code=self._request or request.code)
+        self._mailbox.post(SupervisorMessage(time.monotonic(), *request))
 
     def _kill_hung_loop(self, loop: Child) -> None:
         """Kill a loop that ticks no more or does not carry out an abort.
@@ -298,9 +335,11 @@ class SupervisedRun:
                     (folder / f"{MCAP}.part0").rename(folder / MCAP)
             except OSError as error:  # only the open file remains
                 self._problem = f"the record could not be kept: {error}"
+        if self._server is not None:
+            self._server.close()
         self._whereabouts.close()
-        os.close(self._ring_fd)
-        os.close(self._mailbox_fd)
+        for descriptor in (self._ring_fd, self._mailbox_fd, self._live_fd):
+            os.close(descriptor)
 
     def _start_logger(self) -> Child:
         job = handover.dumps(self._logger_job())
@@ -341,10 +380,18 @@ class SupervisedRun:
             code=self._compiler.folder if self._compiler else "",
             coupled=mode.coupled and not mode.interpreted,
             compiles=self._compiler.compiles if self._compiler else False,
+            live=self._live_fd,
         )
         slots = (slot.fd for slot in self._io_processes.slots.values())
         locks = (self._folder_lock, *self._wire_locks)
-        fds = (self._ring_fd, self._mailbox_fd, *slots, self._io_processes.loop_end, *locks)
+        fds = (
+            self._ring_fd,
+            self._mailbox_fd,
+            self._live_fd,
+            *slots,
+            self._io_processes.loop_end,
+            *locks,
+        )
         errors = self.folder / "loop.stderr"
         return Child(LOOP_MODULE, handover.dumps(job), fds, errors, task.tick, mode.device_module)
 
@@ -430,4 +477,4 @@ def _code_messages(end: LoopResult | None) -> tuple[str, ...]:
     return (f"the tick ran interpreted, its code cannot be used: {end.code_problem}",)
 
 
-_REQUEST_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
+_STOP_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}

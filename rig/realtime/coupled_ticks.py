@@ -12,7 +12,9 @@ from typing import Any, NamedTuple, Protocol
 
 from rig.realtime import cycle
 from rig.realtime.compiled_tick import is_complete, load_at_once
+from rig.realtime.live_setpoints import Numbers, write_live_setpoint
 from rig.realtime.object_code import ObjectCodeError
+from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.tick import TICKS_BETWEEN_LOOKS, InterpretedTick, RowSink
 from rig.realtime.tick_memory import FlatMemory
 
@@ -20,7 +22,7 @@ from rig.realtime.tick_memory import FlatMemory
 class ChunkHeader(NamedTuple):
     """The inputs of a chunk besides parameters, plant and states."""
 
-    request: int = 0
+    request: Request = NO_REQUEST
     tick: int = 0  # the first one
     max_ticks: int = 0
     dt: float = 0.0  # s
@@ -82,13 +84,17 @@ class CoupledTicks:
         """Reason of a stop, as of the safety machine."""
         return int(self._reason[0])
 
-    def execute(self, tick: int, request: int, max_ticks: int) -> int:
+    def set_live(self, number: int, numbers: Numbers) -> None:
+        """Store a set point that people chose, for the requests with its number."""
+        write_live_setpoint(self.memory, number, numbers)
+
+    def execute(self, tick: int, request: Request, max_ticks: int) -> int:
         """Execute ticks from ``tick`` on; return their number, at least 1.
 
         Without power each chunk has one tick. If a tick raises, the rows before it are kept.
         """
         address, space = self._rows.reserve(min(max_ticks, self._coupling.ticks_until_due(tick)))
-        self._pack_header(self.memory.buffer, 0, request, tick, space, self._dt, address, 0)
+        self._pack_header(self.memory.buffer, 0, *request, tick, space, self._dt, address, 0)
         try:
             executed = self._code()
         finally:
@@ -104,14 +110,13 @@ class CoupledChangeover:
         self,
         folder: Path,
         couple: Callable[[], Coupling],
-        params: cycle.Params,
         dt: float,
         rows: RowSink,
         interpreted: InterpretedTick,
     ) -> None:
         """``couple`` returns the plant as it is between two ticks."""
         self._folder, self._couple = folder, couple
-        self._params, self._dt, self._rows = params, dt, rows
+        self._dt, self._rows = dt, rows
         self._interpreted = interpreted
         self._calls = 0
         self.problem = ""  # why the code cannot be used
@@ -124,7 +129,7 @@ class CoupledChangeover:
             return None
         try:
             coupling = self._couple()
-            memory = memory_of(self._params, self._interpreted.state, coupling)
+            memory = memory_of(self._interpreted.params, self._interpreted.state, coupling)
             code = load_at_once(self._folder, memory)
         except (OSError, ObjectCodeError, struct.error) as error:
             self.problem = str(error)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from controllers.signals import Count, Index, Second
 from rig.realtime import safety, sequence
 from rig.realtime.reasons import NO_REASON, Reason, ReasonTable, TripReason, reason_table
+from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.safety import RUN, STOP_2
 
 
@@ -20,6 +21,7 @@ class Params(NamedTuple):
     safety: safety.Params
     lost_ticks_stop: int  # a gap of more periods than this trips
     rig: Any  # the kind's own Params
+    live_setpoint: int = -1  # first of the two set points that people write; -1: there are none
 
 
 class State(NamedTuple):
@@ -44,8 +46,10 @@ class PlanRecord(NamedTuple):
 
     row: Index  # row id; -1 for none
     phase: Index  # `rig.realtime.sequence.Phase`
-    attempt: Index  # number of times that a hold restarted the row
+    attempt: Index  # number of times that the row was started over
     wave_clock: Second  # time since the wave maker started; -1 while it is stopped
+    live: Count = 0  # number of the set point in force that people chose; 0: the plan's own
+    request: Request = NO_REQUEST  # what people and the supervisor ask
 
 
 class Kind(NamedTuple):
@@ -94,8 +98,8 @@ def make(kind: Kind) -> Step:
     """Return the cycle of one kind of rig.
 
     ``step(params, state, sense, request, tick, timing, periods, dt) -> state, command, row``:
-    ``request`` is the operator's or the supervisor's request from the mailbox, ``periods`` the
-    ticks since the last call (1 unless some were lost), ``dt`` the period in seconds.
+    ``request`` are those of people and the supervisor, from the mailbox; ``periods`` the ticks
+    since the last call (1 unless some were lost), ``dt`` the period in seconds.
     """
     observe, ready, check = kind.observe, kind.ready, kind.check
     control, make_row = kind.control, kind.row
@@ -105,13 +109,13 @@ def make(kind: Kind) -> Step:
         params: Params,
         state: State,
         sense: Any,
-        request: int,
+        request: Request,
         tick: int,
         timing: Timing,
         periods: int,
         dt: float,
     ) -> tuple[State, Any, Any]:
-        segments, safety_params, max_lost_ticks, rig_params = params
+        segments, safety_params, max_lost_ticks, rig_params, live_setpoint = params
         plan_state, safety_state, wave_start, rig = state
         motion = observe(rig_params, rig, sense, periods, dt)
 
@@ -120,8 +124,10 @@ def make(kind: Kind) -> Step:
         mode = safety_state.mode
         waiting = mode < RUN or segments.wait[plan_state.segment] != 0
         conditions = ready(rig_params, rig, sense) if waiting else 0
+        if request.armed == 1:
+            conditions = conditions | sequence.WAIT_ARMED
         plan_state, (finished, timed_out) = sequence.step(
-            segments, plan_state, tick, conditions, mode <= RUN, mode == STOP_2
+            segments, plan_state, tick, conditions, mode <= RUN, mode == STOP_2, request
         )
         trip = check(rig_params, rig, sense, motion, mode)
         if periods > max_lost_ticks:  # this trip allows no controlled stop, so it overrides
@@ -137,7 +143,7 @@ def make(kind: Kind) -> Step:
             safety_state,
             tick,
             trip,
-            request,
+            request.code,
             finished,
             power_required,
             drive_on,
@@ -149,11 +155,15 @@ def make(kind: Kind) -> Step:
         else:
             wave_start = tick if wave_start < 0 else wave_start
             wave_clock = (tick - wave_start) * dt
-        plan = PlanRecord(segments.row[i], segments.phase[i], plan_state.attempt, wave_clock)
+        row, phase, setpoint = segments.row[i], segments.phase[i], segments.setpoint[i]
+        live = plan_state.live
+        if live != 0 and live_setpoint >= 0:
+            row, phase, setpoint = sequence.NO_ROW, sequence.MANUAL, live_setpoint + (live & 1)
+        plan = PlanRecord(row, phase, plan_state.attempt, wave_clock, live, request)
         rig, command, signals = control(
-            rig_params, rig, sense, motion, plan, safety_state, segments.setpoint[i], dt
+            rig_params, rig, sense, motion, plan, safety_state, setpoint, dt
         )
-        row = make_row(tick, tick * dt, timing, plan, safety_state, sense, command, signals)
-        return State(plan_state, safety_state, wave_start, rig), command, row
+        record = make_row(tick, tick * dt, timing, plan, safety_state, sense, command, signals)
+        return State(plan_state, safety_state, wave_start, rig), command, record
 
     return step

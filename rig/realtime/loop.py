@@ -4,27 +4,20 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 from rig.realtime import cycle
 from rig.realtime.clock import Clock
 from rig.realtime.coupled_ticks import CoupledChangeover, CoupledTicks, Coupling
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
+from rig.realtime.requests import Request, RequestSource
 from rig.realtime.safety import STOP_0
 from rig.realtime.tick import Changeover, InterpretedTick, RowSink, Tick
 
 STOP_REPEATS = 5  # repetitions of the stop at the end, so that one lost frame does not matter
 LINGER_TICKS = 20  # ticks logged after power was removed, so that the record shows it
 EXTERNAL_REQUEST_INTERVAL = 0.05  # s of ticks between calls of ``external_request``
-
-
-class RequestSource(Protocol):
-    """The source of requests of people and of the supervisor."""
-
-    def read(self) -> Any:
-        """Return the newest message, with its ``request``; None before the first."""
-        ...
 
 
 class LoopResult(NamedTuple):
@@ -43,7 +36,7 @@ def run(
     devices: Devices,
     clock: Clock,
     ring: RowSink,
-    mailbox: RequestSource,
+    requests: RequestSource,
     external_request: Callable[[], int],
     *,
     measure_work: bool,
@@ -62,22 +55,16 @@ def run(
     """
     reason = Reason.EXCEPTION.value
 
-    def posted_request() -> int:
-        message = mailbox.read()
-        return 0 if message is None else message.request
-
-    def any_request() -> int:
-        return external_request() or posted_request()
-
     try:
         work, dt = 0.0, clock.dt
         interpreted = InterpretedTick(kind, params, dt, ring)
         execution: Tick = interpreted
+        reader = _RequestReader(requests, execution)
         exchange = execution.connect(devices, clock)
         changeover: Changeover | CoupledChangeover | None = None
         if code:
             changeover = (
-                CoupledChangeover(code, couple, params, dt, ring, interpreted)
+                CoupledChangeover(code, couple, dt, ring, interpreted)
                 if couple
                 else Changeover(code, kind, params, dt, ring, interpreted)
             )
@@ -92,7 +79,7 @@ def run(
             skipped += periods - 1
             if ticks % request_ticks == 0:
                 external = external_request()
-            request = external or posted_request()
+            request = reader.read(external)
 
             if measure_work or periods != 1:  # otherwise the timing has not changed
                 timing = cycle.Timing(lateness, work, skipped)
@@ -104,8 +91,11 @@ def run(
             elif changeover and (found := changeover.advance()) is not None:
                 problem = changeover.problem
                 compiled_from = -1 if problem else tick + 1
+                reader.execution = found
                 if isinstance(found, CoupledTicks):
-                    ticks += _execute_to_end(found, tick + 1, request_ticks, any_request)
+                    ticks += _execute_to_end(
+                        found, tick + 1, request_ticks, lambda: reader.read(external_request())
+                    )
                     reason = found.reason
                     return LoopResult(ticks, skipped, reason, compiled_from)
                 execution, exchange, changeover = found, found.connect(devices, clock), None
@@ -122,8 +112,28 @@ def run(
             devices.close()
 
 
+class _RequestReader:
+    """Reads the requests before a tick, and stores set points that people chose."""
+
+    def __init__(self, source: RequestSource, execution: Tick | CoupledTicks) -> None:
+        self._source, self.execution = source, execution
+        self._live = 0  # number of the set point in the last request
+
+    def read(self, external: int) -> Request:
+        """Return the requests in force; ``external``: a code that overrides them, or 0."""
+        request = self._source.read()
+        if request.live != self._live:
+            numbers = self._source.live_numbers(request.live) if request.live else None
+            if numbers is not None:
+                self.execution.set_live(request.live, numbers)
+            elif request.live:  # not there yet: keep the one before
+                request = request._replace(live=self._live)
+            self._live = request.live
+        return request._replace(code=external) if external else request
+
+
 def _execute_to_end(
-    coupled: CoupledTicks, tick: int, most: int, get_request: Callable[[], int]
+    coupled: CoupledTicks, tick: int, most: int, get_request: Callable[[], Request]
 ) -> int:
     """Execute ticks from ``tick`` on, to the end as `run` does; return their number.
 

@@ -8,6 +8,8 @@ runs over tuples in the loop and over arrays in a compiled batch.
 from enum import IntEnum
 from typing import NamedTuple
 
+from rig.realtime.requests import NO_REQUEST, Request
+
 
 class Phase(IntEnum):
     """Phase of the plan to which a tick belongs; only `MEASURE` ticks enter a row's means."""
@@ -19,13 +21,17 @@ class Phase(IntEnum):
     MEASURE = 4  # whole wave periods
     TAIL = 5  # rest of the row's interval after its last whole period
     DONE = 6  # plan finished, or left by a stop
+    STANDBY = 7  # drive off, until people have armed the run
+    MANUAL = 8  # people choose the set point
 
 
 # Plain ints for the tick, which compares them a thousand times a second (enum look-up is slower).
-TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE = (int(phase) for phase in Phase)
+TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE, STANDBY, MANUAL = map(int, Phase)
 
 WAIT_ARRIVAL = 1  # the parts that the plan moves between rows have arrived
 WAIT_DRIVE = 2  # the drive has its power stage on
+WAIT_ARMED = 4  # people have armed the run
+WAIT_ORDER = 8  # never met: people leave the segment by an order
 
 NO_ROW = -1  # row id of segments that belong to no row
 
@@ -49,8 +55,10 @@ class State(NamedTuple):
 
     segment: int
     entered: int  # tick in which the segment began
-    attempt: int  # number of times that a hold restarted the row
-    paused: int  # 1 while the rig is on hold (the plan does not advance)
+    attempt: int  # number of times that the row was started over
+    paused: int  # 1 while the plan does not advance: on hold, or manual mode within a campaign
+    live: int = 0  # number of the set point in force that people chose; 0: the plan's own
+    jump: int = 0  # number of the last order that was carried out
 
 
 class PlanEvents(NamedTuple):
@@ -69,25 +77,48 @@ def start(tick: int) -> State:
 
 
 def step(
-    segments: Segments, state: State, tick: int, conditions: int, running: bool, paused: bool
+    segments: Segments,
+    state: State,
+    tick: int,
+    conditions: int,
+    running: bool,
+    paused: bool,
+    request: Request = NO_REQUEST,
 ) -> tuple[State, PlanEvents]:
     """Return the plan advanced to ``tick``, and its events.
 
     ``conditions``: set of the WAIT_ flags that are met now. While ``paused`` the plan does not
     advance, and the interrupted row starts over afterwards; with neither ``running`` nor ``paused``
     the plan is left for good (the last segment, `DONE`).
+
+    A set point that people choose is in force in a segment of the phase `MANUAL`, and within a
+    campaign from a hold to the next hold: only a hold leads from row to manual mode and back.
     """
     last = len(segments.phase) - 1
-    if state.segment == last:
+    i, entered, attempt, was_paused, live, jump = state
+    if i == last:
         return state, PlanEvents(True, False)
     if not (running or paused):
-        return State(last, tick, state.attempt, 0), _NO_EVENTS
-    if paused:
-        return State(state.segment, state.entered, state.attempt, 1), _NO_EVENTS
-    if state.paused == 1:
-        state = State(segments.restart[state.segment], tick, state.attempt + 1, 0)
-    i = state.segment
-    elapsed = tick - state.entered
+        return State(last, tick, attempt, 0, 0, jump), _NO_EVENTS
+    manual = segments.phase[i] == MANUAL
+    if request.jump != jump and 0 <= request.segment <= last:
+        live = 0 if manual else live
+        attempt = attempt + 1 if segments.row[request.segment] == segments.row[i] else 0
+        i, entered, jump = request.segment, tick, request.jump
+        state = State(i, entered, attempt, was_paused, live, jump)
+        if i == last:
+            return state, PlanEvents(True, False)
+        manual = segments.phase[i] == MANUAL
+    if manual or paused or (live != 0 and request.live != 0):
+        live = request.live
+    if paused or (live != 0 and not manual):
+        return State(i, entered, attempt, 1, live, jump), _NO_EVENTS
+    if was_paused == 1:
+        i, entered, attempt = segments.restart[i], tick, attempt + 1
+        state = State(i, entered, attempt, 0, live, jump)
+    elif live != state.live:
+        state = State(i, entered, attempt, 0, live, jump)
+    elapsed = tick - entered
     if elapsed < segments.ticks[i]:
         return state, _NO_EVENTS
     waiting = (segments.wait[i] & ~conditions) != 0
@@ -95,9 +126,9 @@ def step(
         return state, PlanEvents(False, elapsed >= segments.timeout[i])
     # A segment that ends by time ends on its planned tick even if that tick was lost, so that
     # windows do not drift; a segment that waited ends now.
-    entered = tick
+    next_entered = tick
     if segments.wait[i] == 0:
-        entered = state.entered + segments.ticks[i]
+        next_entered = entered + segments.ticks[i]
     same_row = segments.row[i + 1] == segments.row[i]
-    attempt = state.attempt if same_row else 0
-    return State(i + 1, entered, attempt, 0), PlanEvents(i + 1 == last, False)
+    attempt = attempt if same_row else 0
+    return State(i + 1, next_entered, attempt, 0, 0, jump), PlanEvents(i + 1 == last, False)

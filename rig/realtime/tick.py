@@ -14,7 +14,14 @@ from rig.realtime import cycle, tick_memory
 from rig.realtime.clock import Clock
 from rig.realtime.compiled_tick import is_complete, load
 from rig.realtime.devices import Devices, FlatDevices, PackedDevices
+from rig.realtime.live_setpoints import (
+    Numbers,
+    copy_live_setpoints,
+    with_live_setpoint,
+    write_live_setpoint,
+)
 from rig.realtime.object_code import ObjectCodeError
+from rig.realtime.requests import NO_REQUEST, Request
 
 TICKS_BETWEEN_LOOKS = 100
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
@@ -43,7 +50,7 @@ class RowSink(Protocol):
         ...
 
 
-Exchange = Callable[[float, int, int, cycle.Timing, int], None]
+Exchange = Callable[[float, Request, int, cycle.Timing, int], None]
 """``exchange(now, request, tick, timing, periods)``: read the devices, run the cycle, and send the
 command; arguments as of `rig.realtime.devices` and `rig.realtime.cycle.make`."""
 
@@ -61,7 +68,9 @@ class Tick(Protocol):
         """Reason of a stop, as of the safety machine."""
         ...
 
-    def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+    def step(
+        self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int
+    ) -> Any:
         """Return the command for the readings of a tick (arguments as of `cycle.make`)."""
         ...
 
@@ -74,6 +83,10 @@ class Tick(Protocol):
 
     def log(self) -> None:
         """Hand over the row of the last step, whose command has been sent."""
+        ...
+
+    def set_live(self, number: int, numbers: Numbers) -> None:
+        """Store a set point that people chose, for the requests with its number."""
         ...
 
     def save(self) -> Any:
@@ -89,7 +102,7 @@ class InterpretedTick:
     """The cycle as it stands."""
 
     def __init__(self, kind: cycle.Kind, params: cycle.Params, dt: float, rows: RowSink) -> None:
-        self._step, self._params, self._dt, self._rows = cycle.make(kind), params, dt, rows
+        self._step, self.params, self._dt, self._rows = cycle.make(kind), params, dt, rows
         self.state = cycle.start(kind, params, 0)
 
     @property
@@ -100,9 +113,11 @@ class InterpretedTick:
     def reason(self) -> int:
         return self.state.safety.reason
 
-    def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+    def step(
+        self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int
+    ) -> Any:
         self.state, command, self._row = self._step(
-            self._params, self.state, sense, request, tick, timing, periods, self._dt
+            self.params, self.state, sense, request, tick, timing, periods, self._dt
         )
         return command
 
@@ -110,7 +125,7 @@ class InterpretedTick:
         read, step, write = devices.read, self.step, devices.write
 
         def exchange(
-            now: float, request: int, tick: int, timing: cycle.Timing, periods: int
+            now: float, request: Request, tick: int, timing: cycle.Timing, periods: int
         ) -> None:
             write(step(read(now), request, tick, timing, periods))
 
@@ -118,6 +133,9 @@ class InterpretedTick:
 
     def log(self) -> None:
         self._rows.put(self._row)
+
+    def set_live(self, number: int, numbers: Numbers) -> None:
+        self.params = with_live_setpoint(self.params, number, numbers)
 
     def save(self) -> cycle.State:
         return self.state
@@ -150,15 +168,19 @@ class CompiledTick:
     def reason(self) -> int:
         return int(self._reason[0])
 
-    def step(self, sense: Any, request: int, tick: int, timing: cycle.Timing, periods: int) -> Any:
+    def step(
+        self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int
+    ) -> Any:
         self._set_sense(sense)
         self.step_in_place(request, tick, timing, periods)
         return self._get_command()
 
-    def step_in_place(self, request: int, tick: int, timing: cycle.Timing, periods: int) -> None:
+    def step_in_place(
+        self, request: Request, tick: int, timing: cycle.Timing, periods: int
+    ) -> None:
         """Run a step on the readings in memory, which then also has the command."""
         row, _ = self._reserve()
-        self._set_header(request, tick, *timing, periods, self._dt, row)
+        self._set_header(*request, tick, *timing, periods, self._dt, row)
         self._mode = self._code()
 
     def connect(self, devices: Devices, clock: Clock) -> Exchange:
@@ -173,7 +195,7 @@ class CompiledTick:
         clock.prepare_ticks(self._prepare)
 
         def exchange(
-            now: float, request: int, tick: int, timing: cycle.Timing, periods: int
+            now: float, request: Request, tick: int, timing: cycle.Timing, periods: int
         ) -> None:
             self._last = now, tick
             read(now)
@@ -192,10 +214,13 @@ class CompiledTick:
         now, tick = self._last
         self._prepare_devices(now + self._dt)
         mode, state = self._mode, self.save()
-        self.step_in_place(0, tick + 1, _NO_TIMING, 1)
+        self.step_in_place(NO_REQUEST, tick + 1, _NO_TIMING, 1)
         self.log(0)
         self._mode = mode
         self.restore(state)
+
+    def set_live(self, number: int, numbers: Numbers) -> None:
+        write_live_setpoint(self._memory, number, numbers)
 
     def save(self) -> bytes:
         return self._state.tobytes()
@@ -245,4 +270,5 @@ class Changeover:
         yield
         code = yield from load(self._folder, memory)
         memory.set_state(self._interpreted.state)
+        copy_live_setpoints(self._interpreted.params, memory)
         return CompiledTick(memory, code, self._dt, self._rows, self._interpreted.mode)

@@ -15,6 +15,7 @@ from functools import cache, partial
 from typing import Annotated, Any, NamedTuple, Protocol, get_args, get_origin, get_type_hints
 
 from rig.realtime import cycle
+from rig.realtime.requests import NO_REQUEST, Request
 
 
 class Table(NamedTuple):
@@ -28,7 +29,7 @@ class Table(NamedTuple):
 class TickHeader(NamedTuple):
     """The inputs of a tick besides parameters, state and readings."""
 
-    request: int = 0
+    request: Request = NO_REQUEST
     tick: int = 0
     lateness: float = 0.0  # s
     work: float = 0.0  # s
@@ -129,6 +130,15 @@ class FlatMemory:
         part, _ = self._part(name, *path)
         return self.bytes_of(name, *path).cast("q" if isinstance(part, int) else "d")
 
+    def start_of(self, name: str, *path: str) -> int:
+        """Return the first byte of a part of a section."""
+        return self._part(name, *path)[1]
+
+    def numbers_of(self, name: str, table: Table) -> "array[Any]":
+        """Return the numbers of a table of a section; the code reads what is written to them."""
+        owned = (each for each in self._owners[name] if isinstance(each, array))
+        return next(each for each in owned if each.buffer_info()[0] == table.address)
+
     def _part(self, name: str, *path: str) -> tuple[Any, int]:
         """Return a part of a section, and its first byte."""
         tree, start, _ = self.sections[name]
@@ -175,7 +185,8 @@ def examples(kind: cycle.Kind, params: cycle.Params, dt: float) -> tuple[Any, An
     """Return readings that are all zero, and the command of the first tick for them."""
     sense = example(kind.sense_type)
     start = cycle.start(kind, params, 0)
-    _, command, _ = cycle.make(kind)(params, start, sense, 0, 0, _NO_TIMING, 1, dt)
+    step = cycle.make(kind)
+    _, command, _ = step(params, start, sense, NO_REQUEST, 0, _NO_TIMING, 1, dt)
     return sense, command
 
 

@@ -21,6 +21,7 @@ from rig.campaign import AnyCampaign, AnyPlan, build_plan, open_campaign
 from rig.kinds.rig_file import kind_of_task
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import MEASURE
 from rig.sweep.simulator import campaign_kind, simulation_of
@@ -94,7 +95,9 @@ def interpreted(path: Path) -> LoopResult:
     lines, tick, linger = [], 0, 0
     while linger < LINGER_TICKS:
         sense = devices.read(tick * plan.dt)
-        state, command, row = step(task.params, state, sense, 0, tick, STILL_CLOCK, 1, plan.dt)
+        state, command, row = step(
+            task.params, state, sense, NO_REQUEST, tick, STILL_CLOCK, 1, plan.dt
+        )
         devices.write(command)
         if row.plan.phase == MEASURE:
             lines.append(fields(row))

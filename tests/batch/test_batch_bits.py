@@ -36,6 +36,7 @@ from rig.kinds.wavebot.rehearsal.devices import WaveBotPlantDevices
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import RUN, STOP_0, Mode
 
 LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
@@ -202,7 +203,7 @@ def step_interpreted(
 ) -> tuple[Any, Any]:
     """Run the interpreted cycle on these readings; return its state and the plant input."""
     sense = plant_coupling.sense(readings, simulator.plant.age)
-    state, command, _ = cycle.make(KIND)(params, loop, sense, 0, tick, STILL_CLOCK, 1, DT)
+    state, command, _ = cycle.make(KIND)(params, loop, sense, NO_REQUEST, tick, STILL_CLOCK, 1, DT)
     return state, plant_coupling.actuation(command)
 
 

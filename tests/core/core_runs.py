@@ -12,7 +12,7 @@ from core_kinds import AXIS, DT, SCALE, BenchParams, BenchSense, Table
 
 from controllers.signals import AxisCommand, AxisSense
 from rig.processes import mailbox
-from rig.processes.mailbox import Mailbox, Request
+from rig.processes.mailbox import LoopMailbox, Mailbox, SupervisorMessage
 from rig.realtime import axis, cycle, loop, safety, sequence
 from rig.realtime.clock import Clock, VirtualClock, Wake
 from rig.realtime.sequence import WAIT_DRIVE, Phase
@@ -215,7 +215,7 @@ def run(
     """
     ring_fd, mail_fd = ring.create(kind.row_type, capacity), mailbox.create()
     try:
-        reader, sender = ring.RingReader(ring_fd), Mailbox(mail_fd, Request)
+        reader, sender = ring.RingReader(ring_fd), Mailbox(mail_fd, SupervisorMessage)
         timed = _RequestingClock(clock or VirtualClock(DT), sender, requests or {})
         writer = wrap_writer(ring.RingWriter(ring_fd, kind.row_type, wait=False))
         end, error, code = None, None, find_code(kind, params)
@@ -226,7 +226,7 @@ def run(
                 devices,
                 timed,
                 writer,
-                Mailbox(mail_fd, Request),
+                LoopMailbox(mail_fd, -1, ()),
                 external_request,
                 measure_work=measure_work,
                 code=code,
@@ -253,7 +253,7 @@ class _RequestingClock:
     def wait_next(self) -> Any:
         wake = self._clock.wait_next()
         if wake.tick in self._posts:
-            self._mail.post(Request(self._posts[wake.tick], 0.0))
+            self._mail.post(SupervisorMessage(0.0, self._posts[wake.tick]))
         return wake
 
 

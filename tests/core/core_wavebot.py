@@ -9,6 +9,7 @@ from typing import Any
 
 from core_runs import plan
 
+from controllers import signal_generator
 from controllers.signals import (
     AxisCommand,
     AxisSense,
@@ -55,7 +56,8 @@ def table(
     gains = (kp, ki, (0.0,) * count)
     columns |= {"law": gains, "spring_rate": spring_rate}
     columns |= {"stroke": (0.35,) * count, "surge_kp": (-2500.0,) * count}
-    return Setpoints(**columns | {"discharge_level": (0,) * count, "realisation": (1,) * count})
+    columns |= {"discharge_level": (0,) * count, "realisation": (1,) * count}
+    return Setpoints(**columns | {"signal": signal_generator.columns(count)})
 
 
 SETPOINTS = table((-2000.0, -1000.0), (0.0, 1000.0), (490.9, 490.9))

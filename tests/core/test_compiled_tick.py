@@ -33,6 +33,7 @@ from rig.realtime import (
 from rig.realtime.clock import VirtualClock
 from rig.realtime.devices import FlatDevices
 from rig.realtime.object_code import ObjectCode, ObjectCodeError
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.tick import Changeover, InterpretedTick
 from rig.recording import ring
 from rig.recording.runs import reader, run_info
@@ -61,7 +62,7 @@ def recorded(kind: str) -> Recorded:
     task = target.task
     cycle_replay = replay._CycleReplay(target, kind, interpreted=True)
     inputs = tuple(
-        (sense, 0, tick, timing, 1)
+        (sense, NO_REQUEST, tick, timing, 1)
         for block in reader.blocks(source)
         for tick, timing, sense, _ in cycle_replay._read_inputs(block)
     )
@@ -172,7 +173,7 @@ def disturbed(run: Recorded, undisturbed: int, seed: int) -> tuple[Inputs, ...]:
     choose = random.Random(seed)
     found, skipped = list(run.inputs[:undisturbed]), 0
     for logged, _, tick, _, _ in run.inputs[undisturbed:]:
-        sense, periods, request = logged, 1, 0
+        sense, periods, request = logged, 1, NO_REQUEST
         if choose.random() < 0.002:
             field = choose.choice(sense._fields)
             part = getattr(sense, field)
@@ -188,7 +189,8 @@ def disturbed(run: Recorded, undisturbed: int, seed: int) -> tuple[Inputs, ...]:
             periods = choose.choice([2, 2, 3, 29])
             skipped += periods - 1
         if choose.random() < 0.002:
-            request = choose.choice([safety.REQUEST_HOLD, safety.REQUEST_RESUME])
+            code = choose.choice([safety.REQUEST_HOLD, safety.REQUEST_RESUME])
+            request = NO_REQUEST._replace(code=code)
         timing = cycle.Timing(choose.random() * 1e-3, choose.random() * 1e-4, skipped)
         found.append((sense, request, tick + skipped, timing, periods))
     return tuple(found)

@@ -70,13 +70,13 @@ from core_kinds import BENCH, DT
 from core_runs import bench, bench_params
 from rig.processes import handover, loop_process, mailbox
 from rig.recording import ring, row_layout
-from rig.processes.mailbox import Mailbox, Request
+from rig.processes.mailbox import Mailbox, SupervisorMessage as Message
 def privileges(job): pass
 loop_process._privileges = privileges
 loop_process.ignore_terminal_signals = lambda: None
 rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
 devices = bench()
-devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monotonic()))
+devices.warm_up = lambda dt: Mailbox(mail, Message).post(Message(time.monotonic()))
 params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stall
 job = loop_process.LoopJob(True, False, DT, rows, mail, os.getppid(), params, {}, TIMEOUT)
 sys.stdin = io.StringIO(handover.dumps(job))

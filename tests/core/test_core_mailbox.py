@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.processes import mailbox
-from rig.processes.mailbox import Mailbox, Request
+from rig.processes.mailbox import Mailbox, SupervisorMessage
 
 
 class Meter(NamedTuple):
@@ -29,7 +29,7 @@ def fd() -> Iterator[int]:
 
 
 def test_an_empty_mailbox_reads_none(fd: int) -> None:
-    assert Mailbox(fd, Request).read() is None
+    assert Mailbox(fd, SupervisorMessage).read() is None
 
 
 @settings(max_examples=50, deadline=None)
@@ -107,14 +107,15 @@ def test_a_value_of_another_type_is_refused(fd: int) -> None:
 
 
 def test_a_post_from_another_process_arrives(fd: int) -> None:
-    reader = Mailbox(fd, Request)
+    reader = Mailbox(fd, SupervisorMessage)
     code = (
-        "import sys; from rig.processes.mailbox import Mailbox, Request;"
-        "m = Mailbox(int(sys.argv[1]), Request); [m.post(Request(n, 0.5)) for n in range(1, 4)];"
+        "import sys; from rig.processes.mailbox import Mailbox, SupervisorMessage as M;"
+        "m = Mailbox(int(sys.argv[1]), M); [m.post(M(0.5, n)) for n in range(1, 4)];"
         "print(m.read())"
     )
-    assert output(code, fd).strip() == "Request(request=3, heartbeat=0.5)"
-    assert reader.read() == (3, 0.5)
+    expected = "SupervisorMessage(heartbeat=0.5, code=3, armed=0, live=0, jump=0, segment=0)"
+    assert output(code, fd).strip() == expected
+    assert reader.read() == (0.5, 3, 0, 0, 0, 0)
 
 
 def test_values_of_a_busy_writer_are_whole(fd: int) -> None:

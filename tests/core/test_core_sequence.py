@@ -105,7 +105,7 @@ def test_a_waiting_segment_ends_when_its_conditions_are_met(
             assert plan_run.state.entered == (plan_run.tick if segments.wait[i] else planned)
             assert not events.timed_out
         else:
-            assert plan_run.state == (i, entered, 0, 0)
+            assert plan_run.state == (i, entered, 0, 0, 0, 0)
             waiting = elapsed >= segments.ticks[i]
             assert events.timed_out == (waiting and elapsed >= segments.timeout[i])
     assert [segment for segment, _ in plan_run.visits] == list(range(last_of(segments) + 1))
@@ -134,7 +134,7 @@ def test_a_hold_pauses_the_plan_and_restarts_the_row(
         frozen = plan_run.state.segment, plan_run.state.entered, plan_run.state.attempt
         for _ in range(span):
             assert plan_run.step(running=False, paused=True) == (False, False)
-            assert plan_run.state == (*frozen, 1)
+            assert plan_run.state == (*frozen, 1, 0, 0)
         plan_run.step()
         assert plan_run.state.paused == 0
         start = segments.restart[frozen[0]]
@@ -142,7 +142,7 @@ def test_a_hold_pauses_the_plan_and_restarts_the_row(
         assert plan_run.state.segment in (start, start + 1)
         assert plan_run.visits[-1][1] >= plan_run.tick - segments.ticks[start]
         if plan_run.state.segment == start:
-            assert plan_run.state == (start, plan_run.tick, frozen[2] + 1, 0)
+            assert plan_run.state == (start, plan_run.tick, frozen[2] + 1, 0, 0, 0)
         assert segments.row[start] == segments.row[frozen[0]]
         attempts[frozen[0]] += 1
         for _ in range(gap):

@@ -24,6 +24,7 @@ from controllers import (
     open_loop,
     oswec_position,
     position_hold,
+    signal_generator,
     station_keeping,
     torque_tracking,
 )
@@ -70,6 +71,13 @@ def of_reference(rng: np.random.Generator, tick: int) -> Inputs:
     slow = np.random.default_rng(tick // 80)
     scale, realisation = float(slow.normal()), int(slow.integers(-1, 4))
     return scale, realisation, int(rng.choice([tick - 20, 3 * 10**9 + tick]))
+
+
+def of_signal(rng: np.random.Generator, tick: int) -> Inputs:
+    row = np.random.default_rng(tick // 130)
+    kind, amplitude = float(row.integers(0, 4)), float(row.normal() * 500.0)
+    frequency, end = row.uniform(0.0, 20.0, 2).tolist()
+    return (signal_generator.SetPoint(kind, amplitude, frequency, end, float(row.uniform(0, 0.2))),)
 
 
 def of_estimator(rng: np.random.Generator, tick: int) -> Inputs:
@@ -140,6 +148,9 @@ LAWS = {
     ),
     "reference, array": Law(
         open_loop, open_loop.Params(TABLE, 0.05, 1), open_loop.start(), of_reference, table="table"
+    ),
+    "signal generator": Law(
+        signal_generator, signal_generator.Params(0.05), signal_generator.start(), of_signal
     ),
     "station keeping": Law(
         station_keeping,

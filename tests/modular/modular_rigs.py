@@ -10,7 +10,7 @@ from mode_plants import HEAVE as HEAVE_MODE
 from mode_plants import PITCH as PITCH_MODE
 from rehearsing import write_yaml
 
-from controllers import open_loop
+from controllers import open_loop, signal_generator
 from controllers.signals import AxisSense, PanelSense
 from rig.config.law_settings import IMPEDANCE, ImpedanceSettings
 from rig.kinds.modular.build import composition, modular_params
@@ -149,7 +149,9 @@ def params(rig: RigFile, bounds: LimitsFile, segments: Segments, **gains: Any) -
         bounds,
         dict.fromkeys(rig.axes, (IMPEDANCE, ImpedanceSettings())),
         segments,
-        tick.Setpoints(**columns, reference_scale=(1.0,), realisation=(0,)),
+        tick.Setpoints(
+            **columns, reference_scale=(1.0,), realisation=(0,), signal=signal_generator.columns(1)
+        ),
         open_loop.Params((), 0.1, 1),
         next(iter(rig.axes)),
     )

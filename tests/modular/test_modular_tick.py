@@ -29,6 +29,7 @@ from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.tick import Composition, compose, find_kind
 from rig.realtime import cycle
 from rig.realtime.reasons import Reason
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import RUN
 from rig.recording.row_layout import leaves
 
@@ -47,7 +48,7 @@ def run(rig: RigFile, bounds: LimitsFile, read: Read, ticks: int = 1200) -> list
     currents = dict.fromkeys(rig.axes, 0.0)
     for tick in range(ticks):
         given = follow(read(tick), currents)
-        state, command, row = step(own, state, given, 0, tick, NO_TIMING, 1, DT)
+        state, command, row = step(own, state, given, NO_REQUEST, tick, NO_TIMING, 1, DT)
         currents = {name: getattr(command, name).current for name in rig.axes}
         rows.append(row)
     return rows
@@ -224,7 +225,7 @@ def test_compiled_tick_has_the_bits_of_the_interpreted_one() -> None:
     currents = dict.fromkeys(rig.axes, 0.0)
     for tick, row in enumerate(interpreted):
         given = follow(read(tick), currents)
-        state, command, repeated = compiled(own, state, given, 0, tick, NO_TIMING, 1, DT)
+        state, command, repeated = compiled(own, state, given, NO_REQUEST, tick, NO_TIMING, 1, DT)
         currents = {name: getattr(command, name).current for name in rig.axes}
         assert lifting.flatten(repeated) == lifting.flatten(row)
 

@@ -20,6 +20,7 @@ from rig.kinds.oswec_bench.sessions.files import open_session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
 from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.realtime import cycle
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import STOP_0
 
 DT = 0.001
@@ -66,7 +67,7 @@ def test_a_session_on_the_coupling_has_the_bits_of_the_devices(name: str, tmp_pa
         # by repr: equal to the last bit, types too
         assert repr(bench_coupling.sense(device.in_transit[0], plant.age)) == repr(read), tick
         assert repr(device.state) == repr(devices._world._stepper.state), tick  # type: ignore[attr-defined]
-        state, command, _ = loop_step(params, state, read, 0, tick, NO_TIMING, 1, DT)
+        state, command, _ = loop_step(params, state, read, NO_REQUEST, tick, NO_TIMING, 1, DT)
         devices.write(command)
         device, interrupted = module.actuate(plant, device, command, DT)
         assert not interrupted

@@ -30,6 +30,7 @@ from rig.processes.run_types import ExecutionMode, Task
 from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import coupled_ticks, loop, safety, tick
 from rig.realtime.clock import VirtualClock
+from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2
 from rig.realtime.sequence import Phase
 from rig.recording import ring
@@ -87,14 +88,18 @@ class Requests:
 
     def __init__(self, rows: ring.RingWriter, planned: dict[int, int]) -> None:
         self._rows, self._planned = rows, planned
-        self.request = 0
+        self.request = NO_REQUEST
         self.taken: dict[int, int] = {}
 
-    def read(self) -> Requests:
+    def read(self) -> Request:
         tick = self._rows.head
         for planned in [each for each in self._planned if each <= tick]:
-            self.request = self.taken[tick] = self._planned.pop(planned)
-        return self
+            code = self.taken[tick] = self._planned.pop(planned)
+            self.request = NO_REQUEST._replace(code=code)
+        return self.request
+
+    def live_numbers(self, number: int) -> None:
+        """Return None: people choose no set points."""
 
 
 def execute(

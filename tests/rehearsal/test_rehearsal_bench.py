@@ -28,6 +28,7 @@ from rig.kinds.oswec_bench.sessions.plan import plan_session
 from rig.kinds.oswec_bench.tick.cycle import KIND
 from rig.realtime import cycle
 from rig.realtime.reasons import Reason
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import Phase
 from rig.recording.runs import open_run
@@ -64,7 +65,7 @@ def measure_rows(session: Session) -> Rows:
     tick = 0
     while state.safety.mode != STOP_0:
         sense = devices.read(tick * DT)
-        state, command, row = step(params, state, sense, 0, tick, no_delay, 1, DT)
+        state, command, row = step(params, state, sense, NO_REQUEST, tick, no_delay, 1, DT)
         devices.write(command)
         if row.plan.phase == Phase.MEASURE:
             samples.setdefault(row.plan.row, []).append((

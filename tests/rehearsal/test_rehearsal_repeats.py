@@ -15,7 +15,7 @@ from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.devices import connect
 from rig.kinds.wavebot.tick import KIND, WaveBotRow
-from rig.processes.mailbox import Mailbox, Request, create
+from rig.processes.mailbox import LoopMailbox, create
 from rig.realtime import loop
 from rig.realtime.clock import VirtualClock
 from rig.recording.row_layout import layout, packer
@@ -76,7 +76,7 @@ def rehearse_in_process(campaign: Campaign, plan: Plan, *, compiled: bool) -> by
         devices,
         VirtualClock(plan.dt),
         rows,
-        Mailbox(create(), Request),
+        LoopMailbox(create(), -1, ()),
         lambda: 0,
         measure_work=False,
     )

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from controllers import signal_generator
 from rig.campaign import CampaignKind
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
@@ -134,6 +135,7 @@ def _set_points(file: CampaignFile, rig: RigFile, settings: tuple[Any, ...]) -> 
         },
         reference_scale=columns["reference_scale"],
         realisation=tuple(int(number) for number in columns["realisation"]),
+        signal=signal_generator.columns(len(settings)),
     )
 
 

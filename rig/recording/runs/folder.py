@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from rig import module_process, row_contents
 from rig.realtime import reasons
 from rig.realtime.reasons import ReasonTable
+from rig.recording.journal import JOURNAL
 from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, merge_descriptions, scan, scan_all
 from rig.recording.runs.mcap_records import RunError
@@ -87,6 +88,7 @@ class RunInfo(NamedTuple):
     timing: dict[str, Any] = {}  # noqa: RUF012
     metadata: dict[str, dict[str, str]] = {}  # noqa: RUF012
     law_source: bytes = b""  # of a law that was given by its file
+    journal: bytes = b""  # of the requests of people (`rig.recording.journal`)
 
     @property
     def started_utc(self) -> str:
@@ -208,6 +210,7 @@ def run_info(
         timing=read("timing.json"),
         metadata=metadata,
         law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
+        journal=_read_bytes(path / JOURNAL) or attached.get(JOURNAL, b""),
     )
 
 

@@ -10,7 +10,7 @@ TEMPLATE = '''"""The tick of a modular rig, written from its rig file."""
 from math import floor
 from typing import Annotated, NamedTuple
 
-from controllers import open_loop
+from controllers import open_loop, signal_generator
 from controllers.blocks import finite
 from controllers.signals import (
     AxisCommand, AxisSense, Count, Flag, Metre, PanelSense, Radian, Reference, Second, Tick,
@@ -72,6 +72,7 @@ class Setpoints(NamedTuple):
     AXIS: tuple[tuple[float, ...], ...]
     reference_scale: tuple[float, ...]
     realisation: tuple[int, ...]
+    signal: tuple[tuple[float, ...], ...]
 
 
 class Params(NamedTuple):
@@ -104,12 +105,14 @@ class Active(NamedTuple):
     AXIS: law_of_AXIS.SetPoint
     reference_scale: float
     realisation: int
+    signal: signal_generator.SetPoint
 
 
 class State(NamedTuple):
     AXIS: axis.State
     AXIS_law: law_of_AXIS.State
     reference: open_loop.State
+    generator: signal_generator.State
     tare: Tare
     power: Power
     active: Active
@@ -134,11 +137,13 @@ def start(params):
         law_of_AXIS.SetPoint(AXIS_ZEROS),
         0.0,
         0,
+        signal_generator.NO_SIGNAL,
     )
     return State(
         axis.start(),  # AXIS
         law_of_AXIS.start(params.AXIS_law),
         open_loop.start(),
+        signal_generator.start(),
         Tare(zeros, 0, 0, NO_SUMS),
         start_power(),
         active,
@@ -208,6 +213,13 @@ def load_setpoint(params, setpoint):
         law_of_AXIS.SetPoint(AXIS_COLUMNS),
         table.reference_scale[setpoint],
         table.realisation[setpoint],
+        signal_generator.SetPoint(
+            table.signal[0][setpoint],
+            table.signal[1][setpoint],
+            table.signal[2][setpoint],
+            table.signal[3][setpoint],
+            table.signal[4][setpoint],
+        ),
     )
 
 
@@ -241,6 +253,7 @@ def step_tare(params, tare, sense, phase):
 def control(params, state, sense, motion, plan, guard, setpoint, dt):
     memory_of_AXIS = state.AXIS_law
     reference_state, active, tare = state.reference, state.active, state.tare
+    generator = state.generator
     phase, wave_clock, mode = plan.phase, plan.wave_clock, guard.mode
     if setpoint != active.setpoint:
         active = load_setpoint(params, setpoint)
@@ -258,6 +271,12 @@ def control(params, state, sense, motion, plan, guard, setpoint, dt):
                 dt,
             )
             reference = Reference(reference_state.scale.value, force)
+        if not signal_generator.at_rest(generator, active.signal):
+            generator, generated = signal_generator.step(
+                signal_generator.Params(params.reference.ramp), generator, active.signal, dt
+            )
+            force = force + generated
+            reference = Reference(reference.scale, force)
         memory_of_AXIS, demand_of_AXIS = law_of_AXIS.step(
             params.AXIS_law,
             memory_of_AXIS,
@@ -269,7 +288,7 @@ def control(params, state, sense, motion, plan, guard, setpoint, dt):
         )
     else:  # reset the laws, so that a later start ramps its gains up from zero
         memory_of_AXIS, demand_of_AXIS = law_of_AXIS.start(params.AXIS_law), axis.NO_DEMAND
-        reference_state = open_loop.start()
+        reference_state, generator = open_loop.start(), signal_generator.start()
     after_of_AXIS, record_of_AXIS = axis.control(
         params.AXIS,
         state.AXIS,
@@ -295,6 +314,7 @@ def control(params, state, sense, motion, plan, guard, setpoint, dt):
         after_of_AXIS,
         memory_of_AXIS,
         reference_state,
+        generator,
         tare,
         power,
         active,

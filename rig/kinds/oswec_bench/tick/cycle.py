@@ -84,7 +84,7 @@ def control(
     brake, tare_state, table = state.brake, state.tare, params.setpoints
     motor_motion, shaft_motion = motion
     encoders, servo, load, brake_sense, _ = sense
-    _, phase, _, clock = plan
+    phase, clock = plan.phase, plan.wave_clock
     mode = guard.mode
     torque = load.tz - tare_state.zeros.torque
     if mode == RUN:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from controllers import signal_generator
 from rig.campaign.set_points import columns_of
 from rig.config.problems import Problem
 from rig.config.yaml_source import SourceMap
@@ -91,4 +92,5 @@ def setpoint_table(
         rig.spring.stroke(setting.spring_rate) if campaign.hoist is None else math.inf
         for setting in settings
     )
-    return Setpoints(law=law, **columns, stroke=stroke)
+    signal = signal_generator.columns(len(settings))
+    return Setpoints(law=law, **columns, stroke=stroke, signal=signal)

@@ -11,6 +11,7 @@ from controllers import (
     magnetic_spring,
     open_loop,
     position_hold,
+    signal_generator,
     station_keeping,
 )
 from controllers.signals import Demand, DriveCommand, Reference
@@ -128,7 +129,7 @@ def _law_stepper(module: Any) -> Callable[..., tuple[Laws, Demand, Reference, in
 
         The power stage's flag is 1 where the drive conducts.
         """
-        law, table, gate, keeping, holding = laws
+        law, table, generator, gate, keeping, holding = laws
         heave_motion, surge_motion = motion
         reference = _NO_REFERENCE
         if len(params.reference.table) > 0:
@@ -142,6 +143,12 @@ def _law_stepper(module: Any) -> Callable[..., tuple[Laws, Demand, Reference, in
                 dt,
             )
             reference = Reference(table.scale.value, force)
+        signal = active_setpoint.signal
+        if not signal_generator.at_rest(generator, signal):
+            generator, force = signal_generator.step(
+                signal_generator.Params(params.reference.ramp), generator, signal, dt
+            )
+            reference = Reference(reference.scale, reference.force + force)
         heave_reference = reference.force if params.reference_axis != REFERENCE_SURGE else 0.0
         surge_reference = reference.force - heave_reference
         law, heave_demand = step_law(
@@ -172,7 +179,7 @@ def _law_stepper(module: Any) -> Callable[..., tuple[Laws, Demand, Reference, in
             kp, ki, km, force = surge_demand
             surge_demand = Demand(kp, ki, km, force + surge_reference)
         return (
-            (law, table, gate, keeping, holding),
+            (law, table, generator, gate, keeping, holding),
             heave_demand,
             reference,
             conducting,
@@ -207,7 +214,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
         laws, active_setpoint = state.laws, state.active_setpoint
         load, analyser, saturated = sense.load, sense.power, sense.drive.saturated
         heave_motion, surge_motion = motion
-        _, phase, _, wave_clock = plan
+        phase, wave_clock = plan.phase, plan.wave_clock
         mode = guard.mode
         if setpoint != active_setpoint.setpoint:
             active_setpoint = load_setpoint(params, setpoint)

@@ -130,6 +130,7 @@ class Setpoints(NamedTuple):
     hysteresis_tolerance: tuple[float, ...]  # A
     velocity_threshold: tuple[float, ...]  # m/s
     discharge_level: tuple[int, ...]  # set of dump resistors
+    signal: tuple[tuple[float, ...], ...]  # a column per field of `signal_generator.SetPoint`
 
 
 # The WaveBot's own part of a row, computed in the tick: heave, surge, reference, power, zeros.

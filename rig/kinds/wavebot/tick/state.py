@@ -10,8 +10,10 @@ from controllers import (
     magnetic_spring,
     open_loop,
     position_hold,
+    signal_generator,
     station_keeping,
 )
+from controllers.signal_generator import NO_SIGNAL
 from controllers.signals import AxisSense, DriveCommand, DriveSettings, Gains
 from rig.kinds.wavebot.tick import power_checks, stations, tare
 from rig.kinds.wavebot.tick.signals import Setpoints
@@ -84,12 +86,14 @@ class ActiveSetpoint(NamedTuple):
     spring_rate: float  # N/m
     stroke: float  # m
     drive: DriveCommand
+    signal: signal_generator.SetPoint
 
 
 # State of the laws; it is reset whenever they do not act.
 Laws = tuple[
     Any,  # the heave law's own State
     open_loop.State,
+    signal_generator.State,
     drive_gating.State,
     station_keeping.State,
     position_hold.State,
@@ -155,12 +159,14 @@ def law_functions(law: Any) -> LawFunctions:
     built once and used until the index changes.
     """
     start_law, read_setpoint = law.start, _setpoint_reader(law.SetPoint)
+    read_signal = _setpoint_reader(signal_generator.SetPoint)
     initial_setpoint = law.SetPoint(*(0.0 for _ in law.COLUMNS))
 
     def laws_at_rest(params: Params) -> Laws:
         return (
             start_law(params.heave_law),
             open_loop.start(),
+            signal_generator.start(),
             drive_gating.start(),
             station_keeping.start(),
             position_hold.start(),
@@ -177,7 +183,7 @@ def law_functions(law: Any) -> LawFunctions:
             tare.start(),
             stations.start(),
             power_checks.start(),
-            ActiveSetpoint(-1, initial_setpoint, none, 0.0, 0, 0.0, math.inf, resting),
+            ActiveSetpoint(-1, initial_setpoint, none, 0.0, 0, 0.0, math.inf, resting, NO_SIGNAL),
         )
 
     def load_setpoint(params: Params, setpoint: int) -> ActiveSetpoint:
@@ -199,6 +205,7 @@ def law_functions(law: Any) -> LawFunctions:
             table.spring_rate[setpoint],
             table.stroke[setpoint],
             DriveCommand(1, settings),
+            read_signal(table.signal, setpoint),
         )
 
     return LawFunctions(start, laws_at_rest, load_setpoint)

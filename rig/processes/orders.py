@@ -1,0 +1,522 @@
+"""What people ask of a run, and what the supervisor makes of it.
+
+A request comes from a page or a command by the run's socket (`rig.processes.request_socket`). It is
+refused with a reason, or it changes the `Request` that the supervisor posts to the loop. Each one
+is in the run's journal, a set point before it acts, so that a replay always finds it. The
+terminal's stop does not come this way and goes first.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any, NamedTuple, Protocol
+
+from rig.processes.seat import Seat
+from rig.realtime import safety
+from rig.realtime.requests import NO_REQUEST, Request
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_2
+from rig.realtime.sequence import MANUAL, NO_ROW, STANDBY, Segments
+from rig.recording.journal import Entry, Journal
+
+ARMING_S = 10.0  # s from arming to its confirmation
+IN_FORCE_S = 2.0  # s in which the loop takes up a set point
+MAX_TEXT = 2000  # characters of an annotation
+STOP, ABORT = "stop", "abort"
+
+
+class LiveSet(NamedTuple):
+    """A whole set point that people chose."""
+
+    values: dict[str, float]  # by key of the column
+    signal: dict[str, Any]  # of the signal generator
+
+
+class Checked(NamedTuple):
+    """The numbers of a set point, or the reasons why it was refused."""
+
+    numbers: tuple[float, ...]
+    problems: tuple[str, ...] = ()
+
+
+class LiveColumns(Protocol):
+    """The set points that people may choose, of a kind of rig."""
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Return key, label, unit and allowed range of each column."""
+        ...
+
+    def first(self) -> LiveSet:
+        """Return the set point to begin with."""
+        ...
+
+    def of_row(self, row: int) -> LiveSet:
+        """Return the set point of a row of the plan."""
+        ...
+
+    def check(self, wanted: LiveSet) -> Checked:
+        """Return the numbers for the loop, after all checks of ranges, limits and stability."""
+        ...
+
+    def keep(self, wanted: LiveSet, comment: str) -> str:
+        """Append a set point to the campaign file of kept rows; return its path."""
+        ...
+
+
+class People(NamedTuple):
+    """How people may act on a run."""
+
+    live: LiveColumns | None = None  # None: they choose no set points
+    arming: bool = False
+    manual: bool = False
+    dead_man_s: float | None = None  # s without an operator in manual mode until the rig stops
+    stop_by_anyone: bool = True  # viewers may stop the rig, too
+
+
+class Asker(NamedTuple):
+    """Who asks."""
+
+    session: str
+    person: str
+    origin: str  # page, command
+    viewer: bool = False  # may only look
+
+
+class Answer(NamedTuple):
+    """The answer to a request."""
+
+    accepted: bool
+    reason: str = ""
+    facts: dict[str, Any] = {}  # noqa: RUF012
+
+
+class RefusedError(ValueError):
+    """The request cannot be carried out; the message says why."""
+
+
+class Orders:
+    """The requests of people to one run; its methods may be called from several threads."""
+
+    def __init__(
+        self,
+        segments: Segments,
+        people: People,
+        journal: Journal,
+        wake: Callable[[], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """``wake`` is called after a change of the request."""
+        self._segments, self._people, self._journal = segments, people, journal
+        self._wake, self._clock = wake, clock
+        self._choosing = threading.Lock()  # one set point at a time is checked and put in force
+        self._lock = threading.RLock()
+        self._in_force = threading.Condition(self._lock)
+        self._row: Mapping[str, float | int] = {}
+        self._request = NO_REQUEST
+        self._seat = Seat()
+        self._manual_since: float | None = None
+        self._number = 0  # of the last set point
+        self._arming_since: float | None = None
+        self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is wanted
+        self._staged: tuple[int, tuple[float, ...]] | None = None  # number, numbers: not posted yet
+        self._posted: tuple[int, tuple[float, ...]] | None = None
+        self._notices: list[dict[str, Any]] = []
+        self._kept = ""
+        if people.live is not None and people.manual:
+            self._sets.append(people.live.first())
+
+    # --- the supervisor's side
+
+    def update(self, row: Mapping[str, float | int]) -> Request:
+        """Take the newest row; return the request to post."""
+        with self._lock:
+            self._row = row
+            self._post_staged()
+            self._dead_man()
+            if row and self._request.live and int(row["plan.live"]) == self._request.live:
+                self._in_force.notify_all()
+            return self._request
+
+    def set_point(self) -> tuple[int, tuple[float, ...]] | None:
+        """Return number and numbers of the set point to post, which must precede the request."""
+        with self._lock:
+            return self._posted
+
+    def _post_staged(self) -> None:
+        """Post a set point once the loop takes it up: the one before must be in force."""
+        if self._staged is None or not self._takes_set_points():
+            return
+        if int(self._row["plan.live"]) != self._request.live:
+            return
+        self._posted, self._staged = self._staged, None
+        self._request = self._request._replace(live=self._posted[0])
+
+    def _takes_set_points(self) -> bool:
+        row = self._row
+        return bool(row) and (
+            row["plan.phase"] == MANUAL or (row["safety.mode"] == STOP_2 and self._manual_wanted())
+        )
+
+    def _manual_wanted(self) -> bool:
+        return self._request.live != 0 or self._staged is not None
+
+    def _dead_man(self) -> None:
+        """Hold, then stop, a rig in manual mode without an operator."""
+        limit, row, now = self._people.dead_man_s, self._row, self._clock()
+        if limit is None or not row or not self._in_manual_mode():
+            self._manual_since = None
+            return
+        self._manual_since = now if self._manual_since is None else self._manual_since
+        if self._seat.holder(now) is not None:
+            return
+        since = max(self._manual_since, self._seat.vacated or 0.0)
+        if row["safety.mode"] == RUN and self._request.code != safety.REQUEST_HOLD:
+            self._note("hold", "no operator: the dead man's time runs")
+            self._change(code=safety.REQUEST_HOLD)
+        elif (
+            now - since > limit
+            and OFF < row["safety.mode"] <= STOP_2
+            and self._request.code != safety.REQUEST_STOP
+        ):
+            self._note(STOP, f"no operator for {limit:g} s in manual mode")
+            self._change(code=safety.REQUEST_STOP)
+
+    def _in_manual_mode(self) -> bool:
+        powered = ENABLING <= self._row["safety.mode"] <= STOP_2
+        return powered and (self._people.manual or self._row["plan.phase"] == MANUAL)
+
+    def _note(self, request: str, reason: str) -> None:
+        entry = self._entry(Asker("", "supervisor", "supervisor"), request, {}, True, reason)
+        self._journal.add(entry)
+        self._notices.append({"utc": entry.utc, "text": f"{request}: {reason}"})
+
+    # --- the people's side
+
+    def describe(self) -> dict[str, Any]:
+        """Return the state of the orders, for displays."""
+        with self._lock:
+            now = self._clock()
+            holder = self._seat.holder(now)
+            armed_by = self._arming_since
+            return {
+                "operator": holder.person if holder else "",
+                "operator_session": holder.session if holder else "",
+                "armed": bool(self._request.armed),
+                "arming": armed_by is not None and now - armed_by <= ARMING_S,
+                "must_arm": self._people.arming,
+                "manual": self._people.manual,
+                "live": self._people.live is not None,
+                "set": self._sets[-1]._asdict() if self._sets else None,
+                "set_number": self._request.live,
+                "undo": len(self._sets) > 1,
+                "dead_man_s": self._people.dead_man_s,
+                "request": self._request._asdict(),
+                "notices": self._notices[-20:],
+                "kept": self._kept,
+            }
+
+    def columns(self) -> list[dict[str, Any]]:
+        """Return the columns of set points that people may choose; none if they may not."""
+        return self._people.live.describe() if self._people.live is not None else []
+
+    def ask(self, asker: Asker, request: str, arguments: Mapping[str, Any]) -> Answer:
+        """Carry out a request, or refuse it; either way it is in the journal."""
+        given = dict(arguments)
+        act = REQUESTS.get(request)
+        if act is None:
+            return Answer(False, f"no such request; known are {', '.join(sorted(REQUESTS))}")
+        if request in _SEAT_ACTS:  # a beat every second is no entry of the journal
+            with self._lock:
+                return self._seated(act, asker, request, given)
+        with self._lock:
+            refused = self._forbidden(asker, request)
+        if refused:
+            return self._answer(asker, request, given, Answer(False, refused))
+        try:
+            answer = act(self, asker, given)
+        except RefusedError as error:
+            answer = Answer(False, str(error))
+        return self._answer(asker, request, given, answer)
+
+    def _seated(
+        self, act: Callable[..., Answer], asker: Asker, request: str, given: dict[str, Any]
+    ) -> Answer:
+        if asker.viewer:
+            return Answer(False, "viewers can only look")
+        before = self._seat.holder(self._clock())
+        answer = act(self, asker, given)
+        if request != "beat" and (
+            self._seat.holder(self._clock()) != before or not answer.accepted
+        ):
+            return self._answer(asker, request, given, answer)
+        return answer
+
+    def _forbidden(self, asker: Asker, request: str) -> str:
+        """Return why a person must not make a request; empty if it is allowed."""
+        if request == STOP and (not asker.viewer or self._people.stop_by_anyone):
+            return ""
+        if asker.viewer:
+            return "viewers can only look"
+        if request == ABORT:
+            return ""
+        holder = self._seat.holder(self._clock())
+        if holder is None and asker.origin == "command":
+            return ""
+        if holder is None:
+            return "take the operator's seat first"
+        if holder.session != asker.session:
+            return f"{holder.person} is the operator"
+        return ""
+
+    def _answer(self, asker: Asker, request: str, given: dict[str, Any], answer: Answer) -> Answer:
+        """Enter a request that has no entry yet into the journal."""
+        if not answer.facts.get("in_journal"):
+            entry = self._entry(asker, request, given, answer.accepted, answer.reason)
+            if not self._journal.add(entry) and answer.accepted:
+                note = f"not in the journal: {self._journal.problem}"
+                answer = answer._replace(reason=f"{answer.reason}; {note}".strip("; "))
+        return answer
+
+    def _entry(
+        self, asker: Asker, request: str, given: Mapping[str, Any], accepted: bool, reason: str,
+        number: int = 0, numbers: Sequence[float] = (),
+    ) -> Entry:  # fmt: skip
+        tick = int(self._row["tick"]) if self._row else -1
+        utc = datetime.now(UTC).isoformat(timespec="milliseconds")
+        return Entry(
+            utc, tick, asker.person, asker.origin, request, dict(given), accepted, reason,
+            number, tuple(numbers),
+        )  # fmt: skip
+
+    def _change(self, **changes: int) -> None:
+        self._request = self._request._replace(**changes)
+        self._wake()
+
+    def _mode(self) -> int:
+        if not self._row:
+            raise RefusedError("the run has not begun yet")
+        return int(self._row["safety.mode"])
+
+    def _require(self, condition: bool, message: str) -> None:
+        if not condition:
+            raise RefusedError(message)
+
+    # --- the requests, one function each
+
+    def take_seat(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        refused = self._seat.take(
+            asker.session, asker.person, self._clock(), take_over=given.get("take_over") is True
+        )
+        return Answer(not refused, refused)
+
+    def beat(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        seated = self._seat.renew(asker.session, self._clock())
+        return Answer(seated, "" if seated else "you are not the operator")
+
+    def leave_seat(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        self._seat.leave(asker.session, self._clock())
+        return Answer(True)
+
+    def stop(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._change(code=safety.REQUEST_STOP, armed=0)
+        return Answer(True, "damping, then power off")
+
+    def abort(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._change(code=safety.REQUEST_ABORT, armed=0)
+        return Answer(True, "power off")
+
+    def arm(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._mode()
+            self._require(self._people.arming, "this run does not wait for arming")
+            self._require(self._row["plan.phase"] == STANDBY, "the run is not in standby")
+            self._arming_since = self._clock()
+        return Answer(True, f"confirm within {ARMING_S:g} s")
+
+    def confirm(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            since, self._arming_since = self._arming_since, None
+            self._require(
+                since is not None and self._clock() - since <= ARMING_S,
+                f"arm first, then confirm within {ARMING_S:g} s",
+            )
+            self._require(self._mode() == OFF, "the run is not in standby")
+            self._require(
+                self._request.code in (safety.REQUEST_NONE, safety.REQUEST_RESUME),
+                "the run was stopped",
+            )
+            self._change(armed=1)
+        return Answer(True, "armed: the drive is switched on")
+
+    def hold(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._require(self._mode() == RUN, "the law does not act")
+            self._change(code=safety.REQUEST_HOLD)
+        return Answer(True, "damping, power stays on")
+
+    def resume(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._require(self._mode() == STOP_2, "the run is not on hold")
+            self._change(code=safety.REQUEST_RESUME)
+        return Answer(True)
+
+    def skip(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            row = self._present_row()
+            rows = list(dict.fromkeys(each for each in self._segments.row if each != NO_ROW))
+            after = rows[rows.index(row) + 1 :]
+            self._require(bool(after), "this is the last row; finish the run instead")
+            self._jump(self._segments.row.index(after[0]))
+        return Answer(True, f"row {row} is left out")
+
+    def repeat(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            row = self._present_row()
+            self._jump(self._segments.row.index(row))
+        return Answer(True, f"row {row} starts over")
+
+    def finish(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._require(RUN <= self._mode() <= STOP_2, "the plan does not run")
+            self._jump(len(self._segments.row) - 1)
+        return Answer(True, "damping, then power off; the run is complete")
+
+    def tare(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._require(
+                self._mode() == OFF and self._row["plan.phase"] == STANDBY,
+                "only in standby, with the drive off and in calm water",
+            )
+            self._arming_since = None
+            self._jump(0)
+        return Answer(True, "the sensor zeros are measured")
+
+    def manual(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        live = self._live()
+        with self._lock:
+            self._require(self._mode() == STOP_2, "hold the run first")
+            self._require(self._request.live == 0, "the run is in manual mode already")
+            row = int(self._row["plan.row"])
+        wanted = live.of_row(row) if row != NO_ROW else live.first()
+        return self._choose(asker, "manual", given, live, wanted)
+
+    def campaign(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        with self._lock:
+            self._require(not self._people.manual, "this run has no rows")
+            self._require(self._mode() == STOP_2, "hold the run first")
+            self._require(self._manual_wanted(), "the run is not in manual mode")
+            self._staged = None
+            self._change(live=0)
+        return Answer(True, "resume starts the interrupted row over")
+
+    def set(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        live = self._live()
+        with self._lock:
+            self._require(bool(self._sets), "the run is not in manual mode")
+            present = self._sets[-1]
+        values, signal = given.get("values", {}), given.get("signal", {})
+        if not isinstance(values, dict) or not isinstance(signal, dict):
+            raise RefusedError("`values` and `signal` are mappings of keys to numbers")
+        wanted = LiveSet({**present.values, **values}, {**present.signal, **signal})
+        return self._choose(asker, "set", given, live, wanted)
+
+    def undo(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        live = self._live()
+        with self._lock:
+            self._require(len(self._sets) > 1, "there is no set point before this one")
+            wanted = self._sets[-2]
+        answer = self._choose(asker, "undo", given, live, wanted)
+        if answer.accepted:
+            with self._lock:
+                del self._sets[-2:]  # the one undone, and the second copy of the one before it
+        return answer
+
+    def keep(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        live = self._live()
+        with self._lock:
+            self._require(bool(self._sets), "the run is not in manual mode")
+            wanted = self._sets[-1]
+        try:
+            path = live.keep(wanted, _text(given.get("comment", "")))
+        except (OSError, ValueError) as error:
+            raise RefusedError(str(error)) from None
+        self._kept = path
+        return Answer(True, f"row in {path}", {"file": path})
+
+    def annotate(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        self._require(bool(_text(given.get("text"))), "the text is missing")
+        return Answer(True)
+
+    def acknowledge(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        self._require(bool(_text(given.get("alarm"))), "the alarm is missing")
+        return Answer(True)
+
+    def _live(self) -> LiveColumns:
+        if self._people.live is None:
+            raise RefusedError("people choose no set points of this run")
+        return self._people.live
+
+    def _present_row(self) -> int:
+        self._require(RUN <= self._mode() <= STOP_2, "the plan does not run")
+        self._require(not self._manual_wanted(), "the run is in manual mode")
+        row = int(self._row["plan.row"])
+        self._require(row != NO_ROW, "no row runs now")
+        return row
+
+    def _jump(self, segment: int) -> None:
+        self._change(jump=self._request.jump + 1, segment=segment)
+
+    def _choose(
+        self, asker: Asker, request: str, given: dict[str, Any], live: LiveColumns, wanted: LiveSet
+    ) -> Answer:
+        """Check a set point, stage it, and wait until it is in force if the loop takes it up."""
+        with self._choosing:
+            checked = live.check(wanted)
+            if checked.problems:
+                raise RefusedError("; ".join(checked.problems))
+            return self._stage(asker, request, given, wanted, checked.numbers)
+
+    def _stage(
+        self,
+        asker: Asker,
+        request: str,
+        given: dict[str, Any],
+        wanted: LiveSet,
+        numbers: tuple[float, ...],
+    ) -> Answer:
+        with self._in_force:
+            number = self._staged[0] if self._staged else self._number + 1
+            entry = self._entry(asker, request, given, True, "", number, numbers)
+            # Without its entry a replay could not repeat the run.
+            if not self._journal.add(entry):
+                raise RefusedError(f"not in the journal: {self._journal.problem}")
+            self._sets.append(wanted)
+            self._staged, self._number = (number, numbers), number
+            self._post_staged()
+            self._wake()
+            staged = not self._takes_set_points()
+            if not staged:
+                self._in_force.wait_for(lambda: self._is_in_force(number), IN_FORCE_S)
+            in_force = self._is_in_force(number)
+        why = "" if in_force else "it comes into force when the law acts" if staged else "pending"
+        return Answer(True, why, {"in_journal": True, "number": number, "in_force": in_force})
+
+    def _is_in_force(self, number: int) -> bool:
+        return bool(self._row) and int(self._row["plan.live"]) == number
+
+
+def _text(value: Any) -> str:
+    return value.strip()[:MAX_TEXT] if isinstance(value, str) else ""
+
+
+_SEAT_ACTS = ("take_seat", "beat", "leave_seat")
+REQUESTS: dict[str, Callable[[Orders, Asker, dict[str, Any]], Answer]] = {
+    name: getattr(Orders, name)
+    for name in (
+        *_SEAT_ACTS, STOP, ABORT, "arm", "confirm", "hold", "resume", "skip", "repeat", "finish",
+        "tare", "manual", "campaign", "set", "undo", "keep", "annotate", "acknowledge",
+    )
+}  # fmt: skip
+"""The requests that people can make, by name."""

@@ -17,6 +17,7 @@ from ruamel.yaml import YAML
 
 from rig.kinds.modular.bem_picture import _impulse_response
 from rig.kinds.modular.from_bem import PlantRequest, fit_plant
+from rig.kinds.modular.mode_choice import ModeOptions
 from rig.kinds.modular.rehearsal.devices import build_world
 from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.simulation import plant_data
@@ -128,7 +129,8 @@ def test_the_folder_of_a_nemoh_run_is_copied_with_its_parts(tmp_path: Path) -> N
 def test_the_impulse_response_is_that_of_the_state_space() -> None:
     """The picture's closed form against the equations z' = D z + C z' + I v, v a unit impulse."""
     dofs = ("Surge", "Heave", "Pitch")
-    fitted = fit_plant(PlantRequest(CYLINDER, Path("x.yaml"), dofs, stiffnesses=("Surge=1",)))
+    options = ModeOptions(CYLINDER, dofs, stiffnesses=("Surge=1",))
+    fitted = fit_plant(PlantRequest(options, Path("x.yaml")))
     memory, dt = fitted.model.radiation, 1.0e-4
     times = np.arange(4000) * dt
     kernel = _impulse_response(fitted, times)
@@ -186,7 +188,7 @@ def test_all_that_is_open_is_refused_at_once(tmp_path: Path) -> None:
         (
             ("--dof", "Heave", "--axis", "Pitch", "--mass", "Pitch=3", "--stiffness", "Heave=soft"),
             [
-                "--axis 'Pitch' is no chosen mode; allowed: Heave",
+                "--axis Pitch: expected NAME=MODES, a sum or difference of Heave, such as",
                 "--mass Pitch=3: expected MODE=NUMBER with a mode of Heave",
                 "--stiffness Heave=soft: expected MODE=NUMBER",
             ],
@@ -360,7 +362,7 @@ def test_a_rehearsal_loads_the_stored_fit(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_damaged_fit_is_refused(tmp_path: Path, edit: Any, message: str) -> None:
-    request = PlantRequest(CYLINDER, tmp_path / "x.yaml", ("Heave",))
+    request = PlantRequest(ModeOptions(CYLINDER, ("Heave",)), tmp_path / "x.yaml")
     fitted = fit_plant(request)
     given = json.loads(stored_radiation.to_text(fitted.bem, fitted.model.radiation))
     edit(given)

@@ -99,9 +99,7 @@ def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, .
         return None, (plant.locate.problem((key,), plant.mapping[key], message),)
 
 
-def _unknown_modes(
-    error: UnknownModesError, plant: ConfigSource, file: Plant
-) -> Iterator[Problem]:
+def _unknown_modes(error: UnknownModesError, plant: ConfigSource, file: Plant) -> Iterator[Problem]:
     """Yield a problem for each mode of a plant whose `dof` its BEM file lacks."""
     for name, mode in file.modes.items():
         if mode.dof in error.modes:

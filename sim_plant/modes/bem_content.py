@@ -69,7 +69,7 @@ DEEPEST = 2.0e4  # m, the largest depth that a plant file may have: infinite for
 
 
 class OpenWaterError(ValueError):
-    """What a BEM file leaves open of its water; `fields` are those of `Water` that it lacks."""
+    """Problems with the water of a BEM file; `fields` are those of `Water` that it lacks."""
 
     def __init__(self, problems: Iterable[str], fields: Iterable[str]) -> None:
         super().__init__("\n".join(problems))

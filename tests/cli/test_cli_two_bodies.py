@@ -296,5 +296,5 @@ def test_a_terminal_is_asked_for_the_motion_of_the_pto(tmp_path: Path) -> None:
     assert "'1, 3' is none of them; allowed float__Heave, disc__Heave" in result.output
     assert "--axis pto=float-disc: expected NAME=MODES" in result.output
     assert new(tmp_path, DISC).returncode == 0
-    asked, given = (load(tmp_path / name / "plant.yaml") for name in ("asked", "two"))
-    assert {**asked, "name": "two"} == given
+    answers, options = (load(tmp_path / name / "plant.yaml") for name in ("asked", "two"))
+    assert {**answers, "name": "two"} == options

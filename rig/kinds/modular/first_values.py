@@ -25,6 +25,7 @@ from rig.planning.tank import wave_number
 from sim_plant.modes.bem_content import Complexes, Floats
 
 MARGIN = 2.0  # of the limits above the expected motion and force
+STANDBY = 10.0  # W, of a drive; a small rig has less, or nothing would be left of its power
 MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 
 _COUNTS_PER_JUMP = 100  # resolution of the largest allowed jump
@@ -33,7 +34,6 @@ _BELOW_RESONANCE = 0.75  # wave frequency over the axis's, so that the match nee
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match, or of the static stiffness where that is less
 _KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
 _MAX_GEAR = 1000.0
-_STANDBY = 10.0  # W, of a drive; a small rig has less, or nothing would be left of its power
 
 
 class LinearPlant(NamedTuple):
@@ -250,5 +250,5 @@ def first_pto(
     resistance = 0.1 * grid.velocity * grid.force / (current * current)  # a tenth goes into copper
     finest = 2.0 * math.pi * _COUNTS_PER_JUMP / (gear * largest_jump(grid))
     counts = max(COUNTS, math.ceil(finest / COUNTS) * COUNTS)
-    standby = min(_STANDBY, 0.05 * grid.velocity * grid.force)
+    standby = min(STANDBY, 0.05 * grid.velocity * grid.force)
     return Pto(motion, constant, gear, counts, 1.25 * MARGIN * current, resistance, standby)

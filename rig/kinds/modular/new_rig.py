@@ -18,6 +18,7 @@ from rig.config.problems import format_number
 from rig.kinds.modular.columns import axis_law
 from rig.kinds.modular.first_values import (
     MARGIN,
+    STANDBY,
     AxisGrid,
     FirstValues,
     first_pto,
@@ -272,7 +273,7 @@ def _axis_numbers(axis: str, pto: Pto, grid: AxisGrid, values: FirstValues) -> d
         "gear_ratio": pto.gear_ratio,
         "jerk_density": min(max(0.05 * jerk * jerk, 1e-4), 1e6),
         "stop_damping": abs(z),
-        "power_range": MARGIN * (peak_force * speed + pto.standby),
+        "power_range": MARGIN * (peak_force * speed + STANDBY),
         "position_warn": 0.8 * stop,
         "position_stop": stop,
         "velocity_stop": speed,

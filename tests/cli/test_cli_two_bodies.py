@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray
 from command_here import CompletedCommand, rig
-from mode_plants import CYLINDER, ROOT, TWO_BODY
+from mode_plants import CYLINDER, HEMISPHERE, ROOT, TWO_BODY
 from ruamel.yaml import YAML
 from test_cli_new_rig import answered
 
@@ -263,6 +263,20 @@ def test_motions_that_are_open_or_wrong_are_refused(
     assert done.returncode == 2
     assert reason in done.stderr
     assert not (tmp_path / "two").exists()
+
+
+def test_an_axis_that_no_wave_excites_has_no_rig_but_a_plant(tmp_path: Path) -> None:
+    """Yaw of a hemisphere: its excitation in the file is rounding."""
+    yaw = ModeOptions(HEMISPHERE, ("Yaw",), (), ("Yaw=100",), ("Yaw=20",))
+    done = new(tmp_path, yaw)
+    assert done.returncode == 2
+    assert "Hz do not excite yaw" in done.stderr
+    given = ("--dof", "Yaw", "--dof", "Heave", "--mass", "Yaw=100", "--stiffness", "Yaw=20")
+    done = rig("plant", "from-bem", HEMISPHERE, *given, "--output", tmp_path / "two.yaml")
+    assert done.returncode == 0, done.stderr
+    axis = load(tmp_path / "two.yaml")["axes"]["yaw"]
+    assert (axis["gear_ratio"], axis["counts_per_revolution"]) == (1, 20_000)
+    assert axis["drive"]["standby_w"] == 0
 
 
 def test_both_commands_take_the_same_options(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ _BELOW_RESONANCE = 0.75  # wave frequency over the axis's, so that the match nee
 _KI_SHARES = (0.0, 0.25, 0.5)  # of the match, or of the static stiffness where that is less
 _KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
 _MAX_GEAR = 1000.0
+_ROUNDING = 1.0e-5  # m or rad per m of amplitude: yaw of a round body, which no wave excites
 
 
 class LinearPlant(NamedTuple):
@@ -47,7 +48,10 @@ class LinearPlant(NamedTuple):
 
 
 class AxisGrid(NamedTuple):
-    """Gains of one axis, and its largest motion and force in the rows of the grid."""
+    """Gains of one axis, and its largest motion and force in the rows of the grid.
+
+    They are 0 if the waves do not excite it.
+    """
 
     impedance: complex  # that it moves against while the others have their best damping
     ki_limit: float  # N/m or N*m/rad: half of it is the largest Ki
@@ -84,6 +88,8 @@ def first_values(
             gains = np.array([complex(each.kp[p], -each.ki[i] / omega) for each in grids])
             speed = np.abs(np.linalg.solve(linear.impedance - np.diag(gains), linear.excitation))
             speeds, forces = np.maximum(speeds, speed), np.maximum(forces, np.abs(gains) * speed)
+    excited = speeds / omega > _ROUNDING
+    speeds, forces = np.where(excited, speeds, 0.0), np.where(excited, forces, 0.0)
     height = _amplitude(linear, float(speeds.max()) / omega, amplitude)
     axes = {
         name: grid._replace(

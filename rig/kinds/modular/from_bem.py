@@ -128,10 +128,7 @@ def fit_plant(request: PlantRequest) -> FittedPlant:
     existing = [f"{path}: exists; nothing is overwritten" for path in own if path.exists()]
     chosen = choose_modes(options, existing, pto_of_each=True)
     bem = chosen.bem
-    try:
-        grids = first_values(chosen).axes
-    except ValueError as error:
-        raise ValueError(f"{options.bem}: {error}") from error
+    grids = first_values(chosen).axes
     begin = time.perf_counter()
     memory = radiation.fit(bem)
     seconds = time.perf_counter() - begin

@@ -73,11 +73,8 @@ def write_rig(name: str, folder: Path, options: Options) -> list[Path]:
         if path.exists()
     ]
     chosen = choose_modes(options.modes, problems, restored=True)
-    try:
-        values = first_values(chosen, options.frequency, options.amplitude)
-        _check_values(chosen, values)
-    except ValueError as error:
-        raise ValueError(f"{bem}: {error}") from error
+    values = first_values(chosen, options.frequency, options.amplitude)
+    _check_values(bem, values)
     texts = file_texts(name, folder, options, chosen, values)
     found: dict[Path, str | bytes] = {folder / f"{file}.yaml": text for file, text in texts.items()}
     return write_new(found | bem_copies(bem, folder))
@@ -95,24 +92,23 @@ def _option_problems(name: str, options: Options) -> Iterator[str]:
             yield f"--{key.replace('_', '-')} {value:g}: allowed above 0"
 
 
-def _check_values(chosen: ChosenModes, values: FirstValues) -> None:
+def _check_values(bem: Path, values: FirstValues) -> None:
     """Raise ValueError for an axis that no wave excites, or whose match is beyond the law."""
     problems = []
     columns = {column.name: column for column in impedance.COLUMNS}
-    for (name, grid), force in zip(values.axes.items(), values.linear.excitation, strict=True):
-        if not abs(force) > 0.0:
+    for name, grid in values.axes.items():
+        if not grid.velocity > 0.0:
             problems.append(f"waves of {values.linear.frequency:.3g} Hz do not excite {name}")
         for column, gains in ((columns["kp"], grid.kp), (columns["ki"], grid.ki)):
             if not (column.low <= min(gains) and max(gains) <= column.high):
                 worst = max(gains, key=abs)
                 problems.append(
                     f"the impedance match of {name} needs {column.label} = {format_number(worst)}; "
-                    f"allowed {format_number(column.low)} .. {format_number(column.high)}. The "
-                    "body is larger than one of a test rig: scale the BEM data to the size of the "
-                    "model"
+                    f"allowed {format_number(column.low)} .. {format_number(column.high)}: a body "
+                    "larger than one of a test rig; scale the BEM data to the size of the model"
                 )
     if problems:
-        raise ValueError("; ".join(problems))
+        raise ValueError("\n".join(f"{bem}: {each}" for each in problems))
 
 
 def file_texts(

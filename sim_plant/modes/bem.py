@@ -44,6 +44,14 @@ class BemModes(NamedTuple):
     inertia_source: str
 
 
+class UnknownModesError(ValueError):
+    """Modes were requested that a BEM file lacks; `modes` are those, `known` the file's."""
+
+    def __init__(self, message: str, modes: Sequence[str], known: Sequence[str]) -> None:
+        super().__init__(message)
+        self.modes, self.known = tuple(modes), tuple(known)
+
+
 def read_modes(
     path: Path,
     modes: Sequence[str] | None = None,
@@ -54,8 +62,8 @@ def read_modes(
     """Return the coefficients of some modes (all without `modes`), in the order requested.
 
     `direction` (degrees) chooses one of several wave directions. `water` completes what the file
-    does not state. Raises ValueError that names file, field, value and the allowed ones, OSError
-    for a file that cannot be read.
+    does not state. Raises ValueError that names file, field, value and the allowed ones
+    (`UnknownModesError` for modes that the file lacks), OSError for a file that cannot be read.
     """
     return choose(path, read_content(path, water or Water()), modes, direction)
 
@@ -153,9 +161,12 @@ def choose(
 ) -> BemModes:
     """Return the requested modes of one direction on ascending finite frequencies."""
     problems = [f"{path}: {each}" for each in open_choices(content, modes, direction)]
+    names = content.modes
+    unknown = [name for name in modes or () if name not in names]
+    if unknown:
+        raise UnknownModesError("\n".join(problems), unknown, names)
     if problems:
         raise ValueError("\n".join(problems))
-    names = content.modes
     kept = [names.index(name) for name in (names if modes is None else modes)]
     content = _ascending(content)
     grid = np.ix_(range(content.omega.size), kept, kept)

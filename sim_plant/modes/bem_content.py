@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -68,6 +68,14 @@ ALLOWED = {
 DEEPEST = 2.0e4  # m, the largest depth that a plant file may have: infinite for any wave
 
 
+class OpenWaterError(ValueError):
+    """Problems with the water of a BEM file; `fields` are those of `Water` that it lacks."""
+
+    def __init__(self, problems: Iterable[str], fields: Iterable[str]) -> None:
+        super().__init__("\n".join(problems))
+        self.fields = tuple(fields)
+
+
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[Any]:
     """Open an HDF5 file for reading; ValueError if it is another format."""
@@ -105,16 +113,18 @@ def rotates(mode: str) -> bool:
 
 
 def stated_water(path: Path, found: Water, given: Water) -> tuple[float, float, float]:
-    """Return density, gravity and depth from the file or the plant; ValueError with all problems.
+    """Return density, gravity and depth from the file or the plant.
 
-    What both state must agree; what lies outside `ALLOWED` has other units.
+    What both state must agree; what lies outside `ALLOWED` has other units. Raises
+    `OpenWaterError` with all problems.
     """
-    problems = []
+    problems, missing = [], []
     values = {}
     for field, (name, unit) in WATER.items():
         in_file, own = getattr(found, field), getattr(given, field)
         option = f"give --{field}, or {name} in the plant file"
         if in_file is None and own is None:
+            missing.append(field)
             problems.append(f"does not state {name} ({unit}); {option}")
             continue
         if in_file is not None and own is not None and not math.isclose(in_file, own, rel_tol=1e-6):
@@ -129,5 +139,5 @@ def stated_water(path: Path, found: Water, given: Water) -> tuple[float, float, 
             problems.append(f"{name} is {value:g} {unit}; allowed: {low:g} .. {high:g}")
         values[field] = float(value)
     if problems:
-        raise ValueError("\n".join(f"{path}: {each}" for each in problems))
+        raise OpenWaterError((f"{path}: {each}" for each in problems), missing)
     return values["density"], values["gravity"], values["depth"]

@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim_plant.entries import StrictModel, Text
 from sim_plant.modes import plant as step
@@ -368,35 +369,49 @@ class Plant(StrictModel):
 
     @model_validator(mode="after")
     def _check_names(self) -> Plant:
-        for place, mode in self._named_modes():
+        """Refuse names of parts that do not exist, all at once, each at its key."""
+        errors = [
+            InitErrorDetails(
+                type=PydanticCustomError("value_error", "{error}", {"error": message}),
+                loc=key,
+                input=name,
+            )
+            for key, name, message in self._wrong_names()
+        ]
+        if errors:
+            raise ValidationError.from_exception_data(type(self).__name__, errors)
+        return self
+
+    def _wrong_names(self) -> Iterator[tuple[tuple[str, ...], str, str]]:
+        """Yield key, name and message of each name that is wrong."""
+        for key, mode in self._named_modes():
             if mode not in self.modes:
-                raise ValueError(f"{place}: {mode!r} is no mode; allowed: {', '.join(self.modes)}")
+                yield key, mode, f"{mode!r} is no mode; allowed: {', '.join(self.modes)}"
         for name in self.mooring.lines:
             if name in self.axes or name in self.modes or name in ("wave", "bus"):
-                raise ValueError(f"mooring.lines.{name}: this name is taken; choose another")
+                yield ("mooring", "lines", name), name, f"{name!r} is taken; choose another name"
+        allowed = self.signals()
         for name, sensor in self.sensors.items():
-            if sensor.signal not in (allowed := self.signals()):
-                raise ValueError(
-                    f"sensors.{name}.signal: {sensor.signal!r} is no signal; allowed: "
-                    f"{', '.join(allowed)}"
-                )
+            if sensor.signal not in allowed:
+                message = f"{sensor.signal!r} is no signal; allowed: {', '.join(allowed)}"
+                yield ("sensors", name, "signal"), sensor.signal, message
         by_dof: dict[str, str] = {}
         for name, each in self.modes.items():
             if each.dof in by_dof:
-                raise ValueError(
-                    f"modes.{name}.dof: {each.dof!r} is already that of {by_dof[each.dof]}"
-                )
+                message = f"{each.dof!r} is already that of {by_dof[each.dof]}"
+                yield ("modes", name, "dof"), each.dof, message
             by_dof[each.dof] = name
-        return self
 
-    def _named_modes(self) -> Iterator[tuple[str, str]]:
-        """Yield each place that names a mode, with the name."""
+    def _named_modes(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Yield the key of each place that names a mode, with the name."""
         for name, axis in self.axes.items():
-            yield from ((f"axes.{name}.moves_with", mode) for mode in axis.moves_with)
+            yield from ((("axes", name, "moves_with", mode), mode) for mode in axis.moves_with)
         for name, line in self.mooring.lines.items():
-            yield from ((f"mooring.lines.{name}.moves_with", mode) for mode in line.moves_with)
+            key = ("mooring", "lines", name, "moves_with")
+            yield from (((*key, mode), mode) for mode in line.moves_with)
         for mode, row in self.mooring.stiffness.items():
-            yield from (("mooring.stiffness", each) for each in (mode, *row))
+            yield ("mooring", "stiffness", mode), mode
+            yield from ((("mooring", "stiffness", mode, each), each) for each in row)
 
     def signals(self) -> dict[str, tuple[int, int]]:
         """Return the signals that a sensor may measure, with their kind and index in the step.

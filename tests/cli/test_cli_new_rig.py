@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 from benchmarks.support.fault_runs import free_port
 from rig.cli.app import app
 from rig.kinds.modular.config import LimitsFile, RigFile
-from rig.kinds.modular.new_rig import Options, first_grid, read_body
+from rig.kinds.modular.first_values import FirstValues, first_values
+from rig.kinds.modular.mode_choice import ChosenModes, ModeOptions, choose_modes
 from rig.kinds.modular.tasks import examine, wired_mode
 from sim_plant.modes.bem import read_modes
 from sim_plant.modes.building import build
@@ -76,38 +77,45 @@ def wavebot(folder: Path) -> dict[str, Any]:
     return {path.stem: load(path) for path in written if path.suffix == ".yaml"}
 
 
+def chosen() -> ChosenModes:
+    return choose_modes(ModeOptions(WAVEBOT, stiffnesses=(str(STIFFNESS),)))
+
+
+def expected_values(amplitude: float | None = None) -> FirstValues:
+    return first_values(chosen(), amplitude=amplitude)
+
+
 def test_body_is_that_of_the_file() -> None:
-    body = read_body(Options(WAVEBOT, stiffness=STIFFNESS))
+    values, (body,) = expected_values(), chosen().modes
     with xarray.open_dataset(WAVEBOT, engine="h5netcdf") as data:
         mass = 1000.0 * float(data["displaced_volume"])
-    assert body.mass == pytest.approx(mass, rel=1e-4)  # five digits
-    modes = read_modes(WAVEBOT)
-    omega = 2.0 * np.pi * body.frequency
-    added = np.interp(body.frequency, modes.frequency, modes.added_mass[:, 0, 0])
-    damping = np.interp(body.frequency, modes.frequency, modes.damping[:, 0, 0]) + body.damping
+    assert body.mass == pytest.approx(mass, rel=1e-5)  # six digits
+    modes, omega, frequency = read_modes(WAVEBOT), values.omega, values.linear.frequency
+    added = np.interp(frequency, modes.frequency, modes.added_mass[:, 0, 0])
+    damping = np.interp(frequency, modes.frequency, modes.damping[:, 0, 0]) + body.damping
     expected = damping + 1j * (omega * (mass + added) - STIFFNESS / omega)
-    assert body.impedance == pytest.approx(expected, rel=1e-4)
-    assert body.wave_number == pytest.approx(omega**2 / 9.81, rel=1e-3)
+    assert values.linear.impedance[0, 0] == pytest.approx(expected, rel=1e-5)
+    assert values.linear.wave_number == pytest.approx(omega**2 / 9.81, rel=1e-3)
     assert 0.7 < omega / np.sqrt(STIFFNESS / (mass + added)) < 0.8  # below its resonance
 
 
 def test_gains_are_around_the_greatest_power_of_linear_theory() -> None:
     """P = |Fe|^2 / 8 R at the match, which a brute-force search finds, too."""
-    body = read_body(Options(WAVEBOT, stiffness=STIFFNESS))
-    omega = 2.0 * np.pi * body.frequency
+    values = expected_values(0.1)
+    omega, grid = values.omega, values.axes["heave"]
+    impedance, excitation = values.linear.impedance[0, 0], abs(values.linear.excitation[0])
     kp, ki = np.meshgrid(np.linspace(-9000, -200, 441), np.linspace(-20_000, 20_000, 401))
-    speed = body.excitation / np.abs(body.impedance - (kp - 1j * ki / omega))
+    speed = excitation / np.abs(impedance - (kp - 1j * ki / omega))
     power = -0.5 * kp * speed**2
     best = np.unravel_index(power.argmax(), power.shape)
-    assert power.max() == pytest.approx(body.excitation**2 / (8.0 * body.impedance.real), rel=1e-3)
-    grid = first_grid(body, 0.1)
+    assert power.max() == pytest.approx(excitation**2 / (8.0 * impedance.real), rel=1e-3)
     assert 2.0 * grid.ki[-1] == pytest.approx(ki[best], abs=200.0)  # the last goes half-way
     passive = power[200]  # Ki = 0
     assert ki[200, 0] == 0.0
     assert grid.kp[1] == pytest.approx(kp[200, passive.argmax()], rel=0.03)  # two digits
     assert min(grid.kp) < kp[200, passive.argmax()] < max(grid.kp)
     motions = [
-        0.1 * body.excitation / abs(body.impedance - complex(p, -i / omega)) / omega
+        0.1 * excitation / abs(impedance - complex(p, -i / omega)) / omega
         for p in grid.kp
         for i in grid.ki
     ]
@@ -130,15 +138,15 @@ def test_files_fit_each_other(tmp_path: Path) -> None:
     assert set(rig_file["sensors"]) == set(plant.sensors)
     assert pto.drive.current_limit_a > limits["current_peak_a"] > limits["current_rms_a"]
     (grid,) = files["campaign"]["matrix"]["grid"]
-    body = read_body(Options(WAVEBOT, stiffness=STIFFNESS))
-    expected = first_grid(body, files["campaign"]["sea"]["amplitude_m"])
+    values = expected_values(files["campaign"]["sea"]["amplitude_m"])
+    expected = values.axes["heave"]
     assert tuple(grid["kp_n_s_per_m"]) == expected.kp
     assert tuple(grid["ki_n_per_m"]) == expected.ki
     assert limits["position_stop_m"] == pytest.approx(2.0 * expected.position, rel=5e-3)
     peak = pto.torque_constant_n_m_per_a * pto.gear_ratio * limits["current_peak_a"]
     assert peak == pytest.approx(2.0 * expected.force, rel=1e-2)
     timing = files["campaign"]["timing"]
-    periods = (timing["interval_s"] - timing["settle_s"]) * body.frequency
+    periods = (timing["interval_s"] - timing["settle_s"]) * values.linear.frequency
     assert 10.0 <= periods < 10.5
 
 
@@ -148,7 +156,7 @@ def test_simulated_plant_moves_as_the_limits_expect(tmp_path: Path) -> None:
     files = wavebot(tmp_path)
     plant = Plant.model_validate(files["plant"])
     sea = files["campaign"]["sea"]
-    grid = first_grid(read_body(Options(WAVEBOT, stiffness=STIFFNESS)), sea["amplitude_m"])
+    grid = expected_values(sea["amplitude_m"]).axes["heave"]
     dt = 1e-3
     model = build(plant, WAVEBOT)
     world = World(model, regular(sea["amplitude_m"], sea["frequency_hz"]), dt=dt, seed=1)
@@ -171,7 +179,7 @@ def test_simulated_plant_moves_as_the_limits_expect(tmp_path: Path) -> None:
 
 def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
     bem = write_bem(tmp_path)
-    assert new(tmp_path, "--bem", bem, "--dof", "Pitch", "--axis", "arm").returncode == 0
+    assert new(tmp_path, "--bem", bem, "--dof", "Pitch", "--axis", "arm=Pitch").returncode == 0
     texts = {path.stem: path.read_text() for path in (tmp_path / "buoy").glob("*.yaml")}
     rig_file, limits = (load(tmp_path / "buoy" / f"{name}.yaml") for name in ("rig", "limits"))
     arm = rig_file["axes"]["arm"]
@@ -192,9 +200,12 @@ def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "reasons"),
     [
-        ((), ["has several modes: Surge, Heave, Pitch; choose one with --dof"]),
-        (("--dof", "heave"), ["has no mode 'heave'; --dof allows Surge, Heave, Pitch"]),
-        (("--dof", "Surge"), ["does not state the stiffness of Surge: give --stiffness"]),
+        ((), ["has several modes: Surge, Heave, Pitch; choose some with --dof"]),
+        (("--dof", "heave"), ["has no mode 'heave'; it has Surge, Heave, Pitch"]),
+        (
+            ("--dof", "Surge"),
+            ["states no stiffness of Surge: give --stiffness Surge=... (N/m)"],
+        ),
         (
             ("--dof", "Heave", "--frequency", "2.5"),
             ["--frequency 2.5 Hz is outside", "allowed 0.07958 .. 1.91 Hz"],
@@ -202,8 +213,8 @@ def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
         (("--dof", "Heave", "--amplitude", "50"), ["--amplitude 50 m moves", "allowed up to"]),
         (("--dof", "Heave", "--amplitude", "1e-4"), ["0.0001 m is out of range", "0.001 .. 0.5"]),
         (
-            ("--dof", "Heave", "--mass", "-3", "--axis", "My Axis", "--gear-ratio", "0"),
-            ["--mass -3: allowed above 0", "--axis 'My Axis' is no name", "--gear-ratio 0"],
+            ("--dof", "Heave", "--mass", "-3", "--axis", "My Axis=Heave", "--gear-ratio", "0"),
+            ["--mass Heave=-3: allowed above 0", "'My Axis' is no name of a", "--gear-ratio 0"],
         ),
     ],
 )
@@ -221,8 +232,8 @@ def test_file_without_mass_needs_one(tmp_path: Path) -> None:
     done = new(tmp_path, "--bem", bem, "--dof", "Heave")
     assert done.returncode == 2
     mass, stiffness = done.stderr.splitlines()
-    assert "does not state the mass or moment of inertia of Heave: give --mass" in mass
-    assert "does not state the stiffness of Heave: give --stiffness" in stiffness
+    assert "does not state the mass of Heave: give --mass Heave=... (kg)" in mass
+    assert "states no stiffness of Heave: give --stiffness Heave=... (N/m), with" in stiffness
     given = ("--mass", "500", "--stiffness", "9000")
     assert new(tmp_path, "--bem", bem, "--dof", "Heave", *given).returncode == 0
 
@@ -230,7 +241,7 @@ def test_file_without_mass_needs_one(tmp_path: Path) -> None:
 def test_body_of_full_scale_is_refused(tmp_path: Path) -> None:
     done = new(tmp_path, "--bem", write_bem(tmp_path, scale=1000.0), "--dof", "Heave")
     assert done.returncode == 2
-    assert "the impedance match needs Kp = " in done.stderr
+    assert "the impedance match of heave needs Kp = " in done.stderr
     assert "scale the BEM data to the size of the model" in done.stderr
 
 

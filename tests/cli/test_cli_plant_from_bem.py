@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from ruamel.yaml import YAML
 
 from rig.kinds.modular.bem_picture import _impulse_response
 from rig.kinds.modular.from_bem import PlantRequest, fit_plant
+from rig.kinds.modular.mode_choice import ModeOptions
 from rig.kinds.modular.rehearsal.devices import build_world
 from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.simulation import plant_data
@@ -128,7 +130,8 @@ def test_the_folder_of_a_nemoh_run_is_copied_with_its_parts(tmp_path: Path) -> N
 def test_the_impulse_response_is_that_of_the_state_space() -> None:
     """The picture's closed form against the equations z' = D z + C z' + I v, v a unit impulse."""
     dofs = ("Surge", "Heave", "Pitch")
-    fitted = fit_plant(PlantRequest(CYLINDER, Path("x.yaml"), dofs, stiffnesses=("Surge=1",)))
+    options = ModeOptions(CYLINDER, dofs, stiffnesses=("Surge=1",))
+    fitted = fit_plant(PlantRequest(options, Path("x.yaml")))
     memory, dt = fitted.model.radiation, 1.0e-4
     times = np.arange(4000) * dt
     kernel = _impulse_response(fitted, times)
@@ -186,7 +189,7 @@ def test_all_that_is_open_is_refused_at_once(tmp_path: Path) -> None:
         (
             ("--dof", "Heave", "--axis", "Pitch", "--mass", "Pitch=3", "--stiffness", "Heave=soft"),
             [
-                "--axis 'Pitch' is no chosen mode; allowed: Heave",
+                "--axis Pitch: expected NAME=MODES, a sum or difference of Heave, such as",
                 "--mass Pitch=3: expected MODE=NUMBER with a mode of Heave",
                 "--stiffness Heave=soft: expected MODE=NUMBER",
             ],
@@ -256,31 +259,51 @@ def change(path: Path, edit: Any) -> None:
         YAML(typ="safe", pure=True).dump(content, file)
 
 
-def share_scales(buoy: Path) -> None:
-    """Give the plant the scales of the rig file."""
-    own = load(buoy / "rig.yaml")["axes"]["heave"]
-    keys = {"gear_ratio": "gear_ratio_rad_per_m"}
-    for key in ("torque_constant_n_m_per_a", "gear_ratio", "counts_per_revolution"):
-        value = own[keys.get(key, key)]
-        change(buoy / "plant.yaml",
-               lambda plant, k=key, v=value: plant["axes"]["heave"].update({k: v}))  # fmt: skip
+def test_both_commands_write_one_plant(tmp_path: Path) -> None:
+    """But for the stored fit: modes, PTOs and sensors have the same first numbers."""
+    buoy = rig_folder(tmp_path)
+    written = rig("new", "rig", "other", "--bem", CYLINDER, "--dof", "Heave", "--folder", tmp_path)
+    assert written.returncode == 0
+    other, own = load(tmp_path / "other" / "plant.yaml"), load(buoy / "plant.yaml")
+    assert own.pop("radiation") == "plant.radiation.json"
+    assert {**own, "name": "other"} == other
 
 
 def test_scales_of_plant_and_rig_must_agree(tmp_path: Path) -> None:
     buoy = rig_folder(tmp_path)
     done = rig("check", buoy / "campaign.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "warning" not in done.stdout
+    change(buoy / "plant.yaml", lambda plant: plant["axes"]["heave"].update(gear_ratio=12.0))
+    done = rig("check", buoy / "campaign.yaml")
     assert done.returncode == 2
     assert "axes.heave.gear_ratio_rad_per_m" in done.stdout + done.stderr
     assert "is not the plant's" in done.stdout + done.stderr
-    share_scales(buoy)
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "edit", "message"),
+    [
+        ("modes", "dof", {"dof": "heave"},
+         "modes.heave.dof: 'heave' is no mode of cylinder_bem.nc; it has Surge, Heave, Pitch"),
+        ("axes", "sway", {"moves_with": {"sway": 1.0}},
+         "axes.heave.moves_with.sway: 'sway' is no mode; allowed: heave"),
+    ],
+)  # fmt: skip
+def test_a_wrong_name_is_reported_at_its_line(
+    section: str, name: str, edit: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    buoy = rig_folder(tmp_path)
+    change(buoy / "plant.yaml", lambda plant: plant[section]["heave"].update(edit))
+    lines = (buoy / "plant.yaml").read_text().splitlines()
+    place = next(k for k, line in enumerate(lines, 1) if re.search(rf"\b{name}:", line))
     done = rig("check", buoy / "campaign.yaml")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "warning" not in done.stdout
+    assert done.returncode == 2
+    assert f"plant.yaml:{place}: {message}" in done.stdout + done.stderr
 
 
 def test_contradictions_are_warnings_of_the_check(tmp_path: Path) -> None:
     buoy = rig_folder(tmp_path)
-    share_scales(buoy)
     data = mode_plants.dataset().assign(displaced_volume=3.1359)
     mode_plants.saved(buoy / CYLINDER.name, data)
     wrong = {"mass": 2000.0, "stiffness": 90.0}
@@ -298,7 +321,6 @@ def test_contradictions_are_warnings_of_the_check(tmp_path: Path) -> None:
 def test_waves_beyond_the_bem_file_are_refused_or_a_warning(tmp_path: Path) -> None:
     """The file ends at 1.5 Hz: a regular wave of 1.6 Hz would excite nothing."""
     buoy = rig_folder(tmp_path)
-    share_scales(buoy)
     campaign = buoy / "campaign.yaml"
     change(campaign, lambda given: given["sea"].update(frequency_hz=1.6))
     done = rig("check", campaign)
@@ -320,7 +342,6 @@ def test_waves_beyond_the_bem_file_are_refused_or_a_warning(tmp_path: Path) -> N
 
 def test_a_stale_fit_is_refused(tmp_path: Path) -> None:
     buoy = rig_folder(tmp_path)
-    share_scales(buoy)
     data = mode_plants.dataset()
     mode_plants.saved(buoy / CYLINDER.name, data.assign(added_mass=1.01 * data.added_mass))
     done = rig("check", buoy / "campaign.yaml")
@@ -334,7 +355,6 @@ def test_a_stale_fit_is_refused(tmp_path: Path) -> None:
 def test_a_rehearsal_loads_the_stored_fit(tmp_path: Path) -> None:
     """The world of the devices has its very numbers, in a folder that was moved, too."""
     buoy = rig_folder(tmp_path)
-    share_scales(buoy)
     moved = buoy.rename(tmp_path / "moved")
     report = examine(moved / "campaign.yaml")
     assert report.campaign is not None, report.text()
@@ -360,7 +380,7 @@ def test_a_rehearsal_loads_the_stored_fit(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_damaged_fit_is_refused(tmp_path: Path, edit: Any, message: str) -> None:
-    request = PlantRequest(CYLINDER, tmp_path / "x.yaml", ("Heave",))
+    request = PlantRequest(ModeOptions(CYLINDER, ("Heave",)), tmp_path / "x.yaml")
     fitted = fit_plant(request)
     given = json.loads(stored_radiation.to_text(fitted.bem, fitted.model.radiation))
     edit(given)

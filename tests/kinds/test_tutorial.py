@@ -23,7 +23,7 @@ def commands() -> list[str]:
 @pytest.mark.slow
 def test_a_body_without_python_from_its_bem_file_to_power_surfaces(tmp_path: Path) -> None:
     lines = commands()
-    assert len(lines) == 8
+    assert len(lines) == 12
     for line in lines:
         program, *arguments = line.split()
         assert program == "rig"
@@ -32,13 +32,15 @@ def test_a_body_without_python_from_its_bem_file_to_power_surfaces(tmp_path: Pat
             cwd=tmp_path, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
-    (run,) = (tmp_path / "runs").iterdir()
-    assert {"surfaces.png", "summary.pdf", "rows.csv"} <= {each.name for each in run.iterdir()}
-    with xarray.open_dataset(run / "rows.nc", engine="h5netcdf") as rows:
-        power = rows["power_mechanical"].values
-        assert power.shape == (12,)
-        assert np.all(power < -100.0)
+    one_body, two_bodies = sorted((tmp_path / "runs").iterdir())
+    for run in (one_body, two_bodies):
+        assert {"surfaces.png", "summary.pdf", "rows.csv"} <= {each.name for each in run.iterdir()}
+        with xarray.open_dataset(run / "rows.nc", engine="h5netcdf") as rows:
+            power = rows["power_mechanical"].values
+            assert power.shape == (12,)
+            assert np.all(power < -100.0)
     assert (tmp_path / "plants" / "heave.png").stat().st_size > 20_000
-    assert "# Written by rig optimum" in (tmp_path / "buoy-first_optimum.yaml").read_text()
+    for name in ("buoy", "pair"):
+        assert "# Written by rig optimum" in (tmp_path / f"{name}-first_optimum.yaml").read_text()
     (sweep,) = (tmp_path / "sweeps").iterdir()
     assert (sweep / "sweep.nc").exists()

@@ -13,8 +13,8 @@ from sim_plant.modes.bem_content import DEEPEST, Water, rotates
 
 COUNTS = 20_000  # per revolution of an encoder
 PEAK_CURRENT = 20.0  # A, of the first motor
-STANDBY = 10.0  # W, of the drive
 DAMPING_RATIO = 0.02
+SEA_HZ = (0.05, 2.0)  # the band of all seas
 _COMMENT_COLUMN = 36  # of the written files
 
 # Keys and units of an axis or mode that rotates, in the place of those of one that translates.
@@ -52,26 +52,35 @@ class ModeEntry(NamedTuple):
     damping: float  # viscous
 
 
+class AxisMotion(NamedTuple):
+    """The motion of an axis: the sum of factor times position of some modes."""
+
+    moves_with: dict[str, float]  # factors by the modes' names in the plant file
+    rotates: bool
+
+
 class Pto(NamedTuple):
     """First values of motor, gear, encoder and drive of an axis."""
 
+    motion: AxisMotion
     torque_constant: float  # N*m/A
     gear_ratio: float  # rad/m or 1
     counts: int  # per revolution
     current_limit: float  # A
     resistance: float  # ohm
+    standby: float  # W
 
 
 class PlantEntries(NamedTuple):
     """All that a plant file states."""
 
     bem: str  # path relative to the plant file
-    band: tuple[float, float]  # Hz, of the BEM file as far as it is used
+    band: tuple[float, float]  # Hz, of the BEM file
     water: Water  # what the BEM file does not state
     direction: float | None  # degrees, of the waves, if the BEM file has several
     radiation: str | None  # path of the stored fit
     modes: tuple[ModeEntry, ...]
-    axes: dict[str, Pto]  # by the mode that the axis moves with
+    axes: dict[str, Pto]  # by name
 
 
 def plant_text(name: str, entries: PlantEntries) -> str:
@@ -87,29 +96,28 @@ def plant_text(name: str, entries: PlantEntries) -> str:
             stiffness=format_number(mode.stiffness),
             stiffness_source=mode.stiffness_source,
             damping=format_number(mode.damping),
-            damping_percent=format_number(100.0 * DAMPING_RATIO),
+            damping_source=_damping_source(mode),
         )
         for mode in entries.modes
     ]
-    by_name = {mode.name: mode for mode in entries.modes}
     axes = [
         fragment(
             "plant_axis",
-            rotary=rotates(by_name[axis].dof),
+            rotary=pto.motion.rotates,
             axis=axis,
+            moves_with=_moves_with(pto.motion),
             torque_constant=format_number(rounded(pto.torque_constant)),
             gear_ratio=format_number(rounded(pto.gear_ratio)),
             counts=str(pto.counts),
             current_limit=format_number(rounded(pto.current_limit)),
             resistance=format_number(rounded(pto.resistance)),
-            standby=format_number(STANDBY),
+            standby=format_number(rounded(pto.standby)),
         )
         for axis, pto in entries.axes.items()
     ]
-    one = len(entries.axes) == 1
     sensors = [
-        f"  {'' if one else axis + '_'}dc_power: {{signal: {axis}.electric_power, noise: 0.1}}\n"
-        for axis in entries.axes
+        f"  {sensor}: {{signal: {axis}.electric_power, noise: 0.1}}\n"
+        for axis, sensor in power_sensors(entries.axes).items()
     ]
     stored = entries.radiation
     return fragment(
@@ -117,12 +125,42 @@ def plant_text(name: str, entries: PlantEntries) -> str:
         name=name,
         water=_water_lines(entries.water, entries.direction),
         bem=entries.bem,
-        bem_range=f"{entries.band[0]:.3g} .. {entries.band[1]:.3g} Hz",
+        bem_range=band_text(entries.band),
         radiation="" if stored is None else f"\nradiation: {stored}   # fit of the BEM file's",
         modes="\n".join(modes),
         axes="\n".join(axes),
         sensors="".join(sensors),
     )
+
+
+def power_sensors(axes: Iterable[str]) -> dict[str, str]:
+    """Return the name of the DC power sensor of each axis."""
+    names = list(axes)
+    return {name: "dc_power" if len(names) == 1 else f"{name}_dc_power" for name in names}
+
+
+def sea_band(band: tuple[float, float]) -> tuple[float, float]:
+    """Return the frequencies of a BEM file within the band of all seas, Hz; empty: low >= high."""
+    return max(band[0], SEA_HZ[0]), min(band[1], SEA_HZ[1])
+
+
+def band_text(band: tuple[float, float]) -> str:
+    """Return a BEM file's frequencies and those that seas have."""
+    (low, high), (first, last) = band, sea_band(band)
+    used = "" if (first, last) == band else f" (of which seas have {first:.3g} .. {last:.3g} Hz)"
+    return f"{low:.3g} .. {high:.3g} Hz{used}"
+
+
+def _moves_with(motion: AxisMotion) -> str:
+    return ", ".join(f"{mode}: {factor!r}" for mode, factor in motion.moves_with.items())
+
+
+def _damping_source(mode: ModeEntry) -> str:
+    """Return where the viscous damping of a mode comes from."""
+    percent = f"{format_number(100.0 * DAMPING_RATIO)} % of critical"
+    if mode.stiffness > 0.0:
+        return percent
+    return f"none, because {percent} are 0 without stiffness"
 
 
 def fragment(template: str, *, rotary: bool = False, **values: str) -> str:

@@ -6,7 +6,7 @@ COMMANDS = (
     Command(
         "new rig",
         f"{__name__}.new_rig",
-        "Write rig, limits, plant and campaign file of a body with one axis, from its BEM file.",
+        "Write rig, limits, plant and campaign file of one body or several, from a BEM file.",
     ),
     Command(
         "plant from-bem",

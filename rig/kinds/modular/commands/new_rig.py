@@ -1,4 +1,4 @@
-"""`rig new rig NAME`: the files of a rig with one axis, from a BEM file."""
+"""`rig new rig NAME`: the files of a rig, from a BEM file."""
 
 import sys
 from pathlib import Path
@@ -10,14 +10,20 @@ from rig.cli.new import EXIT_CODES, Folder, report_written
 from rig.cli.options import Json
 from rig.cli.output import input_errors
 from rig.kinds.modular.commands.bem_options import (
+    Axes,
     Density,
     Depth,
     Direction,
+    Dofs,
     Gravity,
     LengthScale,
+    Masses,
+    Stiffnesses,
 )
 from rig.kinds.modular.commands.questions import ask_options
-from rig.kinds.modular.new_rig import Options, Water, write_rig
+from rig.kinds.modular.mode_choice import ModeOptions
+from rig.kinds.modular.new_rig import Options, write_rig
+from sim_plant.modes.bem_content import Water
 
 __all__ = ["EXIT_CODES", "command"]
 
@@ -31,21 +37,13 @@ def command(
             "WEC-Sim BEMIO .h5, or the folder of a Nemoh run. Without it, a terminal is asked."
         ),
     ] = None,
-    dof: Annotated[
-        str | None, typer.Option(help="Mode of the file; needed if it has several.")
-    ] = None,
-    axis: Annotated[
-        str | None, typer.Option(help="Name of the axis in files and log; default: of the mode.")
-    ] = None,
-    mass: Annotated[
-        float | None,
-        typer.Option(help="kg or kg*m2; default: inertia or displaced mass of the file."),
-    ] = None,
-    stiffness: Annotated[
-        float | None, typer.Option(help="N/m or N*m/rad; default: the file's hydrostatic one.")
-    ] = None,
+    dof: Dofs = None,
+    axis: Axes = None,
+    mass: Masses = None,
+    stiffness: Stiffnesses = None,
     frequency: Annotated[
-        float | None, typer.Option(help="Of the waves, Hz; default: below the body's resonance.")
+        float | None,
+        typer.Option(help="Of the waves, Hz; default: below the axis's resonance."),
     ] = None,
     amplitude: Annotated[
         float | None, typer.Option(help="Of the waves, m; default: a tenth of 1 / wave number.")
@@ -73,7 +71,7 @@ def command(
     folder: Folder = Path(),
     as_json: Json = False,
 ) -> int:
-    """Write rig, limits, plant and campaign file of a body with one axis, from its BEM file.
+    """Write rig, limits, plant and campaign file of a body, or of several, from a BEM file.
 
     Two more files put the rig on its wires, with addresses on this computer for emulated devices.
 
@@ -85,10 +83,11 @@ def command(
         ask = bem is None and sys.stdin.isatty() and not as_json
     if bem is None and not ask:
         raise typer.BadParameter("give the file of the BEM coefficients", param_hint="--bem")
-    options = Options(
-        bem or Path(), dof, axis, mass, stiffness, frequency, amplitude, torque_constant,
-        gear_ratio, direction, Water(density, gravity, depth, length_scale),
+    modes = ModeOptions(
+        bem or Path(), tuple(dof or ()), tuple(axis or ()), tuple(mass or ()),
+        tuple(stiffness or ()), direction, Water(density, gravity, depth, length_scale),
     )  # fmt: skip
+    options = Options(modes, frequency, amplitude, torque_constant, gear_ratio)
     if ask:
         options = ask_options(options, ask_file=bem is None)
     with input_errors("new rig", as_json=as_json):

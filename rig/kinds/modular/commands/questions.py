@@ -7,9 +7,16 @@ from typing import Any
 
 import typer
 
+from rig.kinds.modular.mode_choice import (
+    ModeOptions,
+    axis_motions,
+    modes_of_axes,
+    numbers_by_mode,
+    own_stiffness,
+)
 from rig.kinds.modular.new_rig import Options
 from sim_plant.modes.bem import read_content, stated_mass
-from sim_plant.modes.bem_content import BemContent, Water, rotates
+from sim_plant.modes.bem_content import BemContent, OpenWaterError, Water, rotates
 
 
 def ask_options(given: Options, *, ask_file: bool) -> Options:
@@ -17,85 +24,132 @@ def ask_options(given: Options, *, ask_file: bool) -> Options:
 
     ``ask_file``: the BEM file is asked for, too.
     """
-    options, content = _read_file(given, ask_file=ask_file)
-    dof = options.dof
-    if dof not in content.modes:
-        if dof is not None:
-            typer.echo(f"{options.bem}: has no mode {dof!r}; it has {', '.join(content.modes)}")
-            options = options._replace(mass=None, stiffness=None)  # they were that mode's
-        dof = _choose("Mode that the PTO moves with", content.modes)
-    mode, unit = content.modes.index(dof), "kg*m2" if rotates(dof) else "kg"
-    direction = options.direction
+    modes, content = _read_file(given.modes, ask_file=ask_file)
+    dofs = modes.dofs or tuple(modes_of_axes(modes.axes, content.modes))
+    unknown = [dof for dof in dofs if dof not in content.modes]
+    if unknown or not dofs:
+        for dof in unknown:
+            typer.echo(f"{modes.bem}: has no mode {dof!r}; it has {', '.join(content.modes)}")
+            modes = modes._replace(masses=(), stiffnesses=())  # they were those modes'
+        dofs = _choose_several("Modes that move (several with commas)", content.modes)
+    axes = modes.axes
+    if len(dofs) > 1 and not axes:
+        axes = _ask_axes(dofs)
+    direction = modes.direction
     if direction is None and len(content.directions) > 1:
         listed = [f"{each:g}" for each in content.directions]
         direction = float(_choose("Direction of the waves, degrees", listed))
-    mass, stiffness = options.mass, options.stiffness
-    if mass is None:
-        known, source = stated_mass(content, mode)
-        shown = f" (the file: {source})" if known is not None else ""
-        mass = _ask_number(f"Mass, {unit}{shown}", known)
-    if stiffness is None:
-        own = None if content.stiffness is None else float(content.stiffness[mode, mode])
-        per = "N*m/rad" if rotates(dof) else "N/m"
-        known = own if own is not None and own > 0.0 else None
-        stiffness = _ask_number(f"Stiffness with that of the mooring, {per}", known)
-    torque_constant = options.torque_constant or _ask_number(
+    masses, stiffnesses = list(modes.masses), list(modes.stiffnesses)
+    for dof in dofs:
+        mode = content.modes.index(dof)
+        units = ("kg*m2", "N*m/rad") if rotates(dof) else ("kg", "N/m")
+        of_mode = f" of {dof}" if len(dofs) > 1 else ""
+        if dof not in numbers_by_mode("--mass", modes.masses, dofs)[0]:
+            known, source = stated_mass(content, mode)
+            shown = f" (the file: {source})" if known is not None else ""
+            masses += _ask_of_mode(dof, f"Mass{of_mode}, {units[0]}{shown}", known)
+        if dof not in numbers_by_mode("--stiffness", modes.stiffnesses, dofs)[0]:
+            own = own_stiffness(content, mode)
+            known = own if own is not None and own > 0.0 else None
+            question = f"Stiffness{of_mode} with that of the mooring, {units[1]}"
+            stiffnesses += _ask_of_mode(dof, question, known)
+    torque_constant = given.torque_constant or _ask_number(
         "Torque constant of the motor, N*m/A", 1.0
     )
-    gear_ratio = options.gear_ratio
+    gear_ratio = given.gear_ratio
     if gear_ratio is None and typer.confirm("Is there a gear ratio already?", default=False):
-        gear_ratio = _ask_number(
-            f"Motor angle per {'rad' if rotates(dof) else 'm'} of the axis", None
-        )
-    return options._replace(
-        dof=dof, direction=direction, mass=mass, stiffness=stiffness,
-        torque_constant=torque_constant, gear_ratio=gear_ratio,
+        unit = "rad" if all(map(rotates, dofs)) else "m"
+        gear_ratio = _ask_number(f"Motor angle per {unit} of the axis", None)
+    modes = modes._replace(
+        dofs=dofs, axes=axes, masses=tuple(masses), stiffnesses=tuple(stiffnesses),
+        direction=direction,
     )  # fmt: skip
+    return given._replace(modes=modes, torque_constant=torque_constant, gear_ratio=gear_ratio)
 
 
-def _read_file(options: Options, *, ask_file: bool) -> tuple[Options, BemContent]:
+def _read_file(modes: ModeOptions, *, ask_file: bool) -> tuple[ModeOptions, BemContent]:
     """Return the options with a BEM file that can be read, and its content."""
     while True:
         if ask_file:
             path = Path(str(typer.prompt("File with the BEM coefficients"))).expanduser()
-            options = options._replace(bem=path)
+            modes = modes._replace(bem=path)
         try:
-            return options, read_content(options.bem, options.water)
+            return modes, read_content(modes.bem, modes.water)
+        except OpenWaterError as error:
+            typer.echo(str(error))
+            ask_file = not error.fields
+            modes = modes._replace(water=_ask_water(modes.water, error.fields))
         except (OSError, ValueError) as error:
             typer.echo(str(error))
-            water = _ask_water(options.water, str(error))
-            ask_file = water is None
-            options = options._replace(water=water or options.water)
+            ask_file = True
 
 
-def _ask_water(water: Water, message: str) -> Water | None:
-    """Return the water with the numbers that a message says are not stated; None for another."""
+def _ask_water(water: Water, fields: Sequence[str]) -> Water:
+    """Return the water with answers for some of its fields."""
     questions = {
-        "density": ("density_kg_per_m3", "Density of the water, kg/m3", 1000.0),
-        "gravity": ("gravity_m_per_s2", "Gravity, m/s2", 9.81),
-        "depth": ("depth_m", "Depth of the water, m", None),
+        "density": ("Density of the water, kg/m3", 1000.0),
+        "gravity": ("Gravity, m/s2", 9.81),
+        "depth": ("Depth of the water, m", None),
     }
-    answers = {
-        field: _ask_number(question, default)
-        for field, (key, question, default) in questions.items()
-        if f"does not state {key}" in message and getattr(water, field) is None
-    }
-    return water._replace(**answers) if answers else None
+    return water._replace(**{field: _ask_number(*questions[field]) for field in fields})
+
+
+def _ask_axes(dofs: Sequence[str]) -> tuple[str, ...]:
+    """Return the motions of the PTOs, as `--axis` has them."""
+    question = f"Motions of the PTOs (several with commas), such as pto={dofs[0]}-{dofs[1]}"
+    while True:
+        axes = tuple(each.strip() for each in str(typer.prompt(question)).split(","))
+        _, problems = axis_motions(axes, dofs)
+        if not problems:
+            return axes
+        typer.echo("\n".join(problems))
+
+
+def _choose_several(question: str, choices: Sequence[str]) -> tuple[str, ...]:
+    """Return some of some choices, by names or numbers; the only one without a question."""
+    if len(choices) == 1:
+        return tuple(choices)
+    _list_choices(choices)
+    while True:
+        answers = [each.strip() for each in str(typer.prompt(question)).split(",")]
+        chosen = [_chosen(answer, choices) for answer in answers]
+        if None not in chosen and len(set(chosen)) == len(chosen):
+            return tuple(each for each in chosen if each is not None)
+        typer.echo(f"{', '.join(answers)!r} is none of them; allowed {', '.join(choices)}")
 
 
 def _choose(question: str, choices: Sequence[str]) -> str:
     """Return one of some choices, by name or number; the only one without a question."""
     if len(choices) == 1:
         return choices[0]
-    for number, choice in enumerate(choices, 1):
-        typer.echo(f"  {number} {choice}")
+    _list_choices(choices)
     while True:
         answer = str(typer.prompt(question)).strip()
-        if answer in choices:
-            return answer
-        if answer.isdecimal() and 1 <= int(answer) <= len(choices):
-            return choices[int(answer) - 1]
+        chosen = _chosen(answer, choices)
+        if chosen is not None:
+            return chosen
         typer.echo(f"{answer!r} is none of them; allowed {', '.join(choices)}")
+
+
+def _list_choices(choices: Sequence[str]) -> None:
+    for number, choice in enumerate(choices, 1):
+        typer.echo(f"  {number} {choice}")
+
+
+def _chosen(answer: str, choices: Sequence[str]) -> str | None:
+    """Return the choice of a name or a number; None for another answer."""
+    if answer in choices:
+        return answer
+    if answer.isdecimal() and 1 <= int(answer) <= len(choices):
+        return choices[int(answer) - 1]
+    return None
+
+
+def _ask_of_mode(dof: str, question: str, known: float | None) -> list[str]:
+    """Return `MODE=NUMBER` for an answer other than the known number."""
+    answer = _ask_number(question, known)
+    stated = known is not None and math.isclose(answer, known, rel_tol=1.0e-5)
+    return [] if stated else [f"{dof}={answer!r}"]
 
 
 def _ask_number(question: str, default: float | None) -> float:

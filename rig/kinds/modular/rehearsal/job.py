@@ -20,7 +20,7 @@ from rig.planning.input_files import ConfigSource
 from sim_plant import sea_states
 from sim_plant.bem import Bem
 from sim_plant.modes import building, stored_radiation
-from sim_plant.modes.bem import mode_bem
+from sim_plant.modes.bem import UnknownModesError, mode_bem
 from sim_plant.modes.building import PlantModel
 from sim_plant.modes.parameters import Plant
 from sim_plant.modes.world import World
@@ -92,9 +92,20 @@ def load_model(plant: ConfigSource) -> tuple[PlantModel | None, tuple[Problem, .
         return building.assemble(file, found, stored_radiation.read(fitted, found)), ()
     except ConfigError as error:
         return None, error.problems
+    except UnknownModesError as error:
+        return None, tuple(_unknown_modes(error, plant, file))
     except (OSError, ValueError, ArithmeticError) as error:
         message = f"cannot be used: {error}"
         return None, (plant.locate.problem((key,), plant.mapping[key], message),)
+
+
+def _unknown_modes(error: UnknownModesError, plant: ConfigSource, file: Plant) -> Iterator[Problem]:
+    """Yield a problem for each mode of a plant whose `dof` its BEM file lacks."""
+    for name, mode in file.modes.items():
+        if mode.dof in error.modes:
+            listed = ", ".join(error.known)
+            message = f"{mode.dof!r} is no mode of {file.bem}; it has {listed}"
+            yield plant.locate.problem(("modes", name, "dof"), mode.dof, message)
 
 
 def plant_problems(

@@ -282,13 +282,18 @@ def _is_gain(column: Column, table: "xarray.Dataset", row: Any) -> bool:
 
 
 def single_row_campaign(campaign: AnyCampaign, lead_in: float) -> AnyCampaign:
-    """Return a campaign that runs each point once, after a lead-in of ``lead_in`` s."""
+    """Return a campaign that runs each point once, after a lead-in of ``lead_in`` s.
+
+    A simulated sea has no reflections, so nothing ends the windows of its rows.
+    """
     file = campaign.file
     update = {"lead_in_s": lead_in}
     if hasattr(file.start, "set_point_s"):
         update["set_point_s"] = min(file.start.set_point_s, lead_in)
     start = file.start.model_copy(update=update)
-    return campaign._replace(file=file.model_copy(update={"start": start, "repeat": 1}))
+    return campaign._replace(
+        file=file.model_copy(update={"start": start, "repeat": 1, "tank": None})
+    )
 
 
 def single_row_plan(campaign: AnyCampaign, lead_in: float, point: Point) -> AnyPlan:

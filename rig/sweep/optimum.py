@@ -5,6 +5,7 @@ of the campaign's matrix and goes on by quadratics around the best point (`rig.d
 over the columns of the laws that the matrix varies, within the ranges of these columns.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -139,6 +140,11 @@ class Search:
             tuple(c.key for c, at in zip(self.columns, limits, strict=True) if at),
             tuple(c.key for c, each in zip(self.columns, far & ~limits, strict=True) if each),
         )
+
+    @property
+    def rejected(self) -> dict[str, int]:
+        """The number of simulated rows that cannot be the best, by reason."""
+        return dict(Counter(filter(None, map(rejection, self.rows.values()))))
 
     def around(self, best: Sequence[float]) -> Floats:
         """Return the best point and one to either side in each column, within the ranges."""

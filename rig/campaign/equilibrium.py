@@ -12,12 +12,12 @@ from rig.planning.point import Point, ValueLocation
 
 
 class NoEquilibrium(NamedTuple):
-    """Why a set point leaves the body no equilibrium, or too little stiffness."""
+    """A set point that leaves the body no equilibrium, or too little stiffness."""
 
     column: str  # name of the column that is to blame; empty: none alone
     value: float | None  # of that column
     message: str  # with the value and the largest allowed one
-    held: bool = False  # by a limit or an end stop before the rig would stop: the row can run
+    can_run: bool = False  # a limit or an end stop holds the body before the rig would stop
 
 
 EquilibriumCheck = Callable[[Any], NoEquilibrium | None]
@@ -27,7 +27,7 @@ EquilibriumCheck = Callable[[Any], NoEquilibrium | None]
 def equilibrium_problems(
     points: Iterable[Point], check: EquilibriumCheck, locate: SourceMap
 ) -> Iterator[tuple[Problem, bool]]:
-    """Yield a problem for each finding, and whether the body is held; ``locate``: of the campaign.
+    """Yield a problem for each finding, and whether the row can run; ``locate``: of the campaign.
 
     Points with the same number of the file and the same message, such as those that differ only in
     Kp, give one problem.
@@ -41,6 +41,6 @@ def equilibrium_problems(
         more = f" and {len(others)} more" if others else ""
         message = f"point {first}{more} {found.message}"
         if at is None:
-            yield locate.problem(("matrix",), found.value, message), found.held
+            yield locate.problem(("matrix",), found.value, message), found.can_run
         else:
-            yield at.problem(found.value, message), found.held
+            yield at.problem(found.value, message), found.can_run

@@ -118,7 +118,7 @@ def test_a_set_point_is_judged_by_mass_matrix_and_lines(tmp_path: Path) -> None:
 
     assert found(SERIES * (1.0 - 1e-6)) is None
     finding = found(SERIES * (1.0 + 1e-6))
-    assert (finding.column, finding.held) == ("ki", True)
+    assert (finding.column, finding.can_run) == ("ki", True)
     assert f"exceeds the static stiffness {SERIES:.4g} N/m" in finding.message
 
 

@@ -41,7 +41,7 @@ class _AxisGain(NamedTuple):
 
 
 class _AxisLimits(NamedTuple):
-    """What holds an axis that runs away; for a rotation read rad and N*m."""
+    """Limits that hold an axis which runs away; for a rotation read rad and N*m."""
 
     force: float  # N, continuous
     position: float  # m, at which the rig stops
@@ -123,7 +123,7 @@ def _finding(axis: _AxisGain, values: Any, ki: float, largest: float | None) -> 
             "leaves the rig no equilibrium: the plant is unstable in more than the motion of axis "
             f"{axis.name}, whatever its position gain"
         )
-        return NoEquilibrium(name, value, message, held=True)  # by what, is not known
+        return NoEquilibrium(name, value, message, can_run=True)  # by what, is not known
     force, length = ("N*m/rad", "rad") if axis.limits.rotates else ("N/m", "m")
     given, allowed = f"the law {axis.law.law.name}: a position gain of {ki:.6g} {force}", ""
     if column is not None and value is not None:
@@ -131,14 +131,14 @@ def _finding(axis: _AxisGain, values: Any, ki: float, largest: float | None) -> 
         side, bound = "below" if slope > 0.0 else "above", value + (largest - ki) / slope
         allowed = f"; allowed {side} {bound:.4g} {column.unit}"
     rest, holder = _rest(axis.limits, largest)
-    held = rest < axis.limits.position
+    can_run = rest < axis.limits.position
     end = f"{holder} holds the axis at about {rest:.3g} {length}"
-    end = end if held else f"the rig would stop at {axis.limits.position:g} {length}"
+    end = end if can_run else f"the rig would stop at {axis.limits.position:g} {length}"
     message = (
         f"leaves no equilibrium: {given} exceeds the static stiffness {largest:.4g} {force} of the "
         f"motion of axis {axis.name}{allowed}; {end}"
     )
-    return NoEquilibrium(name, value, message, held)
+    return NoEquilibrium(name, value, message, can_run)
 
 
 def _column(axis: _AxisGain, values: Any, ki: float) -> tuple[Column | None, float]:

@@ -50,7 +50,7 @@ def examine(
         return report
     campaign = report.campaign
     unstable = _points_without_equilibrium(campaign)
-    if refused := tuple(problem for problem, held in unstable if not held):
+    if refused := tuple(problem for problem, can_run in unstable if not can_run):
         return CheckReport(path, refused, None, None)
     warnings = compilation_problems(campaign, report.plan.dt, _INTERPRETED)
     plant_warnings = (*_plant_warnings(campaign), *(problem for problem, _ in unstable))

@@ -20,7 +20,7 @@ ROUNDING = 1.0e-9  # of the largest eigenvalue: below, a motion counts as free
 def unstable_motion(stiffness: Floats) -> Floats | None:
     """Return the motion with the least stiffness, (modes,), if it is negative; None otherwise.
 
-    A motion without any stiffness, such as that of a body without a mooring, drifts but does not run away.
+    A motion without any stiffness, as of a body without a mooring, drifts but does not run away.
     """
     values, vectors = np.linalg.eigh(stiffness)
     if values[0] >= -ROUNDING * np.abs(values).max():

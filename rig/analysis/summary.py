@@ -42,6 +42,27 @@ def _flag_alarms(table: xarray.Dataset, name: str, template: str) -> list[str]:
     ]
 
 
+def _cause(table: xarray.Dataset, axis: str) -> str:
+    """Return what may cause the mean positions of an axis with alarms; ``axis``: prefix of names.
+
+    A wrong zero of the encoder shifts all rows alike. A body that does not even reach its zero in
+    its motion is held away from it.
+    """
+    complete = table["state"].values == COMPLETE
+    flagged = table[f"{axis}position_alarm"].values != 0
+    means = table[f"{axis}position_mean"].values
+    unknown = np.full(len(means), np.nan)
+    stroke = table[f"{axis}stroke"].values if f"{axis}stroke" in table else unknown
+    if (flagged & (np.abs(means) > 0.5 * stroke)).any():
+        return (
+            "it does not reach its zero: look for a Ki above the static stiffness (no "
+            "equilibrium), an end stop or a steady force, then check the encoder zero"
+        )
+    if flagged[complete].all() and np.ptp(means[complete]) <= table.attrs["mean_position_alarm_m"]:
+        return "check the encoder zero"
+    return "not all rows have it, so look for a drift or a steady force, then the encoder zero"
+
+
 def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> list[str]:
     """Return one message for each condition that may invalidate results; empty without any.
 
@@ -69,7 +90,7 @@ def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> l
         messages.append(
             f"{name} beyond {bound:g} mm in {format_rows(rows[flagged])}: "
             f"{phrases.format_signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; "
-            "check the encoder zero"
+            f"{_cause(table, alarm.removesuffix('position_alarm'))}"
         )
     messages += _flag_alarms(table, "limits", "force limited ({})")
     messages += _flag_alarms(table, "warned", "warning ({})")

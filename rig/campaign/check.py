@@ -18,6 +18,7 @@ from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
 from rig.planning.points import unused_row_warnings
 from rig.planning.tank import TankTimes, tank_line, tank_times, tank_warnings
+from rig.planning.windows import RowWindows
 from rig.presentation.phrases import format_duration
 
 
@@ -102,7 +103,7 @@ class CheckReport(NamedTuple):
             return {}
         campaign, planned = checked
         file = campaign.file
-        windows = campaign.kind.windows(file)
+        windows = _shortest_windows(campaign, planned)
         return {
             "name": file.name,
             "rig": campaign.rig.name,
@@ -152,13 +153,14 @@ class CheckReport(NamedTuple):
             return []
         campaign, planned = checked
         file = campaign.file
-        windows, first = campaign.kind.windows(file), file.kind_columns.first
+        windows, first = _shortest_windows(campaign, planned), file.kind_columns.first
         measured = f"{windows.measure:.6g} s"
         if windows.periods:
             measured += f" = {_count_text(windows.periods, 'period')}"
         rows, waits = "none: wave calibration, device absent, drive off", ""
         if planned.rows:
-            measured += " per row"
+            equal = len({row.measure for row in planned.rows}) == 1
+            measured += " per row" if equal else " or more per row"
             points = _count_text(len(campaign.points), "point")
             rows = f"{len(planned.rows)} ({points} x {file.repeat}), {file.order}"
             waits = ", plus waiting for the drive"
@@ -257,6 +259,15 @@ def check_campaign(
         unused_rows,
         tank_warnings=tuple(tank),
     )
+
+
+def _shortest_windows(campaign: AnyCampaign, planned: AnyPlan) -> RowWindows:
+    """Return the windows of the rows, those of the shortest one where a tank ends them."""
+    windows = campaign.kind.windows(campaign.file)
+    if not planned.rows:
+        return windows
+    row = min(planned.rows, key=lambda each: each.measure)
+    return windows._replace(measure=row.measure, periods=row.periods)
 
 
 def _tank_times(campaign: AnyCampaign) -> TankTimes | None:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from rig.campaign.kind import AnyCampaign, Campaign, CampaignKind
+from rig.campaign.plan import build_plan
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.reference import AnyReference, RecordedReference
@@ -121,7 +122,7 @@ def open_campaign(
     assert points is not None
     assert rig_source is not None
     assert plant_source is not None
-    return Campaign(
+    campaign: AnyCampaign = Campaign(
         kind,
         file,
         top.locate,
@@ -135,6 +136,13 @@ def open_campaign(
         record,
         tuple(files),
     )
+    try:
+        if file.tank is not None:
+            build_plan(campaign)
+    except WindowError as error:  # by the reflection; the windows alone fit
+        problem = top.locate.problem(error.key, error.value, error.message)
+        raise ConfigError([problem]) from error
+    return campaign
 
 
 def _require_campaign(source: ConfigSource) -> None:

@@ -10,6 +10,7 @@ Without rows (a wave calibration) there is only a lead-in and one window of whol
 the drive stays off.
 """
 
+import math
 from typing import Any, Protocol
 
 from rig.campaign.kind import AnyPlan, CampaignKind, CampaignRow, PhaseSeconds, Plan, Wait
@@ -19,7 +20,8 @@ from rig.config.rig_file import BaseRigFile
 from rig.planning.order import Order, PointRepetition, order_points
 from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
-from rig.planning.windows import RowWindows
+from rig.planning.tank import end_before_reflection
+from rig.planning.windows import RowWindows, repeat_period
 from rig.realtime.sequence import NO_ROW, Phase
 
 
@@ -72,6 +74,10 @@ def build_plan(campaign: PlanInputs) -> AnyPlan:
         plan_segments = _row_segments(kind, file, rig, rows, windows)
     else:
         plan_segments = _calibration_segments(file, windows)
+    if file.tank is not None:
+        plan_segments = end_before_reflection(file.tank, file.sea, plan_segments)
+        measured = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
+        rows = tuple(_measured(row, measured[row.row], file) for row in rows)
     rate = float(rig.rate_hz)
     table = cut_into_ticks(plan_segments, rate)
     segments, kept, settings = table
@@ -89,6 +95,15 @@ def build_plan(campaign: PlanInputs) -> AnyPlan:
         PhaseSeconds(*phases),
         file.axis_laws,
     )
+
+
+def _measured(row: CampaignRow[Any], seconds: float, file: BaseCampaignFile) -> CampaignRow[Any]:
+    """Return a row whose window may have been shortened, with the whole periods in it."""
+    if seconds == row.measure:
+        return row
+    period = repeat_period(file.sea) or seconds
+    periods = round(seconds / period)
+    return row._replace(measure=seconds, periods=periods * math.isclose(seconds, periods * period))
 
 
 def order_rows(file: BaseCampaignFile, places: Any) -> tuple[PointRepetition, ...]:

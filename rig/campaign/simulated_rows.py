@@ -8,11 +8,13 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from rig.analysis.rows import NOT_RUN, column_units, motion_fields, reduce_window
 from rig.campaign.equal_rows import EqualRows, find_equal_rows
+from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.config.problems import Problem
 from rig.planning.windows import repeat_period
@@ -28,7 +30,26 @@ MAX_SECONDS = 7200.0
 """Length of the part of a plan that a check simulates unasked, s: some seconds of work."""
 _SHOWN_ROWS = 12
 _MAX_EQUAL = 10
-_MOTION = {"position_peak": "x", "current_peak": "i", "current_rms": "rms", "force_rms": "F rms"}
+_MOTION = {
+    "position_peak": "x peak",
+    "current_peak": "i peak",
+    "current_rms": "i rms",
+    "force_rms": "F rms",
+}
+NO_EQUILIBRIUM, END_STOP, NOT_SETTLED = "NO_EQUILIBRIUM", "END_STOP", "NOT_SETTLED"
+FLAGS = {
+    NO_EQUILIBRIUM: "too little stiffness for an equilibrium",
+    END_STOP: "at an end stop",
+    NOT_SETTLED: "not settled",
+}
+"""Findings about a simulated row, which is then no best row, and their texts for people."""
+
+# A row is settled if its motion repeats: over the whole wave periods of its window, the position
+# of the last period is that of the first within 2 % of the motion (rms). This sees a drift, a
+# transient and a growing motion alike, and bounds the change of power to 4 %. It needs no model, so
+# it holds for all laws and kinds; poles of the closed loop would give a time for linear laws only.
+SETTLED = 0.02
+_SMALL = 1.0e-4  # m or rad: as small a motion counts as rest
 
 
 class RowSimulation(Protocol):
@@ -143,7 +164,8 @@ def _remarks(row: dict[str, Any]) -> str:
     """Return why a row was cut short, or the limits that it reached."""
     if row["incomplete_reason"]:
         return str(row["incomplete_reason"])
-    return " ".join([*row["limits"].split(), *(f"{each}_WARN" for each in row["warned"].split())])
+    warned = (f"{each}_WARN" for each in row["warned"].split())
+    return " ".join([*row["limits"].split(), *warned, *row["flags"].split()])
 
 
 def show_equal_rows(groups: tuple[EqualRows, ...], *, every_row: bool, console: Console) -> None:
@@ -161,6 +183,7 @@ def simulate_rows(
     simulation: RowSimulation,
     row_type: type,
     contents: RowContents,
+    equilibrium: EquilibriumCheck,
     max_seconds: float = math.inf,
     progress: Callable[[int], None] = lambda done: None,
 ) -> SimulatedRows:
@@ -169,7 +192,7 @@ def simulate_rows(
     ``row_type`` is that of the simulated log rows; ``progress`` is called with the number of
     finished rows.
     """
-    rows = row_results(simulation, campaign, plan, contents, max_seconds, progress)
+    rows = row_results(simulation, campaign, plan, contents, equilibrium, max_seconds, progress)
     motion = motion_fields(contents.axis)
     fields = {leaf.name: leaf.unit for leaf in leaves(row_type)}
     units = column_units(contents) | {
@@ -185,13 +208,15 @@ def row_results(
     campaign: AnyCampaign,
     planned: AnyPlan,
     contents: RowContents,
+    equilibrium: EquilibriumCheck = lambda setting: None,
     max_seconds: float = math.inf,
     progress: Callable[[int], None] = lambda done: None,
 ) -> list[dict[str, Any]]:
     """Return the results of each row of a simulated plan, with the names of the row table.
 
-    The first rows up to ``max_seconds`` of the plan are simulated; ``progress`` is called with
-    their number.
+    Besides, `end_stop` is the share of the window at an end stop of the plant, `flags` the `FLAGS`
+    of the row. The first rows up to ``max_seconds`` of the plan are simulated; ``progress`` is
+    called with their number.
     """
     period = repeat_period(campaign.file.sea)
     period_ticks = period / planned.dt if period else None
@@ -199,15 +224,45 @@ def row_results(
     contents, rows = contents._replace(columns=()), planned.rows  # the plan has the set points
     results = {}
     for window in simulation:  # the last attempt counts
-        results[window.row] = reduce_window(window, period_ticks, contents)
+        results[window.row] = reduce_window(window, period_ticks, contents) | {
+            "end_stop": window.end_stop,
+            "flags": " ".join(_flags(window, period_ticks, planned.dt, contents.axis)),
+        }
         progress(len(results))
         if simulation.seconds >= max_seconds and len(results) < len(rows):
             rows = tuple(row for row in rows if row.row in results)
             break
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason}"}
-    return [
-        results.get(row.row, not_run | {"row": row.row})
-        | dict.fromkeys(actuators, row.place)
-        | row.setting._asdict()
-        for row in rows
-    ]
+    entries = []
+    for row in rows:
+        entry = results.get(row.row, not_run | {"row": row.row, "flags": ""})
+        if equilibrium(row.setting) is not None:
+            entry["flags"] = f"{NO_EQUILIBRIUM} {entry['flags']}".rstrip()
+        entries.append(entry | dict.fromkeys(actuators, row.place) | row.setting._asdict())
+    return entries
+
+
+def _flags(window: Window, period_ticks: float | None, dt: float, axis: str) -> Iterator[str]:
+    """Yield the flags that follow from a window."""
+    if window.end_stop > 0.0:
+        yield END_STOP
+    motion = motion_fields(axis)
+    position, velocity = (window.data[motion[name]] for name in ("position", "velocity"))
+    if period_ticks is not None and not is_settled(position, velocity, period_ticks, dt):
+        yield NOT_SETTLED
+
+
+def is_settled(position: Any, velocity: Any, period_ticks: float, dt: float) -> bool:
+    """Return whether the motion in a window repeats from its first period to its last.
+
+    Of one period, begin and end are compared. A window of less is taken as settled.
+    """
+    periods = int((len(position) + 0.5) / period_ticks)
+    if periods == 0:
+        return True
+    shift = max(periods - 1, 1) * period_ticks
+    ticks = min(round(shift), len(position) - 1)
+    later = position[ticks:] + (shift - ticks) * dt * velocity[ticks:]
+    change = later - position[: len(later)]
+    bound = max(SETTLED * float(np.std(position)), _SMALL)
+    return float(np.sqrt(np.mean(change * change))) <= bound

@@ -22,12 +22,12 @@ from rig.presentation.phrases import format_power
 from rig.stations import find, shown
 from rig.sweep.campaigns import LEAD_IN, CampaignTasks
 from rig.sweep.executors import available_processors
-from rig.sweep.optimum import Optimum, Search, open_search, search
+from rig.sweep.optimum import Optimum, Search, open_search, rejection, search
 from rig.sweep.sweep import open_tasks
 
 EXIT_CODES = """\
-Exit codes: 0 found, and the campaign is written; 1 no row completes, or the campaign could not be \
-written; 2 bad input; 3 interrupted."""
+Exit codes: 0 found, and the campaign is written; 1 no row can be the best, or the campaign could \
+not be written; 2 bad input; 3 interrupted."""
 _MARK = "Written by rig optimum"
 
 
@@ -40,7 +40,10 @@ def command(
         typer.Option("--for", help="Station whose power to maximise; repeatable (default: all)."),
     ] = None,
     lead_in: Annotated[
-        float, typer.Option("--lead-in", min=5, max=3600, help="Waves before each row, s.")
+        float,
+        typer.Option(
+            "--lead-in", min=5, max=3600, help="Waves before each row, s; more until it settles."
+        ),
     ] = LEAD_IN,
     jobs: Annotated[
         int | None,
@@ -75,7 +78,8 @@ def command(
         compile_loop(opened.task.simulator)
         found = search(opened, stations, _progress(quiet=as_json))
         around = opened.around([found[0].values[column.name] for column in opened.columns])
-        opened.simulate(around, lambda count: None)
+        rows = opened.simulate(around, lambda count: None)
+        around = around[[not rejection(row) for row in rows]]
         written.write_text(_campaign_text(path, written, opened, found, around), encoding="utf-8")
     except KeyboardInterrupt:
         return fail("optimum", RuntimeError("interrupted"), as_json=as_json, code=STOPPED)
@@ -83,6 +87,7 @@ def command(
         return fail("optimum", RuntimeError(error_text(error)), as_json=as_json, code=FAILED)
     return print_result(
         {"campaign": display_path(path), "simulated_rows": len(opened.rows),
+         "rejected": opened.rejected,
          "optima": [_as_dict(each) for each in found]},
         _text(opened, found), [written], as_json=as_json,
     )  # fmt: skip
@@ -148,7 +153,8 @@ def _text(opened: Search, found: Sequence[Optimum]) -> str:
     console = table_console()
     with console.capture() as capture:
         console.print(whole_table(table), soft_wrap=True)
-    return capture.get().rstrip()
+    rejected = [f"{n} rows cannot be the best: {reason}" for reason, n in opened.rejected.items()]
+    return "\n".join([capture.get().rstrip(), *rejected])
 
 
 def _campaign_text(

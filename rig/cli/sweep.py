@@ -59,7 +59,7 @@ def command(
             "--lead-in",
             min=5,
             max=3600,
-            help="Waves before each row of a campaign, s (default: 15).",
+            help="Waves before each row of a campaign, s (default: 15); more until it settles.",
         ),
     ] = None,
     jobs: Annotated[

@@ -1,7 +1,7 @@
 """The tank of a campaign: where waves are made, met and reflected."""
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -10,6 +10,9 @@ from rig.config.problems import format_number
 
 Distance = Annotated[float, Field(gt=0, le=2000)]
 """From the wave maker, m."""
+
+
+BEFORE_REFLECTION = "end before the reflection"
 
 
 class Beach(FileModel):
@@ -28,6 +31,7 @@ class Tank(FileModel):
     beach: Beach | None = None
     still_s: float = Field(default=0.0, ge=0, le=600)  # from the trigger to the first wave made
     ramp_s: float = Field(default=0.0, ge=0, le=600)  # until the wave maker has its full stroke
+    windows: Literal["as planned", "end before the reflection"] = "as planned"
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the device is in the water, between wave maker and wall."""

@@ -114,8 +114,12 @@ class Simulator(ABC):
         """
         rows = RowBlock(self.kind.row_type)
         ticks = self.ticks(plan, rows, place)
+        contact = getattr(ticks.plant, "contact", None)
         stored, reasons = self.stored, self.kind.reason_table
-        return RowSimulation(ticks, rows, stored, plan.segments, plan.dt, reasons, check)
+        return RowSimulation(
+            ticks, rows, stored, plan.segments, plan.dt, reasons, check,
+            None if contact is None else contact.array,
+        )  # fmt: skip
 
     def ticks(self, plan: Any, rows: RowSink, place: float | None = None) -> CoupledTicks:
         """Return the ticks of a plan from power-on, which write to ``rows``."""
@@ -188,12 +192,19 @@ class RowSimulation:
         dt: float,
         reasons: ReasonTable,
         check: Callable[[], None],
+        contact: Floats | None = None,
     ) -> None:
-        """``check`` is called many times per second; its exception ends the simulation."""
+        """``check`` is called many times per second; its exception ends the simulation.
+
+        ``contact`` is 1 at the remainder of each tick that ended at an end stop; None: the plant
+        has no end stops.
+        """
         self._ticks, self._rows, self._stored, self._check = ticks, rows, stored, check
         self._reasons, self._dt = reasons, dt
-        self._columns = _take_buffer(len(stored.fields), _longest_stretch(segments) + 1)
-        self._tick = 0
+        self._contact = contact
+        # The last column is the contact with an end stop.
+        self._columns = _take_buffer(len(stored.fields) + 1, _longest_stretch(segments) + 1)
+        self._tick = self._block = 0  # the next tick, and the first of the block
         self.reason = Reason.NONE.name  # of the stop
 
     @property
@@ -207,6 +218,7 @@ class RowSimulation:
         ticks, filled, linger = self._ticks, 0, 0
         while linger < LINGER_TICKS:
             self._check()
+            self._block = self._tick
             executed = ticks.execute(self._tick, NO_REQUEST, _BLOCK_TICKS)
             self._tick += executed
             linger += ticks.mode == STOP_0  # without power each call has one tick
@@ -226,7 +238,12 @@ class RowSimulation:
     def _keep(self, begin: int, end: int, filled: int) -> None:
         """Copy the stored fields of rows of the block to ticks ``filled`` on of the columns."""
         kept = self._rows.numbers[begin:end].take(self._stored.places, axis=1)
-        self._columns[:, filled : filled + end - begin] = kept.T
+        place = slice(filled, filled + end - begin)
+        self._columns[:-1, place] = kept.T
+        self._columns[-1, place] = 0.0
+        if self._contact is not None:
+            ticks = np.arange(self._block + begin, self._block + end)
+            self._columns[-1, place] = self._contact[ticks % len(self._contact)]
 
     def _windows(self, columns: Floats, reason: int) -> Iterator[Window]:
         """Yield the windows of a stretch of ticks; ``reason``: of a stop, in the tick after it."""
@@ -238,7 +255,8 @@ class RowSimulation:
                 f"run stopped: {self._reasons.name(reason)}" if stopped and end == len(rows) else ""
             )
             row, attempt = (int(data[f"plan.{name}"][0]) for name in ("row", "attempt"))
-            yield Window(row, attempt, cast(Records, data), incomplete_reason)
+            share = float(columns[-1, begin:end].mean())
+            yield Window(row, attempt, cast(Records, data), incomplete_reason, end_stop=share)
 
 
 class _WindowColumns:

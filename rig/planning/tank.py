@@ -6,19 +6,26 @@ R. A. Dalrymple, Water Wave Mechanics for Engineers and Scientists, sections 3.4
 """
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rig.config.problems import Problem
+from rig.config.problems import Problem, format_number
 from rig.config.sea import AnySea, JonswapSea, MultisineSea, PinkSea, RegularSea
-from rig.config.tank import Tank
+from rig.config.tank import BEFORE_REFLECTION, Tank
 from rig.config.yaml_source import SourceMap
+from rig.planning.segments import PlanSegment
+from rig.planning.windows import WindowError, repeat_period
 from rig.realtime.sequence import NO_ROW, Phase, Segments
 
 GRAVITY = 9.80665  # m/s2
 _PANELS = 400  # of Simpson's rule over a beach
+BAND_EDGE = 0.05  # share of the energy of a JONSWAP sea beyond either end of its band
+_ROUNDING = 1.0e-9  # periods
+
+S = TypeVar("S")
 
 
 class TankTimes(NamedTuple):
@@ -91,17 +98,29 @@ def _time_to(tank: Tank, period: float, place: float) -> float:
 def sea_periods(sea: AnySea) -> tuple[float, float] | None:
     """Return the longest and the shortest period of a sea's waves, s; None for unknown ones.
 
-    Of a JONSWAP sea both are the peak period.
+    Of a JONSWAP sea they bound the band with 90 % of the energy.
     """
     if isinstance(sea, RegularSea):
         return sea.period, sea.period
     if isinstance(sea, JonswapSea):
-        return sea.tp_s, sea.tp_s
+        low, high = _jonswap_band(sea.gamma)
+        return sea.tp_s / low, sea.tp_s / high
     if isinstance(sea, (PinkSea, MultisineSea)):
         return 1.0 / sea.low_hz, 1.0 / sea.high_hz
     return None
 
 
+def _jonswap_band(gamma: float) -> tuple[float, float]:
+    """Return the frequencies, per peak frequency, below and above which `BAND_EDGE` is."""
+    ratio = np.linspace(0.3, 12.0, 20_000)
+    width = np.where(ratio <= 1.0, 0.07, 0.09)
+    peak = gamma ** np.exp(-((ratio - 1.0) ** 2) / (2.0 * width**2))
+    energy = np.cumsum(ratio**-5 * np.exp(-1.25 * ratio**-4) * peak)
+    low, high = np.interp([BAND_EDGE, 1.0 - BAND_EDGE], energy / energy[-1], ratio)
+    return float(low), float(high)
+
+
+@lru_cache(maxsize=16)  # plan and report need them several times
 def tank_times(tank: Tank, sea: AnySea) -> TankTimes | None:
     """Return when the waves of a sea arrive and return; None for a sea without known periods."""
     periods = sea_periods(sea)
@@ -116,6 +135,51 @@ def tank_times(tank: Tank, sea: AnySea) -> TankTimes | None:
         longest,
         shortest,
     )
+
+
+def end_before_reflection(
+    tank: Tank, sea: AnySea, plan_segments: Sequence[PlanSegment[S]]
+) -> list[PlanSegment[S]]:
+    """Return a plan whose windows end before the first reflected waves, if ``tank`` asks for it.
+
+    Windows keep whole wave or repeat periods as far as one fits; the rest of the row is its tail.
+    Of an irregular sea a part of its repeat period may be left. Raises `WindowError` if a row has
+    nothing left, or if the sea's periods are unknown.
+    """
+    period = repeat_period(sea)
+    if tank.windows != BEFORE_REFLECTION or period is None:
+        return list(plan_segments)
+    if (times := tank_times(tank, sea)) is None:
+        message = "the periods of a recorded sea are unknown, and with them the reflection"
+        raise WindowError(("tank", "windows"), tank.windows, message)
+    ended: list[PlanSegment[S]] = []
+    clock, cut = 0.0, 0.0
+    for segment in plan_segments:
+        begin, seconds = clock, segment.seconds
+        clock += seconds if segment.waves else 0.0
+        if segment.phase is Phase.MEASURE and clock > times.reflected:
+            left = times.reflected - begin
+            whole = math.floor(left / period + _ROUNDING) * period
+            kept = left if whole <= 0.0 and not isinstance(sea, RegularSea) else whole
+            if kept <= 0.0:
+                raise _nothing_left(tank, segment.row, begin, times.reflected, period)
+            seconds, cut = kept, seconds - kept
+        elif segment.phase is Phase.TAIL:
+            seconds, cut = seconds + cut, 0.0
+        ended.append(segment._replace(seconds=seconds))
+    return ended
+
+
+def _nothing_left(
+    tank: Tank, row: int, begin: float, reflected: float, period: float
+) -> WindowError:
+    where = "the window" if row == NO_ROW else f"the window of row {row}"
+    message = (
+        f"{where} begins {begin:.1f} s after the start of the waves, the first reflected ones are "
+        f"back after {reflected:.1f} s: nothing of its periods of {format_number(period)} s "
+        "is left; run fewer rows, or shorten lead-in and settling"
+    )
+    return WindowError(("tank", "windows"), tank.windows, message)
 
 
 def tank_line(times: TankTimes) -> str:

@@ -75,6 +75,11 @@ class CoupledTicks:
         coupling.attach(memory)
 
     @property
+    def plant(self) -> Any:
+        """The plant's constants and columns, which the ticks change."""
+        return self._coupling.plant
+
+    @property
     def mode(self) -> int:
         """Mode of the safety machine after the last tick."""
         return int(self._mode[0])

@@ -22,8 +22,9 @@ from rig.campaign import (
     open_campaign,
     resolved_config,
 )
+from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.law_checks import compilation_problems, trial_problems
-from rig.campaign.simulated_rows import row_results
+from rig.campaign.simulated_rows import NOT_SETTLED, row_results
 from rig.config.problems import ConfigError, Problem, format_value
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.planning.point import Point
@@ -39,9 +40,13 @@ if TYPE_CHECKING:
     import xarray
 
 LEAD_IN = 15.0
-"""Default time from the first wave to a row that runs alone, s. The simulated wave maker ramps the
-sea up in 5 s; the rest of the transient after 15 s changes no mean power by more than a row's own
-noise (tests/batch/test_sweep_rows.py), while a basin needs minutes."""
+"""Default time from the first wave to a row that runs alone, s, doubled until the row is settled.
+
+Most simulated wave makers ramp the sea up in 5 s; the rest of the transient after 15 s changes no
+mean power by more than a row's own noise (tests/batch/test_sweep_rows.py), while a basin needs
+minutes."""
+MAX_LEAD_IN = 240.0
+"""Longest lead-in by doubling, s: more than twice the longest ramp of a simulated wave maker."""
 _DATA_ROLES = ("matrix", "elevation", "reference")  # of files read whenever a campaign is opened
 _NOT_COMPILED = "a sweep runs compiled code, but the law cannot be compiled"
 
@@ -125,14 +130,27 @@ class CampaignTask:
     def run_point(self, point: Point, check: Callable[[], None]) -> SimulatedCase:
         """Return the results of a point as a row that runs alone."""
         assert self.lead_in is not None
-        planned = single_row_plan(self.campaign, self.lead_in, point)
-        return self._simulate(planned, planned.rows[0].place, check)
+        lead_in, seconds = self.lead_in, 0.0
+        while True:
+            planned = single_row_plan(self.campaign, lead_in, point)
+            case = self._simulate(planned, planned.rows[0].place, check)
+            (row,), seconds = case.rows, seconds + case.seconds
+            # At an end stop or without equilibrium, more time changes nothing.
+            can_settle = row["state"] == COMPLETE and row["flags"] == NOT_SETTLED
+            if not can_settle or 2.0 * lead_in > MAX_LEAD_IN:
+                return SimulatedCase(({**row, "lead_in": lead_in},), seconds)
+            lead_in *= 2.0
+
+    @cached_property
+    def equilibrium(self) -> EquilibriumCheck:
+        """The check whether a set point leaves the body an equilibrium."""
+        return simulation_of(self.campaign).equilibrium_check(self.campaign)
 
     def _simulate(
         self, planned: AnyPlan, place: float | None, check: Callable[[], None]
     ) -> SimulatedCase:
         simulation = self.simulator.simulate(planned, check, place)
-        rows = row_results(simulation, self.campaign, planned, self.contents)
+        rows = row_results(simulation, self.campaign, planned, self.contents, self.equilibrium)
         return SimulatedCase(tuple(rows), simulation.seconds)
 
 
@@ -197,7 +215,7 @@ class CampaignTasks:
                 column.name: [getattr(row.setting, column.name, row.place) for row in rows]
                 for column in contents.settings
             },
-            column_units(contents),
+            column_units(contents) | {"end_stop": "1", "lead_in": "s"},
             attributes,
         )
 
@@ -243,7 +261,7 @@ def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
     name = f"power_{station}"
     if name not in table or not np.isfinite(table[name].values).any():
         return {}
-    power = table[name].where(table["state"] == COMPLETE)
+    power = table[name].where((table["state"] == COMPLETE) & (table["flags"] == ""))
     if not np.isfinite(power.values).any():
         return {}
     place: Any = power.argmin(...)
@@ -264,13 +282,18 @@ def _is_gain(column: Column, table: "xarray.Dataset", row: Any) -> bool:
 
 
 def single_row_campaign(campaign: AnyCampaign, lead_in: float) -> AnyCampaign:
-    """Return a campaign that runs each point once, after a lead-in of ``lead_in`` s."""
+    """Return a campaign that runs each point once, after a lead-in of ``lead_in`` s.
+
+    A simulated sea has no reflections, so nothing ends the windows of its rows.
+    """
     file = campaign.file
     update = {"lead_in_s": lead_in}
     if hasattr(file.start, "set_point_s"):
         update["set_point_s"] = min(file.start.set_point_s, lead_in)
     start = file.start.model_copy(update=update)
-    return campaign._replace(file=file.model_copy(update={"start": start, "repeat": 1}))
+    return campaign._replace(
+        file=file.model_copy(update={"start": start, "repeat": 1, "tank": None})
+    )
 
 
 def single_row_plan(campaign: AnyCampaign, lead_in: float, point: Point) -> AnyPlan:

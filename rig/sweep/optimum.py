@@ -5,6 +5,7 @@ of the campaign's matrix and goes on by quadratics around the best point (`rig.d
 over the columns of the laws that the matrix varies, within the ranges of these columns.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 
 from controllers.law import Column as LawColumn
 from rig.analysis.rows import COMPLETE
+from rig.campaign.simulated_rows import FLAGS
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import load_mapping
 from rig.design.descent import descend
@@ -24,7 +26,7 @@ from rig.sweep.campaigns import CampaignTask, CampaignTasks
 
 MAX_POINTS = 400  # of the matrix: more take minutes, and the search needs a start only
 ITERATIONS = 6  # of the search
-PENALTY = 2.0  # times the largest power: cost of a row that would not complete
+PENALTY = 2.0  # times the largest power: cost of a row that cannot be the best
 AT_LIMIT = 1e-3  # of the range
 FAR = 1.5  # spans of the matrix from the best row of it
 MAX_COLUMNS = 5  # each doubles the rows of an iteration
@@ -105,7 +107,7 @@ class Search:
         return row
 
     def optimum(self, station: Station, progress: Callable[[int], None]) -> Optimum:
-        """Return the best set point for a station; ValueError if no row completes."""
+        """Return the best set point for a station; ValueError if no row can be."""
         name = f"power_{station.name}"
 
         def costs(points: Floats) -> Floats:
@@ -117,8 +119,8 @@ class Search:
 
         known = [key for key, row in self.rows.items() if np.isfinite(_power(row, name))]
         if not known:
-            reasons = {str(row["incomplete_reason"]) for row in self.rows.values()}
-            raise ValueError(f"no row completes: {', '.join(sorted(reasons))}")
+            reasons = {rejection(row) for row in self.rows.values()}
+            raise ValueError(f"no row can be the best: {', '.join(sorted(reasons))}")
         first = min(known, key=lambda key: _power(self.rows[key], name))
         found = descend(
             costs,
@@ -139,6 +141,11 @@ class Search:
             tuple(c.key for c, each in zip(self.columns, far & ~limits, strict=True) if each),
         )
 
+    @property
+    def rejected(self) -> dict[str, int]:
+        """The number of simulated rows that cannot be the best, by reason."""
+        return dict(Counter(filter(None, map(rejection, self.rows.values()))))
+
     def around(self, best: Sequence[float]) -> Floats:
         """Return the best point and one to either side in each column, within the ranges."""
         centre = np.array(best)
@@ -147,12 +154,15 @@ class Search:
         return np.unique(np.clip(points, self.low, self.high), axis=0)
 
 
-def _done(row: dict[str, Any]) -> bool:
-    return str(row["state"]) == COMPLETE
+def rejection(row: dict[str, Any]) -> str:
+    """Return why a row cannot be the best one; empty if it can."""
+    if str(row["state"]) != COMPLETE:
+        return str(row["incomplete_reason"])
+    return ", ".join(FLAGS[flag] for flag in row["flags"].split())
 
 
 def _power(row: dict[str, Any], name: str) -> float:
-    return float(row[name]) if _done(row) and row.get(name) is not None else np.inf
+    return float(row[name]) if not rejection(row) and row.get(name) is not None else np.inf
 
 
 def open_search(tasks: CampaignTasks, path: Path, jobs: int) -> Search:

@@ -46,7 +46,10 @@ def with_simulated_rows(
         limit = MAX_SECONDS if unasked else math.inf
         contents = simulation.row_contents(campaign)
         simulated, row_type = simulator.simulate(plan), simulator.kind.row_type
-        rows = simulate_rows(campaign, plan, simulated, row_type, contents, limit, progress)
+        rows = simulate_rows(
+            campaign, plan, simulated, row_type, contents,
+            simulation.equilibrium_check(campaign), limit, progress,
+        )  # fmt: skip
     except KindError as error:
         return report if unasked else report._replace(not_simulated=str(error))
     except (ValueError, ArithmeticError) as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rig.campaign import AnyCampaign, AnyPlan, CampaignKind, CampaignParts
+from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.simulated_rows import RowSimulation
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
@@ -115,6 +116,10 @@ class Simulation(Protocol):
         self, campaign: AnyCampaign, plan: AnyPlan, sea: dict[str, Any] | None = None
     ) -> CampaignSimulator:
         """Return the simulator of a campaign; ``sea`` replaces that of the campaign."""
+        ...
+
+    def equilibrium_check(self, campaign: AnyCampaign) -> EquilibriumCheck:
+        """Return the check whether a set point leaves the body an equilibrium."""
         ...
 
     def sweep_problems(self, campaign: AnyCampaign) -> Iterable[Problem]:

@@ -90,6 +90,32 @@ def test_a_mean_surge_position_raises_its_own_alarm(tmp_path: Path) -> None:
     assert alarm.startswith("mean surge position beyond 5 mm in row 1: −9.3 mm in row 1")
 
 
+def position_alarm(folder: Path, means: tuple[float, float], amplitude: float) -> str:
+    """Return the heave alarm of two rows whose motion has these means and an amplitude, m."""
+    data = filled()
+    turn = 0.02 * np.arange(len(data))
+    offset = np.where(data["plan.row"] == 1, means[1], means[0])
+    data["heave.estimate.position"] = offset + amplitude * np.sin(turn)
+    (alarm,) = (text for text in analyse(write(folder, data)).summary.alarms if "mean pos" in text)
+    return alarm
+
+
+@pytest.mark.parametrize(
+    ("means", "amplitude", "cause"),
+    [
+        ((0.009, 0.009), 0.1, "; check the encoder zero"),
+        ((0.0, 0.02), 0.1, "; not all rows have it, so look for a drift or a steady force, "),
+        ((0.25, 0.25), 0.001, "; it does not reach its zero: look for a Ki above the static "),
+        ((0.0, -0.25), 0.02, "; it does not reach its zero: look for a Ki above the static "),
+    ],
+)
+def test_the_alarm_of_a_mean_position_names_what_may_cause_it(
+    means: tuple[float, float], amplitude: float, cause: str, tmp_path: Path
+) -> None:
+    """A wrong zero shifts all rows; a body at an end stop does not pass its zero."""
+    assert cause in position_alarm(tmp_path, means, amplitude)
+
+
 def test_old_run_without_surge_and_drive_fields(tmp_path: Path) -> None:
     now = get_type_hints(WaveBotRow, include_extras=True)
     gone = ("surge", "drive_sense", "drive_command", "reference")

@@ -12,9 +12,11 @@ import yaml
 from pydantic import ValidationError
 from rehearsing import write_campaign
 
+from rig.config.sea import JonswapSea
 from rig.config.tank import Beach, Tank
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.planning import tank as travel
+from rig.realtime.sequence import Phase
 
 # The Large Wave Flume with LUPA (Oregon State University): 1:12 beach, 12 ft high at the wall.
 FLUME = Tank(
@@ -122,9 +124,70 @@ def test_waves_of_a_band_arrive_one_after_the_other(tmp_path: Path) -> None:
     assert "tank" not in calm
 
 
+def test_the_band_of_a_jonswap_sea_has_nine_tenths_of_its_energy() -> None:
+    """Pierson-Moskowitz in closed form: a share exp(-1.25 (Tp f)^-4) of the energy is below f."""
+    sea = JonswapSea(kind="jonswap", hs_m=0.1, tp_s=2.0, gamma=1.0)
+    longest, shortest = travel.sea_periods(sea) or (0.0, 0.0)
+    assert longest == pytest.approx(2.0 * (math.log(20.0) / 1.25) ** 0.25, rel=1e-3)
+    assert shortest == pytest.approx(2.0 * (-math.log(0.95) / 1.25) ** 0.25, rel=2e-3)
+    narrow = travel.sea_periods(sea.model_copy(update={"gamma": 7.0})) or (0.0, 0.0)
+    assert longest > narrow[0] > 2.0 > narrow[1] > shortest
+
+
+# Regular waves of 2.5 s are back after 81.79 s. A row has 1 s of settling, then 20 s = 8 periods.
+ENDED = {**TANK, "windows": "end before the reflection"}
+
+
+@pytest.mark.parametrize(
+    ("lead_in", "measured", "tail"),
+    [
+        (
+            39.0,
+            [20.0, 17.5],
+            [1.0, 3.5],
+        ),  # rows from 40 and 62 s on: 19.79 s are left for the second
+        (20.0, [20.0, 20.0], [1.0, 1.0]),
+        (57.0, [20.0, 0.0], None),
+    ],
+)
+def test_windows_end_before_the_reflection_with_whole_periods(
+    lead_in: float, measured: list[float], tail: list[float] | None, tmp_path: Path
+) -> None:
+    report = check(tmp_path, tank=ENDED, start={"lead_in_s": lead_in, "set_point_s": 1})
+    if tail is None:
+        (problem,) = report.problems
+        assert problem.key == "tank.windows"
+        assert "the window of row 1 begins 80.0 s after the start of the waves" in problem.message
+        assert "are back after 81.8 s" in problem.message
+        return
+    plan = report.plan
+    rows = [(row.measure, row.periods) for row in plan.rows]
+    assert rows == [(seconds, round(seconds / 2.5)) for seconds in measured]
+    segments = list(zip(plan.segments.phase, plan.segments.ticks, strict=True))
+    assert [n / 1000 for phase, n in segments if phase == Phase.MEASURE] == measured
+    assert [n / 1000 for phase, n in segments if phase == Phase.TAIL] == tail
+    assert not any("reflected" in warning.message for warning in report.warnings)
+    assert plan.wave_seconds == pytest.approx(lead_in + 44.0, abs=0.01)
+    text = report.text()
+    assert (f"{measured[1]:g} s = {measured[1] / 2.5:g} periods") in text
+    assert ("or more per row" in text) == (measured[0] != measured[1])
+
+
+def test_an_irregular_window_keeps_what_is_left_of_its_repeat_period(tmp_path: Path) -> None:
+    sea = {"kind": "pink", "hm0_m": 0.1, "low_hz": 0.2, "high_hz": 1.0, "repeat_s": 100}
+    row = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
+    keys = {"sea": sea, "timing": {"settle_s": 1}, "matrix": {"list": [row]}}
+    report = check(tmp_path, tank=ENDED, start={"lead_in_s": 20, "set_point_s": 1}, **keys)
+    (measured,) = report.plan.rows
+    reflected = json.loads(report.to_json())["tank"]["reflected_s"]
+    assert measured.measure == pytest.approx(reflected - 21.0, abs=1e-9)
+    assert measured.periods == 0
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"windows": "short"}, "end before the reflection"),
         ({"device_m": 70.0}, "70 m is not in the water; allowed below 65.2"),
         ({"depth_m": math.nan}, "finite number"),
         ({"depth_m": 0.0}, "greater than or equal to 0.1"),

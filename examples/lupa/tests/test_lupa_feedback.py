@@ -56,6 +56,8 @@ def test_force_is_the_delayed_spring_and_damper() -> None:
             found += demand.force * cmath.exp(-1j * omega * tick * DT) / 5_000
     lag = cmath.exp(-1j * omega * 0.02315)
     half = cmath.exp(-0.5j * omega * DT)
+    linear = feedback.linear(constants, gains, omega)
+    assert found == pytest.approx(linear * 0.05 * omega, rel=1e-3)
     expected = -(gains.stiffness + 1j * omega * gains.damping * half) * lag * -0.05j
     assert found == pytest.approx(expected, rel=1e-3)
 

@@ -17,7 +17,7 @@ from test_lupa_numbers import LUPA, dynamic_stiffness, excitation, plant
 from wec_lupa import feedback
 
 PERIOD, AMPLITUDE = 2.5, 0.02  # s, m: so small that the drag of the hull takes 1 % of the power
-ROWS = {  # stiffness and damping; a spring below -250 N/m between two bodies has no equilibrium
+ROWS = {  # stiffness and damping
     "one_body": ((0.0, 600.0), (-2000.0, 600.0)),
     "two_body": ((0.0, 600.0), (0.0, 1800.0)),
 }
@@ -174,3 +174,26 @@ def test_an_ampere_is_the_force_of_the_measured_torque_constant() -> None:
     """7.86 N m/A on the 50-tooth sprocket: 123.46 N at the belt."""
     (axis,) = plant("one_body").plant.axes.values()
     assert axis.torque_constant_n_m_per_a * axis.gear_ratio == pytest.approx(123.46, rel=1e-4)
+
+
+def test_a_spring_between_two_bodies_is_limited_by_the_mooring(rig: Any, tmp_path: Path) -> None:
+    """K k / (K + k) = 316.7 N/m of float and moored spar in series; the law's K < 0 is negative."""
+    float_, spar = np.diag(building.stiffness_matrix(*plant("two_body")[:2]))
+    largest = float_ * spar / (float_ + spar)
+    assert largest == pytest.approx(316.7, abs=0.1)
+    rows = {
+        "list": [
+            {"stiffness_n_per_m": k, "damping_n_s_per_m": 600.0}
+            for k in (0.001 - largest, -1500.0, -9000.0)
+        ]
+    }
+    done = rig("check", write_campaign(tmp_path, "two_body", matrix=rows), "--json")
+    assert done.returncode == 2
+    messages = [each["message"] for each in json.loads(done.stdout)["problems"]]
+    assert [message[:8] for message in messages] == ["point 1 ", "point 2 "]
+    assert (
+        "K -1500 N/m exceeds the static stiffness 316.7 N/m of the motion of axis pto"
+        in messages[0]
+    )
+    assert "allowed above -316.7 N/m" in messages[0]
+    assert "the rig would stop at 0.24 m" in messages[0]

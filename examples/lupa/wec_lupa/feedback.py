@@ -45,6 +45,7 @@ class Params(NamedTuple):
     ramp: float  # s, time that a change of a gain takes
     notch: Biquad
     low_pass: Biquad
+    period: float  # s, of a tick, for which the filters hold
 
 
 class State(NamedTuple):
@@ -90,6 +91,7 @@ def params(settings: Settings, ramp: float, dt: float) -> Params:
         ramp,
         notch(settings["notch_hz"][0], settings["notch_width_hz"][0], dt),
         low_pass(settings["low_pass_hz"][0], dt),
+        dt,
     )
 
 
@@ -120,3 +122,12 @@ def step(
     force = -(stiffness.value * x + damping.value * v)
     after = State(stiffness, damping, 1, motion.position, position_filters, velocity_filters)
     return after, Demand(-damping.value, -stiffness.value, 0.0, force + reference)
+
+
+def linear(params: Params, setpoint: SetPoint, omega: float) -> complex:
+    """Return force per velocity (N*s/m) at ``omega`` > 0 (rad/s); the velocity is a difference."""
+    angle = omega * params.period
+    filtered = biquads.response((params.notch, params.low_pass), angle)
+    difference = complex(1.0 - math.cos(angle), math.sin(angle)) / complex(0.0, angle)
+    spring = setpoint.stiffness / complex(0.0, omega)
+    return -(spring + setpoint.damping * difference) * filtered

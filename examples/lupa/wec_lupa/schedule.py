@@ -17,19 +17,13 @@ from zipfile import BadZipFile
 from openpyxl import load_workbook
 from openpyxl.utils.exceptions import InvalidFileException
 from rig.config.sea import RegularSea
-from rig.config.tank import Beach, Tank
+from rig.config.tank import Tank
+from rig.config.yaml_source import load_mapping
 from rig.planning.tank import tank_times
 
 PERIODS_PER_ROW = 10
 DAMPING = tuple(range(100, 2001, 100))  # N s/m
-FLUME = Tank(
-    depth_m=2.74,
-    device_m=28.688,
-    length_m=76.224,
-    beach=Beach(start_m=76.224 - 12.0 * 3.6576, slope=1.0 / 12.0),
-    still_s=30.0,
-    ramp_s=20.0,
-)
+FLUME = Tank.model_validate(load_mapping(Path(__file__).with_name("flume.yaml"))[0])
 """The Large Wave Flume; place of the device, still water and ramp as in LUPA's schedules."""
 
 Gains = tuple[float, float]
@@ -101,7 +95,7 @@ def damping_schedule(
 def campaign_text(
     name: str, rows: Sequence[Gains], period: float, amplitude: float, command: str
 ) -> str:
-    """Return the campaign file of a schedule, beside the flume and below the rigs of LUPA."""
+    """Return the campaign file of a schedule, for the folder of LUPA's campaigns."""
     listed = "\n".join(
         f"    - {{stiffness_n_per_m: {stiffness:g}, damping_n_s_per_m: {damping:g}}}"
         for stiffness, damping in rows
@@ -112,7 +106,7 @@ def campaign_text(
 name: {name}
 rig: ../rigs/one_body.yaml
 sea: {{kind: regular, amplitude_m: {amplitude:g}, period_s: {period:g}}}
-tank: flume.yaml
+tank: ../wec_lupa/flume.yaml
 tare: {{duration_s: 2}}
 start: {{lead_in_s: 0}}
 timing: {{settle_s: 0, interval_s: {PERIODS_PER_ROW * period:g}}}

@@ -10,22 +10,26 @@ from rig.campaign import (
     CheckReport,
     resolved_config,
 )
+from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
 from rig.campaign.law_checks import (
     compilation_problems,
 )
 from rig.campaign.record import law_source, plan_record, reference_record
+from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem
 from rig.design.axis_params import newtons_per_ampere
 from rig.emulation.campaign_sea import campaign_sea, requested_sea
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
+from rig.kinds.modular.equilibrium import equilibrium_check
 from rig.kinds.modular.identification import axis_channels
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import row_contents
 from rig.kinds.modular.tick import find_kind
 from rig.planning.input_files import ConfigSource
+from rig.planning.point import Point
 from rig.processes.run_types import ExecutionMode, Task
 from sim_plant.modes.building import read_bem
 from sim_plant.modes.parameters import Plant
@@ -45,8 +49,22 @@ def examine(
     if report.campaign is None or report.plan is None or not predict:
         return report
     campaign = report.campaign
+    unstable = _points_without_equilibrium(campaign)
+    if refused := tuple(problem for problem, can_run in unstable if not can_run):
+        return CheckReport(path, refused, None, None)
     warnings = compilation_problems(campaign, report.plan.dt, _INTERPRETED)
-    return report._replace(law_warnings=tuple(warnings), plant_warnings=_plant_warnings(campaign))
+    plant_warnings = (*_plant_warnings(campaign), *(problem for problem, _ in unstable))
+    return report._replace(law_warnings=tuple(warnings), plant_warnings=plant_warnings)
+
+
+def _points_without_equilibrium(campaign: AnyCampaign) -> list[tuple[Problem, bool]]:
+    """Return problems of points, and whether a limit or an end stop holds the rig there."""
+    check = equilibrium_check(campaign)
+
+    def check_point(point: Point) -> NoEquilibrium | None:
+        return check(row_setting(campaign.kind, campaign.file, campaign.rig, point))
+
+    return [*equilibrium_problems(campaign.points, check_point, campaign.locate)]
 
 
 def _plant_warnings(campaign: AnyCampaign) -> tuple[Problem, ...]:

@@ -38,6 +38,7 @@ class Window(NamedTuple):
     incomplete_reason: str  # empty for a complete window
     lost: int = 0  # executed ticks between the first and the last that the record lacks
     lost_at_edges: int = 0  # executed ticks lost directly before or after; some may belong to it
+    end_stop: float = 0.0  # share of its ticks at an end stop, which only a simulation knows
 
     @property
     def span(self) -> int:

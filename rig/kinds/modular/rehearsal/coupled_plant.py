@@ -8,7 +8,7 @@ import numpy as np
 from rig.compilation.column import Column
 from rig.compilation.tick_source import PlantCode
 from rig.kinds.modular.rehearsal import plant_coupling
-from rig.kinds.modular.rehearsal.plant_coupling import Device, Plant
+from rig.kinds.modular.rehearsal.plant_coupling import CONTACT_TICKS, Device, Plant
 from sim_plant.modes.world import World
 
 
@@ -50,6 +50,7 @@ def couple_world(
         world.delay,
         Column(np.array(scales, np.float64)),
         Column(np.array(offsets, np.float64)),
+        Column(np.zeros(CONTACT_TICKS)),
     )
     line = now.wave_tick % now.table.shape[0] if now.wave_tick >= 0 else 0
     return plant, Device(now.wave_tick, line, 0, now.actuation.wave_trigger, now.fresh)

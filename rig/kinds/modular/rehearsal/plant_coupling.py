@@ -6,8 +6,18 @@ numbers of variable count are in columns of `Plant`, which the tick changes in p
 
 from typing import Any, NamedTuple
 
-from sim_plant.modes.plant import ModesParams, sample, step
+from sim_plant.modes.plant import (
+    AXIS_PARAM_COUNT,
+    STOP,
+    ModesParams,
+    axis_position,
+    sample,
+    step,
+)
 from sim_plant.wave_maker import onset_ramp
+
+CONTACT_TICKS = 4096
+"""Ticks whose contacts are kept, a power of two: more than a simulation executes at a time."""
 
 
 class Plant(NamedTuple):
@@ -27,6 +37,7 @@ class Plant(NamedTuple):
     age: float  # s, of the readings that the loop gets
     scales: Any  # of the rig's sensors
     offsets: Any
+    contact: Any  # of the last `CONTACT_TICKS` ticks: 1.0 if a mode or an axis was at an end stop
 
 
 class Device(NamedTuple):
@@ -37,6 +48,17 @@ class Device(NamedTuple):
     oldest: int  # index of the oldest readings in transit
     trigger: int  # 1: the wave maker runs
     new_input: int  # 1: the drives got a command after the plant's last step
+
+
+def at_end_stop(params: ModesParams, state: Any) -> float:
+    """Return 1.0 if a mode or an axis is beyond the position of one of its end stops, else 0.0."""
+    for i in range(params.modes):
+        if abs(state[i]) > params.stops[3 * i]:
+            return 1.0
+    for a in range(params.axes):
+        if abs(axis_position(params, state, a, 0)) > params.axis[a * AXIS_PARAM_COUNT + STOP]:
+            return 1.0
+    return 0.0
 
 
 def write_waves(plant: Plant, wave_tick: int, line: int, dt: float, waves: Any) -> None:
@@ -60,6 +82,7 @@ def advance_plant(plant: Plant, device: Device, tick: int, dt: float) -> Device:
             line = 0
     write_waves(plant, wave_tick, line, dt, following)
     step(plant.params, plant.state, plant.drives, new_input, waves, following, dt)
+    plant.contact[tick & (CONTACT_TICKS - 1)] = at_end_stop(plant.params, plant.state)
     for i in range(len(waves)):
         waves[i] = following[i]
     sample(plant.params, plant.state, tick, waves[len(waves) - 1], plant.normals, readings)

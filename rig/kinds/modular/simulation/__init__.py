@@ -7,6 +7,7 @@ here import them when they need them.
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from rig.campaign.equilibrium import EquilibriumCheck
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.emulation.campaign_sea import requested_sea
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_model",
+    "equilibrium_check",
     "identified_range",
     "matching_keys",
     "open_simulator",
@@ -66,6 +68,13 @@ def open_simulator(
     from rig.kinds.modular.simulation.simulation import CampaignSimulator  # noqa: PLC0415
 
     return CampaignSimulator(campaign, plan, sea)
+
+
+def equilibrium_check(campaign: Any) -> EquilibriumCheck:
+    """Return the check whether a set point leaves the body an equilibrium."""
+    from rig.kinds.modular import equilibrium  # noqa: PLC0415
+
+    return equilibrium.equilibrium_check(campaign)
 
 
 def sweep_problems(campaign: Any) -> Iterator[Problem]:

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
+from functools import partial
 
 from controllers import magnetic_spring
+from rig.campaign.equilibrium import equilibrium_problems
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind, Wait, points_of_matrix
 from rig.campaign.plan import order_rows
 from rig.config.law_settings import DEFAULT_LAW, find_law, inherit_law
@@ -17,9 +19,9 @@ from rig.kinds.wavebot.campaign.set_points import (
     setpoint_table,
 )
 from rig.kinds.wavebot.campaign.stability import (
+    check_stiffness,
     max_stable_ki,
     set_point_stability_problems,
-    stability_problems,
 )
 from rig.kinds.wavebot.config.campaign_file import CampaignFile, Hoist, campaign_model
 from rig.kinds.wavebot.config.columns import COLUMNS
@@ -123,7 +125,8 @@ def _point_problems(
     outside_map = spring_map_problems(points, rig.spring)
     yield from outside_map
     if file is None or file.zc_law is not None:  # the stability is known from Ki only
-        yield from stability_problems(points, rig.stability)
+        check = partial(check_stiffness, rig.stability)
+        yield from (each for each, _ in equilibrium_problems(points, check, locate))
     yield from drive_setting_problems(file, points, rig, locate)
     if file and points and not outside_map and file.repeat * len(points) <= MAX_ROWS:
         first = points[order_rows(file, stator_positions(rig, points))[0].point]

@@ -9,12 +9,14 @@ segment is limited to the largest Ki that is stable at the softer end (`max_stab
 """
 
 from collections.abc import Iterable
+from typing import Any
 
+from rig.campaign.equilibrium import NoEquilibrium
 from rig.config.problems import Problem, format_number
 from rig.config.yaml_source import SourceMap
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.config.rig_file import Stability
-from rig.planning.point import Point, ValueLocation
+from rig.planning.point import Point
 
 
 def total_stiffness(stability: Stability, spring_rate: float, ki: float) -> float:
@@ -33,31 +35,18 @@ def max_stable_ki(stability: Stability, spring_rates: Iterable[float], ki: float
     return min(ki, largest_ki(stability, min(spring_rates)))
 
 
-def stability_problems(points: tuple[Point, ...], stability: Stability) -> tuple[Problem, ...]:
-    """Return a problem for each spring rate and Ki that leave too little stiffness.
-
-    Rows that differ only in Kp give one problem, because Kp adds no stiffness.
-    """
-    groups: dict[tuple[float, float, ValueLocation], list[int]] = {}
-    for i, point in enumerate(points):
-        stiffness = total_stiffness(stability, point.spring_rate, point.ki)
-        if stiffness < stability.least_stiffness_n_per_m:
-            groups.setdefault((point.spring_rate, point.ki, point.locations["ki"]), []).append(i)
-    problems = []
-    for (rate, ki, at), rows in groups.items():
-        more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""
-        point = points[rows[0]]
-        problems.append(
-            at.problem(
-                ki,
-                f"point {rows[0]}{more} (spring {format_number(rate)} N/m, "
-                f"Kp {format_number(point.kp)} N*s/m, Ki {format_number(ki)} N/m) leaves "
-                f"{total_stiffness(stability, rate, ki):.0f} N/m of stiffness, less than "
-                f"{format_number(stability.least_stiffness_n_per_m)}; at this spring rate Ki is "
-                f"allowed up to {largest_ki(stability, rate):.0f} N/m",
-            )
-        )
-    return tuple(problems)
+def check_stiffness(stability: Stability, point: Any) -> NoEquilibrium | None:
+    """Return why a set point leaves too little stiffness; None if it does not."""
+    rate, ki = point.spring_rate, point.ki
+    stiffness = total_stiffness(stability, rate, ki)
+    if stiffness >= stability.least_stiffness_n_per_m:
+        return None
+    message = (
+        f"(spring {format_number(rate)} N/m, Ki {format_number(ki)} N/m) leaves {stiffness:.0f} "
+        f"N/m of stiffness, less than {format_number(stability.least_stiffness_n_per_m)}; at this "
+        f"spring rate Ki is allowed up to {largest_ki(stability, rate):.0f} N/m"
+    )
+    return NoEquilibrium("ki", ki, message)
 
 
 def set_point_stability_problems(

@@ -5,13 +5,16 @@ they need them.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from rig.campaign.equilibrium import EquilibriumCheck
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
 from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot import row_contents as contents
 from rig.kinds.wavebot.campaign import Campaign, Plan
+from rig.kinds.wavebot.campaign.stability import check_stiffness
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.bem_files import bem_paths
 from rig.kinds.wavebot.rehearsal.job import problems
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_model",
+    "equilibrium_check",
     "identified_range",
     "matching_keys",
     "open_simulator",
@@ -61,6 +65,16 @@ def open_simulator(
     from rig.kinds.wavebot.simulation.simulation import CampaignSimulator  # noqa: PLC0415
 
     return CampaignSimulator(campaign, plan, sea)
+
+
+def equilibrium_check(campaign: Campaign) -> EquilibriumCheck:
+    """Return the check whether a set point leaves the body enough stiffness.
+
+    Only the impedance law has a Ki of which this is known.
+    """
+    if campaign.file.zc_law is None:
+        return lambda setting: None
+    return partial(check_stiffness, campaign.rig.stability)
 
 
 def sweep_problems(campaign: Campaign) -> Iterator[Problem]:

@@ -35,7 +35,7 @@ class MagneticParams(NamedTuple):
 
 
 class MagneticForces(NamedTuple):
-    """What a magnetic spring does to both its sides."""
+    """Forces of a magnetic spring on both its sides."""
 
     axis: Newton
     stator: Newton  # positive towards rising stator position

@@ -134,8 +134,8 @@ def test_the_stator_sets_the_rate_of_the_spring(run: Path) -> None:
         gradient = RADIUS**2 / 2.0 * np.diff(RATES)[int(goal > 0.0)] / 0.5
         expected = 0.5 * gradient * np.cos(turn) - RADIUS**2 / 2.0 * np.abs(rate)
         assert np.abs(stator - expected).max() < 0.01 * np.abs(expected).max()
-        held = -1.5 * GEAR * current.mean()
-        assert held == pytest.approx(stator.mean(), abs=400.0)  # friction bears the rest
+        drive_force = -1.5 * GEAR * current.mean()
+        assert drive_force == pytest.approx(stator.mean(), abs=400.0)  # friction bears the rest
 
 
 @pytest.mark.slow

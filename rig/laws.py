@@ -31,6 +31,7 @@ OWN_MODULES = {
     "nonlinear damping": "controllers.nonlinear_damping",
     "latching": "controllers.latching",
     "declutching": "controllers.declutching",
+    "positioning": "controllers.positioning",
 }
 """The laws of this distribution; they are entry points, too."""
 

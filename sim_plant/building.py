@@ -11,7 +11,7 @@ from sim_plant.custom_drive import HYSTERESIS, DriveSettings, InverterParams
 from sim_plant.drive_sections import SCHEMES, CotsDrive, CustomDrive, DriveControl
 from sim_plant.electrics import ElectricsParams
 from sim_plant.entries import Radiation
-from sim_plant.magnetic_spring import SpringParams
+from sim_plant.magnetic_spring import SpringParams, fit_slope
 from sim_plant.parts.bus import BusParams
 from sim_plant.parts.drive import DriveParams
 from sim_plant.pto import PtoParams
@@ -22,12 +22,6 @@ from sim_plant.surge import SurgeParams
 NO_COTS = CotsParams(0.0, 0.0, 0.0, 1.0, 0.0)
 NO_INVERTER = InverterParams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
 NO_BUS = BusParams(1.0, 0.0, 0, 0.0, 1.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0)
-
-
-def fit_slope(half_angle: float) -> float:
-    """Return the least-squares slope of sin 2 theta over ±half_angle (rad): 1.649 at 39.27 deg."""
-    numerator = 0.5 * math.sin(2.0 * half_angle) - half_angle * math.cos(2.0 * half_angle)
-    return 1.5 * numerator / (half_angle * half_angle * half_angle)
 
 
 def body_params(file: sections.Body) -> BodyParams:

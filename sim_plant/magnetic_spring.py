@@ -6,6 +6,7 @@ Spring rate is positive when it restores: F = -K x on the body.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from sim_plant.units import (
@@ -18,6 +19,7 @@ from sim_plant.units import (
     PercentPerSecond,
     Radian,
     RadianPerMetre,
+    Ratio,
     Second,
 )
 
@@ -37,6 +39,14 @@ class SpringParams(NamedTuple):
     speed: PercentPerSecond
 
 
+class Table(NamedTuple):
+    """Place of a table of rates: positions ascend from entry first to last, rates are shifted."""
+
+    first: int
+    shift: int  # the rate of position i is entry i + shift
+    last: int
+
+
 class StatorState(NamedTuple):
     """Stator position, acting rate and slope there, and whether the target is reached."""
 
@@ -46,42 +56,62 @@ class StatorState(NamedTuple):
     arrived: Flag
 
 
-def table_rate(params: SpringParams, stator: Percent) -> NewtonPerMetre:
-    """Return the acting spring rate at a stator position, N/m, constant beyond the table.
-
-    Source: MASK4 report (Sandia), Table 4-1, linear between stations, times `effect`.
-    """
-    last = len(params.stator_positions) - 1
-    if not stator > params.stator_positions[0]:
-        return params.effect * params.rates[0]
-    for i in range(last):
-        if stator < params.stator_positions[i + 1]:
-            fraction = (stator - params.stator_positions[i]) / (
-                params.stator_positions[i + 1] - params.stator_positions[i]
-            )
-            rate_difference = params.rates[i + 1] - params.rates[i]
-            return params.effect * (params.rates[i] + fraction * rate_difference)
-    return params.effect * params.rates[last]
+def fit_slope(half_angle: Radian) -> Ratio:
+    """Return the least-squares slope of sin 2 theta over ±half_angle: 1.649 at 39.27 deg."""
+    numerator = 0.5 * math.sin(2.0 * half_angle) - half_angle * math.cos(2.0 * half_angle)
+    return 1.5 * numerator / (half_angle * half_angle * half_angle)
 
 
-def table_slope(params: SpringParams, stator: Percent) -> NewtonPerMetrePercent:
-    """Return the derivative of `table_rate` over stator position, N/m/%.
+def rate_at(
+    positions: Sequence[float], rates: Sequence[float], table: Table, stator: float
+) -> float:
+    """Return the rate at a stator position, linear between positions and constant beyond them."""
+    first, shift, last = table
+    if not stator > positions[first]:
+        return rates[first + shift]
+    for i in range(first, last):
+        if stator < positions[i + 1]:
+            fraction = (stator - positions[i]) / (positions[i + 1] - positions[i])
+            rate_difference = rates[i + shift + 1] - rates[i + shift]
+            return rates[i + shift] + fraction * rate_difference
+    return rates[last + shift]
+
+
+def slope_at(
+    positions: Sequence[float], rates: Sequence[float], table: Table, stator: float
+) -> float:
+    """Return the derivative of the rate over stator position.
 
     At a table position the slope is the mean of both sides (a central difference of the table); at
     the ends and beyond them it is the slope of the outermost segment.
     """
-    last = len(params.stator_positions) - 1
+    first, shift, last = table
     total = 0.0
     segments = 0.0
-    for i in range(last):
-        low, high = params.stator_positions[i], params.stator_positions[i + 1]
+    for i in range(first, last):
+        low, high = positions[i], positions[i + 1]
         inside = low <= stator <= high
-        if inside or (i == 0 and stator < low) or (i == last - 1 and stator > high):
-            total = total + (params.rates[i + 1] - params.rates[i]) / (high - low)
+        if inside or (i == first and stator < low) or (i == last - 1 and stator > high):
+            total = total + (rates[i + shift + 1] - rates[i + shift]) / (high - low)
             segments = segments + 1.0
     if not segments > 0.0:
         return 0.0
-    return params.effect * total / segments
+    return total / segments
+
+
+def table_rate(params: SpringParams, stator: Percent) -> NewtonPerMetre:
+    """Return the acting spring rate at a stator position, N/m: `rate_at` times `effect`.
+
+    Source: MASK4 report (Sandia), Table 4-1.
+    """
+    table = Table(0, 0, len(params.stator_positions) - 1)
+    return params.effect * rate_at(params.stator_positions, params.rates, table, stator)
+
+
+def table_slope(params: SpringParams, stator: Percent) -> NewtonPerMetrePercent:
+    """Return the derivative of `table_rate` over stator position, N/m/%: `slope_at`."""
+    table = Table(0, 0, len(params.stator_positions) - 1)
+    return params.effect * slope_at(params.stator_positions, params.rates, table, stator)
 
 
 def stator_at_rest(params: SpringParams, stator: Percent) -> StatorState:

@@ -106,7 +106,7 @@ def _translate(
     else:
         fault = _ERROR_TEXTS.get(kind, "")
         if kind.startswith(("value_error", "assertion_error")):
-            message = str(item["ctx"]["error"])
+            key, value, message = _named_key(key, value, str(item["ctx"]["error"]), locate)
         elif not fault:
             message = f"{format_value(value)}: {item['msg']}"
         else:
@@ -115,6 +115,19 @@ def _translate(
             if kind == "string_type" and not isinstance(value, (dict, list)):
                 message += "; put it in quotes if it is meant as text"
     yield locate(key), locate.problem(key, value, message)
+
+
+def _named_key(
+    key: KeyPath, value: Any, message: str, locate: SourceMap
+) -> tuple[KeyPath, Any, str]:
+    """Return key, value and message of a rule of a mapping that names one of its keys first."""
+    name, colon, rest = message.partition(": ")
+    below = tuple(name.split("."))
+    if not colon or (*key, *below) not in locate.locations:
+        return key, value, message
+    for part in below:
+        value = value.get(part) if isinstance(value, dict) else None
+    return (*key, *below), value, rest
 
 
 def _key_in_file(loc: Iterable[str | int], locate: SourceMap, kind: str) -> KeyPath:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from sim_plant.emulators.shared_world import SharedSimulation
 from sim_plant.emulators.torque_drive import Motor, MotorReading
-from sim_plant.modes.plant import READINGS_PER_AXIS
+from sim_plant.modes.readings import READINGS_PER_AXIS
 from sim_plant.modes.world import Actuation, World
 from sim_plant.units import Ampere, Flag
 

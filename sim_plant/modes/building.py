@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim_plant.modes import axis_springs, radiation, stored_radiation
 from sim_plant.modes import plant as step
-from sim_plant.modes import radiation, stored_radiation
 from sim_plant.modes.bem import BemModes, read_modes
 from sim_plant.modes.bem_content import Complexes, Floats, Water
 from sim_plant.modes.parameters import Axis, Backlash, Bus, EndStop, Hydraulic, Line, Plant
@@ -37,17 +37,18 @@ class PlantModel(NamedTuple):
 
 
 def read_bem(plant: Plant, path: Path) -> BemModes:
-    """Return the coefficients of the plant's modes from its BEM file at a path.
+    """Return the coefficients of the plant's modes in water from its BEM file at a path.
 
     Raises ValueError or OSError as `bem.read_modes`, and ValueError if a stiffness is missing.
     """
     water = Water(
         plant.density_kg_per_m3, plant.gravity_m_per_s2, plant.depth_m, plant.length_scale_m
     )
-    dofs = [mode.dof for mode in plant.modes.values()]
+    wet = {name: mode for name, mode in plant.modes.items() if mode.dof is not None}
+    dofs = [str(mode.dof) for mode in wet.values()]
     found = read_modes(path, dofs, direction=plant.wave_direction_deg, water=water)
     if found.stiffness is None:
-        for name, mode in plant.modes.items():
+        for name, mode in wet.items():
             if mode.stiffness is None:
                 raise ValueError(
                     f"{path}: has no hydrostatic stiffness; set modes.{name}.stiffness in the "
@@ -66,11 +67,46 @@ def build(plant: Plant, path: Path, fitted: Path | None = None) -> PlantModel:
 
 
 def assemble(plant: Plant, found: BemModes, memory: Radiation | None = None) -> PlantModel:
-    """Return the model of a plant with the coefficients of its modes, in the plant's order."""
-    memory = memory or radiation.fit(found)
+    """Return the model of a plant with the coefficients of `read_bem` and their fit."""
+    found, memory = _with_dry_modes(plant, found, memory or radiation.fit(found))
     infinite = found.added_mass_infinite + memory.added_mass
     found = found._replace(added_mass_infinite=infinite)
     return PlantModel(plant, found, memory, _params(plant, found, memory))
+
+
+def _with_dry_modes(plant: Plant, bem: BemModes, memory: Radiation) -> tuple[BemModes, Radiation]:
+    """Return coefficients and fit of all modes: zeros for those that are out of the water."""
+    wet = [k for k, mode in enumerate(plant.modes.values()) if mode.dof is not None]
+    count = len(plant.modes)
+    if len(wet) == count:
+        return bem, memory
+    rows, columns = np.ix_(wet, wet)
+
+    def matrix(values: Floats) -> Floats:
+        full = np.zeros((*values.shape[:-2], count, count))
+        full[..., rows, columns] = values
+        return full
+
+    excitation = np.zeros((bem.frequency.size, count), np.complex128)
+    excitation[:, wet] = bem.excitation
+    output = np.zeros((count, memory.output.shape[1]))
+    output[wet] = memory.output
+    volume = dict(zip(wet, bem.volume, strict=True))
+    return bem._replace(
+        modes=tuple(mode.dof or name for name, mode in plant.modes.items()),
+        added_mass=matrix(bem.added_mass),
+        damping=matrix(bem.damping),
+        excitation=excitation,
+        added_mass_infinite=matrix(bem.added_mass_infinite),
+        stiffness=None if bem.stiffness is None else matrix(bem.stiffness),
+        volume=tuple(volume.get(k) for k in range(count)),
+        inertia=None if bem.inertia is None else matrix(bem.inertia),
+    ), memory._replace(
+        source=tuple(wet[k] for k in memory.source),
+        output=output,
+        error=matrix(memory.error),
+        added_mass=matrix(memory.added_mass),
+    )
 
 
 def stiffness_matrix(plant: Plant, bem: BemModes) -> Floats:
@@ -113,6 +149,21 @@ def line_stiffness(plant: Plant) -> Floats:
         tangent += line.pretension_n / length * (np.eye(3) - along)
         total += factors.T @ tangent @ factors
     return total
+
+
+def spring_stiffness(plant: Plant) -> Floats:
+    """Return the stiffness of the axes' springs for small motions from rest, (n, n)."""
+    factors = factor_matrix(plant)
+    total: Floats = factors.T @ axis_springs.stiffness(plant) @ factors
+    return total
+
+
+def stiffness_at_rest(plant: Plant, bem: BemModes) -> Floats:
+    """Return the stiffness for small motions from rest, (n, n).
+
+    It is that of hydrostatics, mooring, lines and springs.
+    """
+    return stiffness_matrix(plant, bem) + line_stiffness(plant) + spring_stiffness(plant)
 
 
 def _line_vector(line: Line) -> Floats:
@@ -179,7 +230,8 @@ def check_step(model: PlantModel, dt: float) -> None:
     free = [a for a, axis in enumerate(axes) if axis.backlash]
     fixed = [0.0 if axis.backlash else slope for axis, slope in zip(axes, slopes, strict=True)]
     contacts = np.array([np.add(_contact(axis.end_stop), _contact(axis.backlash)) for axis in axes])
-    stiff = stiff + factors.T @ np.diag(contacts[:, 0]) @ factors
+    springs = axis_springs.largest_stiffness(plant)
+    stiff = stiff + factors.T @ (np.diag(contacts[:, 0]) + springs) @ factors
     damping = damping + factors.T @ np.diag(contacts[:, 1] + fixed) @ factors
     n = count + len(free)
     mass, k_matrix, c_matrix = np.zeros((3, n, n))
@@ -284,6 +336,7 @@ def _params(plant: Plant, bem: BemModes, memory: Radiation) -> ModesParams:
         len(plant.axes),
         len(memory.source),
         len(lines),
+        len(plant.sprung_axes()),
         int(plant.bus is not None),
         len(channels),
         _flat(np.linalg.inv(inertia_matrix(plant, bem))),
@@ -301,6 +354,7 @@ def _params(plant: Plant, bem: BemModes, memory: Radiation) -> ModesParams:
         [number for axis in plant.axes.values() for number in _axis_params(axis)],
         [float(number) for line in lines for number in _line_params(line)],
         _flat(line_factors(plant)),
+        axis_springs.numbers(plant),
         [float(number) for number in _bus_params(plant.bus)] if plant.bus else [],
         [float(number) for channel in channels for number in channel],
     )

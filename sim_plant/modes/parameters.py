@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim_plant.entries import StrictModel, Text
-from sim_plant.modes import plant as step
+from sim_plant.modes import readings
 
-MODE_SIGNALS = {"position": step.MODE_POSITION, "velocity": step.MODE_VELOCITY}
+MODE_SIGNALS = {"position": readings.MODE_POSITION, "velocity": readings.MODE_VELOCITY}
 BUS_SIGNALS = {
-    "voltage": step.BUS_VOLTAGE,
-    "supply_power": step.SUPPLY_POWER,
-    "dump_power": step.DUMP_POWER,
+    "voltage": readings.BUS_VOLTAGE,
+    "supply_power": readings.SUPPLY_POWER,
+    "dump_power": readings.DUMP_POWER,
 }
 MAX_COUNTS = 1.0e9  # per unit of an axis: `sensors.encoder_count` has no larger ones
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
@@ -60,7 +61,22 @@ QuadraticDamping = Annotated[
     _plain("N*s2/m2", "N s2/m2", "N*m*s2/rad2", "N m s2/rad2", "N m s2"),
 ]
 StopPosition = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "rad")]
+Position = Annotated[float, Field(ge=-1.0e3, le=1.0e3), _plain("m", "rad")]
 Force = Annotated[float, Field(ge=0.0, le=1.0e9), _plain("N", "N*m", "N m")]
+Preload = Annotated[float, Field(ge=-1.0e9, le=1.0e9), _plain("N", "N*m", "N m")]
+Radius = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "m/rad", "rad/rad", "1")]
+Pull = Annotated[float, Field(ge=0.0, le=1.0e6), _plain("1/m", "1/rad")]
+HalfAngle = Annotated[float, Field(gt=0.0, lt=1.5), _plain("rad")]
+Positions = Annotated[
+    list[Annotated[float, Field(ge=-1.0e3, le=1.0e3)]],
+    Field(min_length=2, max_length=64),
+    _plain("m", "rad"),
+]
+Rates = Annotated[
+    list[Annotated[float, Field(ge=-1.0e12, le=1.0e12)]],
+    Field(min_length=2, max_length=64),
+    _STIFFNESS,
+]
 Speed = Annotated[float, Field(gt=0.0, le=10.0), _plain("m/s", "rad/s")]
 TorqueConstant = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("N*m/A", "N m/A", "N/A")]
 GearRatio = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("rad/m", "rad/rad", "1")]
@@ -113,9 +129,9 @@ class EndStop(StrictModel):
 
 
 class Mode(StrictModel):
-    """One mode of motion of a body; `dof` is its name in the BEM file."""
+    """One mode of motion; `dof` is its name in the BEM file, None: a mass out of the water."""
 
-    dof: Text
+    dof: Text | None = None
     mass: Inertia
     stiffness: Stiffness | None = None  # instead of the BEM file's own stiffness of this mode
     linear_damping: Damping = 0.0
@@ -182,6 +198,62 @@ class Hydraulic(StrictModel):
     valve_velocity_m_per_s: Speed = 0.01
 
 
+class Spring(StrictModel):
+    """A linear spring between axis and ground, without force at the rest position.
+
+    A negative rate takes stiffness away. `preload`: force on the axis at its position 0.
+    """
+
+    rate: Stiffness
+    rest_position: Position | None = None
+    preload: Preload | None = None
+
+    @model_validator(mode="after")
+    def _check_rest(self) -> Spring:
+        if self.rest_position is not None and self.preload is not None:
+            raise ValueError("preload: is rate times rest_position; give one of them")
+        return self
+
+
+class MagneticSpring(StrictModel):
+    """A magnetic spring on the rotor of a pinion; its rate is fixed or a table over the stator.
+
+    Rates are those of small motions or, with `fit_half_angle_rad`, the least-squares slopes over
+    ± that rotor angle. The stator is at `stator_position` plus the position of the axis `stator`.
+    """
+
+    pinion_radius: Radius  # position of the axis per rotor angle
+    rate: Stiffness | None = None
+    stator_positions: Positions | None = None
+    rates: Rates | None = None
+    fit_half_angle_rad: HalfAngle | None = None
+    stator: Name | None = None
+    stator_position: Position | None = None  # without: 0
+    pull: Pull = 0.0  # mean force on the stator per torque amplitude
+
+    @model_validator(mode="after")
+    def _check_table(self) -> MagneticSpring:
+        positions, rates = self.stator_positions, self.rates
+        if (positions is None) != (rates is None) or (rates is None) == (self.rate is None):
+            raise ValueError("rate: needs either rate, or stator_positions with rates")
+        if positions is None or rates is None:
+            for name in ("stator", "stator_position", "pull"):
+                if getattr(self, name):
+                    raise ValueError(f"{name}: a fixed rate has no stator; give a table of rates")
+            return self
+        if len(positions) != len(rates):
+            raise ValueError(f"rates: {len(rates)} for {len(positions)} stator_positions")
+        if any(after <= before for before, after in pairwise(positions)):
+            raise ValueError(f"stator_positions: {positions} must ascend")
+        start = self.stator_position or 0.0
+        if not positions[0] <= start <= positions[-1]:
+            raise ValueError(
+                f"stator_position: {start:g} is beyond the table; allowed {positions[0]:g} .. "
+                f"{positions[-1]:g}"
+            )
+        return self
+
+
 class Axis(StrictModel):
     """One PTO: position = sum of factor times position of the modes that it moves with.
 
@@ -204,6 +276,8 @@ class Axis(StrictModel):
     backlash: Backlash | None = None
     hydraulic: Hydraulic | None = None
     end_stop: EndStop | None = None
+    spring: Spring | None = None
+    magnetic_spring: MagneticSpring | None = None
     drive: Drive
 
     @model_validator(mode="after")
@@ -387,6 +461,14 @@ class Plant(StrictModel):
         for key, mode in self._named_modes():
             if mode not in self.modes:
                 yield key, mode, f"{mode!r} is no mode; allowed: {', '.join(self.modes)}"
+        if not any(mode.dof for mode in self.modes.values()):
+            yield ("modes",), "", "none has a dof of the BEM file; at least one moves in water"
+        for name, axis in self.axes.items():
+            stator = axis.magnetic_spring and axis.magnetic_spring.stator
+            if stator and stator not in (others := [each for each in self.axes if each != name]):
+                allowed_axes = ", ".join(others) or "none, the plant has one axis"
+                message = f"{stator!r} is no other axis; allowed: {allowed_axes}"
+                yield ("axes", name, "magnetic_spring", "stator"), stator, message
         for name in self.mooring.lines:
             if name in self.axes or name in self.modes or name in ("wave", "bus"):
                 yield ("mooring", "lines", name), name, f"{name!r} is taken; choose another name"
@@ -397,6 +479,8 @@ class Plant(StrictModel):
                 yield ("sensors", name, "signal"), sensor.signal, message
         by_dof: dict[str, str] = {}
         for name, each in self.modes.items():
+            if each.dof is None:
+                continue
             if each.dof in by_dof:
                 message = f"{each.dof!r} is already that of {by_dof[each.dof]}"
                 yield ("modes", name, "dof"), each.dof, message
@@ -413,6 +497,10 @@ class Plant(StrictModel):
             yield ("mooring", "stiffness", mode), mode
             yield from ((("mooring", "stiffness", mode, each), each) for each in row)
 
+    def sprung_axes(self) -> list[str]:
+        """Return the axes with a spring of either sort."""
+        return [name for name, axis in self.axes.items() if axis.spring or axis.magnetic_spring]
+
     def signals(self) -> dict[str, tuple[int, int]]:
         """Return the signals that a sensor may measure, with their kind and index in the step.
 
@@ -427,11 +515,16 @@ class Plant(StrictModel):
             left_out = "motor_position" if axis.hydraulic else "pressure"
             found |= {
                 f"{name}.{signal}": (kind, index)
-                for kind, signal in enumerate(step.AXIS_SIGNALS)
+                for kind, signal in enumerate(readings.AXIS_SIGNALS)
                 if signal != left_out
             }
+        for index, name in enumerate(self.sprung_axes()):
+            found[f"{name}.spring_force"] = (readings.SPRING_FORCE, index)
+            magnetic = self.axes[name].magnetic_spring
+            if magnetic is not None and magnetic.rates is not None:
+                found[f"{name}.stator_force"] = (readings.STATOR_FORCE, index)
         for index, name in enumerate(self.mooring.lines):
-            found[f"{name}.tension"] = (step.TENSION, index)
+            found[f"{name}.tension"] = (readings.TENSION, index)
         if self.bus is not None:
             found |= {f"bus.{name}": (kind, 0) for name, kind in BUS_SIGNALS.items()}
-        return found | {"wave.elevation": (step.ELEVATION, 0)}
+        return found | {"wave.elevation": (readings.ELEVATION, 0)}

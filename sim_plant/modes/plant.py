@@ -1,8 +1,9 @@
 """A rig of n coupled modes and its PTO axes as one step on flat arrays.
 
-(M + A_inf + J) v' = F_exc - K x - F_rad + F_drag + F_stop + F_lines + sum of the axes' forces, all
-matrices full. Forces are forces on the body; absorbed power is negative. Explicit midpoint rule as
-in wavebot.py: the error of a motion at 1 Hz and 1 ms is 7e-6 of its amplitude, of second order.
+(M + A_inf + J) v' = F_exc - K x - F_rad + F_drag + F_stop + F_lines + F_springs + sum of the axes'
+forces, all matrices full. Forces are forces on the body; absorbed power is negative. Explicit
+midpoint rule as in wavebot.py: the error of a motion at 1 Hz and 1 ms is 7e-6 of its amplitude, of
+second order.
 
 Each force is a part (`sim_plant.parts`); this module adds them up. What moves is one array:
 positions, velocities and radiation states, then two numbers of each PTO (`PTO_STATES`). It is
@@ -16,7 +17,7 @@ from __future__ import annotations
 from collections.abc import MutableSequence, Sequence
 from typing import NamedTuple
 
-from sim_plant import sensors
+from sim_plant.modes import springs
 from sim_plant.parts import bus, drag, drive, end_stop, friction, gear, hydraulic, linear_motor
 from sim_plant.parts import mooring_line as lines
 from sim_plant.parts.bus import BusParams, BusState
@@ -25,7 +26,7 @@ from sim_plant.parts.end_stop import EndStopParams
 from sim_plant.parts.friction import FrictionParams
 from sim_plant.parts.hydraulic import HydraulicParams
 from sim_plant.parts.mooring_line import LineParams, Pull
-from sim_plant.sensors import Channel
+from sim_plant.parts.spring import MagneticForces
 
 # How the motor drives the axis: without play (its inertia is part of the mass matrix), through a
 # backlash, with an inertia of its own, or by oil. The two numbers of a PTO are: none, the motor's
@@ -72,16 +73,6 @@ OIL = TEETH + len(EndStopParams._fields)
 AXIS_PARAM_COUNT = OIL + len(HydraulicParams._fields)
 BUS_SIZE = len(BusState._fields) + 2  # then the power of supply and of dump resistors, W
 LINE_PARAM_COUNT = len(LineParams._fields)
-SENSOR_PARAM_COUNT = 5  # signal, its index, scale, offset, noise
-READINGS_PER_AXIS = 4  # counts, current, enabled, fault
-# Signals of a sensor, by their code; the index is that of the axis, mode or line.
-AXIS_SIGNALS = (
-    "position", "velocity", "force", "motor_force", "current", "mechanical_power",
-    "electric_power", "motor_position", "motor_velocity", "pressure",
-)  # fmt: skip
-MODE_POSITION, MODE_VELOCITY, ELEVATION, TENSION = 10, 11, 12, 13
-BUS_VOLTAGE, SUPPLY_POWER, DUMP_POWER = 14, 15, 16
-
 
 Numbers = Sequence[float]
 State = MutableSequence[float]
@@ -94,6 +85,7 @@ class ModesParams(NamedTuple):
     axes: int
     states: int  # of the radiation
     line_count: int
+    spring_count: int
     bus_count: int  # 0 or 1
     sensor_count: int
     inverse_mass: Numbers  # (modes, modes)
@@ -111,6 +103,7 @@ class ModesParams(NamedTuple):
     axis: Numbers  # (axes, AXIS_PARAM_COUNT)
     lines: Numbers  # (lines, LINE_PARAM_COUNT)
     line_factors: Numbers  # (lines, 3, modes): displacement of the fairlead by positions
+    springs: Numbers  # (springs, SPRING_PARAM_COUNT), then the tables of their stators
     bus: Numbers  # BusParams
     sensors: Numbers  # (sensors, SENSOR_PARAM_COUNT)
 
@@ -128,11 +121,6 @@ def bus_place(params: ModesParams) -> int:
 def state_size(params: ModesParams) -> int:
     """Return the length of the state."""
     return bus_place(params) + BUS_SIZE * params.bus_count + motion_size(params) + 2 * params.modes
-
-
-def reading_size(params: ModesParams) -> int:
-    """Return the number of readings: four of each axis, the sensors, the wave elevation."""
-    return params.axes * READINGS_PER_AXIS + params.sensor_count + 1
 
 
 # The functions of single parts take the arrays that they read, not all parameters: compiled code
@@ -259,6 +247,14 @@ def line_pull(params: ModesParams, state: Numbers, line: int, at: int) -> Pull:
     return lines.pull(rest, dx, dy, dz, vx, vy, vz)
 
 
+def spring_forces(params: ModesParams, state: Numbers, spring: int, at: int) -> MagneticForces:
+    """Return the forces of a spring on its axis and on its stator at a motion."""
+    other = springs.stator_axis(params.springs, spring)
+    travel = axis_position(params, state, other, at) if other != springs.NO_AXIS else 0.0
+    position = axis_position(params, state, springs.axis_of(params.springs, spring), at)
+    return springs.forces(params.springs, spring, position, travel)
+
+
 def _slopes(
     params: ModesParams,
     state: State,
@@ -302,6 +298,13 @@ def _slopes(
                 + params.line_factors[f + n + i] * pull.y
                 + params.line_factors[f + 2 * n + i] * pull.z
             )
+    for s in range(params.spring_count):
+        a, b = springs.axis_of(params.springs, s), springs.stator_axis(params.springs, s)
+        own = spring_forces(params, state, s, at)
+        for i in range(n):
+            state[force + i] += params.factors[a * n + i] * own.axis
+            if b != springs.NO_AXIS:
+                state[force + i] += params.factors[b * n + i] * own.stator
     for i in range(n):
         value = 0.0
         for j in range(n):
@@ -376,7 +379,7 @@ def _memory_slope(params: ModesParams, state: State, at: int, k: int) -> float:
     return slope + params.input[k] * state[at + params.modes + params.source[k]]
 
 
-def _motor_velocity(params: ModesParams, state: Numbers, axis: int, at: int) -> float:
+def motor_velocity(params: ModesParams, state: Numbers, axis: int, at: int) -> float:
     """Return the velocity of the motor at a motion: at the axis, of a hydraulic PTO in rad/s."""
     if params.axis[axis * AXIS_PARAM_COUNT] == RIGID:
         return axis_position(params, state, axis, at + params.modes)
@@ -394,7 +397,7 @@ def _step_drive(
         trip = bus.voltage_trip(bus_params(params), _bus_state(params, state))
         if own.back_emf > 0.0:
             # A motor needs back-EMF plus drop, a generator back-EMF less drop.
-            induced = own.back_emf * _motor_velocity(params, state, axis, 0)
+            induced = own.back_emf * motor_velocity(params, state, axis, 0)
             if actuation[2 * axis] < 0.0:
                 induced = -induced
             max_current = max(own.modulation * voltage - induced, 0.0) / own.voltage_drop
@@ -439,7 +442,7 @@ def _power(params: ModesParams, state: State, axis: int, middle: int, force: int
     axis_velocity = axis_position(params, state, axis, middle + params.modes)
     pto = _pto_numbers(params, state, axis, middle)
     shaft = pto_force(params.axis, axis, current, position, axis_velocity, pto)
-    motor, velocity = own.force_per_current * current, _motor_velocity(params, state, axis, middle)
+    motor, velocity = own.force_per_current * current, motor_velocity(params, state, axis, middle)
     if own.kind == RIGID:
         shaft -= own.inertia * axis_position(params, state, axis, force + params.modes)
     if own.kind == HYDRAULIC:
@@ -489,52 +492,6 @@ def _step_bus(params: ModesParams, state: State, dt: float) -> None:
     state[at + 8] = (after.dumped - before.dumped) / dt
 
 
-def signal(params: ModesParams, state: Numbers, kind: int, index: int, elevation: float) -> float:
-    """Return the true value of a signal of a sensor."""
-    n = params.modes
-    if kind < len(AXIS_SIGNALS):
-        return _axis_signal(params, state, kind, index)
-    if kind == MODE_POSITION:
-        return state[index]
-    if kind == MODE_VELOCITY:
-        return state[n + index]
-    if kind == ELEVATION:
-        return elevation
-    if kind == TENSION:
-        return line_pull(params, state, index, 0).tension
-    at = bus_place(params)
-    if kind == BUS_VOLTAGE:
-        return state[at + 1]
-    if kind == SUPPLY_POWER:
-        return state[at + 7]
-    return state[at + 8]
-
-
-def _axis_signal(params: ModesParams, state: Numbers, kind: int, axis: int) -> float:
-    """Return a signal of `AXIS_SIGNALS` by its index."""
-    at = motion_size(params) + axis * AXIS_SIZE
-    if kind == 0:
-        return axis_position(params, state, axis, 0)
-    if kind == 1:
-        return axis_position(params, state, axis, params.modes)
-    if kind == 2:
-        return state[at + SHAFT_FORCE]
-    if kind == 3:
-        return _motor_force(params, state, axis)
-    if kind == 4:
-        return state[at]
-    if kind == 5:
-        return state[at + SHAFT_FORCE] * axis_position(params, state, axis, params.modes)
-    if kind == 6:
-        return state[at + ELECTRIC_POWER]
-    if kind == 7:
-        return encoder_position(params, state, axis)
-    if kind == 8:
-        return _motor_velocity(params, state, axis, 0)
-    oil = hydraulic_params(params.axis, axis)
-    return hydraulic.pressure(oil, state[pto_place(params, 0, axis)])
-
-
 def place(params: ModesParams, state: State, position: Numbers, velocity: Numbers) -> None:
     """Set the motion of the modes; a motor behind a backlash gets that of its axis."""
     n = params.modes
@@ -545,51 +502,3 @@ def place(params: ModesParams, state: State, position: Numbers, velocity: Number
         if params.axis[a * AXIS_PARAM_COUNT] == BACKLASH:
             state[pto_place(params, 0, a)] = axis_position(params, state, a, 0)
             state[pto_place(params, 0, a) + 1] = axis_position(params, state, a, n)
-
-
-def _motor_force(params: ModesParams, state: Numbers, axis: int) -> float:
-    """Return the force of the motor on the axis, of a hydraulic PTO that of its braking torque."""
-    own, at = motor_params(params.axis, axis), motion_size(params) + axis * AXIS_SIZE
-    force = own.force_per_current * state[at]
-    if own.kind != HYDRAULIC:
-        return force
-    oil = hydraulic_params(params.axis, axis)
-    brake = hydraulic.brake_torque(force, _motor_velocity(params, state, axis, 0))
-    pressure = oil.low_pressure + brake / oil.displacement  # that holds against the brake
-    return hydraulic.cylinder_force(oil, pressure, axis_position(params, state, axis, params.modes))
-
-
-def encoder_position(params: ModesParams, state: Numbers, axis: int) -> float:
-    """Return the position that the encoder sees: of the motor, if there is play, else the axis."""
-    if params.axis[axis * AXIS_PARAM_COUNT] == BACKLASH:
-        return state[pto_place(params, 0, axis)]
-    return axis_position(params, state, axis, 0)
-
-
-def sample(
-    params: ModesParams,
-    state: Numbers,
-    tick: int,
-    elevation: float,
-    normals: Numbers,
-    readings: State,
-) -> None:
-    """Write the readings at a state; `normals` is the noise table, `tick` its index."""
-    for a in range(params.axes):
-        own, r = motor_params(params.axis, a), a * READINGS_PER_AXIS
-        at = motion_size(params) + a * AXIS_SIZE
-        position = encoder_position(params, state, a)
-        count = sensors.encoder_count(own.counts_per_unit, int(own.count_offset), position)
-        readings[r] = float(count)
-        channel = Channel(0.0, own.current_noise, 0.0, 4 * a + 1, 20011 * a)
-        readings[r + 1] = sensors.measure(channel, state[at], tick, normals)
-        readings[r + 2] = state[at + 2]
-        readings[r + 3] = state[at + 3]
-    first = params.axes * READINGS_PER_AXIS
-    for s in range(params.sensor_count):
-        p = s * SENSOR_PARAM_COUNT
-        value = signal(params, state, int(params.sensors[p]), int(params.sensors[p + 1]), elevation)
-        scale, offset, noise = params.sensors[p + 2], params.sensors[p + 3], params.sensors[p + 4]
-        channel = Channel(offset, noise, 0.0, 4 * s + 3, 30011 * (s + 1))
-        readings[first + s] = sensors.measure(channel, scale * value, tick, normals)
-    readings[first + params.sensor_count] = elevation

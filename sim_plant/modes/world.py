@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sim_plant import sea_states
 from sim_plant.modes import building
 from sim_plant.modes import plant as modes
+from sim_plant.modes import readings as reading
 from sim_plant.modes.bem import mode_bem
 from sim_plant.modes.building import PlantModel
 from sim_plant.modes.plant import ModesParams
@@ -67,7 +68,7 @@ class Stepper:
         self._normals = normals
         self._dt = dt
         self.state = state
-        self._readings = [0.0] * modes.reading_size(params)
+        self._readings = [0.0] * reading.reading_size(params)
         self._excitation: Sequence[float] = [0.0] * params.modes
 
     def set_excitation(self, excitation: Sequence[float]) -> None:
@@ -89,7 +90,7 @@ class Stepper:
 
     def readings(self, tick: int, elevation: float) -> tuple[float, ...]:
         """Return the sensor readings at the present state."""
-        modes.sample(self._params, self.state, tick, elevation, self._normals, self._readings)
+        reading.sample(self._params, self.state, tick, elevation, self._normals, self._readings)
         return tuple(self._readings)
 
     def numbers(self) -> list[float]:

@@ -9,7 +9,14 @@ from typing import Any
 
 import pytest
 
-from controllers import declutching, latching, nonlinear_damping, turning_point, velocity_table
+from controllers import (
+    declutching,
+    latching,
+    nonlinear_damping,
+    positioning,
+    turning_point,
+    velocity_table,
+)
 from controllers.signals import Estimate
 
 DT = 1e-3
@@ -38,6 +45,16 @@ CASES: dict[str, tuple[ModuleType, dict[str, tuple[float, ...]], Any]] = {
         declutching,
         {"arming_speed_m_per_s": (0.02,)},
         declutching.SetPoint(-400.0, 0.3),
+    ),
+    "positioning": (
+        positioning,
+        {
+            "hold_stiffness_n_per_m": (1e4,),
+            "hold_damping_n_s_per_m": (400.0,),
+            "speed_m_per_s": (0.02,),
+            "acceleration_m_per_s2": (0.1,),
+        },
+        positioning.SetPoint(0.0),
     ),
 }
 

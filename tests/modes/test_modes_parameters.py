@@ -25,6 +25,13 @@ LINE: dict[str, Any] = {
 }
 
 
+MAGNETIC: dict[str, Any] = {
+    "pinion_radius": 0.33,
+    "stator_positions": [-0.1, 0.0, 0.1],
+    "rates": [5000, 400, -6000],
+}
+
+
 def test_a_number_may_have_unit_and_source() -> None:
     mass = {"value": 3136.0, "unit": "kg", "source": "weighed"}
     plant = Plant.model_validate(mapping({"heave": {**HEAVE, "mass": mass}}))
@@ -85,6 +92,27 @@ def change(path: str, value: Any) -> dict[str, Any]:
          r"mooring.lines.bow.moves_with.sway\n +'sway' is no mode"),
         ("mooring", {"lines": {"heave": LINE}}, r"mooring.lines.heave\n +.heave. is taken"),
         ("sensors/force/signal", "bus.voltage", "is no signal"),
+        ("sensors/force/signal", "heave.spring_force", "is no signal"),
+        ("modes", {"heave": {"mass": 20.0}}, "modes: none has a dof of the BEM file"),
+        ("axes/heave/spring", {"rate": 2e12}, "less than or equal to 1000000000000"),
+        ("axes/heave/spring", {}, "rate"),
+        ("axes/heave/spring", {"rate": 1.0, "preload": 1.0, "rest_position": 1.0},
+         "preload: is rate times rest_position; give one of them"),
+        ("axes/heave/spring", {"rate": {"value": 1.0, "unit": "kN/m"}}, "allowed: N/m, N.m/rad"),
+        ("axes/heave/magnetic_spring", {"pinion_radius": 0.0, "rate": 1.0}, "greater than 0"),
+        ("axes/heave/magnetic_spring", {"pinion_radius": 0.3}, "rate: needs either rate, or"),
+        ("axes/heave/magnetic_spring", {**MAGNETIC, "rate": 1.0}, "rate: needs either rate, or"),
+        ("axes/heave/magnetic_spring", {"pinion_radius": 0.3, "rate": 1.0, "stator": "heave"},
+         "stator: a fixed rate has no stator"),
+        ("axes/heave/magnetic_spring", {**MAGNETIC, "rates": [1.0, 2.0]},
+         "rates: 2 for 3 stator_positions"),
+        ("axes/heave/magnetic_spring", {**MAGNETIC, "stator_positions": [0, 0.1, 0.1]},
+         "must ascend"),
+        ("axes/heave/magnetic_spring", {**MAGNETIC, "stator_position": 0.2},
+         "stator_position: 0.2 is beyond the table; allowed -0.1 .. 0.1"),
+        ("axes/heave/magnetic_spring", {**MAGNETIC, "fit_half_angle_rad": 1.6}, "less than 1.5"),
+        ("axes/heave/magnetic_spring", {**MAGNETIC, "stator": "heave"},
+         "axes.heave.magnetic_spring.stator: 'heave' is no other axis; allowed: none"),
         ("sensors/force/signal", "heave.pressure", "is no signal"),
     ],
 )  # fmt: skip

@@ -65,8 +65,8 @@ def closed_form(
     friction = np.diag([axis.viscous_friction for axis in plant.axes.values()]).astype(complex)
     friction[0, 0] -= pto
     linear = np.diag([mode.linear_damping for mode in plant.modes.values()])
-    stiffness = building.stiffness_matrix(plant, model.bem) + building.line_stiffness(plant)
-    system = stiffness + 1j * omega * (memory + linear + factors.T @ friction @ factors)
+    system = building.stiffness_at_rest(plant, model.bem)
+    system = system + 1j * omega * (memory + linear + factors.T @ friction @ factors)
     system = system - omega**2 * building.inertia_matrix(plant, model.bem)
     count = len(plant.modes)
     force = [excitation_at(mode_bem(model.bem, k), np.array([frequency]))[0] for k in range(count)]

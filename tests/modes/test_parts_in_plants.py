@@ -13,6 +13,7 @@ from test_modes_plant import closed_form, motion_in_waves, off
 
 from sim_plant import sea_states
 from sim_plant.modes import plant as step
+from sim_plant.modes import readings
 from sim_plant.modes.building import PlantModel
 from sim_plant.modes.world import Actuation, World
 from sim_plant.parts import hydraulic
@@ -29,7 +30,7 @@ def signal(simulated: World, name: str) -> float:
     conditions = simulated.conditions()
     kind, index = simulated.model.plant.signals()[name]
     elevation = simulated.truth().elevation
-    return step.signal(conditions.params, conditions.state, kind, index, elevation)
+    return readings.signal(conditions.params, conditions.state, kind, index, elevation)
 
 
 def test_taut_lines_are_their_stiffness_in_small_waves() -> None:

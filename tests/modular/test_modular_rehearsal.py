@@ -93,6 +93,19 @@ def test_a_valid_plant_has_no_problems(tmp_path: Path) -> None:
     assert problems(tmp_path, given) == ""
 
 
+def test_a_rule_of_the_plant_has_the_line_of_its_key(tmp_path: Path) -> None:
+    given = plant_mapping()
+    given["axes"]["heave"]["magnetic_spring"] = {
+        "pinion_radius": 0.3, "stator": "slide", "stator_positions": [0, 1], "rates": [0, 900]
+    }  # fmt: skip
+    source = plant_source(tmp_path, given)
+    _, (problem,) = plant_problems(source, None, None, 1000)
+    lines = (tmp_path / "plant.yaml").read_text().splitlines()
+    assert lines[problem.line - 1].strip() == "stator: slide"
+    assert problem.key == "axes.heave.magnetic_spring.stator"
+    assert problem.message == "'slide' is no other axis; allowed: pitch"
+
+
 def test_differences_between_rig_and_plant_are_named(tmp_path: Path) -> None:
     given = plant_mapping()
     given["axes"]["heave"]["gear_ratio"] = 13.0

@@ -124,6 +124,8 @@ def test_cache_folder_depends_on_every_compiled_source(
     written = [module for module in modules if not Path(str(module.__file__)).exists()]
     assert len(written) == 2  # tick and coupling
     assert any(module.__name__.startswith("wec_rig_law_") for module in modules)
+    names = {module.__name__ for module in modules}
+    assert {"sim_plant.modes.springs", "sim_plant.parts.spring", "sim_plant.stator_force"} <= names
     imported = {
         name
         for module in modules
@@ -131,12 +133,12 @@ def test_cache_folder_depends_on_every_compiled_source(
         if name.split(".")[0] in ("controllers", "rig", "sim_plant")
         and not name.startswith("rig.compilation")  # it writes the code: part of the text
     }
-    passing = {"controllers", "controllers.law", "rig.realtime", "sim_plant", "sim_plant.parts",
-               "sim_plant.units"}  # fmt: skip
+    passing = {"controllers", "controllers.law", "rig.realtime", "sim_plant", "sim_plant.modes",
+               "sim_plant.parts", "sim_plant.units"}  # fmt: skip
     # They write or run the code; what they give is in its text.
     running = {"rig.realtime.loop", "rig.realtime.compiled_tick", "rig.realtime.object_code",
                "rig.realtime.tick", "rig.recording.row_layout"}  # fmt: skip
-    assert imported - {module.__name__ for module in modules} <= passing | running
+    assert imported - names <= passing | running
     now, getsource = code_folder("x", modules), inspect.getsource
     for edited in modules:
 

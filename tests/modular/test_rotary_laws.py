@@ -36,6 +36,10 @@ LAWS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"arming_speed_rad_per_s": 0.01},
         {"kp_n_m_s_per_rad": -400.0, "declutch_s": 0.2},
     ),
+    "positioning": (
+        HOLD | {"speed_rad_per_s": 0.02, "acceleration_rad_per_s2": 0.1},
+        {"goal_rad": 0.02},
+    ),
 }
 
 

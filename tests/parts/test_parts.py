@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sim_plant.parts import bus, drag, end_stop, friction, gear, hydraulic, linear_motor
+from sim_plant.parts import bus, drag, end_stop, friction, gear, hydraulic, linear_motor, spring
 from sim_plant.parts import mooring_line as lines
 from sim_plant.parts.bus import BusParams
 from sim_plant.parts.end_stop import EndStopParams
 from sim_plant.parts.friction import FrictionParams
 from sim_plant.parts.hydraulic import HydraulicParams
 from sim_plant.parts.mooring_line import LineParams
+from sim_plant.parts.spring import MagneticParams, SpringParams
 
 AMPLITUDE, OMEGA = 0.8, 2.5  # of a sinusoidal velocity, m/s and rad/s
 OIL = HydraulicParams(
@@ -80,6 +81,48 @@ def test_cogging_has_a_potential() -> None:
     assert work == pytest.approx(-20.0 * 0.03 / math.pi)
     work, _ = quad(lambda x: linear_motor.cogging_force(20.0, 0.03, x), 0.004, 0.034)
     assert work == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_linear_spring_stores_the_work_on_it() -> None:
+    """From its rest at F_0 / k = 0.02 m to 0.1 m: k d² / 2; a negative rate gives that work."""
+    for rate in (5000.0, -5000.0):
+        params = SpringParams(rate, 0.02 * rate)
+        assert spring.force(params, 0.02) == 0.0
+        work, _ = quad(lambda x, p=params: spring.force(p, x), 0.02, 0.1)
+        assert work == pytest.approx(-0.5 * rate * 0.08**2)
+
+
+def test_both_forces_of_a_magnetic_spring_are_those_of_one_energy() -> None:
+    """Round a closed path of axis and stator they do no work; so the energy has one value."""
+    params = MagneticParams(1.0 / 0.3, 0.045, 7.0)
+    first, slope = 4000.0, -30_000.0  # of the rate, N/m and N/m per m of the stator
+
+    def sides(x: float, z: float) -> tuple[float, float]:
+        return spring.magnetic_forces(params, first + slope * z, slope, x)
+
+    path = np.linspace(0.0, 2.0 * np.pi, 2001)
+    middle = 0.5 * (path[:-1] + path[1:])
+    work = moved = 0.0
+    for start, end, at in zip(path[:-1], path[1:], middle, strict=True):
+        f, s = sides(0.1 + 0.2 * math.cos(at), 0.04 + 0.06 * math.sin(at))
+        axis = 0.2 * (math.cos(end) - math.cos(start))
+        stator = 0.06 * (math.sin(end) - math.sin(start))
+        work += f * axis + s * stator
+        moved += abs(f * axis)
+    assert moved > 100.0
+    assert abs(work) < 1e-5 * moved  # the chords of 2000 steps leave 2e-6
+
+
+def test_the_rate_of_a_magnetic_spring_and_its_period_over_the_angle() -> None:
+    params = MagneticParams(1.0 / 0.3, 0.3**2 / 2.0, 0.0)
+    small = spring.magnetic_forces(params, 4000.0, 0.0, 1.0e-5).axis
+    assert small == pytest.approx(-4000.0 * 1.0e-5, rel=1e-8)
+    for turn in (0.5 * math.pi, math.pi):  # of the rotor: no force, and unstable, at a quarter
+        assert spring.magnetic_forces(params, 4000.0, 0.0, 0.3 * turn).axis == pytest.approx(
+            0.0, abs=1e-9
+        )
+    beyond = spring.magnetic_forces(params, 4000.0, 0.0, 0.3 * (0.5 * math.pi + 0.1)).axis
+    assert beyond == pytest.approx(0.5 * 4000.0 * 0.3 * math.sin(0.2))
 
 
 def stiffness(params: LineParams, step: float = 1.0e-6) -> np.ndarray:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from plant_files import changed, plant
 
-from sim_plant.building import fit_slope
 from sim_plant.magnetic_spring import (
     StatorState,
+    fit_slope,
     force,
     rotor_angle,
     stator_at_rest,

@@ -23,7 +23,7 @@ from rig.kinds.modular.rehearsal.job import bem_path
 from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
 from rig.spectra.periods import Floats
-from sim_plant.modes.building import factor_matrix, line_stiffness, read_bem, stiffness_matrix
+from sim_plant.modes.building import factor_matrix, read_bem, stiffness_at_rest
 from sim_plant.modes.parameters import Plant
 
 _LOW = 1.0e-4  # rad/s: far below every wave and every filter of a law
@@ -59,7 +59,7 @@ def equilibrium_check(campaign: AnyCampaign) -> EquilibriumCheck:
     bem = read_bem(plant, bem_path(source))
     # Scaled by the masses, so that translations and rotations compare.
     scale = 1.0 / np.sqrt([mode.mass for mode in plant.modes.values()])
-    stiffness = (stiffness_matrix(plant, bem) + line_stiffness(plant)) * np.outer(scale, scale)
+    stiffness = stiffness_at_rest(plant, bem) * np.outer(scale, scale)
     judged = [each for each in campaign.axis_laws if plant.axes[each].hydraulic is None]
     if any(campaign.axis_laws[name].law.linear is None for name in judged):
         return lambda values: None

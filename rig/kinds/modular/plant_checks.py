@@ -31,6 +31,8 @@ Finding = tuple[KeyPath, float, str]
 def plant_findings(plant: Plant, bem: BemModes) -> Iterator[Finding]:
     """Yield key, value and message of each mode that contradicts its BEM file."""
     for index, (name, mode) in enumerate(plant.modes.items()):
+        if mode.dof is None:
+            continue
         volume = bem.volume[index]
         if volume is not None and mode.dof.rpartition("__")[2].capitalize() == "Heave":
             displaced = bem.density * volume
@@ -54,7 +56,7 @@ def plant_findings(plant: Plant, bem: BemModes) -> Iterator[Finding]:
                 ("modes", name, "stiffness"),
                 mode.stiffness,
                 f"{format_number(mode.stiffness)} {unit}, but the BEM file states {of_file:.5g} "
-                f"{unit}; a mooring adds to it, a spring of the PTO belongs to the law",
+                f"{unit}; a mooring and the spring of an axis add to it",
             )
 
 
@@ -66,6 +68,8 @@ def rig_findings(plant: Plant, rig: RigFile) -> Iterator[Finding]:
             continue
         mode, factor = next(iter(moves_with.items()))
         dof = plant.modes[mode].dof
+        if dof is None:
+            continue
         if math.isclose(abs(factor), 1.0) and rotates(dof) != (axis.motion == ROTATION):
             yield (
                 ("axes", name, "motion"),

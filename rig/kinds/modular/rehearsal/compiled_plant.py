@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rig.compilation import lifting
-from sim_plant import sensors
-from sim_plant.modes import plant
+from sim_plant import magnetic_spring, sensors, stator_force
+from sim_plant.modes import plant, readings, springs
 from sim_plant.modes.plant import ModesParams
 from sim_plant.modes.world import Stepper
 from sim_plant.parts import (
@@ -22,15 +22,16 @@ from sim_plant.parts import (
     hydraulic,
     linear_motor,
     mooring_line,
+    spring,
 )  # fmt: skip
 
 LIFTED_MODULES = (
-    bus, drag, drive, end_stop, friction, gear, hydraulic, linear_motor, mooring_line, sensors,
-    plant,
+    bus, drag, drive, end_stop, friction, gear, hydraulic, linear_motor, mooring_line,
+    magnetic_spring, stator_force, spring, springs, sensors, plant, readings,
 )  # fmt: skip
 
 _INTEGERS = ("source", "partner")
-_SIZES = ("modes", "axes", "states", "line_count", "bus_count", "sensor_count")
+_SIZES = ("modes", "axes", "states", "line_count", "spring_count", "bus_count", "sensor_count")
 _SEQUENCES = tuple(name for name in ModesParams._fields if name not in _SIZES)
 
 # Slices of two arrays are made in compiled code: each array argument costs 0.2 us a tick.
@@ -38,7 +39,8 @@ _SOURCE = '''"""Generated: one tick of sim_plant.modes.plant on arrays."""
 
 from numba import float64, int64, njit
 
-from sim_plant.modes.plant import ModesParams, sample, step
+from sim_plant.modes.plant import ModesParams, step
+from sim_plant.modes.readings import sample
 
 
 @njit((float64[::1], int64[::1], float64[::1], float64[::1], int64, int64, float64, float64),

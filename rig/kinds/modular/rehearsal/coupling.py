@@ -11,7 +11,7 @@ from typing import Any
 from controllers.signals import AxisSense, PanelSense
 from rig.kinds.modular.tick import Composition, WaveSense, compose
 from rig.kinds.modular.tick.compose import execute
-from sim_plant.modes.plant import READINGS_PER_AXIS
+from sim_plant.modes.readings import READINGS_PER_AXIS
 
 
 @cache

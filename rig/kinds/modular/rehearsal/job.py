@@ -129,8 +129,9 @@ def plant_problems(
 
 
 def first_bem(model: PlantModel) -> Bem:
-    """Return the coefficients of one mode, with which a sea is checked."""
-    return mode_bem(model.bem, 0)
+    """Return the coefficients of one mode in water, with which a sea is checked."""
+    modes = model.plant.modes.values()
+    return mode_bem(model.bem, next(k for k, mode in enumerate(modes) if mode.dof is not None))
 
 
 def _missing_parts(plant: Plant, rig: RigFile, locate: SourceMap) -> Iterator[Problem]:

@@ -6,14 +6,8 @@ numbers of variable count are in columns of `Plant`, which the tick changes in p
 
 from typing import Any, NamedTuple
 
-from sim_plant.modes.plant import (
-    AXIS_PARAM_COUNT,
-    STOP,
-    ModesParams,
-    axis_position,
-    sample,
-    step,
-)
+from sim_plant.modes.plant import AXIS_PARAM_COUNT, STOP, ModesParams, axis_position, step
+from sim_plant.modes.readings import sample
 from sim_plant.wave_maker import onset_ramp
 
 CONTACT_TICKS = 4096

@@ -59,8 +59,7 @@ class BodyInWaves:
         damping = self._only_mode().linear_damping + factor * factor * axis.viscous_friction
         damping += building.line_damping(plant)[0, 0]
         mass = building.inertia_matrix(plant, self._model.bem)[0, 0]
-        stiffness = building.stiffness_matrix(plant, self._model.bem)[0, 0]
-        stiffness += building.line_stiffness(plant)[0, 0]
+        stiffness = building.stiffness_at_rest(plant, self._model.bem)[0, 0]
         memory = radiation.response(self._model.radiation, omega)[:, 0, 0]
         found: Complexes = stiffness - omega * omega * mass + 1j * omega * (damping + memory)
         return found

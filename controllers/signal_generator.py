@@ -85,4 +85,5 @@ def step(params: Params, state: State, signal: SetPoint, dt: float) -> tuple[Sta
 
 def columns(count: int) -> tuple[tuple[float, ...], ...]:
     """Return the columns of ``count`` set points without a signal."""
-    return tuple((each,) * count for each in NO_SIGNAL)
+    column = (0.0,) * count
+    return (column, column, column, column, column)

@@ -86,7 +86,7 @@ class StopTiming(FileModel):
 
 
 class Operator(FileModel):
-    """What is required of the operator of a run."""
+    """Requirements of the operator of a run."""
 
     dead_man_s: Annotated[float, Field(ge=0.5, le=3600)] | None = 5.0
     """Time in manual mode without an operator after which the rig stops, s; it damps at once."""

@@ -1,4 +1,4 @@
-"""What people ask of a run, and what the supervisor makes of it.
+"""Requests of people to a run, and what the supervisor makes of them.
 
 A request comes from a page or a command by the run's socket (`rig.processes.request_socket`). It is
 refused with a reason, or it changes the `Request` that the supervisor posts to the loop. Each one
@@ -54,17 +54,17 @@ class LiveColumns(Protocol):
         """Return the set point of a row of the plan."""
         ...
 
-    def check(self, wanted: LiveSet) -> Checked:
+    def check(self, chosen: LiveSet) -> Checked:
         """Return the numbers for the loop, after all checks of ranges, limits and stability."""
         ...
 
-    def keep(self, wanted: LiveSet, comment: str) -> str:
+    def keep(self, chosen: LiveSet, comment: str) -> str:
         """Append a set point to the campaign file of kept rows; return its path."""
         ...
 
 
 class People(NamedTuple):
-    """How people may act on a run."""
+    """Rights of people in a run."""
 
     live: LiveColumns | None = None  # None: they choose no set points
     arming: bool = False
@@ -74,7 +74,7 @@ class People(NamedTuple):
 
 
 class Asker(NamedTuple):
-    """Who asks."""
+    """The person and the session of a request."""
 
     session: str
     person: str
@@ -117,7 +117,7 @@ class Orders:
         self._manual_since: float | None = None
         self._number = 0  # of the last set point
         self._arming_since: float | None = None
-        self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is wanted
+        self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is chosen
         self._staged: tuple[int, tuple[float, ...]] | None = None  # number, numbers: not posted yet
         self._posted: tuple[int, tuple[float, ...]] | None = None
         self._notices: list[dict[str, Any]] = []
@@ -154,10 +154,10 @@ class Orders:
     def _takes_set_points(self) -> bool:
         row = self._row
         return bool(row) and (
-            row["plan.phase"] == MANUAL or (row["safety.mode"] == STOP_2 and self._manual_wanted())
+            row["plan.phase"] == MANUAL or (row["safety.mode"] == STOP_2 and self._manual_chosen())
         )
 
-    def _manual_wanted(self) -> bool:
+    def _manual_chosen(self) -> bool:
         return self._request.live != 0 or self._staged is not None
 
     def _dead_man(self) -> None:
@@ -399,14 +399,14 @@ class Orders:
             self._require(self._mode() == STOP_2, "hold the run first")
             self._require(self._request.live == 0, "the run is in manual mode already")
             row = int(self._row["plan.row"])
-        wanted = live.of_row(row) if row != NO_ROW else live.first()
-        return self._choose(asker, "manual", given, live, wanted)
+        chosen = live.of_row(row) if row != NO_ROW else live.first()
+        return self._choose(asker, "manual", given, live, chosen)
 
     def campaign(self, asker: Asker, given: dict[str, Any]) -> Answer:
         with self._lock:
             self._require(not self._people.manual, "this run has no rows")
             self._require(self._mode() == STOP_2, "hold the run first")
-            self._require(self._manual_wanted(), "the run is not in manual mode")
+            self._require(self._manual_chosen(), "the run is not in manual mode")
             self._staged = None
             self._change(live=0)
         return Answer(True, "resume starts the interrupted row over")
@@ -419,15 +419,15 @@ class Orders:
         values, signal = given.get("values", {}), given.get("signal", {})
         if not isinstance(values, dict) or not isinstance(signal, dict):
             raise RefusedError("`values` and `signal` are mappings of keys to numbers")
-        wanted = LiveSet({**present.values, **values}, {**present.signal, **signal})
-        return self._choose(asker, "set", given, live, wanted)
+        chosen = LiveSet({**present.values, **values}, {**present.signal, **signal})
+        return self._choose(asker, "set", given, live, chosen)
 
     def undo(self, asker: Asker, given: dict[str, Any]) -> Answer:
         live = self._live()
         with self._lock:
             self._require(len(self._sets) > 1, "there is no set point before this one")
-            wanted = self._sets[-2]
-        answer = self._choose(asker, "undo", given, live, wanted)
+            chosen = self._sets[-2]
+        answer = self._choose(asker, "undo", given, live, chosen)
         if answer.accepted:
             with self._lock:
                 del self._sets[-2:]  # the one undone, and the second copy of the one before it
@@ -437,9 +437,9 @@ class Orders:
         live = self._live()
         with self._lock:
             self._require(bool(self._sets), "the run is not in manual mode")
-            wanted = self._sets[-1]
+            chosen = self._sets[-1]
         try:
-            path = live.keep(wanted, _text(given.get("comment", "")))
+            path = live.keep(chosen, _text(given.get("comment", "")))
         except (OSError, ValueError) as error:
             raise RefusedError(str(error)) from None
         self._kept = path
@@ -460,7 +460,7 @@ class Orders:
 
     def _present_row(self) -> int:
         self._require(RUN <= self._mode() <= STOP_2, "the plan does not run")
-        self._require(not self._manual_wanted(), "the run is in manual mode")
+        self._require(not self._manual_chosen(), "the run is in manual mode")
         row = int(self._row["plan.row"])
         self._require(row != NO_ROW, "no row runs now")
         return row
@@ -469,21 +469,21 @@ class Orders:
         self._change(jump=self._request.jump + 1, segment=segment)
 
     def _choose(
-        self, asker: Asker, request: str, given: dict[str, Any], live: LiveColumns, wanted: LiveSet
+        self, asker: Asker, request: str, given: dict[str, Any], live: LiveColumns, chosen: LiveSet
     ) -> Answer:
         """Check a set point, stage it, and wait until it is in force if the loop takes it up."""
         with self._choosing:
-            checked = live.check(wanted)
+            checked = live.check(chosen)
             if checked.problems:
                 raise RefusedError("; ".join(checked.problems))
-            return self._stage(asker, request, given, wanted, checked.numbers)
+            return self._stage(asker, request, given, chosen, checked.numbers)
 
     def _stage(
         self,
         asker: Asker,
         request: str,
         given: dict[str, Any],
-        wanted: LiveSet,
+        chosen: LiveSet,
         numbers: tuple[float, ...],
     ) -> Answer:
         with self._in_force:
@@ -492,7 +492,7 @@ class Orders:
             # Without its entry a replay could not repeat the run.
             if not self._journal.add(entry):
                 raise RefusedError(f"not in the journal: {self._journal.problem}")
-            self._sets.append(wanted)
+            self._sets.append(chosen)
             self._staged, self._number = (number, numbers), number
             self._post_staged()
             self._wake()

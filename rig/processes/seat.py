@@ -10,7 +10,7 @@ LEASE_S = 3.0  # s from beat to beat, at most
 
 
 class Holder(NamedTuple):
-    """Who sits in the seat."""
+    """The operator in the seat."""
 
     session: str  # of the page, or of the command
     person: str

@@ -26,6 +26,7 @@ for _number, _default in (
         signal.signal(_number, _default)
 
 PARTS = 5  # a run of the test command takes one in so many of the long and of the sampled tests
+COSTLY = "costly_files.txt"
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 
 
@@ -37,7 +38,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("all", "part", "none"),
         default="all",
         help=f"long tests to run: all, a seeded part (one in {PARTS}), or none; unless all, only a"
-        " seeded part of the cases of each sampled test runs",
+        " seeded part of the cases of each sampled test and of the costly files runs",
     )
     group.addoption(
         "--long-seed",
@@ -88,6 +89,20 @@ def _in_part(item: pytest.Item, seed: str) -> bool:
     return _place(seed, marker.kwargs.get("group", item.nodeid)) % PARTS == 0
 
 
+def _costly_left_out(root: Path, seed: str) -> frozenset[str]:
+    """Return the costly files that this run leaves out: all but one of `PARTS` equal parts."""
+    lines = (root / "tests" / COSTLY).read_text().splitlines()
+    costs = sorted((line.split() for line in lines if line[:1] != "#"), key=lambda c: -int(c[0]))
+    parts: list[list[str]] = [[] for _ in range(PARTS)]
+    seconds = [0] * PARTS
+    for cost, file in costs:  # the dearest first, each to the part that has least
+        at = seconds.index(min(seconds))
+        parts[at].append(file)
+        seconds[at] += int(cost)
+    chosen = _place(seed, COSTLY) % PARTS
+    return frozenset(file for i, part in enumerate(parts) if i != chosen for file in part)
+
+
 def _unsampled(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
     """Return the cases of sampled tests that are left out; of each at least one remains.
 
@@ -110,7 +125,7 @@ def pytest_report_header(config: pytest.Config) -> str | None:
     if config.getoption("--long") != "part":
         return None
     return (
-        f"long and sampled tests: one in {PARTS}; the same part again: "
+        f"long and sampled tests, costly files: one in {PARTS}; the same part again: "
         f"--long part --long-seed {_seed(config)}"
     )
 
@@ -121,10 +136,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if which == "all":
         return
     seed = _seed(config)
+    files = _costly_left_out(config.rootpath, seed)
     left_out = {
         item
         for item in items
-        if item.get_closest_marker("long") and (which == "none" or not _in_part(item, seed))
+        if item.nodeid.partition("::")[0] in files
+        or (item.get_closest_marker("long") and (which == "none" or not _in_part(item, seed)))
     }
     left_out.update(_unsampled([item for item in items if item not in left_out], seed))
     config.hook.pytest_deselected(items=list(left_out))

@@ -93,7 +93,7 @@ def change(path: str, value: Any) -> dict[str, Any]:
         ("mooring", {"lines": {"heave": LINE}}, r"mooring.lines.heave\n +.heave. is taken"),
         ("sensors/force/signal", "bus.voltage", "is no signal"),
         ("sensors/force/signal", "heave.spring_force", "is no signal"),
-        ("modes", {"heave": {"mass": 20.0}}, "modes: none has a dof of the BEM file"),
+        ("modes", {"heave": {"mass": 20.0}}, "none has a dof of the BEM file"),
         ("axes/heave/spring", {"rate": 2e12}, "less than or equal to 1000000000000"),
         ("axes/heave/spring", {}, "rate"),
         ("axes/heave/spring", {"rate": 1.0, "preload": 1.0, "rest_position": 1.0},
@@ -112,7 +112,7 @@ def change(path: str, value: Any) -> dict[str, Any]:
          "stator_position: 0.2 is beyond the table; allowed -0.1 .. 0.1"),
         ("axes/heave/magnetic_spring", {**MAGNETIC, "fit_half_angle_rad": 1.6}, "less than 1.5"),
         ("axes/heave/magnetic_spring", {**MAGNETIC, "stator": "heave"},
-         "axes.heave.magnetic_spring.stator: 'heave' is no other axis; allowed: none"),
+         "'heave' is no other axis; allowed: none"),
         ("sensors/force/signal", "heave.pressure", "is no signal"),
     ],
 )  # fmt: skip

@@ -124,7 +124,7 @@ def test_differences_between_rig_and_plant_are_named(tmp_path: Path) -> None:
         ({"bem": "missing.nc"}, "bem: cannot read .*missing.nc: No such file"),
         ({"density_kg_per_m3": 900.0}, "states density_kg_per_m3 1000"),
         ({"delay_s": -1.0}, "delay_s: .*out of range"),
-        ({"modes": {"heave": {**HEAVE, "dof": "Roll"}, "pitch": PITCH}}, "no mode 'Roll'"),
+        ({"modes": {"heave": {**HEAVE, "dof": "Roll"}, "pitch": PITCH}}, "'Roll' is no mode of"),
     ],
 )
 def test_problems_of_the_plant_alone(tmp_path: Path, change: dict[str, Any], message: str) -> None:

@@ -137,6 +137,7 @@ def test_cache_folder_depends_on_every_compiled_source(
                "sim_plant.parts", "sim_plant.units"}  # fmt: skip
     # They write or run the code; what they give is in its text.
     running = {"rig.realtime.loop", "rig.realtime.compiled_tick", "rig.realtime.object_code",
+               "rig.realtime.live_setpoints", "rig.realtime.requests",
                "rig.realtime.tick", "rig.recording.row_layout"}  # fmt: skip
     assert imported - names <= passing | running
     now, getsource = code_folder("x", modules), inspect.getsource

@@ -25,7 +25,6 @@ from rig.recording.runs.folder import RunInfo, earlier_contents, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import (
-    ALL_TICKS_MISSING,
     Window,
     missing_rows,
     planned_ticks,
@@ -296,7 +295,12 @@ def row_table(
         calibrated.correct_row(
             corrections,
             _merge_plan(
-                measured.get(row), planned.get(row, {}), row, units, row in lost_rows, settings
+                measured.get(row),
+                planned.get(row, {}),
+                row,
+                units,
+                lost_rows.get(row, ""),
+                settings,
             ),
         )
         for row in sorted({*planned, *measured})
@@ -334,12 +338,12 @@ def _merge_plan(
     planned: dict[str, Any],
     row: int,
     units: Iterable[str],
-    lost: bool,
+    lost: str,
     settings: Iterable[str],
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
-        texts = {"state": INCOMPLETE, "incomplete_reason": ALL_TICKS_MISSING} if lost else texts
+        texts = {"state": INCOMPLETE, "incomplete_reason": lost} if lost else texts
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}

@@ -437,7 +437,8 @@ class SupervisedRun:
         unsaved = self._ring.head - self._ring.tail
         row = self._latest_row()
         reason = self._reasons.name(int(row.get("safety.reason", NO_REASON)))
-        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason)
+        people = self._orders.describe()
+        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason, people)
 
     def _latest_row(self) -> dict[str, float | int]:
         packed = self._ring.latest()

@@ -79,7 +79,10 @@ class RunPanel:
             self._live.update(self._panel(snapshot), refresh=True)
             return
         last, self._last = self._last, snapshot.row
-        if last and last["plan.row"] not in (NO_ROW, snapshot.row["plan.row"]):
+        phase_changed = last.get("plan.phase") != snapshot.row["plan.phase"]
+        if not self._plan.rows and phase_changed:
+            self._print(snapshot, " ".join(self._display.plan_position(self._plan, snapshot.row)))
+        elif last and last["plan.row"] not in (NO_ROW, snapshot.row["plan.row"]):
             self._print(snapshot, " ".join(self._display.plan_position(self._plan, last)))
         if self._waits_for_people(snapshot) or snapshot.people.get("set_number"):
             lines = self._people_lines(snapshot)
@@ -120,7 +123,7 @@ class RunPanel:
     def _columns_text(self, part: str, values: dict[str, Any]) -> str:
         """Return the values of a set point with the labels and units of their columns."""
         return "   ".join(
-            f"{each['label']} {values[each['key']]} {each.get('unit', '').replace('*', ' ')}".strip()
+            " ".join([each["label"], str(values[each["key"]]), each.get("unit", "")]).strip()
             for each in self.columns
             if each["part"] == part and each["key"] in values
         )

@@ -66,7 +66,7 @@ class RequestServer:
                     os.unlink(path)
                 os.fchmod(self._listener.fileno(), 0o600)  # bind gives this mode to the file
                 self._listener.bind(path)
-            self._listener.listen(8)
+            self._listener.listen(128)
         except OSError:
             self._listener.close()
             os.close(self._ring)
@@ -111,6 +111,7 @@ class RequestServer:
             if person:
                 self._converse(client, person)
             else:
+                client.recv(MAX_LINE)  # closing on unread data would discard the answer
                 client.sendall(_refusal("this run is another user's"))
         except (OSError, ValueError, RecursionError):
             pass  # the client is gone, or sends nonsense

@@ -130,7 +130,8 @@ def test_nonsense_is_cut_off(served: tuple[Path, AttendedRun], line: bytes) -> N
     [
         b"1", b"[]", b"null", b'{"v": 2, "ask": "state"}', b'{"ask": "state"}',
         message("explode"), message("hold", arguments=[]), b'{"v": 1, "ask": ["hold"]}',
-        message("set", arguments={"values": 3}), message("set", arguments={"values": {"kp": 1e400}}),
+        message("set", arguments={"values": 3}),
+        message("set", arguments={"values": {"kp": 1e400}}),
         message("abort", viewer=True),
     ],
 )  # fmt: skip

@@ -27,6 +27,10 @@ MAX_TEXT = 2000  # characters of an annotation
 STOP, ABORT = "stop", "abort"
 
 
+_STATE_FIELDS = ("tick", "plan.row", "plan.phase", "plan.attempt", "plan.live", "safety.mode")
+"""Fields of the newest row that displays of the orders get."""
+
+
 class LiveSet(NamedTuple):
     """A whole set point that people chose."""
 
@@ -217,6 +221,7 @@ class Orders:
                 "dead_man_s": self._people.dead_man_s,
                 "request": self._request._asdict(),
                 "notices": self._notices[-20:],
+                "row": {name: self._row[name] for name in _STATE_FIELDS} if self._row else {},
                 "kept": self._kept,
             }
 

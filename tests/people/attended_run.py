@@ -127,8 +127,9 @@ class AttendedRun:
             return {}
         row = self.rows[-1]
         return {
-            "tick": row.tick, "plan.row": row.plan.row, "plan.attempt": row.plan.attempt, "plan.phase": row.plan.phase,
-            "plan.live": row.plan.live, "safety.mode": row.safety.mode,
+            "tick": row.tick, "plan.row": row.plan.row, "plan.attempt": row.plan.attempt,
+            "plan.phase": row.plan.phase, "plan.live": row.plan.live,
+            "safety.mode": row.safety.mode,
         }  # fmt: skip
 
     @property

@@ -271,7 +271,7 @@ def test_a_full_disk_refuses_a_set_and_lets_a_stop_pass(tmp_path: Path) -> None:
 
 def test_rows_that_were_skipped_and_repeated(tmp_path: Path) -> None:
     """The last attempt counts; a skipped row is incomplete, and the table says why."""
-    sea = "sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.5}\nstart: {lead_in_s: 4}"
+    sea = "sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.5}\nstart: {lead_in_s: 5}"
     campaign = CAMPAIGN.replace("sea: {kind: calm}", sea)
     with started(tmp_path, "run", "--realtime", campaign=campaign) as run:
         run.until(lambda row: row["plan.row"] == 0 and row["plan.phase"] == 4)
@@ -293,7 +293,7 @@ def test_rows_that_were_skipped_and_repeated(tmp_path: Path) -> None:
 
 
 def test_two_runs_at_once(tmp_path: Path) -> None:
-    """A command without --run refuses to guess between two running runs."""
+    """Each has its socket; a command reaches the one in its folder of runs."""
     (tmp_path / "a").mkdir()
     with started(tmp_path / "a", "manual", "--unattended") as run:
         second = run.folder.parent.parent / "b"

@@ -287,7 +287,7 @@ def test_rows_that_were_skipped_and_repeated(tmp_path: Path) -> None:
     with (folder / "rows.csv").open() as file:
         lines = (line for line in file if not line.startswith("#"))
         rows = {int(row["row"]): row for row in csv.DictReader(lines)}
-    assert [rows[row]["state"] for row in range(3)] == ["complete", "incomplete", "complete"]
+    assert [rows[row]["state"] for row in range(3)] == ["complete", "cut short", "complete"]
     assert rows[1]["incomplete_reason"] == "skipped"
     assert float(rows[0]["attempt"]) == 1
 

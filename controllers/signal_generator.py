@@ -85,4 +85,11 @@ def step(params: Params, state: State, signal: SetPoint, dt: float) -> tuple[Sta
 
 def columns(count: int) -> tuple[tuple[float, ...], ...]:
     """Return the columns of ``count`` set points without a signal."""
-    return tuple((each,) * count for each in NO_SIGNAL)
+    kind, amplitude, frequency, end_frequency, sweep = NO_SIGNAL
+    return (
+        (kind,) * count,
+        (amplitude,) * count,
+        (frequency,) * count,
+        (end_frequency,) * count,
+        (sweep,) * count,
+    )

@@ -25,6 +25,7 @@ from rig.recording.runs.folder import RunInfo, earlier_contents, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import (
+    SKIPPED_ROW,
     Window,
     missing_rows,
     planned_ticks,
@@ -343,7 +344,9 @@ def _merge_plan(
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
-        texts = {"state": INCOMPLETE, "incomplete_reason": lost} if lost else texts
+        if lost:
+            state = INTERRUPTED if lost == SKIPPED_ROW else INCOMPLETE
+            texts = {"state": state, "incomplete_reason": lost}
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}

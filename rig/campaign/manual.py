@@ -122,29 +122,29 @@ class ManualSetPoints:
         values = {column.key: float(getattr(setting, column.name)) for column in self._columns}
         return LiveSet(values, dict(NO_SIGNAL))
 
-    def check(self, wanted: LiveSet) -> Checked:
+    def check(self, chosen: LiveSet) -> Checked:
         """Return the numbers for the loop, or every reason why they are refused."""
-        problems = [*self._unknown(wanted), *self._signal_problems(wanted.signal)]
+        problems = [*self._unknown(chosen), *self._signal_problems(chosen.signal)]
         if problems:
             return Checked((), tuple(problems))
         with TemporaryDirectory(prefix="wec-rig-") as folder:
             path = Path(folder) / "set_point.yaml"
-            path.write_text(self._text(path, [(wanted.values, "")]))
+            path.write_text(self._text(path, [(chosen.values, "")]))
             report = self._examine(path)
             if report.plan is None or report.problems:
                 return Checked((), tuple(_reason(each) for each in report.problems))
             plan = report.plan
         at = plan.segments.setpoint[plan.segments.phase.index(MEASURE)]
-        signal = wanted.signal
+        signal = chosen.signal
         kind = signal_generator.KINDS.index(signal["kind"])
         numbers = [float(kind), *(float(signal[key]) for key in _SIGNAL[1:])]
         table = plan.setpoints._replace(signal=tuple((number,) * (at + 1) for number in numbers))
         return Checked(numbers_at(table, at))
 
-    def keep(self, wanted: LiveSet, comment: str) -> str:
+    def keep(self, chosen: LiveSet, comment: str) -> str:
         """Append a set point to the file of kept rows, a campaign; return its path."""
         text = " ".join(comment.split()) or f"kept as row {len(self._kept_rows)}"
-        rows = [*self._kept_rows, (wanted.values, text)]
+        rows = [*self._kept_rows, (chosen.values, text)]
         if not self._kept_rows:
             self._kept = _unused(self._kept)
         path = self._kept
@@ -158,14 +158,14 @@ class ManualSetPoints:
         name = derived_name(self._campaign.file.name, "-kept")
         return text_of_rows(self._file, path, name, rows)
 
-    def _unknown(self, wanted: LiveSet) -> Iterator[str]:
+    def _unknown(self, chosen: LiveSet) -> Iterator[str]:
         known = {column.key for column in self._columns}
-        for key, value in wanted.values.items():
+        for key, value in chosen.values.items():
             if key not in known:
                 yield f"{key}: no such column; known are {', '.join(sorted(known))}"
             elif not _is_number(value):
                 yield f"{key}: {value!r} is not a finite number"
-        for key in wanted.signal:
+        for key in chosen.signal:
             if key not in _SIGNAL:
                 yield f"signal.{key}: no such key; known are {', '.join(_SIGNAL)}"
 

@@ -96,7 +96,7 @@ class RunPanel:
         print("  ".join(filter(None, parts)), file=sys.stderr, flush=True)
 
     def _waits_for_people(self, snapshot: "Snapshot") -> bool:
-        """Whether the end of the run depends on people: manual mode, or standby."""
+        """Return whether the end of the run depends on people: manual mode, or standby."""
         return bool(snapshot.people.get("manual")) or snapshot.row["plan.phase"] == STANDBY
 
     def _people_lines(self, snapshot: "Snapshot") -> list[tuple[str, str]]:

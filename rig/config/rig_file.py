@@ -97,7 +97,7 @@ DeadManTime = Annotated[
 
 
 class Operator(FileModel):
-    """What is required of the operator of a run."""
+    """The requirements on the operator of a run."""
 
     dead_man_s: DeadManTime = 5.0
     """Time in manual mode without an operator after which the rig stops, s; it damps at once.

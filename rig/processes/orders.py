@@ -1,4 +1,4 @@
-"""What people ask of a run, and what the supervisor makes of it.
+"""The requests of people to a run, and what the supervisor makes of them.
 
 A request comes from a page or a command by the run's socket (`rig.processes.request_socket`). It is
 refused with a reason, or it changes the `Request` that the supervisor posts to the loop. Each one
@@ -60,17 +60,17 @@ class LiveColumns(Protocol):
         """Return the set point of a row of the plan."""
         ...
 
-    def check(self, wanted: LiveSet) -> Checked:
+    def check(self, chosen: LiveSet) -> Checked:
         """Return the numbers for the loop, after all checks of ranges, limits and stability."""
         ...
 
-    def keep(self, wanted: LiveSet, comment: str) -> str:
+    def keep(self, chosen: LiveSet, comment: str) -> str:
         """Append a set point to the campaign file of kept rows; return its path."""
         ...
 
 
 class People(NamedTuple):
-    """How people may act on a run."""
+    """The ways in which people may act on a run."""
 
     live: LiveColumns | None = None  # None: they choose no set points
     arming: bool = False
@@ -80,7 +80,7 @@ class People(NamedTuple):
 
 
 class Asker(NamedTuple):
-    """Who asks."""
+    """The author of a request."""
 
     session: str
     person: str
@@ -123,7 +123,7 @@ class Orders:
         self._manual_since: float | None = None
         self._number = 0  # of the last set point
         self._arming_since: float | None = None
-        self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is wanted
+        self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is chosen
         self._staged: tuple[int, tuple[float, ...]] | None = None  # number, numbers: not posted yet
         self._posted: tuple[int, tuple[float, ...]] | None = None
         self._notices: list[dict[str, Any]] = []
@@ -421,8 +421,8 @@ class Orders:
                 self._require(self._mode() == STOP_2, "hold the run first")
                 self._require(not self._sets, "the run is in manual mode already")
                 row = int(self._row["plan.row"])
-            wanted = live.of_row(row) if row != NO_ROW else live.first()
-            return self._choose(asker, "manual", given, live, wanted, [])
+            chosen = live.of_row(row) if row != NO_ROW else live.first()
+            return self._choose(asker, "manual", given, live, chosen, [])
 
     def campaign(self, asker: Asker, given: dict[str, Any]) -> Answer:
         with self._choosing, self._lock:
@@ -454,8 +454,8 @@ class Orders:
     def keep(self, asker: Asker, given: dict[str, Any]) -> Answer:
         live = self._live()
         with self._choosing:
-            wanted = self._present_sets(while_stopped=True)[-1]
-            path = live.keep(wanted, _text(given.get("comment", "")))
+            chosen = self._present_sets(while_stopped=True)[-1]
+            path = live.keep(chosen, _text(given.get("comment", "")))
         self._kept = path
         return Answer(True, f"row in {path}", {"file": path})
 
@@ -484,7 +484,7 @@ class Orders:
         self._require(in_standby and safety.stop_reason(self._request.code) == NO_REASON, message)
 
     def _present_sets(self, *, while_stopped: bool = False) -> list[LiveSet]:
-        """Return the set points of manual mode, the wanted one last."""
+        """Return the set points of manual mode, the one in force last."""
         with self._lock:
             self._require(bool(self._sets), "the run is not in manual mode")
             stopped = bool(self._row) and self._row["safety.mode"] > STOP_2
@@ -501,7 +501,7 @@ class Orders:
         request: str,
         given: dict[str, Any],
         live: LiveColumns,
-        wanted: LiveSet,
+        chosen: LiveSet,
         before: list[LiveSet],
     ) -> Answer:
         """Check a set point, stage it, and wait until it is in force if the loop takes it up.
@@ -509,7 +509,7 @@ class Orders:
         ``before``: the set points to return to. The caller holds `_choosing`, so that neither a
         check nor the journal's disk delays `update`.
         """
-        checked = live.check(wanted)
+        checked = live.check(chosen)
         if checked.problems:
             raise RefusedError("; ".join(checked.problems))
         number = self._number + 1
@@ -519,7 +519,7 @@ class Orders:
             raise RefusedError(f"not in the journal: {self._journal.problem}")
         with self._in_force:
             self._number, self._staged = number, (number, checked.numbers)
-            self._sets = [*before, wanted]
+            self._sets = [*before, chosen]
             self._post_staged()
             self._wake()
             staged = not self._takes_set_points()

@@ -11,7 +11,7 @@ BEAT_S = 1.0  # s from beat to beat, as it should be
 
 
 class Holder(NamedTuple):
-    """Who sits in the seat."""
+    """The session in the seat."""
 
     session: str  # of the page, or of the command
     person: str

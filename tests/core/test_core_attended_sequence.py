@@ -197,7 +197,7 @@ def test_a_manual_plan_is_preamble_open_segment_and_end(segments: Segments, armi
 )  # fmt: skip
 @settings(max_examples=300)
 def test_no_requests_lead_out_of_the_plan(steps: list[Any], manual: bool) -> None:
-    """Whatever is asked: valid segment, live only from hold or manual, DONE for good."""
+    """A valid segment, live only from hold or manual mode, DONE for good: always."""
     run = Plan(MANUAL_PLAN if manual else ROWS)
     for number, order, segment, state, ticks in steps:
         request = Request(0, 1, number, order, segment)

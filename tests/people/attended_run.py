@@ -70,14 +70,14 @@ class Gains:
     def of_row(self, row: int) -> LiveSet:
         return LiveSet({"kp": -100.0 * (row + 1), "ki": 0.0}, {})
 
-    def check(self, wanted: LiveSet) -> Checked:
-        kp, ki = wanted.values["kp"], wanted.values["ki"]
+    def check(self, chosen: LiveSet) -> Checked:
+        kp, ki = chosen.values["kp"], chosen.values["ki"]
         if kp > 0.0:
             return Checked((), (f"kp: {kp:g} is out of range",))
         return Checked((kp, ki))
 
-    def keep(self, wanted: LiveSet, comment: str) -> str:
-        self.kept.append((wanted, comment))
+    def keep(self, chosen: LiveSet, comment: str) -> str:
+        self.kept.append((chosen, comment))
         return "kept.yaml"
 
 

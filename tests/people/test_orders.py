@@ -220,7 +220,7 @@ def test_a_check_without_a_disk_is_an_answer() -> None:
     run = AttendedRun(manual=True)
     run.power_on()
 
-    def check(wanted: Any) -> Any:
+    def check(chosen: Any) -> Any:
         raise OSError(28, "No space left on device")
 
     run.live.check = check  # type: ignore[method-assign]

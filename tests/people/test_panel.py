@@ -28,13 +28,13 @@ def people(run: AttendedRun, **changes: Any) -> dict[str, Any]:
     return run.orders.describe() | chosen | changes
 
 
-def snapshot(phase: int, mode: int, told: dict[str, Any], live: int = 0) -> Snapshot:
+def snapshot(phase: int, mode: int, state: dict[str, Any], live: int = 0) -> Snapshot:
     row: dict[str, float | int] = {
         "time": 30.0, "plan.row": -1, "plan.phase": phase, "plan.live": live, "safety.mode": mode,
         "safety.reason": 0, "timing.skipped": 0, "power.samples": 0,
     }  # fmt: skip
     motion = ("estimate.position", "estimate.velocity", "command.force", "command.current")
-    return Snapshot(row | {f"heave.{name}": 0.0 for name in motion}, 0, 0, "", "", told)
+    return Snapshot(row | {f"heave.{name}": 0.0 for name in motion}, 0, 0, "", "", state)
 
 
 @pytest.fixture
@@ -68,14 +68,14 @@ def test_manual_mode_shows_operator_and_set_point(
     panel: RunPanel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = AttendedRun(manual=True)
-    told = people(run, operator="ann", set_number=3)
-    text = text_of(panel, snapshot(MANUAL, RUN, told, live=3), monkeypatch)
+    state = people(run, operator="ann", set_number=3)
+    text = text_of(panel, snapshot(MANUAL, RUN, state, live=3), monkeypatch)
     for part in ("operator   ann", "3 in force", "Kp -250.0 N*s/m", "signal sine", "12.0 N"):
         assert part in text, text
     assert "armed" in text
     assert "0:30 rig time" in text
     assert "left at" not in text
-    text = text_of(panel, snapshot(MANUAL, RUN, told, live=2), monkeypatch)
+    text = text_of(panel, snapshot(MANUAL, RUN, state, live=2), monkeypatch)
     assert "not yet in force" in text
 
 

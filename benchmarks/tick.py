@@ -88,7 +88,7 @@ class CompiledBlocks:
         """Return the processor time (us) of a tick in place, and of each part of the others."""
         memory, sense = self._memory, self._recorded.senses[-1]
         repeat = range(len(self._recorded.senses))
-        found, in_place = {}, self._tick.step_in_place
+        found = {}
         for name, part, arguments in (
             (
                 "readings and command in place",

@@ -26,7 +26,9 @@ class Phase(IntEnum):
 
 
 # Plain ints for the tick, which compares them a thousand times a second (enum look-up is slower).
-TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE, STANDBY, MANUAL = range(len(Phase))
+TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE, STANDBY, MANUAL = (
+    int(phase) for phase in Phase
+)
 
 WAIT_ARRIVAL = 1  # the parts that the plan moves between rows have arrived
 WAIT_DRIVE = 2  # the drive has its power stage on

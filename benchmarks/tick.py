@@ -90,7 +90,11 @@ class CompiledBlocks:
         repeat = range(len(self._recorded.senses))
         found = {}
         for name, part, arguments in (
-            ("readings and command in place", self._tick.step_in_place, (0, 1, _NO_TIMING, 1)),
+            (
+                "readings and command in place",
+                self._tick.step_in_place,
+                (NO_REQUEST, 1, _NO_TIMING, 1),
+            ),
             ("of that, call and work", self._code, ()),
             ("readings of a NamedTuple stored", memory.setter("sense"), (sense,)),
             ("command returned as a NamedTuple", memory.getter("command"), ()),

@@ -72,7 +72,7 @@ def step(params: Params, state: State, signal: SetPoint, dt: float) -> tuple[Sta
     force = amplitude.value * sin(2.0 * pi * phase) if finite(phase) else phase
     frequency = signal.frequency
     if kind == CHIRP and signal.sweep > 0.0:
-        share = elapsed / signal.sweep
+        share = (elapsed + 0.5 * dt) / signal.sweep  # in the middle of the tick: its mean
         frequency = frequency + (signal.end_frequency - frequency) * share
         elapsed = elapsed + dt
         if elapsed >= signal.sweep:
@@ -85,5 +85,11 @@ def step(params: Params, state: State, signal: SetPoint, dt: float) -> tuple[Sta
 
 def columns(count: int) -> tuple[tuple[float, ...], ...]:
     """Return the columns of ``count`` set points without a signal."""
-    column = (0.0,) * count
-    return (column, column, column, column, column)
+    kind, amplitude, frequency, end_frequency, sweep = NO_SIGNAL
+    return (
+        (kind,) * count,
+        (amplitude,) * count,
+        (frequency,) * count,
+        (end_frequency,) * count,
+        (sweep,) * count,
+    )

@@ -29,9 +29,9 @@ CLOCK_USERS = {
     "rig/processes/logger.py": "flushes by the second, retries a stalled disk",
     "rig/processes/last_logger.py": "time without a saved row after the end of the loop",
     "rig/processes/supervisor.py": "polls its children; ties a run to UTC",
-    "rig/processes/orders.py": "leases of the operator's seat, arming, the dead man's time",
-    "rig/processes/request_socket.py": "requests of a client per second",
     "rig/execution/task.py": "dates the run and names its folder",
+    "rig/processes/orders.py": "the seat's lease, arming, and the dead man's time",
+    "rig/processes/request_socket.py": "rate of the requests of a client",
     "rig/processes/child.py": "time since the last progress of a child",
     "rig/processes/io_processes.py": "timeout for an I/O process to become ready",
     "rig/sweep/cluster.py": "duration of a chunk of cases, which sets the size of the next",
@@ -175,8 +175,8 @@ def test_files_are_short() -> None:
     """A file must be readable at one sitting."""
     for path in (*SOURCES, *TESTS):
         assert len(path.read_text().splitlines()) <= 600, relative_name(path)
-    for name in ("loop", "cycle"):
-        assert len((ROOT / "rig" / "realtime" / f"{name}.py").read_text().splitlines()) <= 170
+    for name, lines in (("loop", 160), ("cycle", 170)):
+        assert len((ROOT / "rig" / "realtime" / f"{name}.py").read_text().splitlines()) <= lines
 
 
 def test_file_names_are_specific() -> None:

@@ -25,7 +25,7 @@ from rig.recording.runs.folder import RunInfo, earlier_contents, run_info
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import (
-    ALL_TICKS_MISSING,
+    SKIPPED_ROW,
     Window,
     missing_rows,
     planned_ticks,
@@ -296,7 +296,12 @@ def row_table(
         calibrated.correct_row(
             corrections,
             _merge_plan(
-                measured.get(row), planned.get(row, {}), row, units, row in lost_rows, settings
+                measured.get(row),
+                planned.get(row, {}),
+                row,
+                units,
+                lost_rows.get(row, ""),
+                settings,
             ),
         )
         for row in sorted({*planned, *measured})
@@ -334,12 +339,14 @@ def _merge_plan(
     planned: dict[str, Any],
     row: int,
     units: Iterable[str],
-    lost: bool,
+    lost: str,
     settings: Iterable[str],
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
-        texts = {"state": INCOMPLETE, "incomplete_reason": ALL_TICKS_MISSING} if lost else texts
+        if lost:
+            state = INTERRUPTED if lost == SKIPPED_ROW else INCOMPLETE
+            texts = {"state": state, "incomplete_reason": lost}
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}

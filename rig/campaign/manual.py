@@ -4,9 +4,10 @@ A set point is checked as a row of a campaign file: it is written as the only ro
 extends the campaign, and goes through all that `rig check` does, predicted stability included.
 """
 
+import itertools
 import json
-import math
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -144,6 +145,8 @@ class ManualSetPoints:
         """Append a set point to the file of kept rows, a campaign; return its path."""
         text = " ".join(comment.split()) or f"kept as row {len(self._kept_rows)}"
         rows = [*self._kept_rows, (chosen.values, text)]
+        if not self._kept_rows:
+            self._kept = _unused(self._kept)
         path = self._kept
         new = path.with_name(f".{path.name}.new")
         new.write_text(self._text(path, rows))
@@ -207,6 +210,13 @@ def _range(file: BaseCampaignFile, column: Column) -> tuple[float | None, float 
     return bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
 
 
+def _unused(path: Path) -> Path:
+    """Return the path, or with a number in its name if there is a file already."""
+    names = (f"{path.stem}_{number}{path.suffix}" for number in itertools.count(2))
+    paths = itertools.chain([path], map(path.with_name, names))
+    return next(each for each in paths if not each.exists())
+
+
 def _reason(problem: Problem) -> str:
     """Return the text of a problem, without the place in the file that people never see."""
     key = problem.key.removeprefix("matrix.list[0].")
@@ -214,4 +224,6 @@ def _reason(problem: Problem) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max  # of any integer

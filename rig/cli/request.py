@@ -1,6 +1,7 @@
 """`rig request NAME`: ask something of a running run."""
 
 import os
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
 from rig.cli.output import FAILED, OK, fail, print_json
 from rig.processes.orders import REQUESTS
 from rig.processes.request_client import RequestClient, RequestError
+from rig.processes.seat import BEAT_S
 from rig.recording.runs import RunError, list_runs
 
 EXIT_CODES = "Exit codes: 0 accepted; 1 refused, or the run does not answer; 2 bad input."
@@ -35,7 +37,9 @@ def command(
     """Ask something of a running run, as the operator's page does.
 
     A command may act while nobody has the operator's seat; `stop` and `abort`
-    always. Every request is in the run's journal, with the answer.
+    always. `take_seat` keeps the seat until Ctrl-C: in the background of a
+    terminal it lets all commands of that terminal act. Every request is in the
+    run's journal, with the answer.
     """
     if name not in _NAMES:
         return fail("request", ValueError(f"{name}: no such request; {_HELP}"), as_json=as_json)
@@ -45,11 +49,14 @@ def command(
     except (ValueError, RunError, OSError) as error:
         return fail("request", error, as_json=as_json)
     try:
-        client = RequestClient(folder, session=f"command {os.getpid()}")
+        client = RequestClient(folder, session=f"terminal {os.getsid(0)}")
         try:
             if take_over:
                 client.ask("take_seat", take_over=True)
             answer = client.ask(name, **arguments)
+            if name == "take_seat" and answer.get("accepted"):
+                print("take_seat: you are the operator; Ctrl-C leaves the seat", flush=True)
+                answer = _keep_seat(client)
         finally:
             client.close()
     except RequestError as error:
@@ -66,6 +73,16 @@ def command(
             "request", ValueError(f"refused: {answer.get('reason')}"), as_json=False, code=1
         )
     return OK if accepted else FAILED
+
+
+def _keep_seat(client: RequestClient) -> dict[str, Any]:
+    """Renew the seat until Ctrl-C, or until it is lost; return the last answer."""
+    try:
+        while (answer := client.ask("beat")).get("accepted"):
+            time.sleep(BEAT_S)
+    except KeyboardInterrupt:
+        return client.ask("leave_seat")
+    return answer
 
 
 def _arguments(name: str, values: list[str], text: str) -> dict[str, Any]:

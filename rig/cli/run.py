@@ -130,6 +130,8 @@ def run_named(
                 manual=options.manual is not None,
                 unattended=options.unattended,
             )
+            if task.people.live is not None:
+                view.columns = task.people.live.describe()
             ended = run_task(task, runs, view, mode)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)

@@ -12,14 +12,13 @@ from rich.text import Text
 
 from rig.presentation.phrases import clock_text
 from rig.realtime.reasons import Reason
-from rig.realtime.safety import STOP_2, Mode
-from rig.realtime.sequence import NO_ROW
+from rig.realtime.safety import OFF, STOP_2, Mode
+from rig.realtime.sequence import NO_ROW, STANDBY
 
 if TYPE_CHECKING:
     from rig.kinds.interface import Display
     from rig.processes.run_types import Snapshot
 
-_LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 _MODE_LABELS = {"rehearsal": "REHEARSAL, simulated plant", "hil": "HIL, emulated devices"}
 
 
@@ -27,10 +26,17 @@ def _loss_text(snapshot: "Snapshot") -> str:
     return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
 
 
-class RunPanel:
-    """Draws snapshots: a live panel on a terminal, a line every 10 s elsewhere.
+def _without_operator(people: dict[str, Any]) -> str:
+    limit = people.get("dead_man_s")
+    stops = "" if limit is None else f"; without one the rig holds, and stops after {limit:g} s"
+    return f"nobody{stops}"
 
-    The rig's position, motion and power are those of its kind's room `display`.
+
+class RunPanel:
+    """Draws snapshots: a live panel on a terminal; elsewhere a line for each finished row.
+
+    The rig's position, motion and power are those of its kind's room `display`. In manual mode the
+    lines are those of set points, and of what the run waits for.
     """
 
     def __init__(
@@ -42,8 +48,9 @@ class RunPanel:
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._live_display = self._console.is_terminal and not quiet
         self._start_time = time.monotonic()
-        self._last_line_time = self._start_time
-        self._last_row = NO_ROW
+        self._last: dict[str, float | int] = {}  # newest row but one
+        self._last_lines: list[tuple[str, str]] = []  # of people, where there is no terminal
+        self.columns: list[dict[str, Any]] = []  # of set points that people choose
         self._measured: dict[str, float | int] = {}  # newest row in a measured window
         self._printed_notice = ""
         self.notice = ""  # the pending request to the run, e.g. after Ctrl-C
@@ -71,16 +78,60 @@ class RunPanel:
         if self._live_display:
             self._live.update(self._panel(snapshot), refresh=True)
             return
-        now, row = time.monotonic(), int(snapshot.row["plan.row"])
-        if now - self._last_line_time >= _LINE_INTERVAL_S or (
-            row != self._last_row and now - self._last_line_time >= 1.0
-        ):
-            self._last_line_time, self._last_row = now, row
-            print(self._line(snapshot), file=sys.stderr, flush=True)
+        last, self._last = self._last, snapshot.row
+        phase_changed = last.get("plan.phase") != snapshot.row["plan.phase"]
+        if not self._plan.rows and phase_changed:
+            self._print(snapshot, " ".join(self._display.plan_position(self._plan, snapshot.row)))
+        elif last and last["plan.row"] not in (NO_ROW, snapshot.row["plan.row"]):
+            self._print(snapshot, " ".join(self._display.plan_position(self._plan, last)))
+        if self._waits_for_people(snapshot) or snapshot.people.get("set_number"):
+            lines = self._people_lines(snapshot)
+            if lines != self._last_lines:
+                self._last_lines = lines
+                self._print(snapshot, "  ".join(" ".join(line) for line in lines))
+
+    def _print(self, snapshot: "Snapshot", text: str) -> None:
+        motion = self._display.short_text(self._plan, snapshot.row, self._measured)
+        parts = [self._time_text(snapshot), text, motion, _loss_text(snapshot), snapshot.problem]
+        print("  ".join(filter(None, parts)), file=sys.stderr, flush=True)
+
+    def _waits_for_people(self, snapshot: "Snapshot") -> bool:
+        """Return whether the end of the run depends on people: manual mode, or standby."""
+        return bool(snapshot.people.get("manual")) or snapshot.row["plan.phase"] == STANDBY
+
+    def _people_lines(self, snapshot: "Snapshot") -> list[tuple[str, str]]:
+        """Return labels and texts of operator, arming and set point."""
+        people, lines = snapshot.people, list[tuple[str, str]]()
+        if people.get("manual") or people.get("operator"):
+            lines.append(("operator", people["operator"] or _without_operator(people)))
+        if snapshot.row["plan.phase"] == STANDBY:
+            ask = "confirm" if people.get("arming") else "arm"
+            lines.append(("standby", f"power off; to go on: rig request {ask}"))
+        elif snapshot.row["safety.mode"] > OFF and people.get("must_arm"):
+            lines.append(("armed", "power on"))
+        if people.get("set"):
+            values, signal = people["set"]["values"], people["set"]["signal"]
+            text = self._columns_text("values", values)
+            if signal.get("kind", "none") != "none":
+                text += "   " + self._columns_text("signal", signal)
+            number = int(snapshot.row["plan.live"])
+            state = "in force" if number == people["set_number"] != 0 else "not yet in force"
+            lines.append(("set point", f"{people['set_number'] or '-'} {state}   {text}"))
+        lines += [("notice", each["text"]) for each in people.get("notices", [])[-1:]]
+        return lines
+
+    def _columns_text(self, part: str, values: dict[str, Any]) -> str:
+        """Return the values of a set point with the labels and units of their columns."""
+        return "   ".join(
+            " ".join([each["label"], str(values[each["key"]]), each.get("unit", "")]).strip()
+            for each in self.columns
+            if each["part"] == part and each["key"] in values
+        )
 
     def _panel(self, snapshot: "Snapshot") -> Group:
         row = snapshot.row
         elapsed, total = float(row["time"]), self._display.total_duration(self._plan, row)
+        people = self._people_lines(snapshot) if snapshot.people else []
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=8)
         table.add_column()
@@ -90,6 +141,8 @@ class RunPanel:
         if int(row["safety.reason"]) != Reason.NONE:
             state.append(f"  {snapshot.reason}", style="bold red")
         table.add_row("mode", state)
+        for label, text in people:
+            table.add_row(label, text)
         for label, text in self._display.detail_lines(self._plan, row, self._measured):
             table.add_row(label, text)
         table.add_row("time", self._time_text(snapshot))
@@ -99,7 +152,8 @@ class RunPanel:
         heading.append(_MODE_LABELS.get(self._mode, self._mode.upper()), style="black on yellow")
         bar = Table.grid()
         bar.add_row(ProgressBar(total=total, completed=min(elapsed, total), width=72))
-        parts: list[Text | Table] = [heading, bar, table]
+        ends = not self._waits_for_people(snapshot)
+        parts: list[Text | Table] = [heading, bar, table] if ends else [heading, table]
         for text in (snapshot.problem, self.notice):
             if text:
                 parts.append(Text(text, style="bold red"))
@@ -107,17 +161,12 @@ class RunPanel:
 
     def _time_text(self, snapshot: "Snapshot") -> str:
         elapsed = float(snapshot.row["time"])
+        if self._waits_for_people(snapshot):
+            return f"{clock_text(elapsed)} rig time"
         planned = self._display.total_duration(self._plan, snapshot.row)
         total = max(elapsed, planned)  # the stop at the end is not in the plan
         speed = elapsed / max(time.monotonic() - self._start_time, 1e-3)
         return (
             f"{clock_text(elapsed)} of {clock_text(total)} rig time, "
             f"{clock_text((total - elapsed) / max(speed, 1e-6))} left at {speed:.1f} x real time"
-        )
-
-    def _line(self, snapshot: "Snapshot") -> str:
-        position = " ".join(self._display.plan_position(self._plan, snapshot.row))
-        motion = self._display.short_text(self._plan, snapshot.row, self._measured)
-        return f"{self._time_text(snapshot)}  {position}  {motion}  {_loss_text(snapshot)}" + (
-            f"  {snapshot.problem}" if snapshot.problem else ""
         )

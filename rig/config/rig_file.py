@@ -1,9 +1,9 @@
 """Models that the rig files of all kinds share."""
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from rig.config.model import FileModel, Reason, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import Problem, display_path, format_number
@@ -85,11 +85,24 @@ class StopTiming(FileModel):
             )
 
 
-class Operator(FileModel):
-    """Requirements of the operator of a run."""
+def _none_is_no_limit(value: Any) -> Any:
+    return None if value == "none" else value
 
-    dead_man_s: Annotated[float, Field(ge=0.5, le=3600)] | None = 5.0
-    """Time in manual mode without an operator after which the rig stops, s; it damps at once."""
+
+DeadManTime = Annotated[
+    Annotated[float, Field(ge=0.5, le=3600)] | None,
+    BeforeValidator(_none_is_no_limit),
+    PlainSerializer(lambda value: "none" if value is None else value),
+]
+
+
+class Operator(FileModel):
+    """The requirements on the operator of a run."""
+
+    dead_man_s: DeadManTime = 5.0
+    """Time in manual mode without an operator after which the rig stops, s; it damps at once.
+
+    `none`: manual mode goes on without an operator."""
     stop_by_viewers: bool = True  # whoever sees the page may stop the rig
 
 

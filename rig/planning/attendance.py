@@ -1,4 +1,4 @@
-"""Changes of a plan whose run people attend: arming, set points of their own, manual mode.
+"""Additions to a plan when people attend the run: arming, set points of their own, manual mode.
 
 The loop executes a table of segments (`rig.realtime.sequence`); these functions change it. Nothing
 is added to a run that nobody attends, so its ticks stay as they are.
@@ -15,7 +15,7 @@ _NEVER = 2**62  # ticks: longer than any run
 
 
 class Attendance(NamedTuple):
-    """Attendance of a run by people; the record of its plan has it."""
+    """The ways in which people attend a run; the record of its plan has them."""
 
     live: bool = False  # they may choose set points: on hold, or in manual mode
     arming: bool = False  # power waits for them

@@ -18,6 +18,8 @@ def row_text(plan: Any, log_row: LogRow, columns: Iterable[Column]) -> str:
     count = len(plan.rows)
     if phase == Phase.DONE.name.lower():
         return plan_end_text(log_row, count)
+    if phase == Phase.MANUAL.name.lower():
+        return f"{phase}   set point {int(log_row['plan.live'])}"
     if row == NO_ROW:
         return f"- of {count}   {phase}"
     setting = plan.rows[row].setting

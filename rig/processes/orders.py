@@ -1,4 +1,4 @@
-"""Requests of people to a run, and what the supervisor makes of them.
+"""The requests of people to a run, and what the supervisor makes of them.
 
 A request comes from a page or a command by the run's socket (`rig.processes.request_socket`). It is
 refused with a reason, or it changes the `Request` that the supervisor posts to the loop. Each one
@@ -12,17 +12,23 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, NamedTuple, Protocol
 
+from rig.config.problems import error_text
 from rig.processes.seat import Seat
 from rig.realtime import safety
+from rig.realtime.reasons import NO_REASON
 from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_2
-from rig.realtime.sequence import MANUAL, NO_ROW, STANDBY, Segments
+from rig.realtime.sequence import MANUAL, NO_ROW, STANDBY, TARE, Segments
 from rig.recording.journal import Entry, Journal
 
 ARMING_S = 10.0  # s from arming to its confirmation
 IN_FORCE_S = 2.0  # s in which the loop takes up a set point
 MAX_TEXT = 2000  # characters of an annotation
 STOP, ABORT = "stop", "abort"
+
+
+_STATE_FIELDS = ("tick", "plan.row", "plan.phase", "plan.attempt", "plan.live", "safety.mode")
+"""Fields of the newest row that displays of the orders get."""
 
 
 class LiveSet(NamedTuple):
@@ -64,7 +70,7 @@ class LiveColumns(Protocol):
 
 
 class People(NamedTuple):
-    """Rights of people in a run."""
+    """The ways in which people may act on a run."""
 
     live: LiveColumns | None = None  # None: they choose no set points
     arming: bool = False
@@ -74,7 +80,7 @@ class People(NamedTuple):
 
 
 class Asker(NamedTuple):
-    """The person and the session of a request."""
+    """The author of a request."""
 
     session: str
     person: str
@@ -154,11 +160,8 @@ class Orders:
     def _takes_set_points(self) -> bool:
         row = self._row
         return bool(row) and (
-            row["plan.phase"] == MANUAL or (row["safety.mode"] == STOP_2 and self._manual_chosen())
+            row["plan.phase"] == MANUAL or (row["safety.mode"] == STOP_2 and bool(self._sets))
         )
-
-    def _manual_chosen(self) -> bool:
-        return self._request.live != 0 or self._staged is not None
 
     def _dead_man(self) -> None:
         """Hold, then stop, a rig in manual mode without an operator."""
@@ -185,9 +188,15 @@ class Orders:
         powered = ENABLING <= self._row["safety.mode"] <= STOP_2
         return powered and (self._people.manual or self._row["plan.phase"] == MANUAL)
 
+    def note_terminal(self, code: int) -> None:
+        """Enter a stop or an abort of the terminal, which acts already, into the journal."""
+        name = STOP if code == safety.REQUEST_STOP else ABORT
+        with self._lock:
+            self._journal.add_later(self._entry(Asker("", "", "terminal"), name, {}, True, ""))
+
     def _note(self, request: str, reason: str) -> None:
         entry = self._entry(Asker("", "supervisor", "supervisor"), request, {}, True, reason)
-        self._journal.add(entry)
+        self._journal.add_later(entry)
         self._notices.append({"utc": entry.utc, "text": f"{request}: {reason}"})
 
     # --- the people's side
@@ -212,6 +221,7 @@ class Orders:
                 "dead_man_s": self._people.dead_man_s,
                 "request": self._request._asdict(),
                 "notices": self._notices[-20:],
+                "row": {name: self._row[name] for name in _STATE_FIELDS} if self._row else {},
                 "kept": self._kept,
             }
 
@@ -234,8 +244,8 @@ class Orders:
             return self._answer(asker, request, given, Answer(False, refused))
         try:
             answer = act(self, asker, given)
-        except RefusedError as error:
-            answer = Answer(False, str(error))
+        except (OSError, ValueError) as error:  # `RefusedError`; a check that finds no disk space
+            answer = Answer(False, error_text(error))
         return self._answer(asker, request, given, answer)
 
     def _seated(
@@ -289,6 +299,12 @@ class Orders:
         )  # fmt: skip
 
     def _change(self, **changes: int) -> None:
+        """Change the request; a stop stays in force, except that power off goes beyond it."""
+        present = self._request.code
+        if present == safety.REQUEST_ABORT or (
+            present == safety.REQUEST_STOP and changes.get("code") != safety.REQUEST_ABORT
+        ):
+            changes["code"] = present
         self._request = self._request._replace(**changes)
         self._wake()
 
@@ -304,6 +320,8 @@ class Orders:
     # --- the requests, one function each
 
     def take_seat(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        if not asker.session:
+            return Answer(False, "a session without a name cannot have the seat")
         refused = self._seat.take(
             asker.session, asker.person, self._clock(), take_over=given.get("take_over") is True
         )
@@ -331,7 +349,7 @@ class Orders:
         with self._lock:
             self._mode()
             self._require(self._people.arming, "this run does not wait for arming")
-            self._require(self._row["plan.phase"] == STANDBY, "the run is not in standby")
+            self._require_standby("the run is not in standby")
             self._arming_since = self._clock()
         return Answer(True, f"confirm within {ARMING_S:g} s")
 
@@ -342,11 +360,7 @@ class Orders:
                 since is not None and self._clock() - since <= ARMING_S,
                 f"arm first, then confirm within {ARMING_S:g} s",
             )
-            self._require(self._mode() == OFF, "the run is not in standby")
-            self._require(
-                self._request.code in (safety.REQUEST_NONE, safety.REQUEST_RESUME),
-                "the run was stopped",
-            )
+            self._require_standby("the run is not in standby")
             self._change(armed=1)
         return Answer(True, "armed: the drive is switched on")
 
@@ -359,6 +373,12 @@ class Orders:
     def resume(self, asker: Asker, given: dict[str, Any]) -> Answer:
         with self._lock:
             self._require(self._mode() == STOP_2, "the run is not on hold")
+            self._require(
+                self._people.dead_man_s is None
+                or not self._in_manual_mode()
+                or self._seat.holder(self._clock()) is not None,
+                "manual mode needs an operator: take the seat first",
+            )
             self._change(code=safety.REQUEST_RESUME)
         return Answer(True)
 
@@ -385,63 +405,57 @@ class Orders:
 
     def tare(self, asker: Asker, given: dict[str, Any]) -> Answer:
         with self._lock:
+            self._require_standby("only in standby, with the drive off and in calm water")
             self._require(
-                self._mode() == OFF and self._row["plan.phase"] == STANDBY,
-                "only in standby, with the drive off and in calm water",
+                self._segments.phase[0] == TARE, "this run does not measure the sensor zeros"
             )
+            self._require(self._request.armed == 0, "the run is armed")
             self._arming_since = None
             self._jump(0)
         return Answer(True, "the sensor zeros are measured")
 
     def manual(self, asker: Asker, given: dict[str, Any]) -> Answer:
         live = self._live()
-        with self._lock:
-            self._require(self._mode() == STOP_2, "hold the run first")
-            self._require(self._request.live == 0, "the run is in manual mode already")
-            row = int(self._row["plan.row"])
-        chosen = live.of_row(row) if row != NO_ROW else live.first()
-        return self._choose(asker, "manual", given, live, chosen)
+        with self._choosing:
+            with self._lock:
+                self._require(self._mode() == STOP_2, "hold the run first")
+                self._require(not self._sets, "the run is in manual mode already")
+                row = int(self._row["plan.row"])
+            chosen = live.of_row(row) if row != NO_ROW else live.first()
+            return self._choose(asker, "manual", given, live, chosen, [])
 
     def campaign(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
+        with self._choosing, self._lock:
             self._require(not self._people.manual, "this run has no rows")
             self._require(self._mode() == STOP_2, "hold the run first")
-            self._require(self._manual_chosen(), "the run is not in manual mode")
+            self._require(bool(self._sets), "the run is not in manual mode")
             self._staged = None
+            self._sets.clear()
             self._change(live=0)
         return Answer(True, "resume starts the interrupted row over")
 
     def set(self, asker: Asker, given: dict[str, Any]) -> Answer:
         live = self._live()
-        with self._lock:
-            self._require(bool(self._sets), "the run is not in manual mode")
-            present = self._sets[-1]
         values, signal = given.get("values", {}), given.get("signal", {})
         if not isinstance(values, dict) or not isinstance(signal, dict):
             raise RefusedError("`values` and `signal` are mappings of keys to numbers")
-        chosen = LiveSet({**present.values, **values}, {**present.signal, **signal})
-        return self._choose(asker, "set", given, live, chosen)
+        with self._choosing:
+            present = self._present_sets()
+            values, signal = present[-1].values | values, present[-1].signal | signal
+            return self._choose(asker, "set", given, live, LiveSet(values, signal), present)
 
     def undo(self, asker: Asker, given: dict[str, Any]) -> Answer:
         live = self._live()
-        with self._lock:
-            self._require(len(self._sets) > 1, "there is no set point before this one")
-            chosen = self._sets[-2]
-        answer = self._choose(asker, "undo", given, live, chosen)
-        if answer.accepted:
-            with self._lock:
-                del self._sets[-2:]  # the one undone, and the second copy of the one before it
-        return answer
+        with self._choosing:
+            present = self._present_sets()
+            self._require(len(present) > 1, "there is no set point before this one")
+            return self._choose(asker, "undo", given, live, present[-2], present[:-2])
 
     def keep(self, asker: Asker, given: dict[str, Any]) -> Answer:
         live = self._live()
-        with self._lock:
-            self._require(bool(self._sets), "the run is not in manual mode")
-            chosen = self._sets[-1]
-        try:
+        with self._choosing:
+            chosen = self._present_sets(while_stopped=True)[-1]
             path = live.keep(chosen, _text(given.get("comment", "")))
-        except (OSError, ValueError) as error:
-            raise RefusedError(str(error)) from None
         self._kept = path
         return Answer(True, f"row in {path}", {"file": path})
 
@@ -460,40 +474,52 @@ class Orders:
 
     def _present_row(self) -> int:
         self._require(RUN <= self._mode() <= STOP_2, "the plan does not run")
-        self._require(not self._manual_chosen(), "the run is in manual mode")
+        self._require(not self._sets, "the run is in manual mode")
         row = int(self._row["plan.row"])
         self._require(row != NO_ROW, "no row runs now")
         return row
+
+    def _require_standby(self, message: str) -> None:
+        in_standby = self._mode() == OFF and self._row["plan.phase"] == STANDBY
+        self._require(in_standby and safety.stop_reason(self._request.code) == NO_REASON, message)
+
+    def _present_sets(self, *, while_stopped: bool = False) -> list[LiveSet]:
+        """Return the set points of manual mode, the one in force last."""
+        with self._lock:
+            self._require(bool(self._sets), "the run is not in manual mode")
+            stopped = bool(self._row) and self._row["safety.mode"] > STOP_2
+            stopped = stopped or safety.stop_reason(self._request.code) != NO_REASON
+            self._require(while_stopped or not stopped, "the run was stopped")
+            return list(self._sets)
 
     def _jump(self, segment: int) -> None:
         self._change(jump=self._request.jump + 1, segment=segment)
 
     def _choose(
-        self, asker: Asker, request: str, given: dict[str, Any], live: LiveColumns, chosen: LiveSet
-    ) -> Answer:
-        """Check a set point, stage it, and wait until it is in force if the loop takes it up."""
-        with self._choosing:
-            checked = live.check(chosen)
-            if checked.problems:
-                raise RefusedError("; ".join(checked.problems))
-            return self._stage(asker, request, given, chosen, checked.numbers)
-
-    def _stage(
         self,
         asker: Asker,
         request: str,
         given: dict[str, Any],
+        live: LiveColumns,
         chosen: LiveSet,
-        numbers: tuple[float, ...],
+        before: list[LiveSet],
     ) -> Answer:
+        """Check a set point, stage it, and wait until it is in force if the loop takes it up.
+
+        ``before``: the set points to return to. The caller holds `_choosing`, so that neither a
+        check nor the journal's disk delays `update`.
+        """
+        checked = live.check(chosen)
+        if checked.problems:
+            raise RefusedError("; ".join(checked.problems))
+        number = self._number + 1
+        entry = self._entry(asker, request, given, True, "", number, checked.numbers)
+        # Without its entry a replay could not repeat the run.
+        if not self._journal.add(entry):
+            raise RefusedError(f"not in the journal: {self._journal.problem}")
         with self._in_force:
-            number = self._staged[0] if self._staged else self._number + 1
-            entry = self._entry(asker, request, given, True, "", number, numbers)
-            # Without its entry a replay could not repeat the run.
-            if not self._journal.add(entry):
-                raise RefusedError(f"not in the journal: {self._journal.problem}")
-            self._sets.append(chosen)
-            self._staged, self._number = (number, numbers), number
+            self._number, self._staged = number, (number, checked.numbers)
+            self._sets = [*before, chosen]
             self._post_staged()
             self._wake()
             staged = not self._takes_set_points()

@@ -57,18 +57,16 @@ class RequestServer:
         """
         self._folder, self._orders, self._facts = folder, orders, dict(facts)
         self._ring = os.open(f"/proc/self/fd/{ring}", os.O_RDONLY | os.O_CLOEXEC)
-        self._clients: set[socket.socket] = set()
+        self._clients: dict[socket.socket, float] = {}  # when each was heard last, s
+        self._closed = False
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             with short_path(folder) as path:
                 with suppress(FileNotFoundError):
                     os.unlink(path)
-                before = os.umask(0o177)
-                try:
-                    self._listener.bind(path)
-                finally:
-                    os.umask(before)
-            self._listener.listen(8)
+                os.fchmod(self._listener.fileno(), 0o600)  # bind gives this mode to the file
+                self._listener.bind(path)
+            self._listener.listen(128)
         except OSError:
             self._listener.close()
             os.close(self._ring)
@@ -77,6 +75,7 @@ class RequestServer:
 
     def close(self) -> None:
         """Close the socket and all connections."""
+        self._closed = True
         for each in (self._listener, *self._clients):
             with suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
@@ -92,12 +91,17 @@ class RequestServer:
         while True:
             try:
                 client, _ = self._listener.accept()
-            except OSError:
-                return
-            if len(self._clients) >= MAX_CLIENTS:
-                client.close()
+            except OSError:  # closed; or no descriptor is left, for a while
+                if self._closed:
+                    return
+                time.sleep(SEND_TIMEOUT_S)
                 continue
-            self._clients.add(client)
+            if len(self._clients) >= MAX_CLIENTS:  # the one that is silent for longest makes room
+                silent = min(self._clients.copy().items(), key=lambda item: item[1])[0]
+                self._clients.pop(silent, None)
+                with suppress(OSError):
+                    silent.shutdown(socket.SHUT_RDWR)
+            self._clients[client] = time.monotonic()
             self._thread("client", self._serve, client)
 
     def _serve(self, client: socket.socket) -> None:
@@ -106,15 +110,20 @@ class RequestServer:
             person = _person(client)
             if person:
                 self._converse(client, person)
-        except (OSError, ValueError):
+            else:
+                client.recv(MAX_LINE)  # closing on unread data would discard the answer
+                client.sendall(_refusal("this run is another user's"))
+        except (OSError, ValueError, RecursionError):
             pass  # the client is gone, or sends nonsense
         finally:
-            self._clients.discard(client)
+            self._clients.pop(client, None)
             client.close()
 
     def _converse(self, client: socket.socket, person: str) -> None:
         recent: deque[float] = deque(maxlen=MAX_REQUESTS_PER_S)
         for line in _lines(client):
+            if client in self._clients:
+                self._clients[client] = time.monotonic()
             message = json.loads(line)
             answer, ring = self._reply(message, person, recent)
             data = (json.dumps(answer) + "\n").encode()
@@ -129,7 +138,8 @@ class RequestServer:
         self, message: Any, person: str, recent: deque[float]
     ) -> tuple[dict[str, Any], bool]:
         if not isinstance(message, dict) or message.get("v") != VERSION:
-            return {"v": VERSION, "accepted": False, "reason": f"this run speaks {VERSION}"}, False
+            reason = f"not a message of version {VERSION}"
+            return {"v": VERSION, "accepted": False, "reason": reason}, False
         name = message.get("ask")
         if name == "hello":
             return {"v": VERSION, "accepted": True, **self._facts}, True
@@ -154,6 +164,10 @@ class RequestServer:
         )
         answer: Answer = self._orders.ask(asker, name, arguments)
         return {"v": VERSION, **answer._asdict()}, False
+
+
+def _refusal(reason: str) -> bytes:
+    return (json.dumps({"v": VERSION, "accepted": False, "reason": reason}) + "\n").encode()
 
 
 def _name(given: Any, person: str) -> str:

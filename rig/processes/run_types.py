@@ -60,6 +60,7 @@ class Snapshot(NamedTuple):
     unsaved_rows: int  # rows in the ring that are not on disk yet
     problem: str  # with a process or the log; empty: none
     reason: str = ""  # name of the reason of a stop, in the newest row
+    people: dict[str, Any] = {}  # noqa: RUF012  (`rig.processes.orders.Orders.describe`)
 
 
 class Outcome(NamedTuple):

@@ -7,10 +7,11 @@ is gone. Taking over from a present operator is an act of its own.
 from typing import NamedTuple
 
 LEASE_S = 3.0  # s from beat to beat, at most
+BEAT_S = 1.0  # s from beat to beat, as it should be
 
 
 class Holder(NamedTuple):
-    """The operator in the seat."""
+    """The session in the seat."""
 
     session: str  # of the page, or of the command
     person: str

@@ -203,7 +203,7 @@ class SupervisedRun:
                 self._read_loop_reports(loop)
                 if not loop.alive():
                     self._ring.mark_finished()
-                self._set_request(get_request())
+                self._take_terminal_request(get_request())
                 self._post()
                 self._kill_hung_loop(loop)
                 died = self._io_processes.check()
@@ -229,6 +229,12 @@ class SupervisedRun:
             self._request = request
             if request == safety.REQUEST_ABORT:
                 self._aborted = time.monotonic()
+
+    def _take_terminal_request(self, request: int) -> None:
+        before = self._request
+        self._set_request(request)
+        if self._request != before:
+            self._orders.note_terminal(request)
 
     def _listen(self) -> None:
         """Open the socket for requests of people; without it the run goes on."""
@@ -431,7 +437,8 @@ class SupervisedRun:
         unsaved = self._ring.head - self._ring.tail
         row = self._latest_row()
         reason = self._reasons.name(int(row.get("safety.reason", NO_REASON)))
-        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason)
+        people = self._orders.describe()
+        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason, people)
 
     def _latest_row(self) -> dict[str, float | int]:
         packed = self._ring.latest()

@@ -1,4 +1,4 @@
-"""Requests of people and the supervisor to the loop, logged in every row for its replay.
+"""The requests of people and the supervisor to the loop, logged in every row for a replay.
 
 A request is a level, not an event: it is in force until another one replaces it. An order that must
 be carried out once has a number.

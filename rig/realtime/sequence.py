@@ -104,12 +104,13 @@ def step(
         return State(last, tick, attempt, 0, 0, jump), _NO_EVENTS
     manual = segments.phase[i] == MANUAL
     if request.jump != jump and 0 <= request.segment <= last:
+        if request.segment == last:
+            return State(last, tick, attempt, 0, 0, request.jump), PlanEvents(True, False)
         live = 0 if manual else live
-        attempt = attempt + 1 if segments.row[request.segment] == segments.row[i] else 0
+        # Back to this row or to one before it: another attempt.
+        attempt = attempt + 1 if request.segment <= i else 0
         i, entered, jump = request.segment, tick, request.jump
         state = State(i, entered, attempt, was_paused, live, jump)
-        if i == last:
-            return state, PlanEvents(True, False)
         manual = segments.phase[i] == MANUAL
     if manual or paused or (live != 0 and request.live != 0):
         live = request.live

@@ -7,6 +7,7 @@ replay of the run gives them to the loop again.
 
 import json
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,12 +41,12 @@ class Journal:
     def add(self, entry: Entry) -> bool:
         """Append an entry and wait until it is on disk; return False if that failed."""
         line = json.dumps(entry._asdict(), ensure_ascii=False) + "\n"
+        text = line.encode("utf-8", "backslashreplace")  # which for half a character is JSON, too
         try:
             descriptor = os.open(
                 self._folder() / JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644
             )
             try:
-                text = line.encode()
                 if os.write(descriptor, text) != len(text):
                     raise OSError("no space left for a whole line")
                 os.fdatasync(descriptor)
@@ -56,6 +57,10 @@ class Journal:
             return False
         self.problem = ""
         return True
+
+    def add_later(self, entry: Entry) -> None:
+        """Append an entry from a thread of its own, for a caller that must not wait for a disk."""
+        threading.Thread(target=self.add, args=(entry,), name="journal", daemon=True).start()
 
 
 def read_journal(text: bytes) -> Iterator[Entry]:

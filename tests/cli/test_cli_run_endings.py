@@ -63,7 +63,7 @@ def snapshot_of(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:
 def test_a_line_shows_the_power_of_the_previous_row(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A line comes at the start of a row, before its measurement, and must show a power, too."""
+    """A line comes when a row is finished, and shows its power, seen last in its measurement."""
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     setting = SimpleNamespace(kp=-2000.0, ki=0.0, spring_rate=490.9)
@@ -83,11 +83,9 @@ def test_a_line_shows_the_power_of_the_previous_row(
         now[0] += 15.0
         view(snapshot)
         lines.append(capsys.readouterr().err)
-    assert "not measuring" in lines[0]
-    assert "so far   -84.00 W mechanical" in lines[1]
+    assert lines[0] == lines[1] == lines[3] == ""
+    assert "row 0 (1 of 2)   measure" in lines[2]
     assert "row 0 when last seen   -84.00 W mechanical     -42.00 W AC     -21.00 W DC" in lines[2]
-    assert "so far   -60.00 W mechanical" in lines[3]
-    assert "last seen" not in lines[3]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])

@@ -131,21 +131,25 @@ def test_lines_show_time_left_losses_and_each_notice_once(
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
     view._live_display = False
     now[0] += 15.0
-    view(snapshot())
+    monkeypatch.setattr(display, "plan_position", lambda plan, row: ("row", str(row["plan.row"])))
+    view(snapshot(**{"plan.row": 0}))
+    assert capsys.readouterr().err == ""
+    view(snapshot(**{"plan.row": 1}))
     line = capsys.readouterr().err
+    assert "row 0" in line
     for part in ("0:30 of 2:00", "0:45 left", "3 ticks skipped", "2 rows dropped"):
         assert part in line
     # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator had arrived.
     plan.wave_seconds = 100.0
     now[0] += 15.0
-    view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0}))
+    view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0, "plan.row": 2}))
     assert "1:00 of 2:09" in capsys.readouterr().err
     now[0] += 15.0  # the stop at the end of the plan takes slightly longer than planned
     over = {"plan.phase": float(Phase.DONE), "safety.reason": float(Reason.PLAN_END)}
     view(snapshot(**{"time": 129.6, "plan.wave_clock": 100.6} | over))
     line = capsys.readouterr().err
     assert "2:10 of 2:10 rig time, 0:00 left" in line
-    assert "row all 4 done" in line
+    assert "row 2" in line
     view.notice = "stopping"
     for _ in range(3):
         view(snapshot())

@@ -64,7 +64,7 @@ class Table(NamedTuple):
 
 class BenchParams(NamedTuple):
     axis: axis.Params
-    gains: Table
+    setpoints: Table
 
 
 class BenchSense(NamedTuple):
@@ -141,7 +141,7 @@ def _bench_control(
     dt: float,
 ) -> tuple[DrivenAxis, BenchCommand, axis.Record]:
     after, record = _step_axis(
-        params.axis, state, sense.axis, motion, params.gains, setpoint, safety_state.mode, dt
+        params.axis, state, sense.axis, motion, params.setpoints, setpoint, safety_state.mode, dt
     )
     return after, BenchCommand(record.command), record
 

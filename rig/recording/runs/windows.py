@@ -27,6 +27,8 @@ from rig.recording.runs.state import SKIPPED, RecordCheck, RecordState
 PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
 REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")
 ALL_TICKS_MISSING = "all of its ticks are missing from the record"
+SKIPPED_ROW = "skipped"
+_ORDER = "plan.request.jump"  # number of the last order to go on with another segment
 
 
 class Window(NamedTuple):
@@ -110,8 +112,11 @@ def _constant_ranges(block: Records) -> Iterator[tuple[int, int]]:
     yield from pairwise(edges)
 
 
-def _reason_incomplete(row: int, next_tick: Any, reasons: ReasonTable) -> str:
-    """Return why a window followed by this tick is incomplete; empty if it is complete."""
+def _reason_incomplete(row: int, last: Any, next_tick: Any, reasons: ReasonTable) -> str:
+    """Return why a window with this last tick is incomplete; empty if it is complete.
+
+    ``next_tick``: the one that follows.
+    """
     if next_tick["plan.phase"] == Phase.DONE and next_tick["safety.reason"] not in (
         Reason.NONE,
         Reason.PLAN_END,
@@ -119,6 +124,8 @@ def _reason_incomplete(row: int, next_tick: Any, reasons: ReasonTable) -> str:
         return f"run stopped: {reasons.name(next_tick['safety.reason'])}"
     if next_tick["plan.row"] == row and next_tick["plan.phase"] < Phase.MEASURE:
         return "started over"
+    if _ORDER in (last.dtype.names or ()) and next_tick[_ORDER] != last[_ORDER]:
+        return "started over" if next_tick["plan.row"] == row else SKIPPED_ROW
     return ""
 
 
@@ -137,8 +144,8 @@ def read_windows(
     is true. ``reading`` counts the ticks that are read. Raises KeyError if the run lacks a field.
     """
     lengths = {int(row["row"]): planned_ticks(row, plan.get("dt")) for row in plan.get("rows", [])}
-    skipped_fields = [leaf.name for leaf in run.leaves if leaf.name == SKIPPED]
-    names = reader.select_fields(run.leaves, [*REQUIRED_FIELDS, *skipped_fields, *fields])
+    optional = [leaf.name for leaf in run.leaves if leaf.name in (SKIPPED, _ORDER)]
+    names = reader.select_fields(run.leaves, [*REQUIRED_FIELDS, *optional, *fields])
     dtypes = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
     dtype = np.dtype([(name, dtypes[name]) for name in names])
     blocks = reader.blocks(run, reading, names)
@@ -161,14 +168,17 @@ def planned_ticks(planned: Mapping[str, Any], dt: float | None) -> int:
     return round(seconds / dt) if isinstance(seconds, int | float) and dt else 0
 
 
-def missing_rows(plan: Mapping[str, Any], seen: Container[int], record: RecordState) -> set[int]:
-    """Return planned rows without a single recorded tick although later rows were recorded.
+def missing_rows(
+    plan: Mapping[str, Any], seen: Container[int], record: RecordState
+) -> dict[int, str]:
+    """Return the reasons for planned rows without a measured tick although later rows have some.
 
-    ``seen`` are the ids of the rows with recorded ticks.
+    ``seen`` are the ids of the rows with measured ticks in the record.
     """
     planned = [int(row["row"]) for row in plan.get("rows", [])]
-    positions = [i for i, row in enumerate(planned) if row in seen] if record.lost else []
-    return {row for row in planned[: max(positions, default=0)] if row not in seen}
+    positions = [i for i, row in enumerate(planned) if row in seen]
+    reason = ALL_TICKS_MISSING if record.lost else SKIPPED_ROW
+    return {row: reason for row in planned[: max(positions, default=0)] if row not in seen}
 
 
 class ExcludedRows:
@@ -187,7 +197,7 @@ class ExcludedRows:
         """Return a message for each excluded row, including rows whose ticks are all missing."""
         reasons = {
             **self._reasons,
-            **dict.fromkeys(missing_rows(plan, self._reasons, record), ALL_TICKS_MISSING),
+            **missing_rows(plan, self._reasons, record),
         }
         return tuple(
             f"row {row} is left out: {reasons[row]}" for row in sorted(reasons) if reasons[row]
@@ -223,10 +233,9 @@ def find_incomplete_windows(run: str | os.PathLike[str]) -> IncompleteWindows:
             spans.append((float(time[0]), float(time[-1])))
             name = "the measured window" if window.row == NO_ROW else f"row {window.row}"
             messages.append(f"{name}: {window.missing_text}")
-    messages += [
-        f"row {row}: {ALL_TICKS_MISSING}"
-        for row in sorted(missing_rows(plan, rows, reading.state(run)))
-    ]
+    state = reading.state(run)
+    lost = missing_rows(plan, rows, state) if state.lost else {}
+    messages += [f"row {row}: {lost[row]}" for row in sorted(lost)]
     return IncompleteWindows(tuple(spans), tuple(messages))
 
 
@@ -251,7 +260,8 @@ def split_windows(
                 gap = int(first["tick"] - previous["tick"]) - 1
                 lost = max(gap - int(first[SKIPPED] - previous[SKIPPED]), 0) if gap > 0 else 0
             if current and not (measuring and (row, attempt) == (current.row, current.attempt)):
-                yield current.close(_reason_incomplete(current.row, first, reasons), lost)
+                reason = _reason_incomplete(current.row, previous, first, reasons)
+                yield current.close(reason, lost)
                 current = None
             if measuring:
                 current = current or _OpenWindow(row, attempt, lost)

@@ -108,7 +108,7 @@ class SessionRun(NamedTuple):
     torque_constant: float  # N*m/A, in use in the run
     irregular: bool  # the reference is not a sinusoid
     record: RecordState
-    missing_rows: tuple[int, ...]  # rows without any tick in the record
+    missing_rows: dict[int, str]  # reasons for rows without a measured tick in the record
 
     @property
     def complete_points(self) -> list[SetpointData]:
@@ -165,7 +165,7 @@ def session_run(metadata: RunInfo, points: list[SetpointData], record: RecordSta
         float(scales.get("torque_constant_n_m_per_a") or np.nan),
         bool(config.get("irregular")),
         record,
-        tuple(sorted(missing_rows(metadata.plan, {each.row for each in points}, record))),
+        missing_rows(metadata.plan, {each.row for each in points}, record),
     )
 
 

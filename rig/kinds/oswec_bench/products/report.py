@@ -22,7 +22,6 @@ from rig.kinds.oswec_bench.products.result import Result, Table
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_utc, mode_stamp
 from rig.recording.runs.state import COMPLETE, RECOVERED
-from rig.recording.runs.windows import ALL_TICKS_MISSING
 from rig.recording.table_file import write_table
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
@@ -202,7 +201,7 @@ def page_notes(result: Result, session: SessionRun) -> list[str]:
     reasons = {
         point.row: point.incomplete_reason for point in session.points if point.incomplete_reason
     }
-    reasons |= dict.fromkeys(session.missing_rows, ALL_TICKS_MISSING)
+    reasons |= session.missing_rows
     return [*lines, *(f"Row {row} is left out: {reasons[row]}." for row in sorted(reasons))]
 
 

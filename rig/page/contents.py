@@ -57,7 +57,7 @@ class AgeLimit(NamedTuple):
 
 def name_of(field: str) -> str:
     """Return the name of a log field for people."""
-    return field.replace(".", " ").replace("_", " ")
+    return field.replace(".estimate.", ".").replace(".", " ").replace("_", " ")
 
 
 def find_limits(leaves: Sequence[Leaf], config: Mapping[str, Any]) -> list[Limit]:
@@ -85,7 +85,13 @@ def find_limits(leaves: Sequence[Leaf], config: Mapping[str, Any]) -> list[Limit
         span, leaf = _mapping(sensor).get("range"), by_name.get(f"{name}.value")
         if leaf is not None and isinstance(span, list) and len(span) == 2:
             found[leaf.name] = Limit(leaf.name, leaf.unit, float(span[0]), float(span[1]))
-    return list(found.values())
+    order = ("position", "angle", "velocity", "current")
+
+    def place(limit: Limit) -> int:
+        last = limit.field.rpartition(".")[2]
+        return order.index(last) if last in order else len(order)
+
+    return sorted(found.values(), key=place)
 
 
 def find_ages(leaves: Sequence[Leaf], config: Mapping[str, Any]) -> list[AgeLimit]:
@@ -171,6 +177,7 @@ def describe(
         ],
         "stations": [
             {"name": each["name"], "label": each.get("short_label") or each["label"]}
+            | {"heading": each.get("heading") or each["name"]}
             | {"mean": f"power.mean_{each['name']}" in names}
             for each in plan.get("stations", ())
             if f"power.{each['name']}" in names

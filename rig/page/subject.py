@@ -11,7 +11,7 @@ import numpy as np
 from rig.page import contents
 from rig.page.recorded import RecordedTap
 from rig.page.tap import RingTap, Tap
-from rig.page.watch import Watch
+from rig.page.watch import RowPower, Watch
 from rig.presentation.phrases import mode_stamp
 from rig.processes.request_client import RequestClient, RequestError
 from rig.recording.journal import JOURNAL, Entry, read_journal
@@ -86,7 +86,7 @@ class Subject:
         return self.watch.state() | {
             "orders": self.orders,
             "end": {key: str(status.get(key, "")) for key in keys},
-            "rows": {str(row): list(each.values()) for row, each in self.watch.powers.items()},
+            "rows": {str(row): each for row, each in self.watch.powers.items()},
             "products": self.products(),
         }
 
@@ -147,7 +147,7 @@ class Subject:
         """Read the powers of rows that ended before the page began, from the file of the run."""
         fields = [leaf.name for leaf in self.tap.leaves if leaf.name.startswith("power.mean_")]
         names = [leaf.name for leaf in self.tap.leaves]
-        earlier: dict[int, dict[str, float | None]] = {}
+        earlier: dict[int, RowPower] = {}
         with suppress(OSError, RunError, ValueError, KeyError):
             for block in blocks(open_files(self.folder), fields=[*_FIRST_ROWS, *fields]):
                 rows = np.zeros((len(block), len(names)))

@@ -4,8 +4,9 @@ The state is formed once for all browsers.
 """
 
 import math
+import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rig.realtime.sequence import NO_ROW
 MARGIN_S = 10.0  # s over which the least margin is sought
 LATENESS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """Upper edges of the histogram of wake-ups, in microseconds; the last class is open."""
+_WHOLE_SHARE = 0.98  # of the planned samples: single ticks may be skipped
 
 _STATES = {
     Mode.OFF: "OFF",
@@ -29,6 +31,13 @@ _STATES = {
     Mode.STOP_1: "STOPPING",
     Mode.STOP_0: "OFF",
 }
+
+
+class RowPower(NamedTuple):
+    """The mean powers of a row of the plan so far."""
+
+    means: tuple[float | None, ...]  # W, one a station; None for one without a mean
+    whole: bool  # the row was measured as long as planned
 
 
 class Watch:
@@ -46,6 +55,11 @@ class Watch:
         self._tap, self._reasons = tap, reasons
         self._at = {leaf.name: at for at, leaf in enumerate(tap.leaves)}
         self._dt = float(plan.get("dt") or 1e-3)
+        self._planned_s = {
+            int(row["row"]): float(row["measure_s"])
+            for row in plan.get("rows", ())
+            if "row" in row and "measure_s" in row
+        }
         self._limits = find_limits(tap.leaves, config)
         self._ages = find_ages(tap.leaves, config)
         self._stations = [
@@ -59,9 +73,10 @@ class Watch:
         """Forget all rows, as at the start of a replay."""
         self.alarms = Alarms(self._reasons)
         self.buckets = Buckets(len(self._at), self._at["time"], self._dt)
-        self.powers: dict[int, dict[str, float | None]] = {}  # means by row and station
+        self.powers: dict[int, RowPower] = {}  # by row of the plan
         self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
         self._row: np.ndarray[Any, Any] | None = None
+        self._arrived = time.monotonic()
         self._segment: tuple[int, int, int] = (NO_ROW, -1, 0)  # row, phase, attempt
         self._entered: float | None = None  # s; None: before the first row that the page saw
         self._reason, self._skipped = NO_REASON, -1
@@ -75,7 +90,7 @@ class Watch:
         rows = self._tap.poll()
         if not len(rows):
             return []
-        self._row = rows[-1]
+        self._row, self._arrived = rows[-1], time.monotonic()
         edges = 1e-6 * np.array(LATENESS_US)
         late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
         self._lateness += np.bincount(late, minlength=len(self._lateness))
@@ -84,20 +99,20 @@ class Watch:
         self._watch_alarms(rows)
         return self.buckets.add(rows)
 
-    def powers_in(self, rows: Rows) -> dict[int, dict[str, float | None]]:
-        """Return the newest mean powers, by row of the plan and station, in log rows."""
+    def powers_in(self, rows: Rows) -> dict[int, RowPower]:
+        """Return the newest powers of the plan's rows in log rows."""
         samples, numbers = rows[:, self._at["power.samples"]], rows[:, self._at["plan.row"]]
         measured = np.flatnonzero((samples > 0) & (numbers >= 0))
         if not len(measured):
             return {}
         found = numbers[measured]
         last = np.append(np.flatnonzero(np.diff(found)), len(found) - 1)
-        columns = {name: self._at.get(f"power.mean_{name}") for name in self._stations}
+        columns = [self._at.get(f"power.mean_{name}") for name in self._stations]
         return {
-            int(numbers[at]): {
-                name: None if column is None else _finite(rows[at, column])
-                for name, column in columns.items()
-            }
+            int(numbers[at]): RowPower(
+                tuple(None if each is None else _finite(rows[at, each]) for each in columns),
+                _WHOLE_SHARE * self._planned_s.get(int(numbers[at]), 0.0) <= self._dt * samples[at],
+            )
             for at in measured[last]
         }
 
@@ -114,23 +129,23 @@ class Watch:
 
     def _watch_alarms(self, rows: Rows) -> None:
         reasons = rows[:, self._at["safety.reason"]]
-        time = self._at["time"]
+        clock = self._at["time"]
         changed = np.flatnonzero(reasons != self._reason)
         if len(changed):
             self._reason = int(reasons[-1])
-            self.alarms.stopped(float(rows[changed[0], time]), int(reasons[changed[0]]))
+            self.alarms.stopped(float(rows[changed[0], clock]), int(reasons[changed[0]]))
         for name in self._warned:
             where = np.flatnonzero(rows[:, self._at[name]])
             if len(where):
                 axis = name.rpartition(".")[0].replace("_", " ") or "axis"
                 cause = f"{axis}: position beyond its warning mark"
                 action = "Reduce the demand, or hold the run before the limit stops it."
-                self.alarms.raise_alarm(name, float(rows[where[0], time]), LOW, cause, action)
+                self.alarms.raise_alarm(name, float(rows[where[0], clock]), LOW, cause, action)
         skipped = int(rows[-1, self._at["timing.skipped"]])
         if 0 <= self._skipped < skipped:
             cause = "ticks were skipped: the loop woke up too late"
             action = "Close other programs; `rig doctor` finds the cause."
-            self.alarms.raise_alarm("skipped", float(rows[-1, time]), LOW, cause, action)
+            self.alarms.raise_alarm("skipped", float(rows[-1, clock]), LOW, cause, action)
         self._skipped = skipped
 
     def state(self) -> dict[str, Any]:
@@ -169,6 +184,7 @@ class Watch:
             "limits": [self._limit_state(at, recent) for at in range(len(self._limits))],
             "ages": [self._number(each.field) for each in self._ages],
             "lateness": self._lateness.tolist(),
+            "silent_s": round(time.monotonic() - self._arrived, 1),
         }
 
     def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:

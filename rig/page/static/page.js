@@ -8,7 +8,7 @@ const HOLD = 3, OFF = 0;
 const STANDBY = "standby", MANUAL = "manual";
 
 let socket, contents = null, state = null, session = "", viewer = false, seated = false;
-let adopt = false, takeOver = false;
+let adopt = false, takeOver = false, lastSet = {}, fading = 0;
 let lastBeat = 0, lastState = 0, confirmUntil = 0, chosen = null, asked = 0, retry = 500;
 const ticked = new Set();
 const traces = new Traces($("plots"), $("cursor-time"));
@@ -91,6 +91,8 @@ function show(answer, name = "") {
   box.classList.toggle("refused", Boolean(answer) && !answer.accepted);
   const text = !answer ? "" : (answer.accepted ? (answer.reason || "accepted") : "Refused: " + answer.reason);
   setText(box, name && text ? name.replaceAll("_", " ") + ": " + text : text);
+  clearTimeout(fading);
+  if (answer && answer.accepted) fading = setTimeout(() => setText(box, ""), 8000);
 }
 
 function showAnswer(answer) {
@@ -153,7 +155,7 @@ function buildFields() {
 function buildRows() {
   const head = element("tr");
   head.append(element("th", "row"), ...contents.columns.map(c => element("th", c.label)),
-    ...contents.stations.filter(s => s.mean).map(s => element("th", s.label + " W")));
+    ...contents.stations.filter(s => s.mean).map(s => element("th", s.heading + " W")));
   $("row-table").tHead.replaceChildren(head);
   const body = contents.rows.map((row, at) => {
     const line = element("tr");
@@ -232,10 +234,13 @@ function showRunState(ended) {
   const box = $("state");
   box.dataset.state = state.state;
   const fault = state.reason && !["PLAN_END", "OPERATOR_STOP"].includes(state.reason);
+  const silent = contents.title.live && !ended && state.silent_s > 2;
+  if (silent) box.dataset.state = "LOST";
   box.toggleAttribute("data-fault", Boolean(fault) && state.state !== "RUNNING");
   const over = ended && contents.title.live && state.end.status !== "running";
-  setText(box.lastElementChild, over ? "ENDED, OFF" : state.state);
-  setText($("reason"), state.reason_text ? state.reason_text + (over ? ", record " + (state.end.record || "being written") : "") : "");
+  setText(box.lastElementChild, over ? "ENDED, OFF" : silent ? "NO ROWS" : state.state);
+  if (silent) setText($("reason"), "no row for " + state.silent_s.toFixed(0) + " s");
+  else setText($("reason"), state.reason_text ? state.reason_text + (over ? ", record " + (state.end.record || "being written") : "") : "");
 }
 
 function showSeat(orders, ended) {
@@ -264,6 +269,7 @@ function showSeat(orders, ended) {
   $("to-manual").disabled = !may || state.mode !== HOLD;
   $("to-campaign").hidden = orders.manual || !state.live;
   $("to-campaign").disabled = !may || state.mode !== HOLD;
+  $("rows-card").hidden = Boolean(orders.manual);
   $("skip").hidden = $("repeat").hidden = Boolean(orders.manual);
 }
 
@@ -271,7 +277,7 @@ function showPosition(orders) {
   const phase = contents.phases[state.phase] || "", count = contents.rows.length;
   const manualRun = orders.manual || phase === MANUAL;
   setText($("position"), manualRun ? "Manual mode   " + (phase === MANUAL ? "" : phase) : state.row >= 0 && state.row !== undefined ?
-    "Row " + (state.row + 1) + " of " + count + "   " + phase + (state.attempt ? "   attempt " + (state.attempt + 1) : "") : phase + "   (" + count + " rows)");
+    "Row " + state.row + " (" + (state.row + 1) + " of " + count + ")   " + phase + (state.attempt ? "   attempt " + (state.attempt + 1) : "") : phase + "   (" + count + " rows)");
   const row = contents.rows[state.row];
   setText($("setpoint"), row && !manualRun ? contents.columns.map((c, k) => c.label + " " + number(row[k]) + " " + c.unit).join("   ") : "");
   const segment = state.segment || {};
@@ -292,7 +298,9 @@ function clock(seconds) {
 }
 
 function watts(value) {
-  return value === null || value === undefined ? "–" : value.toFixed(Math.abs(value) < 100 ? 1 : 0).replace("-", "\u2212");
+  if (value === null || value === undefined) return "–";
+  const text = value.toFixed(Math.abs(value) < 100 ? 1 : 0);
+  return Number(text) === 0 ? "0.0" : text.replace("-", "\u2212");
 }
 
 function showPowers() {
@@ -305,13 +313,14 @@ function showPowers() {
   const stations = contents.stations.filter(s => s.mean), first = 1 + contents.columns.length;
   const by = $("best-by").selectedIndex, at = contents.stations.indexOf(stations[by]);
   let best = null, low = Infinity;
-  for (const [row, powers] of Object.entries(state.rows)) {
+  for (const [row, [powers, whole]] of Object.entries(state.rows)) {
     const line = $("row-table").tBodies[0].rows[row];
     if (!line) continue;
     contents.stations.forEach((station, k) => {
       if (station.mean) setText(line.cells[first + stations.indexOf(station)], watts(powers[k]));
     });
-    if (at >= 0 && powers[at] !== null && powers[at] < low) { low = powers[at]; best = Number(row); }
+    line.classList.toggle("part", !whole);
+    if (whole && at >= 0 && powers[at] !== null && powers[at] < low) { low = powers[at]; best = Number(row); }
   }
   const box = $("row-table").closest(".scroll");
   for (const line of $("row-table").tBodies[0].rows) {
@@ -320,7 +329,7 @@ function showPowers() {
     line.classList.toggle("present", present);
     for (const cell of line.cells) cell.classList.remove("best");
     if (index === best) { line.cells[first + by].classList.add("best"); }
-    setText(line.cells[0], index + (index === best ? " ★ best" : ""));
+    setText(line.cells[0], index + (index === best ? " ★" : ""));
   }
 }
 
@@ -451,12 +460,19 @@ function showManual(orders) {
 
 // --- the journal
 
+// The columns of a set point that differ from those of the one before.
+function changes(entry) {
+  const given = {...entry.arguments.values, ...entry.arguments.signal};
+  const found = Object.entries(given).filter(([key, value]) => lastSet[key] !== value);
+  if (entry.accepted) Object.assign(lastSet, given);
+  return found.map(([key, value]) => key + " " + value).join(", ");
+}
+
 function showJournal(message) {
-  if (message.all) $("journal").replaceChildren();
+  if (message.all) { $("journal").replaceChildren(); lastSet = {}; }
   for (const each of message.entries) {
     const line = element("tr", undefined, each.accepted ? "" : "refused");
-    const given = each.arguments.text || each.arguments.comment || each.arguments.alarm ||
-      Object.entries({...each.arguments.values, ...each.arguments.signal}).map(([k, v]) => k + " " + v).join(", ");
+    const given = each.arguments.text || each.arguments.comment || each.arguments.alarm || changes(each);
     line.append(element("td", each.utc.slice(11, 19)), element("td", each.person),
       element("td", each.request.replaceAll("_", " ") + (given ? ": " + given : "")),
       element("td", (each.accepted ? "" : "refused: ") + each.reason));
@@ -503,7 +519,8 @@ manual.form.addEventListener("submit", () => acts.apply());
 document.addEventListener("keydown", event => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
   const typing = event.target.matches("input:not([type=checkbox]), select, textarea");
-  if (event.key === "Escape") (event.shiftKey ? acts.abort : acts.stop)();
+  if (event.key === "Escape" && typing) event.target.blur();
+  else if (event.key === "Escape") (event.shiftKey ? acts.abort : acts.stop)();
   else if (typing) return;
   else if (event.key === "s" || event.key === "S") acts.stop();
   else if (event.key === "h") acts.hold();

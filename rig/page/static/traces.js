@@ -59,7 +59,7 @@ export class Traces {
     const axis = {stroke: "#545b61", grid: {stroke: "#bfc3c6", width: 1}, ticks: {show: false}, font: "12px system-ui"};
     return new uPlot({
       width: Math.max(200, box.clientWidth), height: this.height(last), series, bands,
-      legend: {show: false},
+      legend: {show: false}, padding: [6, 14, 2, 0],
       cursor: {sync: {key: "time", setSeries: false}, drag: {x: false, y: false}, y: false},
       scales: {x: {time: false}},
       axes: [{...axis, size: last ? 26 : 0, show: last, values: (_, at) => at.map(t => t + " s")}, {...axis, size: 56}],
@@ -164,8 +164,8 @@ function stroke(at) {
 export function number(value) {
   if (value === null || value === undefined) return "–";
   if (typeof value !== "number") return String(value);
-  if (value === 0) return "0";
   const size = Math.abs(value);
+  if (size < 1e-7) return "0";
   const text = size >= 1e6 || size < 1e-4 ? value.toExponential(2) : size >= 1000 ? value.toFixed(0) : value.toPrecision(4);
   return text.replace("-", "\u2212");
 }

@@ -8,6 +8,7 @@ A request goes to the run's socket in a thread, by two connections: one for what
 import asyncio
 import hashlib
 import json
+import logging
 import threading
 from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +29,7 @@ from rig.page.buckets import Bucket, merged
 from rig.page.subject import Subject
 from rig.processes.request_client import RequestClient, RequestError
 
+_LOG = logging.getLogger("uvicorn.error")
 MAX_BROWSERS = 200
 QUEUE = 100  # messages of a browser that wait: some four seconds
 POLL_S = 0.05
@@ -169,23 +171,34 @@ class Page:
     # --- the run's side
 
     async def _watch(self) -> None:
-        """Poll the run and send what is new to every browser."""
-        subject, polls = self._subject, 0
+        """Poll the run and send what is new to every browser, whatever one poll leads to."""
+        polls = 0
         while True:
-            buckets = subject.watch.poll()
-            if buckets:
-                self._send_traces(merged(buckets, MAX_BUCKETS))
-            if polls % STATE_POLLS == 0:
-                entries = subject.new_entries()
-                if entries:
-                    self._send(json.dumps({"type": "journal", "entries": entries}))
-                await self._send_contents()
-                self._state = json.dumps({"type": "state"} | subject.state())
-                self._send(self._state)
+            try:
+                await self._poll(polls)
+            except Exception:  # noqa: BLE001  (the browsers see that nothing comes, and connect anew)
+                _LOG.exception("the run could not be shown")
+                for browser in self.browsers:
+                    browser.dropped.set()
+                await asyncio.sleep(1.0)
             polls += 1
             await asyncio.sleep(POLL_S)
 
-    async def _send_contents(self) -> None:
+    async def _poll(self, polls: int) -> None:
+        subject = self._subject
+        buckets = subject.watch.poll()
+        if buckets:
+            self._send_traces(merged(buckets, MAX_BUCKETS))
+        if polls % STATE_POLLS:
+            return
+        entries = subject.new_entries()
+        if entries:
+            self._send(json.dumps({"type": "journal", "entries": entries}))
+        self._send_contents()
+        self._state = json.dumps({"type": "state"} | subject.state())
+        self._send(self._state)
+
+    def _send_contents(self) -> None:
         """Send the contents anew if they changed: columns of set points come after a while."""
         found = self._subject.describe()
         if found != self._contents:

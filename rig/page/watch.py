@@ -111,7 +111,10 @@ class Watch:
         return {
             int(numbers[at]): RowPower(
                 tuple(None if each is None else _finite(rows[at, each]) for each in columns),
-                _WHOLE_SHARE * self._planned_s.get(int(numbers[at]), 0.0) <= self._dt * samples[at],
+                bool(
+                    _WHOLE_SHARE * self._planned_s.get(int(numbers[at]), 0.0)
+                    <= self._dt * samples[at]
+                ),
             )
             for at in measured[last]
         }

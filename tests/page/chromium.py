@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import time
 import urllib.request
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ class Chromium:
             stderr=subprocess.DEVNULL,
         )
         self.failed: list[str] = []  # requests and scripts
+        self._stack = ExitStack()
         self._numbers = itertools.count(1)
         self._page = self._connect(profile / "DevToolsActivePort")
         for domain in ("Page", "Network", "Runtime", "Log"):
@@ -54,10 +56,11 @@ class Chromium:
         port = file.read_text().splitlines()[0]
         listed = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/json").read())
         page = next(each for each in listed if each["type"] == "page")
-        return connect(page["webSocketDebuggerUrl"], max_size=None, compression=None)
+        url = page["webSocketDebuggerUrl"]
+        return self._stack.enter_context(connect(url, max_size=None, compression=None))
 
     def close(self) -> None:
-        self._page.close()
+        self._stack.close()
         self._process.kill()
         self._process.wait()
 

@@ -11,11 +11,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import uvicorn
+from websockets import Origin
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from rig.page.access import Access
@@ -71,19 +73,21 @@ def get(
     return found
 
 
+@contextmanager
 def browse(
     port: int, *, cookie: str = "", origin: str = "", session: str = "x"
-) -> ClientConnection:
-    """Return a WebSocket as a browser opens it, after its greeting."""
-    socket = connect(
+) -> Iterator[ClientConnection]:
+    """Yield a WebSocket as a browser opens it, after its greeting."""
+    with connect(
         f"ws://127.0.0.1:{port}/socket",
-        origin=origin or f"http://127.0.0.1:{port}",  # type: ignore[arg-type]
+        origin=Origin(origin or f"http://127.0.0.1:{port}"),
         additional_headers={"Cookie": cookie} if cookie else {},
         max_size=None,
         compression=None,
-    )
-    socket.send(json.dumps({"hello": {"session": session, "person": "Ada"}}))
-    return socket
+    ) as socket:
+        with suppress(ConnectionClosed):  # the caller reads why
+            socket.send(json.dumps({"hello": {"session": session, "person": "Ada"}}))
+        yield socket
 
 
 def receive(socket: ClientConnection, kind: str, seconds: float = 20.0) -> dict[str, Any]:

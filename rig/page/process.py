@@ -19,6 +19,7 @@ from rig.page.subject import Subject
 from rig.recording.runs import list_runs
 
 PORT = 8765
+_UNREAD_MS = 15_000
 _IDLE_END_S = 60.0  # s without a browser until the page of an ended run ends
 _RUN_TIMEOUT_S = 600.0  # s for a run to begin: its code may be compiled first
 
@@ -32,6 +33,8 @@ def listen(host: str, port: int) -> socket.socket:
     for number in (port,) if port else (PORT, 0):
         listener = socket.socket(family, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # Connections inherit it: the kernel ends one whose browser does not read any more.
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNREAD_MS)
         try:
             listener.bind((host, number))
             listener.listen(128)

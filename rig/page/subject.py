@@ -45,6 +45,10 @@ class Subject:
             "rig": str(rig.get("name", "")) if isinstance(rig, dict) else "",
             "live": live,
         }
+        self._contents = contents.describe(tap.leaves, self._config, self._plan) | {
+            "title": self.title
+        }
+        self._privileges: dict[str, Any] = {}  # as the loop reports them, soon after its start
         self.columns: list[dict[str, Any]] = []  # of set points that people may choose
         self.orders: dict[str, Any] = {}  # their newest state
         self._closed = threading.Event()
@@ -64,20 +68,13 @@ class Subject:
         return self.tap if isinstance(self.tap, RecordedTap) else None
 
     def describe(self) -> dict[str, Any]:
-        """Return the contents of the page."""
-        found = contents.describe(self.tap.leaves, self._config, self._plan)
-        host, granted = _json(self.folder / "host.json"), _json(self.folder / "privileges.json")
-        calibrations = self._config.get("calibrations") or self._config.get("files") or {}
-        names = [str(each) for each in calibrations] if isinstance(calibrations, dict) else []
-        return (
-            found
-            | {"title": self.title, "columns_live": self.columns}
-            | {
-                "host": str(host.get("cpu") or host.get("processor") or host.get("name") or ""),
-                "privileges": {str(key): str(value) for key, value in granted.items()},
-                "input_files": names,
-            }
-        )
+        """Return the contents of the page; all but the set points' columns stay as they are."""
+        granted = self._privileges or _json(self.folder / "privileges.json")
+        self._privileges = granted
+        return self._contents | {
+            "columns_live": self.columns,
+            "privileges": {str(key): str(value) for key, value in granted.items()},
+        }
 
     def state(self) -> dict[str, Any]:
         """Return the state of run and orders for the page."""

@@ -42,7 +42,7 @@ def test_an_operators_round(tmp_path: Path, browser: Chromium) -> None:
     command = Command(tmp_path, "manual", "wavebot", "--realtime", "--page")
     try:
         browser.size(*SIZES["desk"])
-        wait_until(lambda: (tmp_path / "runs").is_dir(), 60)
+        wait_until((tmp_path / "runs").is_dir, 60)
         browser.open(command.url())
         browser.wait("!document.getElementById('arming').hidden", 60)
         assert browser.text("stamp").startswith("REHEARSAL")

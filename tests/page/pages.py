@@ -153,3 +153,18 @@ class Command:
 
     def status(self) -> dict[str, Any]:
         return dict(json.loads((self.run_folder() / "run.json").read_text()))
+
+
+def short_campaign(folder: Path) -> Path:
+    """Write a campaign of two short rows, for a host that pauses now and then; return it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    subprocess.run(
+        [sys.executable, "-m", "rig", "copy", "quick"], cwd=folder, check=True, capture_output=True
+    )
+    limits, campaign = folder / "limits" / "wavebot.yaml", folder / "campaigns" / "quick.yaml"
+    limits.write_text(limits.read_text().replace("lost_ticks_stop: 100 ", "lost_ticks_stop: 9999 "))
+    kept = campaign.read_text().partition("    - {spring_n_per_m: -2763")[0]
+    for key, value in {"lead_in_s": 2, "settle_s": 2, "interval_s": 6}.items():
+        kept = re.sub(rf"{key}: \d+", f"{key}: {value}", kept)
+    campaign.write_text(kept)
+    return campaign

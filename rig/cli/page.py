@@ -34,8 +34,13 @@ def command(
     ] = 12.0,
     runs: Runs = RUNS,
     as_json: Json = False,
-    of_process: Annotated[int, typer.Option("--of-process", hidden=True)] = 0,
-    listener: Annotated[int, typer.Option("--listener", hidden=True)] = -1,
+    of_process: Annotated[
+        int,
+        typer.Option("--of-process", hidden=True, help="Process of the run, with --page of it."),
+    ] = 0,
+    listener: Annotated[
+        int, typer.Option("--listener", hidden=True, help="Open socket, with --page of a run.")
+    ] = -1,
 ) -> int:
     """Serve the operator's page of a run, or replay a recorded one.
 

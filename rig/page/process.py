@@ -16,6 +16,7 @@ import uvicorn
 from rig.page.access import Access
 from rig.page.server import MAX_MESSAGE, Page
 from rig.page.subject import Subject
+from rig.processes.request_client import RequestClient, RequestError
 from rig.recording.runs import list_runs
 
 PORT = 8765
@@ -75,12 +76,14 @@ def start_beside(runs: Path) -> tuple[subprocess.Popen[bytes], str]:
 
 
 def wait_for_run(runs: Path, process: int) -> Path:
-    """Return the folder of the run of a process, once there is one; TimeoutError if none begins."""
+    """Return the folder of the run of a process, once it listens; TimeoutError if none begins."""
     began = time.monotonic()
     while time.monotonic() - began < _RUN_TIMEOUT_S:
         for each in reversed(list_runs(runs)[-5:]):
             if each.status == "running" and _supervisor(each.path) == process:
-                return each.path
+                with suppress(RequestError):  # it does not listen yet
+                    RequestClient(each.path).close()
+                    return each.path
         try:
             os.kill(process, 0)
         except OSError:

@@ -83,6 +83,7 @@ def browse(
         origin=Origin(origin or f"http://127.0.0.1:{port}"),
         additional_headers={"Cookie": cookie} if cookie else {},
         max_size=None,
+        open_timeout=60,  # the page of a run answers when the run has begun
         compression=None,
     ) as socket:
         with suppress(ConnectionClosed):  # the caller reads why
@@ -164,7 +165,7 @@ def short_campaign(folder: Path) -> Path:
     limits, campaign = folder / "limits" / "wavebot.yaml", folder / "campaigns" / "quick.yaml"
     limits.write_text(limits.read_text().replace("lost_ticks_stop: 100 ", "lost_ticks_stop: 9999 "))
     kept = campaign.read_text().partition("    - {spring_n_per_m: -2763")[0]
-    for key, value in {"lead_in_s": 2, "settle_s": 2, "interval_s": 6}.items():
+    for key, value in {"lead_in_s": 6, "settle_s": 2, "interval_s": 6}.items():
         kept = re.sub(rf"{key}: \d+", f"{key}: {value}", kept)
     campaign.write_text(kept)
     return campaign

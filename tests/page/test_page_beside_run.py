@@ -94,7 +94,7 @@ def test_a_page_that_comes_late_shows_the_rows_before(tmp_path: Path) -> None:
             lambda: (tmp_path / "runs").is_dir() and list((tmp_path / "runs").iterdir()), 60
         )[0]
         wait_until((folder / "requests.sock").exists, 60)
-        time.sleep(16)  # row 0 was measured: tare, drive, lead-in, row
+        time.sleep(20)  # row 0 was measured: tare, drive, lead-in, row
         late = Command(tmp_path / "late", "page", "--runs", str(tmp_path / "runs"), "--port", "0")
         address = wait_until(lambda: "http://" in late.text() and late.text(), 60)
         port = int(address.rpartition(":")[2].strip("/ \n"))

@@ -39,6 +39,7 @@ CLOCK_USERS = {
     "rig/kinds/oswec_bench/hardware/": "ages of received values",
     "rig/kinds/modular/from_bem.py": "the duration of a fit, for its report",
     "rig/cli/": "progress for people",
+    "rig/page/": "when to ask and to send; the speed of a replay; no loop runs there",
     "rig/host/": "measures clocks and disk; no loop runs there",
     "drivers/": "the deadline of a conversation; links and their processes only",
 }

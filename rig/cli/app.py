@@ -24,6 +24,7 @@ COMMANDS = tuple(
         ("run", "Run a campaign or session, and analyse it."),
         ("manual", "Run a rig in manual mode: people choose gains and signals while it runs."),
         ("request", "Ask something of a running run: stop, hold, skip, set, annotate ..."),
+        ("page", "Serve the operator's page of a running run, or replay a recorded one."),
         ("check", "Check a campaign or session: list every error, or describe the planned run."),
         ("compile", "Compile the tick of a campaign or session ahead of its runs."),
         ("sim", "Emulate the devices of a wired rig, at the addresses of its rig file."),

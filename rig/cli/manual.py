@@ -10,7 +10,7 @@ from rig.campaign import CampaignKind
 from rig.campaign.derived_file import derived_name
 from rig.campaign.manual import text_of_rows
 from rig.cli.input_files import CAMPAIGNS, RIGS, input_file
-from rig.cli.options import RUNS, Interpreted, Json, Realtime, Runs, Sim
+from rig.cli.options import RUNS, Interpreted, Json, Realtime, Runs, Sim, WithPage
 from rig.cli.output import input_errors
 from rig.cli.run import EXIT_CODES, RunOptions, run_named
 from rig.config.problems import ConfigError
@@ -37,6 +37,7 @@ def command(
     kept: Annotated[
         Path, typer.Option("--kept", help="Campaign file for the set points that you keep as rows.")
     ] = Path("kept_rows.yaml"),
+    page: WithPage = False,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -60,6 +61,7 @@ def command(
             arm=not no_arming,
             manual=origin,
             unattended=unattended,
+            page=page,
             kept=kept.absolute(),
         )
         return run_named("manual", path, runs, options, as_json=as_json)

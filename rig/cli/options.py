@@ -26,6 +26,9 @@ Sim = Annotated[
 Interpreted = Annotated[
     bool, typer.Option("--interpreted", help="Run the tick as plain Python, never compiled.")
 ]
+WithPage = Annotated[
+    bool, typer.Option("--page", help="Serve the operator's page, too, and print its address.")
+]
 CALIBRATIONS = Path("configs/calibrations")
 
 

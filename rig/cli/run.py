@@ -15,7 +15,7 @@ from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
 from rig.cli.check import examine, print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
-from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim
+from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim, WithPage
 from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors, print_json
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
@@ -56,6 +56,7 @@ class RunOptions(NamedTuple):
     arm: bool = False  # power waits for people
     manual: Path | None = None  # file of a run in manual mode, as a person named it
     unattended: bool = False  # manual mode without the dead man's time
+    page: bool = False  # serve the operator's page, too
     kept: Path = Path("kept_rows.yaml")  # campaign with the set points that people keep
 
 
@@ -68,6 +69,7 @@ def command(
     arm: Annotated[
         bool, typer.Option("--arm", help="Switch power on only when an operator has armed the run.")
     ] = False,
+    page: WithPage = False,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -77,7 +79,7 @@ def command(
     rehearsal on the simulated plant. A rig file with wiring runs on the rig's
     devices.
     """
-    options = RunOptions(rig, realtime, sim, interpreted, arm)
+    options = RunOptions(rig, realtime, sim, interpreted, arm, page=page)
     return run_named("run", task, runs, options, as_json=as_json)
 
 
@@ -118,6 +120,8 @@ def run_named(
         importing = Thread(target=_import_products, args=(kind,), name="products")
         if not mode.real_clock:
             importing.start()
+        if options.page:
+            _start_page(runs)
         with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
             task = attended_task(
                 tasks.execution_task(checked, plan),
@@ -162,6 +166,18 @@ def run_named(
         print_end(ended, products.text, lost)
         _print_folder(ended, products.files, trouble)
     return exit_code(outcome, trouble)
+
+
+def _start_page(runs: Path) -> None:
+    """Start the operator's page of this run and print its address; the run needs it for nothing."""
+    from rig.page.process import start_beside
+
+    try:
+        _, url = start_beside(runs)
+    except OSError as error:
+        print(f"no page: {error_text(error)}", file=sys.stderr)
+    else:
+        print(f"page: {url}", file=sys.stderr, flush=True)
 
 
 def print_warnings(warnings: tuple[Problem, ...], path: Path) -> None:

@@ -246,6 +246,10 @@ class SupervisedRun:
             "dt": self._task.dt,
             "schema": schema(self._task.kind.row_type),
             "supervisor": os.getpid(),
+            "segments": {
+                key: list(getattr(self._task.params.segments, key))
+                for key in ("row", "phase", "ticks")
+            },
         }
         try:
             self._server = RequestServer(self.folder, self._orders, facts, self._ring_fd)

@@ -102,8 +102,8 @@ class _Ring:
     )
     waited_ns: int = _header_value(_Field.WAITED, "Time that the producer waited for space, ns.")
 
-    def __init__(self, fd: int) -> None:
-        self._map = mmap.mmap(fd, os.fstat(fd).st_size)
+    def __init__(self, fd: int, access: int = mmap.PROT_READ | mmap.PROT_WRITE) -> None:
+        self._map = mmap.mmap(fd, os.fstat(fd).st_size, prot=access)
         self._header = memoryview(self._map)[:_HEADER].cast("q")
         if self._header[_Field.MAGIC] != _MAGIC:
             raise ValueError("this file descriptor is not a ring of rows")
@@ -289,3 +289,20 @@ class RingReader(_Ring):
         numbers, step = block.cast("q"), self.row_size // 8
         if numbers[::step].tolist() != numbers[step - 1 :: step].tolist():
             raise TornRowError("a row was overwritten while it was read")
+
+
+class RingView(_Ring):
+    """A view of a ring by another process, which cannot change it: its map is read-only."""
+
+    def __init__(self, fd: int) -> None:
+        """``fd`` may be open for reading only."""
+        super().__init__(fd, mmap.PROT_READ)
+
+    def copy(self, first: int, count: int) -> bytes:
+        """Return a copy of rows by number, without regard to whether they are whole.
+
+        The rows end at the end of the memory: there may be fewer than ``count``.
+        """
+        start = first % self.capacity
+        offset = _HEADER + start * self.row_size
+        return self._map[offset : offset + min(count, self.capacity - start) * self.row_size]

@@ -1,0 +1,171 @@
+// Live traces: one plot for each group of units over one shared axis of time.
+const WIDTHS = [[], [6, 3], [2, 2], [10, 3, 2, 3], [1, 3], [12, 4]];
+const SHADES = ["#111111", "#1b4f9c", "#5d3f00", "#6a6f73", "#1f5c3a", "#5b2a6b"];
+
+export class Traces {
+  constructor(place, cursorTime) {
+    this.place = place;
+    this.cursorTime = cursorTime;
+    this.plots = [];
+    this.fields = [];
+    this.time = [];
+    this.low = [];
+    this.high = [];
+    this.span = 30;
+    this.paused = false;
+    this.due = false;
+    new ResizeObserver(() => this.resize()).observe(place);
+  }
+
+  // groups: [{unit, fields}]; labels: {field: {label, unit}}
+  build(groups, labels) {
+    this.plots.forEach(each => each.chart.destroy());
+    this.place.replaceChildren();
+    this.plots = [];
+    const shown = groups.filter(group => group.fields.length);
+    for (const group of shown) {
+      const box = document.createElement("div");
+      box.className = "plot";
+      const head = document.createElement("h3");
+      const unit = document.createElement("strong");
+      unit.textContent = group.unit;
+      head.append(unit);
+      const values = group.fields.map((field, at) => {
+        const key = document.createElement("span");
+        key.className = "key";
+        key.append(stroke(at));
+        const text = document.createElement("span");
+        const value = document.createElement("span");
+        text.textContent = labels[field].label;
+        key.append(text, value);
+        head.append(key);
+        return value;
+      });
+      box.append(head);
+      this.place.append(box);
+      const last = group === shown[shown.length - 1];
+      this.plots.push({fields: group.fields, values, last, box, chart: this.chart(box, group, values, last)});
+    }
+    this.redraw();
+  }
+
+  chart(box, group, values, last) {
+    const series = [{}], bands = [];
+    group.fields.forEach((_, at) => {
+      const style = {stroke: SHADES[at % SHADES.length], dash: WIDTHS[at % WIDTHS.length], width: 1.5, points: {show: false}};
+      series.push({...style}, {...style});
+      bands.push({series: [2 * at + 2, 2 * at + 1], fill: SHADES[at % SHADES.length] + "38"});
+    });
+    const axis = {stroke: "#545b61", grid: {stroke: "#bfc3c6", width: 1}, ticks: {show: false}, font: "12px system-ui"};
+    return new uPlot({
+      width: Math.max(200, box.clientWidth), height: this.height(last), series, bands,
+      legend: {show: false}, padding: [6, 14, 2, 0],
+      cursor: {sync: {key: "time", setSeries: false}, drag: {x: false, y: false}, y: false},
+      scales: {x: {time: false}},
+      axes: [{...axis, size: last ? 26 : 0, show: last, values: (_, at) => at.map(t => t + " s")}, {...axis, size: 56}],
+      hooks: {setCursor: [chart => this.showValues(chart, group.fields, values)]},
+    }, [[], ...series.slice(1).map(() => [])], box);
+  }
+
+  height(last) {
+    const count = Math.max(1, this.plots.length || 4);
+    const room = window.innerWidth > 720 ? Math.min(150, Math.max(96, (window.innerHeight - 420) / count)) : 100;
+    return Math.round(room) + (last ? 26 : 0);
+  }
+
+  showValues(chart, fields, values) {
+    const at = chart.cursor.idx;
+    const index = at === null || at === undefined ? chart.data[0].length - 1 : at;
+    fields.forEach((_, k) => {
+      const low = chart.data[2 * k + 1][index], high = chart.data[2 * k + 2][index];
+      values[k].textContent = low === undefined || low === null ? "" : number((low + high) / 2);
+    });
+    const time = chart.data[0][index];
+    const live = at === null || at === undefined;
+    this.cursorTime.textContent = live || time === undefined ? "" : "cursor at " + time.toFixed(2) + " s";
+  }
+
+  reset(message) {
+    this.fields = message.fields;
+    this.time = message.time;
+    this.low = message.low;
+    this.high = message.high;
+    this.redraw();
+  }
+
+  add(message) {
+    if (message.fields.join() !== this.fields.join()) return;
+    this.time = this.time.concat(message.time);
+    const end = this.time[this.time.length - 1];
+    let first = 0;
+    while (this.time[first] < end - 60) first++;
+    this.time = this.time.slice(first);
+    this.fields.forEach((_, k) => {
+      this.low[k] = this.low[k].concat(message.low[k]).slice(first);
+      this.high[k] = this.high[k].concat(message.high[k]).slice(first);
+    });
+    if (!this.paused) this.redraw();
+  }
+
+  redraw() {
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame(() => {
+      this.due = false;
+      const end = this.time.length ? this.time[this.time.length - 1] : 0;
+      let first = 0;
+      while (this.time[first] < end - this.span) first++;
+      const time = this.time.slice(first);
+      for (const plot of this.plots) {
+        const data = [time];
+        for (const field of plot.fields) {
+          const k = this.fields.indexOf(field);
+          const none = time.map(() => null);
+          data.push(k < 0 ? none : this.low[k].slice(first), k < 0 ? none : this.high[k].slice(first));
+        }
+        plot.chart.setData(data, false);
+        plot.chart.batch(() => {
+          plot.chart.setScale("x", {min: end - this.span, max: end});
+          const range = extent(data.slice(1));
+          plot.chart.setScale("y", range);
+        });
+        if (plot.chart.cursor.idx === null || plot.chart.cursor.idx === undefined || plot.chart.cursor.left < 0) {
+          plot.chart.cursor.idx = null;
+          this.showValues(plot.chart, plot.fields, plot.values);
+        }
+      }
+    });
+  }
+
+  resize() {
+    for (const plot of this.plots)
+      plot.chart.setSize({width: Math.max(200, plot.box.clientWidth), height: this.height(plot.last)});
+    this.redraw();
+  }
+}
+
+function extent(series) {
+  let low = Infinity, high = -Infinity;
+  for (const each of series) for (const v of each) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
+  if (low > high) return {min: -1, max: 1};
+  const margin = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+  return {min: low - margin, max: high + margin};
+}
+
+function stroke(at) {
+  const space = "http://www.w3.org/2000/svg";
+  const svg = document.createElementNS(space, "svg"), line = document.createElementNS(space, "line");
+  const values = {x1: 0, x2: 26, y1: 4, y2: 4, stroke: SHADES[at % SHADES.length], "stroke-width": 2, "stroke-dasharray": WIDTHS[at % WIDTHS.length].join(" ")};
+  for (const [name, value] of Object.entries(values)) line.setAttribute(name, value);
+  svg.append(line);
+  return svg;
+}
+
+export function number(value) {
+  if (value === null || value === undefined) return "–";
+  if (typeof value !== "number") return String(value);
+  const size = Math.abs(value);
+  if (size < 1e-7) return "0";
+  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(2) : size >= 1000 ? value.toFixed(0) : value.toPrecision(4);
+  return text.replace("-", "\u2212");
+}

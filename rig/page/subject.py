@@ -1,0 +1,192 @@
+"""The run that the page shows: one that runs, with its socket, or a recorded one."""
+
+import json
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.page import contents
+from rig.page.recorded import RecordedTap
+from rig.page.tap import RingTap, Tap
+from rig.page.watch import RowPower, Watch
+from rig.presentation.phrases import mode_stamp
+from rig.processes.request_client import RequestClient, RequestError
+from rig.recording.journal import JOURNAL, Entry, read_journal
+from rig.recording.row_layout import RowSchema
+from rig.recording.runs import RunError, run_info
+from rig.recording.runs.folder import CONFIG, STATUS, recorded_reasons
+from rig.recording.runs.reader import blocks, open_files
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
+
+PRODUCTS = {".png": "image/png", ".pdf": "application/pdf", ".csv": "text/csv"}
+STATE_INTERVAL_S = 0.2
+_FIRST_ROWS = ("plan.row", "power.samples")
+
+
+class Subject:
+    """A run for the page; `close` it at the end."""
+
+    def __init__(self, folder: Path, tap: Tap, facts: dict[str, Any], *, live: bool) -> None:
+        self.folder, self.tap, self.live = folder, tap, live
+        info = None if live else run_info(folder)
+        self._config = info.config if info else _json(folder / CONFIG)
+        self._plan = info.plan if info else _json(folder / "plan.json")
+        self.watch = Watch(
+            tap, self._config, self._plan, recorded_reasons(self._plan), facts.get("segments")
+        )
+        rig = self._config.get("rig")
+        self.title = {
+            "run": folder.name,
+            "mode": facts["mode"],
+            "stamp": mode_stamp(facts["mode"]),
+            "rig": str(rig.get("name", "")) if isinstance(rig, dict) else "",
+            "live": live,
+        }
+        self._contents = contents.describe(tap.leaves, self._config, self._plan) | {
+            "title": self.title
+        }
+        self._privileges: dict[str, Any] = {}  # as the loop reports them, soon after its start
+        self.columns: list[dict[str, Any]] = []  # of set points that people may choose
+        self.orders: dict[str, Any] = {}  # their newest state
+        self._closed = threading.Event()
+        self._journal_size = 0
+        self.journal: list[dict[str, Any]] = []
+        if live:
+            threading.Thread(target=self._ask_states, name="states", daemon=True).start()
+            threading.Thread(target=self._read_earlier_rows, name="rows", daemon=True).start()
+
+    def close(self) -> None:
+        """Ask the run no more."""
+        self._closed.set()
+
+    @property
+    def speed(self) -> RecordedTap | None:
+        """The replay, whose speed can be set; None of a run that runs."""
+        return self.tap if isinstance(self.tap, RecordedTap) else None
+
+    def describe(self) -> dict[str, Any]:
+        """Return the contents of the page; all but the set points' columns stay as they are."""
+        granted = self._privileges or _json(self.folder / "privileges.json")
+        self._privileges = granted
+        return self._contents | {
+            "columns_live": self.columns,
+            "privileges": {str(key): str(value) for key, value in granted.items()},
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of run and orders for the page."""
+        status = _json(self.folder / STATUS)
+        keys = ("status", "reason", "reason_text", "record", "ended_utc")
+        return self.watch.state() | {
+            "orders": self.orders,
+            "end": {key: str(status.get(key, "")) for key in keys},
+            "rows": {str(row): each for row, each in self.watch.powers.items()},
+            "products": self.products(),
+        }
+
+    def products(self) -> list[str]:
+        """Return the names of pictures and tables in the run's folder."""
+        with suppress(OSError):
+            return sorted(
+                each.name
+                for each in self.folder.iterdir()
+                if each.suffix in PRODUCTS and each.is_file() and not each.is_symlink()
+            )
+        return []
+
+    def product(self, name: str) -> tuple[bytes, str] | None:
+        """Return contents and type of a product; None if there is none of that name."""
+        if name not in self.products():
+            return None
+        with suppress(OSError):
+            path = self.folder / name
+            return path.read_bytes(), PRODUCTS[path.suffix]
+        return None
+
+    def new_entries(self) -> list[dict[str, Any]]:
+        """Return the entries that came into the journal since the last call."""
+        path = self.folder / JOURNAL
+        try:
+            if path.stat().st_size == self._journal_size:
+                return []
+            data = read_regular(path, MAX_TABLE_BYTES)
+        except OSError:
+            return []
+        whole = data[: data.rfind(b"\n") + 1]
+        entries = list(read_journal(whole[self._journal_size :]))
+        self._journal_size = len(whole)
+        self.watch.alarms.acknowledge(entries)
+        found = [_entry(each) for each in entries]
+        self.journal = (self.journal + found)[-500:]
+        return found
+
+    def _ask_states(self) -> None:
+        """Ask the run for its state, some times a second, until it ends."""
+        client: RequestClient | None = None
+        while not self._closed.wait(STATE_INTERVAL_S):
+            try:
+                if client is None:
+                    client = RequestClient(self.folder, origin="page")
+                    self.columns = client.ask("columns").get("columns", [])
+                self.orders = client.ask("state")
+            except RequestError:
+                self.orders = {}
+                if client is not None:
+                    client.close()
+                client = None
+        if client is not None:
+            client.close()
+
+    def _read_earlier_rows(self) -> None:
+        """Read the powers of rows that ended before the page began, from the file of the run."""
+        fields = [leaf.name for leaf in self.tap.leaves if leaf.name.startswith("power.mean_")]
+        names = [leaf.name for leaf in self.tap.leaves]
+        earlier: dict[int, RowPower] = {}
+        with suppress(OSError, RunError, ValueError, KeyError):
+            for block in blocks(open_files(self.folder), fields=[*_FIRST_ROWS, *fields]):
+                rows = np.zeros((len(block), len(names)))
+                for name in (*_FIRST_ROWS, *fields):
+                    rows[:, names.index(name)] = block[name]
+                earlier |= self.watch.powers_in(rows)
+                if self._closed.is_set():
+                    return
+        for row, powers in earlier.items():
+            self.watch.powers.setdefault(row, powers)
+
+
+def attach(folder: Path) -> Subject:
+    """Return the run that runs in a folder; RequestError or ValueError if that is impossible."""
+    client = RequestClient(folder, origin="page")
+    try:
+        facts, descriptor = client.hello()
+    finally:
+        client.close()
+    schema = RowSchema(*facts["schema"])
+    return Subject(folder, RingTap(descriptor, schema.leaves, float(facts["dt"])), facts, live=True)
+
+
+def replay(run: Path) -> Subject:
+    """Return a recorded run; RunError if it cannot be read."""
+    info = run_info(run)
+    folder = run if run.is_dir() else run.parent
+    return Subject(folder, RecordedTap(run), {"mode": info.mode}, live=False)
+
+
+def _entry(entry: Entry) -> dict[str, Any]:
+    return {
+        key: value
+        for key, value in entry._asdict().items()
+        if key in ("utc", "tick", "person", "origin", "request", "accepted", "reason", "arguments")
+    }
+
+
+def _json(path: Path) -> dict[str, Any]:
+    """Return a small JSON file of the run; empty if it is not there."""
+    try:
+        value = json.loads(read_regular(path, MAX_TABLE_BYTES))
+    except (OSError, ValueError):
+        return {}
+    return value if isinstance(value, dict) else {}

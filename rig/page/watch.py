@@ -1,0 +1,230 @@
+"""All that the page shows of a run at one moment, kept up to date from its rows.
+
+The state is formed once for all browsers.
+"""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rig.page.alarms import LOW, Alarms
+from rig.page.buckets import Bucket, Buckets
+from rig.page.contents import find_ages, find_limits
+from rig.page.tap import Rows, Tap
+from rig.realtime.reasons import NO_REASON, ReasonTable
+from rig.realtime.safety import Mode
+from rig.realtime.sequence import NO_ROW
+
+MARGIN_S = 10.0  # s over which the least margin is sought
+LATENESS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
+"""Upper edges of the histogram of wake-ups, in microseconds; the last class is open."""
+_WHOLE_SHARE = 0.98  # of the planned samples: single ticks may be skipped
+
+_STATES = {
+    Mode.OFF: "OFF",
+    Mode.ENABLING: "ENABLING",
+    Mode.RUN: "RUNNING",
+    Mode.STOP_2: "HOLD",
+    Mode.STOP_1: "STOPPING",
+    Mode.STOP_0: "OFF",
+}
+
+
+class RowPower(NamedTuple):
+    """The mean powers of a row of the plan so far."""
+
+    means: tuple[float | None, ...]  # W, one a station; None for one without a mean
+    whole: bool  # the row was measured as long as planned
+
+
+class Watch:
+    """The state of a run; `poll` it some twenty times a second."""
+
+    def __init__(
+        self,
+        tap: Tap,
+        config: Mapping[str, Any],
+        plan: Mapping[str, Any],
+        reasons: ReasonTable,
+        segments: Mapping[str, Sequence[int]] | None = None,
+    ) -> None:
+        """``segments``: row, phase and ticks of the plan's segments, where they are known."""
+        self._tap, self._reasons = tap, reasons
+        self._at = {leaf.name: at for at, leaf in enumerate(tap.leaves)}
+        self._dt = float(plan.get("dt") or 1e-3)
+        self._planned_s = {
+            int(row["row"]): float(row["measure_s"])
+            for row in plan.get("rows", ())
+            if "row" in row and "measure_s" in row
+        }
+        self._limits = find_limits(tap.leaves, config)
+        self._ages = find_ages(tap.leaves, config)
+        self._stations = [
+            each["name"] for each in plan.get("stations", ()) if f"power.{each['name']}" in self._at
+        ]
+        self._segments = segments
+        self._warned = [name for name in self._at if name.endswith("warned")]
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all rows, as at the start of a replay."""
+        self.alarms = Alarms(self._reasons)
+        self.buckets = Buckets(len(self._at), self._at["time"], self._dt)
+        self.powers: dict[int, RowPower] = {}  # by row of the plan
+        self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
+        self._row: np.ndarray[Any, Any] | None = None
+        self._arrived = time.monotonic()
+        self._segment: tuple[int, int, int] = (NO_ROW, -1, 0)  # row, phase, attempt
+        self._entered: float | None = None  # s; None: before the first row that the page saw
+        self._reason, self._skipped = NO_REASON, -1
+
+    def field_indices(self, fields: Sequence[str]) -> list[int]:
+        """Return the columns of fields; KeyError for one that the rows do not have."""
+        return [self._at[name] for name in fields]
+
+    def poll(self) -> list[Bucket]:
+        """Take the new rows; return the buckets that became whole."""
+        rows = self._tap.poll()
+        if not len(rows):
+            return []
+        self._row, self._arrived = rows[-1], time.monotonic()
+        edges = 1e-6 * np.array(LATENESS_US)
+        late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
+        self._lateness += np.bincount(late, minlength=len(self._lateness))
+        self.powers |= self.powers_in(rows)
+        self._watch_segment(rows)
+        self._watch_alarms(rows)
+        return self.buckets.add(rows)
+
+    def powers_in(self, rows: Rows) -> dict[int, RowPower]:
+        """Return the newest powers of the plan's rows in log rows."""
+        samples, numbers = rows[:, self._at["power.samples"]], rows[:, self._at["plan.row"]]
+        measured = np.flatnonzero((samples > 0) & (numbers >= 0))
+        if not len(measured):
+            return {}
+        found = numbers[measured]
+        last = np.append(np.flatnonzero(np.diff(found)), len(found) - 1)
+        columns = [self._at.get(f"power.mean_{name}") for name in self._stations]
+        return {
+            int(numbers[at]): RowPower(
+                tuple(None if each is None else _finite(rows[at, each]) for each in columns),
+                bool(
+                    _WHOLE_SHARE * self._planned_s.get(int(numbers[at]), 0.0)
+                    <= self._dt * samples[at]
+                ),
+            )
+            for at in measured[last]
+        }
+
+    def _watch_segment(self, rows: Rows) -> None:
+        columns = rows[:, [self._at[f"plan.{key}"] for key in ("row", "phase", "attempt")]]
+        present = (int(columns[-1, 0]), int(columns[-1, 1]), int(columns[-1, 2]))
+        if present == self._segment:
+            return
+        if self._segment[1] >= 0 or (columns[0] != columns[-1]).any():
+            others = np.flatnonzero((columns != columns[-1]).any(axis=1))
+            first = others[-1] + 1 if len(others) else 0
+            self._entered = float(rows[first, self._at["time"]])
+        self._segment = present
+
+    def _watch_alarms(self, rows: Rows) -> None:
+        reasons = rows[:, self._at["safety.reason"]]
+        clock = self._at["time"]
+        changed = np.flatnonzero(reasons != self._reason)
+        if len(changed):
+            self._reason = int(reasons[-1])
+            self.alarms.stopped(float(rows[changed[0], clock]), int(reasons[changed[0]]))
+        for name in self._warned:
+            where = np.flatnonzero(rows[:, self._at[name]])
+            if len(where):
+                axis = name.rpartition(".")[0].replace("_", " ") or "axis"
+                cause = f"{axis}: position beyond its warning mark"
+                action = "Reduce the demand, or hold the run before the limit stops it."
+                self.alarms.raise_alarm(name, float(rows[where[0], clock]), LOW, cause, action)
+        skipped = int(rows[-1, self._at["timing.skipped"]])
+        if 0 <= self._skipped < skipped:
+            cause = "ticks were skipped: the loop woke up too late"
+            action = "Close other programs; `rig doctor` finds the cause."
+            self.alarms.raise_alarm("skipped", float(rows[-1, clock]), LOW, cause, action)
+        self._skipped = skipped
+
+    def state(self) -> dict[str, Any]:
+        """Return the state as JSON values."""
+        status = self._tap.status()
+        row = self._row
+        if status["dropped"]:
+            cause = f"{status['dropped']} rows were lost: the logger or the disk is too slow"
+            action = "Look at the disk; the run's record says which rows are missing."
+            now = 0.0 if row is None else float(row[self._at["time"]])
+            self.alarms.raise_alarm("dropped", now, LOW, cause, action)
+        found: dict[str, Any] = {"source": status, "alarms": self.alarms.listed()}
+        if row is None:
+            return found | {"state": "WAITING"}
+        mode, reason = Mode(self._whole("safety.mode")), self._whole("safety.reason")
+        name = self._reasons.name(reason)
+        recent = self.buckets.newest(MARGIN_S)
+        return found | {
+            "state": _STATES[mode],
+            "mode": int(mode),
+            "reason": name if reason != NO_REASON else "",
+            "reason_text": self._reasons.text(name) if reason != NO_REASON else "",
+            "time": round(float(row[self._at["time"]]), 3),
+            "tick": self._whole("tick"),
+            "row": self._whole("plan.row"),
+            "phase": self._whole("plan.phase"),
+            "attempt": self._whole("plan.attempt"),
+            "live": self._whole("plan.live"),
+            "samples": self._whole("power.samples"),
+            "skipped": self._whole("timing.skipped"),
+            "segment": self._segment_times(),
+            "powers": [
+                [self._number(f"power.{name}"), self._number(f"power.mean_{name}")]
+                for name in self._stations
+            ],
+            "limits": [self._limit_state(at, recent) for at in range(len(self._limits))],
+            "ages": [self._number(each.field) for each in self._ages],
+            "lateness": self._lateness.tolist(),
+            "silent_s": round(time.monotonic() - self._arrived, 1),
+        }
+
+    def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:
+        """Return the present value, and the extremes of the last 10 s."""
+        limit = self._limits[at]
+        column = self._at[limit.field]
+        if not recent:
+            return [self._number(limit.field), None, None]
+        low = min((float(each.low[column]) for each in recent), default=math.nan)
+        high = max((float(each.high[column]) for each in recent), default=math.nan)
+        return [self._number(limit.field), _finite(low), _finite(high)]
+
+    def _segment_times(self) -> dict[str, float | None]:
+        """Return seconds of the present segment: elapsed, length; and left of the plan."""
+        now = self._number("time") or 0.0
+        elapsed = None if self._entered is None else now - self._entered
+        if self._segments is None:
+            return {"elapsed": elapsed, "length": None, "left": None}
+        pairs = list(zip(self._segments["row"], self._segments["phase"], strict=True))
+        if self._segment[:2] not in pairs:
+            return {"elapsed": elapsed, "length": None, "left": None}
+        at = pairs.index(self._segment[:2])
+        ticks = self._segments["ticks"]
+        length = self._dt * ticks[at]
+        after = self._dt * sum(ticks[at + 1 :])
+        left = after + max(0.0, length - (elapsed or 0.0))
+        return {"elapsed": elapsed, "length": length, "left": left}
+
+    def _number(self, field: str) -> float | None:
+        at = self._at.get(field)
+        return None if at is None or self._row is None else _finite(self._row[at])
+
+    def _whole(self, field: str) -> int:
+        return 0 if self._row is None else int(self._row[self._at[field]])
+
+
+def _finite(value: Any) -> float | None:
+    """Return a number with six digits for JSON; None for NaN and infinity."""
+    number = float(value)
+    return float(f"{number:.6g}") if math.isfinite(number) else None

@@ -170,10 +170,10 @@ def run_named(
 
 def _start_page(runs: Path) -> None:
     """Start the operator's page of this run and print its address; the run needs it for nothing."""
-    from rig.page.process import start_beside
+    from rig.page.process import start_page
 
     try:
-        _, url = start_beside(runs)
+        _, url = start_page(runs)
     except OSError as error:
         print(f"no page: {error_text(error)}", file=sys.stderr)
     else:

@@ -54,7 +54,7 @@ def address(listener: socket.socket) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
-def start_beside(runs: Path) -> tuple[subprocess.Popen[bytes], str]:
+def start_page(runs: Path) -> tuple[subprocess.Popen[bytes], str]:
     """Start the page of the run that this process begins in ``runs``; return it and its URL.
 
     The page is a process of its own: nothing that happens to it reaches the run.

@@ -1,4 +1,4 @@
-"""Who may connect: names of the page, other sites, tokens and roles."""
+"""Access to the page: its names, other sites, tokens and roles."""
 
 from __future__ import annotations
 

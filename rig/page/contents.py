@@ -1,4 +1,4 @@
-"""What the page shows of a run, from its folder and the schema of its rows: of any kind of rig."""
+"""Contents of the page for a run, from its folder and the schema of its rows: of any kind of rig."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Contents of the page for a run, from its folder and the schema of its rows: of any kind of rig."""
+"""Contents of the page for a run of any kind, from its folder and the schema of its rows."""
 
 import math
 import re

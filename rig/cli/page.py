@@ -32,6 +32,19 @@ def command(
     valid_h: Annotated[
         float, typer.Option("--valid-hours", help="Hours until the tokens expire.", min=0.01)
     ] = 12.0,
+    plotjuggler: Annotated[
+        str,
+        typer.Option("--plotjuggler", help="Send rows to HOST:PORT for PlotJuggler (UDP, JSON)."),
+    ] = "",
+    stream_rate: Annotated[
+        float, typer.Option("--stream-rate", help="Rows a second for PlotJuggler.", min=1, max=5000)
+    ] = 100.0,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            "--foxglove", help="Port on this computer to which Foxglove connects; 0: any."
+        ),
+    ] = None,
     runs: Runs = RUNS,
     as_json: Json = False,
     of_process: Annotated[
@@ -67,16 +80,18 @@ def command(
     try:
         socket_ = socket.socket(fileno=listener) if listener >= 0 else process.listen(host, port)
         subject = attach(folder) if running else replay(folder)
+        streams = subject.stream_to(plotjuggler, stream_rate, foxglove)
     except (RunError, OSError, ValueError) as error:
         return fail("page", error, as_json=as_json, code=FAILED)
     url = process.address(socket_)
     addresses = {each.role: f"{url}#token={each.secret}" for each in tokens} or {"page": url}
+    addresses |= streams
     if as_json:
         print_json({"run": str(folder), "running": running, "addresses": addresses})
     elif listener < 0:
         print(f"{folder.name}{'' if running else ', replayed'}")
         for role, text in addresses.items():
-            print(f"  {role:9} {text}", flush=True)
+            print(f"  {role:11} {text}", flush=True)
         if remote:
             print("  Without TLS others on the network read along: docs/page.md", flush=True)
     try:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from rig.page.tap import Rows
-from rig.recording.row_layout import Leaf
+from rig.recording.mcap_writer import CLOCK_RECORD, START_KEY
+from rig.recording.row_layout import Leaf, RowSchema
+from rig.recording.runs import run_info
 from rig.recording.runs.reader import blocks, open_files
 
 MIN_SPEED, MAX_SPEED = 1.0, 50.0
@@ -22,6 +24,7 @@ class RecordedTap:
         """RunError for a run that cannot be read."""
         self._run = run
         self._files = open_files(run)
+        self.schema: RowSchema = self._files.contents[0].schema
         self.leaves: Sequence[Leaf] = self._files.leaves
         self._time = [leaf.name for leaf in self.leaves].index("time")
         self.restart()
@@ -61,6 +64,11 @@ class RecordedTap:
             if len(self._waiting) or self._ended:
                 return np.concatenate(taken)
             self._fill()
+
+    def start_utc_ns(self) -> int:
+        """Return the UTC of run time zero, ns; 0 if the record does not have it."""
+        recorded = run_info(self._run).metadata.get(CLOCK_RECORD, {}).get(START_KEY, "")
+        return int(recorded) if recorded.isdigit() else 0
 
     def status(self) -> dict[str, Any]:
         """Return speed and pause of the replay, and whether all rows were shown."""

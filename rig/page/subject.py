@@ -10,6 +10,7 @@ import numpy as np
 
 from rig.page import contents
 from rig.page.recorded import RecordedTap
+from rig.page.streams import Foxglove, PlotJuggler
 from rig.page.tap import RingTap, Tap
 from rig.page.watch import RowPower, Watch
 from rig.presentation.phrases import mode_stamp
@@ -29,8 +30,11 @@ _FIRST_ROWS = ("plan.row", "power.samples")
 class Subject:
     """A run for the page; `close` it at the end."""
 
-    def __init__(self, folder: Path, tap: Tap, facts: dict[str, Any], *, live: bool) -> None:
+    def __init__(
+        self, folder: Path, tap: Tap, schema: RowSchema, facts: dict[str, Any], *, live: bool
+    ) -> None:
         self.folder, self.tap, self.live = folder, tap, live
+        self._schema = schema
         info = None if live else run_info(folder)
         self._config = info.config if info else _json(folder / CONFIG)
         self._plan = info.plan if info else _json(folder / "plan.json")
@@ -61,6 +65,24 @@ class Subject:
     def close(self) -> None:
         """Ask the run no more."""
         self._closed.set()
+        for stream in self.watch.streams:
+            stream.close()
+
+    def stream_to(self, plotjuggler: str, rate_hz: float, foxglove: int | None) -> dict[str, str]:
+        """Open the live streams that are given and return their addresses.
+
+        ``plotjuggler``: HOST:PORT, with ``rate_hz`` rows a second; ``foxglove``: port. StreamError
+        if one cannot be opened.
+        """
+        streams, addresses = self.watch.streams, {}
+        if plotjuggler:
+            streams.append(PlotJuggler(plotjuggler, self.tap.leaves, rate_hz, self.watch.dt))
+            addresses["plotjuggler"] = f"udp://{plotjuggler}"
+        if foxglove is not None:
+            server = Foxglove(foxglove, self._schema, self.tap.start_utc_ns)
+            streams.append(server)
+            addresses["foxglove"] = f"ws://127.0.0.1:{server.port}"
+        return addresses
 
     @property
     def speed(self) -> RecordedTap | None:
@@ -165,14 +187,16 @@ def attach(folder: Path) -> Subject:
     finally:
         client.close()
     schema = RowSchema(*facts["schema"])
-    return Subject(folder, RingTap(descriptor, schema.leaves, float(facts["dt"])), facts, live=True)
+    tap = RingTap(descriptor, schema.leaves, float(facts["dt"]))
+    return Subject(folder, tap, schema, facts, live=True)
 
 
 def replay(run: Path) -> Subject:
     """Return a recorded run; RunError if it cannot be read."""
     info = run_info(run)
     folder = run if run.is_dir() else run.parent
-    return Subject(folder, RecordedTap(run), {"mode": info.mode}, live=False)
+    tap = RecordedTap(run)
+    return Subject(folder, tap, tap.schema, {"mode": info.mode}, live=False)
 
 
 def _entry(entry: Entry) -> dict[str, Any]:

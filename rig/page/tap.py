@@ -26,6 +26,10 @@ class Tap(Protocol):
         """Return the rows that came since the last poll, oldest first."""
         ...
 
+    def start_utc_ns(self) -> int:
+        """Return the UTC of run time zero, ns; 0 if it is not known (yet)."""
+        ...
+
     def status(self) -> dict[str, Any]:
         """Return the state of the source: `unsaved`, `dropped`, `ended`, and for a replay more."""
         ...
@@ -69,6 +73,10 @@ class RingTap:
             blocks.append(self._whole_rows(copied))
             self._next += rows
         return np.concatenate(blocks) if blocks else np.empty((0, len(self.leaves)))
+
+    def start_utc_ns(self) -> int:
+        """Return the UTC of run time zero, ns; 0 before the loop has begun."""
+        return self._ring.start_utc_ns
 
     def status(self) -> dict[str, Any]:
         """Return the counts of the ring and whether its producer has finished."""

@@ -13,6 +13,7 @@ import numpy as np
 from rig.page.alarms import LOW, Alarms
 from rig.page.buckets import Bucket, Buckets
 from rig.page.contents import find_ages, find_limits
+from rig.page.streams import Stream
 from rig.page.tap import Rows, Tap
 from rig.realtime.reasons import NO_REASON, ReasonTable
 from rig.realtime.safety import Mode
@@ -54,7 +55,7 @@ class Watch:
         """``segments``: row, phase and ticks of the plan's segments, where they are known."""
         self._tap, self._reasons = tap, reasons
         self._at = {leaf.name: at for at, leaf in enumerate(tap.leaves)}
-        self._dt = float(plan.get("dt") or 1e-3)
+        self.dt = float(plan.get("dt") or 1e-3)
         self._planned_s = {
             int(row["row"]): float(row["measure_s"])
             for row in plan.get("rows", ())
@@ -66,13 +67,14 @@ class Watch:
             each["name"] for each in plan.get("stations", ()) if f"power.{each['name']}" in self._at
         ]
         self._segments = segments
+        self.streams: list[Stream] = []  # that get all rows, too
         self._warned = [name for name in self._at if name.endswith("warned")]
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows, as at the start of a replay."""
         self.alarms = Alarms(self._reasons)
-        self.buckets = Buckets(len(self._at), self._at["time"], self._dt)
+        self.buckets = Buckets(len(self._at), self._at["time"], self.dt)
         self.powers: dict[int, RowPower] = {}  # by row of the plan
         self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
         self._row: np.ndarray[Any, Any] | None = None
@@ -90,6 +92,8 @@ class Watch:
         rows = self._tap.poll()
         if not len(rows):
             return []
+        for stream in self.streams:
+            stream.send(rows)
         self._row, self._arrived = rows[-1], time.monotonic()
         edges = 1e-6 * np.array(LATENESS_US)
         late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
@@ -113,7 +117,7 @@ class Watch:
                 tuple(None if each is None else _finite(rows[at, each]) for each in columns),
                 bool(
                     _WHOLE_SHARE * self._planned_s.get(int(numbers[at]), 0.0)
-                    <= self._dt * samples[at]
+                    <= self.dt * samples[at]
                 ),
             )
             for at in measured[last]
@@ -211,8 +215,8 @@ class Watch:
             return {"elapsed": elapsed, "length": None, "left": None}
         at = pairs.index(self._segment[:2])
         ticks = self._segments["ticks"]
-        length = self._dt * ticks[at]
-        after = self._dt * sum(ticks[at + 1 :])
+        length = self.dt * ticks[at]
+        after = self.dt * sum(ticks[at + 1 :])
         left = after + max(0.0, length - (elapsed or 0.0))
         return {"elapsed": elapsed, "length": length, "left": left}
 

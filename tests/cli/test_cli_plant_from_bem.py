@@ -306,12 +306,12 @@ def test_contradictions_are_warnings_of_the_check(tmp_path: Path) -> None:
     buoy = rig_folder(tmp_path)
     data = mode_plants.dataset().assign(displaced_volume=3.1359)
     mode_plants.saved(buoy / CYLINDER.name, data)
-    wrong = {"mass": 2000.0, "stiffness": 90.0}
+    wrong = {"mass": 2000.0, "stiffness": 25_000.0}
     change(buoy / "plant.yaml", lambda plant: plant["modes"]["heave"].update(wrong))
     done = rig("check", buoy / "campaign.yaml", "--json")
     warnings = {each["key"]: each for each in json.loads(done.stdout)["warnings"]}
     mass, stiffness = warnings["modes.heave.mass"], warnings["modes.heave.stiffness"]
-    assert (mass["value"], stiffness["value"]) == (2000.0, 90.0)
+    assert (mass["value"], stiffness["value"]) == (2000.0, 25_000.0)
     assert Path(mass["file"]).name == "plant.yaml"
     assert "the body displaces 3.136 m3 = 3136 kg" in mass["message"]
     assert "without another force 2979 .. 3293 kg" in mass["message"]

@@ -62,6 +62,8 @@ def test_a_number_out_of_range_is_reported(
     *parents, last = (int(part) if part.isdigit() else part for part in re.findall(r"\w+", key))
     inner: Any = broken
     for part in parents:
+        if isinstance(part, str):
+            inner.setdefault(part, {})  # of a section that the file may leave out
         inner = inner[part]
     inner[last] = bad
     (tmp_path / "x.yaml").write_text(json.dumps(broken))

@@ -450,5 +450,5 @@ def test_rows_before_a_tick_that_raises_are_kept() -> None:
     memory = coupled_ticks.memory_of(run.params, state, plant)
     ticks = coupled_ticks.CoupledTicks(memory, fails, plant, run.dt, rows)  # type: ignore[arg-type]
     with pytest.raises(ArithmeticError):
-        ticks.execute(1, 0, 50)
+        ticks.execute(1, NO_REQUEST, 50)
     assert rows.published == 7

@@ -217,7 +217,7 @@ def test_invalid_readings_give_the_same_mode_reason_and_command(
     ticks = simulator.ticks(plan, RowBlock(KIND.row_type))
     memory, begin = ticks.memory, 0
     while begin < 5000:
-        begin += ticks.execute(begin, 0, 100)
+        begin += ticks.execute(begin, NO_REQUEST, 100)
     running, device_then = memory.get("state"), memory.get("device")
     assert running.safety.mode == RUN
     rng, outcomes = np.random.default_rng(7), set()
@@ -233,7 +233,7 @@ def test_invalid_readings_give_the_same_mode_reason_and_command(
                 tick,
                 memory.get("device").in_transit[1],
             )
-            assert ticks.execute(tick, 0, 1) == 1
+            assert ticks.execute(tick, NO_REQUEST, 1) == 1
             loop, device = memory.get("state"), memory.get("device")
             assert same_bits(lifting.flatten(loop), lifting.flatten(state))
             assert same_bits(lifting.flatten(device.plant_input), lifting.flatten(plant_input))

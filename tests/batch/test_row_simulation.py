@@ -22,6 +22,7 @@ from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import object_code
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.reasons import Reason
+from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import RUN, STOP_0
 from rig.realtime.sequence import MEASURE, SETTLE, Segments
 from rig.recording.row_layout import leaves
@@ -165,7 +166,7 @@ def test_other_threads_run_during_a_call_of_the_code(
         during, tick = [], 0
         while tick < 5000:
             before = steps
-            tick += ticks.execute(tick, 0, 5000 - tick)
+            tick += ticks.execute(tick, NO_REQUEST, 5000 - tick)
             during.append(steps - before)
     finally:
         ended.set()

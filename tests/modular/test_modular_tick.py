@@ -234,11 +234,11 @@ def compiled_step(module: Any) -> Any:
     """Return the compiled cycle of a composed module."""
     from numba import njit
 
-    from controllers import biquads, blocks, estimator, impedance, open_loop
+    from controllers import biquads, blocks, estimator, impedance, open_loop, signal_generator
     from rig.realtime import axis, limits, safety, sequence
 
-    parts = (biquads, blocks, estimator, impedance, open_loop, axis, limits, safety, sequence)
-    lifting.lift((*parts, module))
+    laws = (biquads, blocks, estimator, impedance, open_loop, signal_generator)
+    lifting.lift((*laws, axis, limits, safety, sequence, module))
     return njit(error_model="numpy")(cycle.make(module.KIND))
 
 

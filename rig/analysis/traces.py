@@ -34,6 +34,8 @@ _PHASE_COLOURS = {  # pale enough for the lines, different enough to be distingu
     Phase.MEASURE: "#cdebd9",
     Phase.TAIL: "#f7dfea",
     Phase.DONE: "#e0e0e0",
+    Phase.STANDBY: "#c4c9cf",
+    Phase.MANUAL: "#b9c9f2",
 }
 
 

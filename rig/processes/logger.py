@@ -33,7 +33,13 @@ from rig.recording.ring import ProducerState, RingReader, lock_consumer
 from rig.recording.row_layout import Leaf
 from rig.recording.runs import RunError, mcap_file
 from rig.recording.runs.create import end_status
-from rig.recording.runs.folder import STATUS, mcap_parts, parse_json, recorded_reasons
+from rig.recording.runs.folder import (
+    SOCKET,
+    STATUS,
+    mcap_parts,
+    parse_json,
+    recorded_reasons,
+)
 
 _BINS = 100_000  # 1 us each; values above 0.1 s count in the last bin
 _PERCENTILES = {"p50": 0.50, "p99": 0.99, "p999": 0.999}
@@ -191,6 +197,9 @@ class RunLogger:
         while not self._save(self._writer.finish):
             if not self._may_retry():
                 return EXIT_ROWS_LOST
+        if os.getppid() != self._job.supervisor:  # it died and left its socket
+            with suppress(OSError):
+                (self._folder / SOCKET).unlink()
         return 0
 
     def _wait_start(self) -> int:

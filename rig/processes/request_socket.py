@@ -26,9 +26,9 @@ from pathlib import Path
 from typing import Any
 
 from rig.processes.orders import Answer, Asker, Orders
+from rig.recording.runs.folder import SOCKET
 
 VERSION = 1
-SOCKET = "requests.sock"
 MAX_LINE = 65_536  # bytes
 MAX_CLIENTS = 32
 MAX_REQUESTS_PER_S = 10  # that may change something, of a client; stop and power off always pass

@@ -26,12 +26,12 @@ from rig.processes.request_socket import (
     MAX_CLIENTS,
     MAX_LINE,
     MAX_REQUESTS_PER_S,
-    SOCKET,
     VERSION,
     RequestServer,
     short_path,
 )
 from rig.recording import ring
+from rig.recording.runs.folder import SOCKET
 
 
 @pytest.fixture

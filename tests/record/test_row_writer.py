@@ -88,7 +88,7 @@ def test_a_large_block_is_split_into_chunks(tmp_path: Path) -> None:
 
 def test_a_block_is_taken_whole_or_not_at_all(tmp_path: Path) -> None:
     out = files.writer(tmp_path / "run.mcap")
-    with pytest.raises(ValueError, match="are not whole rows of 832 bytes"):
+    with pytest.raises(ValueError, match="are not whole rows of 880 bytes"):
         out.append(files.rows(2).tobytes()[:-1])
     bad = files.rows(3)
     bad["time"][2] = np.nan

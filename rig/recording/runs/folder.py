@@ -29,6 +29,7 @@ from rig.stations import Station
 MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
 STATUS = "run.json"
+SOCKET = "requests.sock"  # of a run that runs, for the requests of people
 CONFIG = "config.json"
 LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"

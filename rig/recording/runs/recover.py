@@ -407,3 +407,4 @@ def _update_status(run: Path, status: dict[str, Any], recovery: Recovery, now: d
         if (report := recovery.account.end_report) is not None and report.final:
             changed |= {"ticks": report.ticks, "witness": report.source}
     create.write_json(run, folder.STATUS, changed | {"recovered_utc": now.isoformat()})
+    (run / folder.SOCKET).unlink(missing_ok=True)  # of its dead supervisor

@@ -3,8 +3,12 @@
 import grp
 import os
 import pwd
+import socket
+import struct
 from contextlib import suppress
 from pathlib import Path
+
+_CREDENTIALS = struct.Struct("3i")  # process, user, group
 
 
 def current_user() -> str:
@@ -27,6 +31,14 @@ def group_name(number: int) -> str:
     with suppress(KeyError):
         return grp.getgrgid(number).gr_name
     return str(number)
+
+
+def peer(connection: socket.socket) -> tuple[int, int]:
+    """Return the process and the user at the other end of a Unix connection."""
+    size = _CREDENTIALS.size
+    found = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
+    process, user, _ = _CREDENTIALS.unpack(found)
+    return process, user
 
 
 def user_name(number: int) -> str:

@@ -15,6 +15,11 @@ def derived_name(name: str, suffix: str) -> str:
     return name if name.endswith(suffix) else f"{name[:_MAX_BASE_NAME]}{suffix}"
 
 
+def row_text(row: Mapping[str, float]) -> str:
+    """Return a row of a matrix as it stands in a list: columns by key."""
+    return "{" + ", ".join(f"{key}: {value:.10g}" for key, value in row.items()) + "}"
+
+
 def derived_text(
     base: Path,
     path: Path,
@@ -37,10 +42,7 @@ def derived_text(
         *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
         "  list:",
     ]
-    comments = {
-        "{" + ", ".join(f"{key}: {value:.10g}" for key, value in row.items()) + "}": comment
-        for row, comment in rows
-    }
+    comments = {row_text(row): comment for row, comment in rows}
     widest = max(map(len, comments))
     lines += [f"    - {text:<{widest}}  # {comment}" for text, comment in comments.items()]
     return "\n".join(lines) + "\n"

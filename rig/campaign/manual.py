@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 from controllers import signal_generator
 from rig.campaign.check import CheckReport
-from rig.campaign.derived_file import derived_name, derived_text
+from rig.campaign.derived_file import derived_name, derived_text, row_text
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.matrix import law_column_type
@@ -58,9 +58,7 @@ def text_of_rows(file: Path, path: Path, name: str, rows: Sequence[Row]) -> str:
         "matrix:",
         "  list:",
     ]
-    for values, comment in rows:
-        row = ", ".join(f"{key}: {value:.10g}" for key, value in values.items())
-        lines.append(f"    - {{{row}}}  # {comment}")
+    lines += [f"    - {row_text(values)}  # {comment}" for values, comment in rows]
     return "\n".join(lines) + "\n"
 
 

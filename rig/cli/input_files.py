@@ -66,6 +66,11 @@ def find_run(name: Path, runs: Path) -> Path:
     raise RunError(f"{name}: no such run or campaign in {runs}/; the newest there: {newest}")
 
 
+def running_runs(runs: Path) -> list[Path]:
+    """Return the folders of the runs in ``runs`` that run, the newest last."""
+    return [each.path for each in list_runs(runs) if each.status == "running"]
+
+
 def find_run_of_kind(kind: str, name: Path, runs: Path) -> Path:
     """Return the path of a run as `find_run` does; RunError if its record names another kind."""
     path = find_run(name, runs)

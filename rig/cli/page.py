@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.input_files import find_run
+from rig.cli.input_files import find_run, running_runs
 from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
 from rig.cli.output import FAILED, OK, fail, print_json
-from rig.recording.runs import RunError, list_runs
+from rig.recording.runs import RunError
 
 EXIT_CODES = "Exit codes: 0 ended by Ctrl-C; 1 the page cannot be served; 2 bad input."
 
@@ -105,7 +105,7 @@ def command(
 
 def _find(run: str, runs: Path) -> tuple[Path, bool]:
     """Return the folder of a run, and whether it runs; RunError if there is none."""
-    running = [each.path for each in list_runs(runs) if each.status == "running"]
+    running = running_runs(runs)
     if not run and not running:
         raise RunError(f"{runs}: no run is running; name one to replay it")
     path = find_run(Path(run), runs) if run else running[-1]

@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.input_files import find_run
+from rig.cli.input_files import find_run, running_runs
 from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
 from rig.cli.output import FAILED, OK, fail, print_json
 from rig.processes.orders import REQUESTS
 from rig.processes.request_client import RequestClient, RequestError
 from rig.processes.seat import BEAT_S
-from rig.recording.runs import RunError, list_runs
+from rig.recording.runs import RunError
 
 EXIT_CODES = "Exit codes: 0 accepted; 1 refused, or the run does not answer; 2 bad input."
 _NAMES = ("state", "columns", *REQUESTS)
@@ -115,7 +115,7 @@ def _number_or_text(value: str) -> float | str:
 
 def _running(runs: Path) -> Path:
     """Return the folder of the newest run that runs; RunError if there is none."""
-    running = [each.path for each in list_runs(runs) if each.status == "running"]
+    running = running_runs(runs)
     if not running:
         raise RunError(f"{runs}: no run is running; name one with --run")
     return running[-1]

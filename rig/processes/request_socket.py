@@ -14,9 +14,7 @@ A client that sends nonsense, too much at once, or does not read its answers is 
 import array
 import json
 import os
-import pwd
 import socket
-import struct
 import threading
 import time
 from collections import deque
@@ -27,6 +25,7 @@ from typing import Any
 
 from rig.processes.orders import Answer, Asker, Orders
 from rig.recording.runs.folder import SOCKET
+from rig.user_names import peer, user_name
 
 VERSION = 1
 MAX_LINE = 65_536  # bytes
@@ -34,7 +33,6 @@ MAX_CLIENTS = 32
 MAX_REQUESTS_PER_S = 10  # that may change something, of a client; stop and power off always pass
 SEND_TIMEOUT_S = 2.0
 _UNLIMITED = ("stop", "abort", "beat", "take_seat", "leave_seat", "state", "hello", "columns")
-_CREDENTIALS = struct.Struct("3i")  # process, user, group
 
 
 @contextmanager
@@ -112,7 +110,7 @@ class RequestServer:
                 self._converse(client, person)
             else:
                 client.recv(MAX_LINE)  # closing on unread data would discard the answer
-                client.sendall(_refusal("this run is another user's"))
+                client.sendall(_line(_refusal("this run is another user's")))
         except (OSError, ValueError, RecursionError):
             pass  # the client is gone, or sends nonsense
         finally:
@@ -126,7 +124,7 @@ class RequestServer:
                 self._clients[client] = time.monotonic()
             message = json.loads(line)
             answer, ring = self._reply(message, person, recent)
-            data = (json.dumps(answer) + "\n").encode()
+            data = _line(answer)
             if ring:
                 descriptors = array.array("i", [self._ring])
                 rights = (socket.SOL_SOCKET, socket.SCM_RIGHTS, descriptors)
@@ -138,8 +136,7 @@ class RequestServer:
         self, message: Any, person: str, recent: deque[float]
     ) -> tuple[dict[str, Any], bool]:
         if not isinstance(message, dict) or message.get("v") != VERSION:
-            reason = f"not a message of version {VERSION}"
-            return {"v": VERSION, "accepted": False, "reason": reason}, False
+            return _refusal(f"not a message of version {VERSION}"), False
         name = message.get("ask")
         if name == "hello":
             return {"v": VERSION, "accepted": True, **self._facts}, True
@@ -150,12 +147,11 @@ class RequestServer:
         now = time.monotonic()
         if name not in _UNLIMITED:
             if len(recent) == recent.maxlen and now - recent[0] < 1.0:
-                reason = f"at most {MAX_REQUESTS_PER_S} requests a second"
-                return {"v": VERSION, "accepted": False, "reason": reason}, False
+                return _refusal(f"at most {MAX_REQUESTS_PER_S} requests a second"), False
             recent.append(now)
         arguments = message.get("arguments", {})
         if not isinstance(name, str) or not isinstance(arguments, dict):
-            return {"v": VERSION, "accepted": False, "reason": "not a request"}, False
+            return _refusal("not a request"), False
         asker = Asker(
             str(message.get("session", ""))[:64],
             _name(message.get("person"), person),
@@ -166,8 +162,12 @@ class RequestServer:
         return {"v": VERSION, **answer._asdict()}, False
 
 
-def _refusal(reason: str) -> bytes:
-    return (json.dumps({"v": VERSION, "accepted": False, "reason": reason}) + "\n").encode()
+def _refusal(reason: str) -> dict[str, Any]:
+    return {"v": VERSION, "accepted": False, "reason": reason}
+
+
+def _line(answer: dict[str, Any]) -> bytes:
+    return (json.dumps(answer) + "\n").encode()
 
 
 def _name(given: Any, person: str) -> str:
@@ -178,14 +178,11 @@ def _name(given: Any, person: str) -> str:
 
 def _person(client: socket.socket) -> str:
     """Return the user of a client; empty for one who is neither this user nor root."""
-    found = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    _, user, _ = _CREDENTIALS.unpack(found)
+    _, user = peer(client)
     if user not in (0, os.getuid()):
         return ""
-    try:
-        return pwd.getpwuid(user).pw_name
-    except KeyError:
-        return f"user {user}"
+    name = user_name(user)
+    return f"user {name}" if name == str(user) else name
 
 
 def _lines(client: socket.socket) -> Iterator[bytes]:

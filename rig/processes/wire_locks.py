@@ -15,7 +15,6 @@ import itertools
 import os
 import socket
 import stat
-import struct
 from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from hashlib import sha256
@@ -28,12 +27,11 @@ from rig import module_process
 from rig.config import wiring
 from rig.config.rig_file import BaseRigFile
 from rig.recording.runs.create import BusyError
-from rig.user_names import user_name
+from rig.user_names import peer, user_name
 
 _PREFIX = "wec-rig/"
 _MAX_NAME_BYTES = 100  # bytes of a name; the kernel takes 107
 _BACKLOG = 1 << 16  # queued connections of refused programs; the kernel reduces it to its limit
-_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid
 _label_numbers = itertools.count()
 
 
@@ -232,11 +230,9 @@ def _holder_text(identity: str) -> str:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.setblocking(False)
             client.connect(_socket_name(identity))
-            size = _CREDENTIALS.size
-            credentials = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
+            pid, uid = peer(client)
     except OSError:  # the lock was just released, or the kernel's queue of connections is full
         return "another program; try again"
-    pid, uid, _ = _CREDENTIALS.unpack(credentials)
     label, began = _read_label(pid)
     holder = f"{label} (process {pid}, user {user_name(uid)})"
     if module_process.start_ticks(pid) is None or module_process.start_ticks(pid) != began:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,13 +174,18 @@ def _line_vector(line: Line) -> Floats:
 
 
 def factor_matrix(plant: Plant) -> Floats:
-    """Return the factors (axes, modes) between positions of modes and axes."""
-    modes = list(plant.modes)
-    matrix = np.zeros((len(plant.axes), len(modes)))
-    for a, axis in enumerate(plant.axes.values()):
-        for mode, factor in axis.moves_with.items():
-            matrix[a, modes.index(mode)] = factor
-    return matrix
+    """Return the factors (axes, modes) between positions of modes and axes of a plant."""
+    return factors_between(plant.modes, [axis.moves_with for axis in plant.axes.values()])
+
+
+def factors_between(modes: Iterable[str], motions: Sequence[Mapping[str, float]]) -> Floats:
+    """Return the factors (axes, modes) between positions of modes and axes.
+
+    ``motions``: of each axis the factors of the modes with which it moves, by mode.
+    """
+    names = list(modes)
+    rows = [[motion.get(name, 0.0) for name in names] for motion in motions]
+    return np.array(rows, dtype=float).reshape(len(motions), len(names))
 
 
 def inertia_matrix(plant: Plant, bem: BemModes) -> Floats:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
-from rig.kinds.modular.mode_choice import ChosenModes, factor_matrix
+from rig.kinds.modular.mode_choice import ChosenModes
 from rig.kinds.modular.plant_text import (
     COUNTS,
     PEAK_CURRENT,
@@ -23,6 +23,7 @@ from rig.kinds.modular.plant_text import (
 )
 from rig.planning.tank import wave_number
 from sim_plant.modes.bem_content import Complexes, Floats
+from sim_plant.modes.building import factors_between
 
 MARGIN = 2.0  # of the limits above the expected motion and force
 STANDBY = 10.0  # W, of a drive; a small rig has less, or nothing would be left of its power
@@ -107,7 +108,9 @@ def linear_plant(chosen: ChosenModes, frequency: float | None = None) -> LinearP
     ValueError for a frequency that no sea or file has.
     """
     bem = chosen.bem
-    factors = factor_matrix([mode.name for mode in chosen.modes], chosen.axes)
+    factors = factors_between(
+        (mode.name for mode in chosen.modes), [axis.moves_with for axis in chosen.axes.values()]
+    )
     band = sea_band((float(bem.frequency[0]), float(bem.frequency[-1])))
     if band[0] >= band[1]:
         raise ValueError(

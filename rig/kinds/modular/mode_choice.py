@@ -21,7 +21,8 @@ from rig.kinds.modular.plant_text import (
     rounded,
 )
 from sim_plant.modes.bem import BemModes, choose, open_choices, read_content, stated_mass
-from sim_plant.modes.bem_content import BemContent, Floats, Water, rotates
+from sim_plant.modes.bem_content import BemContent, Water, rotates
+from sim_plant.modes.building import factors_between
 
 OPEN_MASS_COUPLING = 0.01  # of the masses' geometric mean: a plant has a mass for each mode alone
 
@@ -154,7 +155,7 @@ def axis_motions(
             ]
         moves_with = {names[dof]: factor for dof, factor in factors.items()}
         found[name] = AxisMotion(moves_with, all(angles))
-    matrix = factor_matrix(list(names.values()), found)
+    matrix = factors_between(names.values(), [motion.moves_with for motion in found.values()])
     if not problems and found and np.linalg.matrix_rank(matrix) < len(found):
         listed = ", ".join(found)
         problems.append(f"--axis: the motions of {listed} depend on each other; leave out some")
@@ -183,13 +184,6 @@ def _combination(text: str, dofs: Sequence[str]) -> dict[str, float] | None:
         factors[found["dof"]] = -size if found["sign"] == "-" else size
         at = found.end()
     return factors if factors and all(factors.values()) else None
-
-
-def factor_matrix(modes: Sequence[str], axes: Mapping[str, AxisMotion]) -> Floats:
-    """Return the factors between positions of modes and axes, (axes, modes)."""
-    return np.array(
-        [[axis.moves_with.get(mode, 0.0) for mode in modes] for axis in axes.values()]
-    ).reshape(len(axes), len(modes))
 
 
 # Numbers of the rigid bodies.

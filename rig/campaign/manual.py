@@ -21,7 +21,7 @@ from rig.config.campaign_file import BaseCampaignFile
 from rig.config.matrix import law_column_type
 from rig.config.problems import Problem
 from rig.config.yaml_source import load_mapping
-from rig.processes.orders import Checked, LiveSet
+from rig.people.orders import Checked, LiveSet
 from rig.realtime.live_setpoints import numbers_at
 from rig.realtime.sequence import MEASURE
 from rig.row_contents import Column

@@ -10,9 +10,9 @@ import typer
 from rig.cli.input_files import find_run, running_runs
 from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
 from rig.cli.output import FAILED, OK, fail, print_json
-from rig.processes.orders import REQUESTS
-from rig.processes.request_client import RequestClient, RequestError
-from rig.processes.seat import BEAT_S
+from rig.people.orders import REQUESTS
+from rig.people.request_client import RequestClient, RequestError
+from rig.people.seat import BEAT_S
 from rig.recording.runs import RunError
 
 EXIT_CODES = "Exit codes: 0 accepted; 1 refused, or the run does not answer; 2 bad input."

@@ -6,8 +6,8 @@ from typing import Any
 
 from rig.campaign import Campaign
 from rig.campaign.manual import ManualSetPoints
-from rig.planning.attendance import Attendance, attended, record
-from rig.processes.orders import People
+from rig.people.attendance import Attendance, attended, record
+from rig.people.orders import People
 from rig.processes.run_types import Task
 from rig.realtime import axis
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from rig.compilation.tick_source import tick_source
 from rig.kinds import registry
-from rig.planning.attendance import attendance, attended
+from rig.people.attendance import attendance, attended
 from rig.processes.run_types import RecordedTask
 from rig.realtime import cycle, requests, safety, tick_memory
 from rig.realtime.compiled_tick import is_complete, load_at_once

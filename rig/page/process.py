@@ -16,7 +16,7 @@ import uvicorn
 from rig.page.access import Access
 from rig.page.server import MAX_MESSAGE, Page
 from rig.page.subject import Subject
-from rig.processes.request_client import RequestClient, RequestError
+from rig.people.request_client import RequestClient, RequestError
 from rig.recording.runs import list_runs
 
 PORT = 8765

@@ -27,7 +27,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from rig.page.access import COOKIE, VIEWER, Access, RateLimit
 from rig.page.buckets import Bucket, merged
 from rig.page.subject import Subject
-from rig.processes.request_client import RequestClient, RequestError
+from rig.people.request_client import RequestClient, RequestError
 
 _LOG = logging.getLogger("uvicorn.error")
 MAX_BROWSERS = 200

@@ -13,8 +13,8 @@ from rig.page.recorded import RecordedTap
 from rig.page.streams import Foxglove, PlotJuggler
 from rig.page.tap import RingTap, Tap
 from rig.page.watch import RowPower, Watch
+from rig.people.request_client import RequestClient, RequestError
 from rig.presentation.phrases import mode_stamp
-from rig.processes.request_client import RequestClient, RequestError
 from rig.recording.journal import JOURNAL, Entry, read_journal
 from rig.recording.row_layout import RowSchema
 from rig.recording.runs import RunError, run_info

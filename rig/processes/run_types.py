@@ -2,8 +2,8 @@
 
 from typing import Any, NamedTuple
 
+from rig.people.orders import People
 from rig.processes.io_processes import IoProcess
-from rig.processes.orders import People
 from rig.processes.wire_locks import Wire
 from rig.realtime import cycle
 
@@ -60,7 +60,7 @@ class Snapshot(NamedTuple):
     unsaved_rows: int  # rows in the ring that are not on disk yet
     problem: str  # with a process or the log; empty: none
     reason: str = ""  # name of the reason of a stop, in the newest row
-    people: dict[str, Any] = {}  # noqa: RUF012  (`rig.processes.orders.Orders.describe`)
+    people: dict[str, Any] = {}  # noqa: RUF012  (`rig.people.orders.Orders.describe`)
 
 
 class Outcome(NamedTuple):

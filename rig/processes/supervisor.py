@@ -17,6 +17,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from rig.people.orders import Orders
+from rig.people.request_socket import RequestServer
 from rig.processes import handover, mailbox
 from rig.processes import logger as log_process
 from rig.processes.child import Child, StallTimer
@@ -32,8 +34,6 @@ from rig.processes.messages import (
     RecordMoved,
     Refused,
 )
-from rig.processes.orders import Orders
-from rig.processes.request_socket import RequestServer
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.tick_compiler import TickCompiler
 from rig.realtime import safety

@@ -9,7 +9,7 @@ from core_runs import bench_params, plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.planning.attendance import NOBODY, Attendance, attendance, attended, record
+from rig.people.attendance import NOBODY, Attendance, attendance, attended, record
 from rig.realtime import sequence
 from rig.realtime.live_setpoints import numbers_at, with_live_setpoint
 from rig.realtime.requests import NO_REQUEST, Request

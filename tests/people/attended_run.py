@@ -12,8 +12,8 @@ from typing import Any
 from core_kinds import BENCH, DT
 from core_runs import bench, bench_params, plan
 
-from rig.planning.attendance import Attendance, attended
-from rig.processes.orders import Answer, Asker, Checked, LiveSet, Orders, People
+from rig.people.attendance import Attendance, attended
+from rig.people.orders import Answer, Asker, Checked, LiveSet, Orders, People
 from rig.realtime import safety
 from rig.realtime.cycle import Timing
 from rig.realtime.loop import _RequestReader

@@ -23,7 +23,7 @@ from rig.compilation.tick_code import compile_tick
 from rig.config.problems import ConfigError
 from rig.execution.attended import attended_task
 from rig.kinds.rig_file import kind_of_task
-from rig.processes.orders import LiveColumns, LiveSet
+from rig.people.orders import LiveColumns, LiveSet
 from rig.processes.run_types import ExecutionMode, Task
 from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import coupled_ticks, loop, tick

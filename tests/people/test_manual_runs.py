@@ -24,7 +24,7 @@ from rig.config.problems import ConfigError
 from rig.config.pydantic_errors import load
 from rig.execution.replay import replay
 from rig.kinds.wavebot.config import RigFile
-from rig.processes.request_client import RequestClient, RequestError
+from rig.people.request_client import RequestClient, RequestError
 from rig.realtime.safety import OFF, RUN, STOP_2
 from rig.realtime.sequence import MANUAL, STANDBY
 from rig.recording.journal import JOURNAL

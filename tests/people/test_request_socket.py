@@ -21,8 +21,8 @@ from attended_run import AttendedRun
 from core_kinds import BENCH
 from rig_command import rig
 
-from rig.processes.request_client import RequestClient, RequestError
-from rig.processes.request_socket import (
+from rig.people.request_client import RequestClient, RequestError
+from rig.people.request_socket import (
     MAX_CLIENTS,
     MAX_LINE,
     MAX_REQUESTS_PER_S,

@@ -1,6 +1,6 @@
 """The requests of people to a run, and what the supervisor makes of them.
 
-A request comes from a page or a command by the run's socket (`rig.processes.request_socket`). It is
+A request comes from a page or a command by the run's socket (`rig.people.request_socket`). It is
 refused with a reason, or it changes the `Request` that the supervisor posts to the loop. Each one
 is in the run's journal, a set point before it acts, so that a replay always finds it. The
 terminal's stop does not come this way and goes first.
@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple, Protocol
 
 from rig.config.problems import error_text
-from rig.processes.seat import Seat
+from rig.people.seat import Seat
 from rig.realtime import safety
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.requests import NO_REQUEST, Request

@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from rig.processes.request_socket import MAX_LINE, VERSION, short_path
+from rig.people.request_socket import MAX_LINE, VERSION, short_path
 
 TIMEOUT_S = 10.0
 

@@ -4,9 +4,9 @@ A Unix socket in the run's folder, for this user and root alone. A client sends 
 line, `{"v": 1, "ask": NAME, ...}`, and gets one line for each:
 
     hello    run, folder, mode, schema and process; with it the descriptor of the ring, to read only
-    state    the state of the orders (`rig.processes.orders.Orders.describe`)
+    state    the state of the orders (`rig.people.orders.Orders.describe`)
     columns  the columns of set points that people may choose
-    others   a request of `rig.processes.orders`, with `arguments`
+    others   a request of `rig.people.orders`, with `arguments`
 
 A client that sends nonsense, too much at once, or does not read its answers is cut off.
 """
@@ -23,7 +23,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from rig.processes.orders import Answer, Asker, Orders
+from rig.people.orders import Answer, Asker, Orders
 from rig.recording.runs.folder import SOCKET
 from rig.user_names import peer, user_name
 

@@ -45,6 +45,7 @@ class Column(NamedTuple):
     help: str  # one sentence for people
     reason: str = ""  # of the range, for messages about values out of it
     default: float | None = None  # where a matrix lacks the column; None: every matrix has it
+    choices: tuple[str, ...] = ()  # names that stand for the values 0, 1, ...; files may use them
 
 
 class Parameter(NamedTuple):

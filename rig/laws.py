@@ -13,7 +13,7 @@ import json
 import linecache
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,6 +21,7 @@ from types import ModuleType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from controllers.law import Column, Parameter
+from rig.law_choice import CHOICE, choice_module
 from rig.plug_ins import DISTRIBUTION, Entry, Registry, error_text
 
 GROUP = "wec_rig.laws"
@@ -54,6 +55,7 @@ class Law(NamedTuple):
     path: str  # of its file
     sha256: str  # of its file
     is_file: bool  # given by its path, not registered
+    parts: tuple["Law", ...] = ()  # of a choice among laws (`choice`)
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -66,6 +68,18 @@ class Law(NamedTuple):
         """The constants that a campaign file gives."""
         parameters: tuple[Parameter, ...] = self.module.PARAMETERS
         return parameters
+
+    def chosen(self, values: Any) -> "Law":
+        """Return the law that acts at a set point: this one, or one of a choice."""
+        return self.parts[int(getattr(values, CHOICE, 0.0))] if self.parts else self
+
+    def in_force(self, params: Any, set_point: Any) -> tuple["Law", Any, Any]:
+        """Return the law that acts at a set point, with its Params and its SetPoint."""
+        if not self.parts:
+            return self, params, set_point
+        number = int(set_point.law)
+        law = self.parts[number]
+        return law, getattr(params, f"law_{number}"), law.set_point(set_point)
 
     @property
     def linear(self) -> Callable[..., complex] | None:
@@ -121,6 +135,25 @@ def find(text: str) -> Law:
     return _load_entry(entry)
 
 
+def choice(laws: Sequence[Law]) -> Law:
+    """Return the choice among laws, one of which acts at a time (`rig.law_choice`).
+
+    Raises LawError for a law given twice, or if columns or parameters of two laws do not fit.
+    """
+    names = [law.name for law in laws]
+    if len(set(names)) < len(names):
+        raise LawError(f"{', '.join(names)}: each law of a choice must have a name of its own")
+    text = ", ".join(names)
+    try:
+        module = choice_module({law.name: law.module for law in laws})
+    except ValueError as error:
+        raise LawError(f"the laws {text} are no choice: {error}") from None
+    digest = hashlib.sha256("".join(law.sha256 for law in laws).encode()).hexdigest()
+    origin = "; ".join(dict.fromkeys(law.origin for law in laws))
+    is_file = any(law.is_file for law in laws)
+    return _checked(Law(text, module, origin, "", digest, is_file, tuple(laws)))
+
+
 def own(name: str) -> Law:
     """Return a law of this distribution without a search of the installed distributions."""
     return _import_law(Entry(name, OWN_MODULES[name], DISTRIBUTION))
@@ -157,13 +190,17 @@ def registered() -> tuple[RegisteredLaw, ...]:
 
 
 def to_request(law: Law) -> str:
-    """Return a law as text for another process of this host: reference and sha256."""
-    return json.dumps([law.reference, law.sha256])
+    """Return a law as text for another process of this host: reference and sha256 of each part."""
+    return json.dumps([[each.reference, each.sha256] for each in law.parts or (law,)])
 
 
 def from_request(text: str) -> Law:
-    """Return the law that another process requests; LawError if its file has another sha256."""
-    reference, sha256 = json.loads(text)
+    """Return the law that another process requests; LawError if a file has another sha256."""
+    found = [_requested(reference, sha256) for reference, sha256 in json.loads(text)]
+    return found[0] if len(found) == 1 else choice(found)
+
+
+def _requested(reference: str, sha256: str) -> Law:
     law = find(reference)
     if law.sha256 != sha256:
         raise LawError(
@@ -174,13 +211,19 @@ def from_request(text: str) -> Law:
 
 
 def source_text(law: Law) -> str:
-    """Return the source text of a law as it was loaded, also after its file has changed."""
+    """Return the source text of a law as it was loaded, also after its file has changed.
+
+    Of a choice, the result is JSON text with the sources of the laws from files by sha256.
+    """
+    if law.parts:
+        return json.dumps({each.sha256: source_text(each) for each in law.parts if each.is_file})
     return inspect.getsource(law.module)
 
 
 def helper_modules(law: Law) -> tuple[ModuleType, ...]:
     """Return the law's module and the modules of its package or of ``controllers`` that it uses."""
-    packages = {"controllers", law.module.__name__.partition(".")[0]}
+    modules = [law.module, *(each.module for each in law.parts)]
+    packages = {"controllers", *(module.__name__.partition(".")[0] for module in modules)}
     found: dict[str, ModuleType] = {}
 
     def collect(module: ModuleType) -> None:

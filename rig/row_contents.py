@@ -29,6 +29,7 @@ class Column(NamedTuple):
     heading: str = ""  # of a narrow column; empty: the label
     shown_unit: str = ""  # in pictures and texts; empty: the unit
     actuator: "Column | None" = None  # position of the device that realises a set point
+    choices: tuple[str, ...] = ()  # names that stand for the values 0, 1, ...
 
 
 class Check(NamedTuple):
@@ -93,6 +94,7 @@ def columns_from_records(
             return known._replace(**given)
         if given.get("actuator"):
             given["actuator"] = read(given["actuator"])
+        given["choices"] = tuple(given.get("choices", ()))
         return Column(**given)
 
     return tuple(map(read, records))

@@ -28,8 +28,11 @@ def axis_label(column: Column) -> str:
 def format_number(column: Column, value: float, digits: int = 4) -> str:
     """Return a value (SI) as text without its unit.
 
-    Gains and rates are rounded to whole units, other values to ``digits`` significant digits.
+    Gains and rates are rounded to whole units, other values to ``digits`` significant digits. A
+    value that stands for a name is that name.
     """
+    if column.choices and value in range(len(column.choices)):
+        return column.choices[int(value)]
     displayed = value * display_factor(column)
     if column.unit in _SIGNED_UNITS:
         return (

@@ -288,10 +288,13 @@ def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
     """Return a line about each law but the default, which most campaigns have."""
     lines = []
     for axis, axis_law in campaign.axis_laws.items():
-        law = axis_law.law
-        if law.name != DEFAULT_LAW or law.is_file:
+        whole = axis_law.law
+        for place, law in enumerate(whole.parts or (whole,)):
+            if not whole.parts and law.name == DEFAULT_LAW and not law.is_file:
+                continue
             origin = display_path(Path(law.path)) if law.is_file else law.origin
             name = law.name if len(campaign.axis_laws) == 1 else f"{axis}: {law.name}"
+            name = f"{place} {name}" if whole.parts else name
             lines.append(("law", f"{name} ({origin}, sha256 {law.sha256[:12]})"))
     return lines
 

@@ -15,9 +15,13 @@ def derived_name(name: str, suffix: str) -> str:
     return name if name.endswith(suffix) else f"{name[:_MAX_BASE_NAME]}{suffix}"
 
 
-def row_text(row: Mapping[str, float]) -> str:
+def row_text(row: Mapping[str, float | str]) -> str:
     """Return a row of a matrix as it stands in a list: columns by key."""
-    return "{" + ", ".join(f"{key}: {value:.10g}" for key, value in row.items()) + "}"
+    texts = (
+        f"{key}: {json.dumps(value) if isinstance(value, str) else format(value, '.10g')}"
+        for key, value in row.items()
+    )
+    return "{" + ", ".join(texts) + "}"
 
 
 def derived_text(
@@ -25,7 +29,7 @@ def derived_text(
     path: Path,
     header: Iterable[str],
     keys: Sequence[str],
-    rows: Iterable[tuple[Mapping[str, float], str]],
+    rows: Iterable[tuple[Mapping[str, float | str], str]],
 ) -> str:
     """Return the text of a campaign file at ``path`` that extends ``base``.
 

@@ -8,6 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig.campaign.kind import AnyCampaign, Campaign, CampaignKind
 from rig.campaign.plan import build_plan
+from rig.campaign.set_points import chosen_law_problems
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.reference import AnyReference, RecordedReference
@@ -99,7 +100,8 @@ def open_campaign(
     limits = reader.validated(limits_source, kind.limits_file)
     points = record = None
     if file is not None:
-        used = dict.fromkeys(each.law for each in file.axis_laws.values())
+        axis_laws = (each.law for each in file.axis_laws.values())
+        used = dict.fromkeys(part for law in axis_laws for part in law.parts or (law,))
         files += [InputFile("law", Path(law.path), law.sha256) for law in used if law.is_file]
         points = attempt(lambda: kind.points(file, rig, top.locate))
         problems += _campaign_problems(kind, file, points, top.locate)
@@ -112,6 +114,7 @@ def open_campaign(
     if rig is not None and points is not None:
         problems += kind.point_problems(file, rig, points, top.locate)
         if file is not None:
+            problems += chosen_law_problems(file, points, top.locate)
             problems += realisation_problems(file.reference, points, rig.rate_hz)
     rate_hz = valid_key(rig_source, "rate_hz", _RATE)
     problems += extra_check(

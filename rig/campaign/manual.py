@@ -8,7 +8,7 @@ import itertools
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, get_args
@@ -26,7 +26,7 @@ from rig.realtime.live_setpoints import numbers_at
 from rig.realtime.sequence import MEASURE
 from rig.row_contents import Column
 
-Row = tuple[dict[str, float], str]  # values by key of the column, and a comment
+Row = tuple[Mapping[str, float | str], str]  # values by key of the column, and a comment
 Examine = Callable[[Path], CheckReport]
 _MAX_FREQUENCY_SHARE = 0.1  # of the tick rate: ten samples a period
 _MAX_SWEEP_S = 3600.0
@@ -88,11 +88,13 @@ class ManualSetPoints:
         file = self._campaign.file
         entries: list[dict[str, Any]] = []
         for column in self._columns:
+            entry = {"key": column.key, "label": column.label, "unit": column.unit}
+            if column.choices:
+                entry = {"key": column.key, "label": column.key.replace("_", " ")}
+                entries.append(entry | {"choices": list(column.choices), "part": "values"})
+                continue
             low, high = _range(file, column)
-            entries.append(
-                {"key": column.key, "label": column.label, "unit": column.unit}
-                | {"low": low, "high": high, "part": "values"}
-            )
+            entries.append(entry | {"low": low, "high": high, "part": "values"})
         frequency = _MAX_FREQUENCY_SHARE * self._campaign.rig.rate_hz
         ranges: dict[str, tuple[str, float, float]] = {
             "amplitude": ("N", 0.0, self._force),
@@ -117,7 +119,10 @@ class ManualSetPoints:
     def of_row(self, row: int) -> LiveSet:
         """Return the set point of a row of the plan, without a signal."""
         setting = self._plan.rows[row].setting
-        values = {column.key: float(getattr(setting, column.name)) for column in self._columns}
+        values: dict[str, float | str] = {}
+        for column in self._columns:
+            value = float(getattr(setting, column.name))
+            values[column.key] = column.choices[int(value)] if column.choices else value
         return LiveSet(values, dict(NO_SIGNAL))
 
     def check(self, chosen: LiveSet) -> Checked:
@@ -157,11 +162,11 @@ class ManualSetPoints:
         return text_of_rows(self._file, path, name, rows)
 
     def _unknown(self, chosen: LiveSet) -> Iterator[str]:
-        known = {column.key for column in self._columns}
+        known = {column.key: column.choices for column in self._columns}
         for key, value in chosen.values.items():
             if key not in known:
                 yield f"{key}: no such column; known are {', '.join(sorted(known))}"
-            elif not _is_number(value):
+            elif not _is_number(value) and not known[key]:
                 yield f"{key}: {value!r} is not a finite number"
         for key in chosen.signal:
             if key not in _SIGNAL:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE
 from rig.config.problems import display_path
 from rig.config.reference import AnyReference, RecordedReference
 from rig.identification.channels import AxisChannels
-from rig.laws import Law, LawError, find, load_source
+from rig.laws import Law, LawError, choice, find, load_source
 from rig.planning.input_files import hash_input_file
 from rig.planning.point import Point
 from rig.planning.reference import ReferenceRecord, read_reference_record
@@ -27,10 +28,7 @@ def resolved_config(campaign: AnyCampaign) -> str:
 
     Equal campaigns give equal text.
     """
-    records = {
-        axis: each.law.record() | {"path": display_path(Path(each.law.path))}
-        for axis, each in campaign.axis_laws.items()
-    }
+    records = {axis: _law_record(each.law) for axis, each in campaign.axis_laws.items()}
     config: dict[str, Any] = {
         "campaign": campaign.file.model_dump(mode="json", by_alias=True),
         "points": [
@@ -44,6 +42,11 @@ def resolved_config(campaign: AnyCampaign) -> str:
         "files": [file.as_dict() for file in campaign.files],
     }
     return json.dumps(config, ensure_ascii=False, indent=2)
+
+
+def _law_record(law: Law) -> dict[str, Any]:
+    choices = {"choices": [_law_record(each) for each in law.parts]} if law.parts else {}
+    return law.record() | {"path": display_path(Path(law.path))} | choices
 
 
 def law_source(campaign: AnyCampaign) -> str:
@@ -184,6 +187,11 @@ def _recorded_laws(config: dict[str, Any], axes: Sequence[str]) -> dict[str, dic
 def _law(recorded: dict[str, Any] | None, source: bytes) -> Law:
     if recorded is None:
         return IMPEDANCE
+    if "choices" in recorded:
+        sources = json.loads(source or b"{}")
+        return choice(
+            [_law(each, sources.get(each["sha256"], "").encode()) for each in recorded["choices"]]
+        )
     if not recorded["file"]:
         return IMPEDANCE if recorded["name"] == DEFAULT_LAW else find(recorded["name"])
     if hashlib.sha256(source).hexdigest() != recorded["sha256"]:
@@ -194,7 +202,8 @@ def _law(recorded: dict[str, Any] | None, source: bytes) -> Law:
 def law_notice(kind: CampaignKind, config: dict[str, Any]) -> str:
     """Return how the laws on this host differ from those of a run; empty if they do not."""
     recorded = _recorded_laws(config, kind.axes(config["rig"]))
-    return "; ".join(filter(None, dict.fromkeys(map(_law_notice, recorded.values()))))
+    each_law = chain.from_iterable(law.get("choices", [law]) for law in recorded.values())
+    return "; ".join(filter(None, dict.fromkeys(map(_law_notice, each_law))))
 
 
 def _law_notice(recorded: dict[str, Any]) -> str:

@@ -1,13 +1,17 @@
 """The complete set point of a row: values of the matrix, and defaults of the campaign or rig."""
 
 from collections import namedtuple
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
 
 from rig.campaign.kind import CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.matrix import KindColumns, LawColumns
+from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
+from rig.config.yaml_source import SourceMap
+from rig.law_choice import CHOICE
 from rig.planning.point import Point
 
 
@@ -34,6 +38,32 @@ def row_setting(kind: CampaignKind, file: BaseCampaignFile, rig: BaseRigFile, po
     values |= kind.defaults(file, rig)
     known = {name: value for name, value in values.items() if name in zero._fields}
     return type(zero)(**{**zero._asdict(), **known, **point.values})
+
+
+def chosen_law_problems(
+    file: BaseCampaignFile, points: Iterable[Point], locate: SourceMap
+) -> Iterator[Problem]:
+    """Yield a problem for each point that lacks a column of the law that it chooses.
+
+    Only rows with that law need its columns, so the matrix does not require them.
+    """
+    for axis_law in file.axis_laws.values():
+        parts = axis_law.law.parts
+        own = {
+            each.name: column
+            for each, column in zip(axis_law.law.columns, axis_law.columns, strict=True)
+        }
+        for number, point in enumerate(points if parts else ()):
+            choice = own[CHOICE]
+            law = parts[int(point.values.get(choice.name, 0.0))]
+            needed = [own[each.name] for each in law.columns if each.default is None]
+            if missing := [each.key for each in needed if each.name not in point.values]:
+                message = f"point {number}: the law {law.name} needs {', '.join(missing)}"
+                at = point.locations.get(choice.name)
+                if at is None:
+                    yield locate.problem(("matrix",), None, message)
+                else:
+                    yield at.problem(law.name, message)
 
 
 def columns_of(settings: tuple[Any, ...]) -> dict[str, tuple[float, ...]]:

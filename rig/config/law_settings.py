@@ -24,6 +24,10 @@ class AxisLaw(NamedTuple):
     columns: tuple[LawColumn, ...]  # names and keys may have a prefix, so that axes differ
     parameters: tuple[Parameter, ...]  # in the order of the law's
 
+    def chosen(self, values: Any) -> laws.Law:
+        """Return the law that acts at a set point, an object as of `set_point`."""
+        return self.law.chosen(self.set_point(values)) if self.law.parts else self.law
+
     def set_point(self, values: Any) -> Any:
         """Return the law's SetPoint from an object with an attribute for each column's name."""
         return self.law.module.SetPoint(*(getattr(values, each.name) for each in self.columns))
@@ -36,12 +40,16 @@ class TransferFunction(FileModel):
     denominator: TupleOf[float] = Field(min_length=1, max_length=20)
 
 
+_Name = Annotated[str, Field(min_length=1)]
+Use = _Name | Annotated[TupleOf[_Name], Field(min_length=2, max_length=20)]
+
+
 class LawSettings(FileModel):
     """The law of an axis; `law_model` adds its parameters."""
 
     axis_parameters: ClassVar[tuple[Parameter, ...]] = ()  # as the axis has them
 
-    use: str = Field(default=DEFAULT_LAW, min_length=1)  # name, or path of a .py file
+    use: Use = DEFAULT_LAW  # name, or path of a .py file; or several, among which rows choose
 
     def values(self, law: laws.Law) -> Settings:
         """Return the values of the law's parameters by the law's own keys."""
@@ -63,8 +71,10 @@ class ImpedanceSettings(LawSettings):
     )
 
 
-ExpandName = BeforeValidator(lambda value: {"use": value} if isinstance(value, str) else value)
-"""Turns the short form ``law: NAME`` into a mapping."""
+ExpandName = BeforeValidator(
+    lambda value: {"use": value} if isinstance(value, str | list) else value
+)
+"""Turns the short forms ``law: NAME`` and ``law: [NAME, NAME]`` into a mapping."""
 
 
 @cache
@@ -95,12 +105,28 @@ def find_law(
     A path is relative to the file with the key. ``columns`` are the kind's of a matrix. Raises
     `ConfigError` if the law cannot be used.
     """
-    text, key = value, at
-    if not isinstance(value, str):
+    use, key = value, at
+    if not isinstance(value, str | list):
         use = value.get("use") if isinstance(value, dict) else None
-        text, key = use if isinstance(use, str) and use else DEFAULT_LAW, (*at, "use")
+        use, key = use if isinstance(use, str | list) and use else DEFAULT_LAW, (*at, "use")
+    if isinstance(use, str):
+        return _find_law(use, locate, columns, key, key)
+    named = [(each, (*key, i)) for i, each in enumerate(use) if isinstance(each, str) and each]
+    found = [_find_law(each, locate, columns, place, key) for each, place in named]
+    if len(found) < 2:  # the model of the settings refuses the list
+        return found[0] if found else IMPEDANCE
     try:
-        law = laws.find(str(locate.resolve_path(key, text)) if laws.is_path(text) else text)
+        return laws.choice(found)
+    except laws.LawError as error:
+        raise ConfigError([locate.problem(key, None, str(error))]) from None
+
+
+def _find_law(
+    text: str, locate: SourceMap, columns: KindColumns, key: KeyPath, file_key: KeyPath
+) -> laws.Law:
+    """Return the law of a name or path at a key; ``file_key`` is in the file with the path."""
+    try:
+        law = laws.find(str(locate.resolve_path(file_key, text)) if laws.is_path(text) else text)
         if problems := columns.problems(law.columns):
             raise laws.LawError(f"the law {text} cannot be used: {'; '.join(problems)}")
     except laws.LawError as error:

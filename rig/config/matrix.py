@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, Any
 
 from pydantic import (
@@ -20,7 +20,7 @@ from controllers import impedance
 from controllers.law import Column as LawColumn
 from rig.config.model import FileModel, Reason, RuleViolation, TupleOf, rule_error
 from rig.config.problems import format_number, format_value
-from rig.row_contents import LAW, Column
+from rig.row_contents import CATEGORICAL, LAW, Column
 
 END_MARK = -999.0
 """Value of Kp that marks the end of an imported matrix; it is never a gain."""
@@ -38,9 +38,22 @@ def reject_end_mark(kp: float) -> float:
     return kp
 
 
+def number_of_choice(choices: tuple[str, ...], value: Any) -> Any:
+    """Return the number of a name, or a number as it is; a rule error for anything else."""
+    if isinstance(value, str) and value in choices:
+        return float(choices.index(value))
+    number = float(value) if isinstance(value, int | float) else -1.0
+    if isinstance(value, bool) or number not in range(len(choices)):
+        allowed = f"allowed {', '.join(choices)}, or 0 .. {len(choices) - 1} in this order"
+        raise rule_error(f"{format_value(value)} is none of the names; {allowed}")
+    return number
+
+
 def law_column_type(column: LawColumn) -> Any:
     """Return type and range of a law's column or parameter."""
     constraints: list[Any] = [Field(ge=column.low, le=column.high)]
+    if column.choices:
+        constraints.append(BeforeValidator(partial(number_of_choice, column.choices)))
     if column.reason:
         constraints.append(Reason(column.reason))
     if column.key == _KP.key:
@@ -74,7 +87,9 @@ class KindColumns:
                 each.name,
                 each.unit,
                 each.label,
-                **{"role": LAW} | self.law_details.get(each.key, {}),
+                choices=each.choices,
+                **{"role": CATEGORICAL if each.choices else LAW}
+                | self.law_details.get(each.key, {}),
             )
             for each in law_columns
         )

@@ -24,6 +24,7 @@ class NotLinearError(ValueError):
 
 def linear_gains(law: Law, params: Any, set_point: Any) -> Gains:
     """Return the gains of a law's linear form at a set point; NotLinearError if it has none."""
+    law, params, set_point = law.in_force(params, set_point)
     if law.linear is None:
         raise NotLinearError(f"the law {law.name} has no linear form")
     response = np.array([law.linear(params, set_point, float(omega)) for omega in _OMEGA])

@@ -34,7 +34,7 @@ _STATE_FIELDS = ("tick", "plan.row", "plan.phase", "plan.attempt", "plan.live", 
 class LiveSet(NamedTuple):
     """A whole set point that people chose."""
 
-    values: dict[str, float]  # by key of the column
+    values: dict[str, float | str]  # by key of the column; a name where a column has names
     signal: dict[str, Any]  # of the signal generator
 
 

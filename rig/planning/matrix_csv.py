@@ -133,10 +133,13 @@ def _parse_row(
     if _is_end_mark(line, header):
         return None
     values, problems, column = [], list[Problem](), 1
-    for name, cell in zip(names, cells, strict=True):
+    for (name, choices), cell in zip(((c.key, c.choices) for c in header), cells, strict=True):
         cell_column = column + len(cell) - len(cell.lstrip())
         column += len(cell) + 1
-        message = _cell_error(name, cell.strip(), model)
+        if cell.strip() in choices:
+            values.append(float(choices.index(cell.strip())))
+            continue
+        message = _cell_error(name, cell.strip(), model, choices)
         if message:
             problems.append(
                 Problem(display_path(path), number, name, cell.strip(), message, cell_column)
@@ -151,10 +154,13 @@ def _parse_row(
     )
 
 
-def _cell_error(name: str, cell: str, model: type[MatrixColumns]) -> str:
+def _cell_error(
+    name: str, cell: str, model: type[MatrixColumns], choices: Sequence[str] = ()
+) -> str:
     """Return the error message for a cell of a column; empty if the cell is valid."""
     allowed = allowed_values(model, (name,))
     range_text = allowed.description(name) if allowed is not None else ""
+    range_text += "".join(f", {each}" for each in choices)
     try:
         value = float(cell)
     except ValueError:
@@ -164,6 +170,7 @@ def _cell_error(name: str, cell: str, model: type[MatrixColumns]) -> str:
     if allowed is not None and not allowed.contains(value):
         reason = f" ({allowed.reason()})" if allowed.reason() else ""
         return f"{format_number(value)} is out of range; allowed {range_text}{reason}"
-    if allowed is not None and allowed.annotation is int and value != int(value):
+    whole = bool(choices) or (allowed is not None and allowed.annotation is int)
+    if whole and value != int(value):
         return f"{cell} is not a whole number; allowed {range_text}"
     return ""

@@ -139,6 +139,19 @@ KINDS: dict[str, dict[str, Any]] = {
             ]
         },
     },
+    "choice of laws": {
+        "law": {
+            "use": ["impedance", "./growing.py", "latching"],
+            "hold_stiffness_n_per_m": 30_000,
+            "hold_damping_n_s_per_m": 3000,
+        },
+        "matrix": {
+            "list": [
+                POINT | {"law": "growing", "c0_n_s_per_m": 1500, "c1_n_s_per_m2": 4000},
+                POINT | {"law": 2, "latch_s": 0.1},
+            ]
+        },
+    },
     "law of a file, excited": {
         "law": "./growing.py",
         "reference": {"kind": "multisine", "amplitude_a": 8},

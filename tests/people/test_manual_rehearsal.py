@@ -40,6 +40,11 @@ CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 CAPACITY = 120_000
 MAX_SPACING = 80  # ticks between two set points
 POOL = 24  # different accepted set points
+RIGS = ("wavebot", "modular", "laws")  # the last one is a WaveBot with several laws
+SEVERAL_LAWS = (
+    "{use: [impedance, nonlinear damping, latching], hold_stiffness_n_per_m: 1e5, "
+    "hold_damping_n_s_per_m: 1e4}"
+)
 
 
 class ManualRig(NamedTuple):
@@ -56,6 +61,8 @@ def drawn(live: LiveColumns, random_: random.Random) -> LiveSet:
     """Return a set point with values in the allowed ranges, mostly modest."""
     values, signal = dict(live.first().values), dict(live.first().signal)
     for each in live.describe():
+        if each["part"] == "values" and "choices" in each:
+            values[each["key"]] = random_.choice(each["choices"])
         ends = [each.get("low"), each.get("high")]
         if each["part"] == "values" and None not in ends and random_.random() < 0.7:
             values[each["key"]] = random_.random() ** 3 * random_.choice(ends)
@@ -69,7 +76,13 @@ def drawn(live: LiveColumns, random_: random.Random) -> LiveSet:
 
 @cache
 def manual_rig(name: str, folder: Path) -> ManualRig:
-    file = make_campaign(folder) if name == "modular" else CONFIGS / "rigs" / "wavebot.yaml"
+    file = CONFIGS / "rigs" / "wavebot.yaml"
+    if name == "modular":
+        file = make_campaign(folder)
+    elif name == "laws":
+        text = f"extends: {file}\nlaw: {SEVERAL_LAWS}\n"
+        file = folder / "rig.yaml"
+        file.write_text(text)
     path = _write_campaign(file, folder)
     tasks = kind_of_task(path).room("tasks")
     report = tasks.examine(path)
@@ -156,7 +169,7 @@ def execute(
 
 @pytest.fixture(scope="module")
 def open_rig(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ManualRig]:
-    folders = {name: tmp_path_factory.mktemp(name) for name in ("wavebot", "modular")}
+    folders = {name: tmp_path_factory.mktemp(name) for name in RIGS}
     return lambda name: manual_rig(name, folders[name])
 
 
@@ -199,7 +212,7 @@ def check_changes(rig: ManualRig, count: int, seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["wavebot", "modular"])
+@pytest.mark.parametrize("name", RIGS)
 def test_set_points_by_chance(name: str, open_rig: Callable[[str], ManualRig]) -> None:
     check_changes(open_rig(name), 200, 0)
 
@@ -207,7 +220,7 @@ def test_set_points_by_chance(name: str, open_rig: Callable[[str], ManualRig]) -
 @pytest.mark.slow
 @pytest.mark.long("manual")
 @pytest.mark.parametrize("seed", range(1, 6))
-@pytest.mark.parametrize("name", ["wavebot", "modular"])
+@pytest.mark.parametrize("name", RIGS)
 def test_ten_thousand_set_points_by_chance(
     name: str, seed: int, open_rig: Callable[[str], ManualRig]
 ) -> None:

@@ -105,9 +105,11 @@ def _model(motions: _Motions, axis_laws: tuple[Law, ...]) -> type[CampaignFile]:
     }
     details: dict[str, Any] = {}
     for place, (name, each) in enumerate(by_axis.items()):
-        if each.law.module is not IMPEDANCE.module:
+        parts = each.law.parts or (each.law,)
+        if not any(part.module is IMPEDANCE.module for part in parts):
             continue
-        kp, ki, km = each.columns
+        by_key = dict(zip((c.key for c in each.law.columns), each.columns, strict=True))
+        kp, ki, km = (by_key[column.key] for column in IMPEDANCE.columns)
         details |= {
             kp.key: {"field": f"{name}.demand.kp", "tolerance": 25.0},
             ki.key: {"field": f"{name}.demand.ki", "tolerance": 25.0},

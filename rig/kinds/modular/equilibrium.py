@@ -61,11 +61,11 @@ def equilibrium_check(campaign: AnyCampaign) -> EquilibriumCheck:
     scale = 1.0 / np.sqrt([mode.mass for mode in plant.modes.values()])
     stiffness = stiffness_at_rest(plant, bem) * np.outer(scale, scale)
     judged = [each for each in campaign.axis_laws if plant.axes[each].hydraulic is None]
-    if any(campaign.axis_laws[name].law.linear is None for name in judged):
-        return lambda values: None
     axes = [_axis_gain(campaign, plant, name, scale) for name in judged]
 
     def check(values: Any) -> NoEquilibrium | None:
+        if any(axis.law.chosen(values).linear is None for axis in axes):
+            return None
         gains = [axis.ki(values) for axis in axes]
         total = stiffness - sum(
             ki * np.outer(axis.factors, axis.factors) for ki, axis in zip(gains, axes, strict=True)
@@ -93,8 +93,8 @@ def _axis_gain(campaign: AnyCampaign, plant: Plant, name: str, scale: Floats) ->
     params = law_params(axis_law.law, settings, ramp, 1.0 / campaign.rig.rate_hz)
 
     def ki(values: Any) -> float:
-        response = axis_law.law.module.linear(params, axis_law.set_point(values), _LOW)
-        return float((1j * _LOW * response).real)
+        law, own, set_point = axis_law.law.in_force(params, axis_law.set_point(values))
+        return float((1j * _LOW * law.module.linear(own, set_point, _LOW)).real)
 
     factors = factor_matrix(plant)[list(plant.axes).index(name)] * scale
     return _AxisGain(name, axis_law, ki, factors, _limits(campaign, plant, name))
@@ -146,6 +146,8 @@ def _column(axis: _AxisGain, values: Any, ki: float) -> tuple[Column | None, flo
     set_point = {each.name: getattr(values, each.name) for each in axis.law.columns}
     found: list[tuple[Column, float]] = []
     for each in axis.law.columns:
+        if each.choices:
+            continue
         changed = SimpleNamespace(**set_point | {each.name: set_point[each.name] + 1.0})
         slope = axis.ki(changed) - ki
         if abs(slope) > _ROUNDING * max(1.0, abs(ki)):

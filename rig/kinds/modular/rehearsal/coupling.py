@@ -10,7 +10,7 @@ from typing import Any
 
 from controllers.signals import AxisSense, PanelSense
 from rig.kinds.modular.tick import Composition, WaveSense, compose
-from rig.kinds.modular.tick.compose import execute
+from rig.module_source import execute
 from sim_plant.modes.readings import READINGS_PER_AXIS
 
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
-from functools import partial
 
 from controllers import magnetic_spring
-from rig.campaign.equilibrium import equilibrium_problems
+from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind, Wait, points_of_matrix
 from rig.campaign.plan import order_rows
-from rig.config.law_settings import DEFAULT_LAW, find_law, inherit_law
+from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE, find_law, inherit_law
 from rig.config.limits_file import complete_limits
 from rig.config.problems import ConfigError, Problem, format_number
 from rig.config.yaml_source import KeyPath, SourceMap
@@ -124,9 +123,12 @@ def _point_problems(
 ) -> Iterator[Problem]:
     outside_map = spring_map_problems(points, rig.spring)
     yield from outside_map
-    if file is None or file.zc_law is not None:  # the stability is known from Ki only
-        check = partial(check_stiffness, rig.stability)
-        yield from (each for each, _ in equilibrium_problems(points, check, locate))
+
+    def check(point: Point) -> NoEquilibrium | None:
+        known = file is None or file.heave_law.chosen(point).module is IMPEDANCE.module
+        return check_stiffness(rig.stability, point) if known else None  # known from Ki only
+
+    yield from (each for each, _ in equilibrium_problems(points, check, locate))
     yield from drive_setting_problems(file, points, rig, locate)
     if file and points and not outside_map and file.repeat * len(points) <= MAX_ROWS:
         first = points[order_rows(file, stator_positions(rig, points))[0].point]

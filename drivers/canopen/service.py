@@ -43,6 +43,7 @@ _SERVICE_BASES = (emcy.BASE, 0x580, heartbeat.BASE)  # COB-IDs of a node other t
 _ENABLED = int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two polls of a homing drive: over SDO, so slow
 _READER_TIMEOUT = 0.1  # s within which the library's reader thread notices the end
+_RESET_NODE = 0x81  # NMT command
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
@@ -130,18 +131,31 @@ class Service:
         with suppress(ServiceError):
             self._set_nmt_state(node, _PRE_OPERATIONAL)
 
+    def reset(self, node: int, timeout_s: float) -> None:
+        """Restart a node, which loses its zero; ServiceError if it does not boot in time."""
+        self.watch(node)
+        try:
+            self._remote(node).nmt.send_command(_RESET_NODE)
+        except (can.CanError, OSError, RuntimeError) as error:
+            raise ServiceError(f"node {node}: cannot send NMT RESET: {error}") from error
+        end = time.monotonic() + timeout_s
+        while self.health()[node].boots == 0:
+            if time.monotonic() > end:
+                raise ServiceError(f"node {node} did not boot within {timeout_s:g} s of a reset")
+            time.sleep(_HOME_PERIOD)
+
     def home(
         self,
         node: int,
         machine: cia402.Params,
         params: homing.Params,
         stopped: Callable[[], bool],
-    ) -> None:
-        """Home a drive over SDO, then remove its power; ServiceError names the failure.
+    ) -> bool:
+        """Home a drive over SDO, then remove its power; return whether it homed now.
 
-        A drive that reports having been homed since it was switched on is left unchanged: its zero
-        is valid. Ticks of ``machine`` and ``params`` last 20 ms here. ``stopped``: returns True to
-        abort and remove the power.
+        A drive that reports having been homed since it was switched on, or since `reset`, is left
+        unchanged: its zero is valid. Ticks of ``machine`` and ``params`` last 20 ms here.
+        ``stopped``: returns True to abort and remove the power. ServiceError names the failure.
         """
         remote = self._remote(node)
         self._set_nmt_state(node, _PRE_OPERATIONAL)
@@ -149,7 +163,7 @@ class Service:
         failure, bits, acting = "no answer", 0, 0
         self._write(remote, 0x6060, 0, "i8", homing.MODE)
         if self._is_homed(node):
-            return
+            return False
         try:
             while True:
                 statusword = self.read(node, 0x6041, 0, "u16")
@@ -172,7 +186,7 @@ class Service:
                 )
                 self._write(remote, 0x6040, 0, "u16", output.controlword)
                 if handshake.phase == _HOMED:
-                    return
+                    return True
                 if handshake.phase == _FAILED:
                     failure = homing.Failure(handshake.failure).name.lower().replace("_", " ")
                     break

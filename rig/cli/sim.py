@@ -2,14 +2,11 @@
 
 import itertools
 import json
-import signal
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any, NamedTuple
 
 import typer
@@ -19,6 +16,7 @@ from rich.text import Text
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.options import WIRED_RIG_HELP
 from rig.cli.output import FAILED, OK, fail, input_errors
+from rig.cli.stop_signals import stop_signals
 from rig.config.rig_file import BaseRigFile
 from rig.config.shipped_files import PLANTS
 from rig.config.wiring import (
@@ -63,7 +61,7 @@ def command(
         busy = RuntimeError("\n".join(taken_addresses))
         return fail("sim", busy, as_json=as_json, code=FAILED)
     with (
-        _stop_signals() as stop_requested,
+        stop_signals() as stop_requested,
         tempfile.TemporaryDirectory(prefix="rig-sim-") as folder,
     ):
         io_processes = IoProcesses((devices,), Path(folder))
@@ -127,24 +125,6 @@ def _wait_for_end(io_processes: IoProcesses, stop_requested: Callable[[], bool])
             return trouble
         time.sleep(_POLL_INTERVAL_S)
     return ""
-
-
-@contextmanager
-def _stop_signals() -> Iterator[Callable[[], bool]]:
-    """Catch SIGINT, SIGTERM and SIGHUP; yield a function that returns whether one came."""
-    count = 0
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal count
-        count += 1
-
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, interrupt) for number in numbers}
-    try:
-        yield lambda: count > 0
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class EmulatedDevice(NamedTuple):

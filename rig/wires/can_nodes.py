@@ -125,7 +125,7 @@ def _node_setup(name: str, drive: Drive, can: CanBus) -> dict[str, Any]:
         steps += rpdo_steps(2, target, 1, drive.command_deadline_ms)
         steps += tpdo_steps(1, status, can.actuator_divider)
     homing_settings = None
-    if isinstance(drive, Actuator) and drive.homing:
+    if isinstance(drive, Actuator):
         ticks = round(drive.homing_s / _HOMING_PERIOD_S)
         homing_settings = [
             _power_machine(drive, _HOMING_PERIOD_S),
@@ -137,6 +137,7 @@ def _node_setup(name: str, drive: Drive, can: CanBus) -> dict[str, Any]:
         "steps": steps,
         "facts": [[entry.name, entry.object, entry.sub, entry.type] for entry in facts],
         "homing": homing_settings,
+        "homes": isinstance(drive, Actuator) and drive.homing,  # before every run
     }
 
 

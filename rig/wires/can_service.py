@@ -8,6 +8,7 @@ drive's current.
 
 import json
 import time
+from collections.abc import Callable
 from typing import Any
 
 from drivers.canopen import cia402, homing
@@ -41,7 +42,10 @@ def serve(job: IoJob) -> None:
         return
     try:
         try:
-            facts = _set_up(service, nodes, ended)
+            facts = set_up_nodes(service, nodes)
+            for node in nodes:
+                if node["homes"]:
+                    home_node(service, node, ended)
             service.ignore_process_data()
             for node in nodes:
                 service.start(node["node"])
@@ -65,8 +69,11 @@ def serve(job: IoJob) -> None:
         service.close()
 
 
-def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict[str, Any]:
-    """Set up and home the nodes; return the values read for the loop by node name."""
+def set_up_nodes(service: Service, nodes: list[dict[str, Any]]) -> dict[str, Any]:
+    """Set up the nodes (`can_nodes`); return the values read for the loop by node name.
+
+    ServiceError lists every node that does not take its settings.
+    """
     facts: dict[str, Any] = {}
     problems = []
     for node in nodes:
@@ -89,16 +96,18 @@ def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict
         facts[node["name"]] = values
     if problems:
         raise ServiceError("\n".join(problems))
-    for node in nodes:
-        if node["homing"] is not None:
-            machine, deadlines = node["homing"]
-            service.home(
-                node["node"],
-                handover.loads(cia402.Params, json.dumps(machine)),
-                handover.loads(homing.Params, json.dumps(deadlines)),
-                stopped,
-            )
     return facts
+
+
+def home_node(service: Service, node: dict[str, Any], stopped: Callable[[], bool]) -> bool:
+    """Home a node; return whether it moved. ServiceError names the failure, as `Service.home`."""
+    machine, deadlines = node["homing"]
+    return service.home(
+        node["node"],
+        handover.loads(cia402.Params, json.dumps(machine)),
+        handover.loads(homing.Params, json.dumps(deadlines)),
+        stopped,
+    )
 
 
 def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailbox]) -> None:

@@ -1,5 +1,4 @@
-"""CANopen drives and actuators (CiA 301, CiA 402): codecs and handshakes, pure functions.
+"""CANopen (CiA 301): frames, process data by SYNC, and service of drives (`drivers.cia402`).
 
-The codecs and handshakes own no bus and read no clock: ages and counts of ticks are arguments,
-frames are bytes. Only `link`, `service` and the bus classes do I/O.
+The codecs own no bus and read no clock. Only `link`, `service` and the bus classes do I/O.
 """

@@ -7,22 +7,24 @@ import struct
 from typing import NamedTuple
 
 from drivers.canopen.codec_error import CodecError, wrong_length
+from drivers.cia402.process_data import (
+    BYTES,
+    CONTROLWORD,
+    ERROR_CODE,
+    MODE,
+    MODE_DISPLAY,
+    POSITION,
+    PROFILE_VELOCITY,
+    STATUSWORD,
+    TARGET_POSITION,
+    TARGET_TORQUE,
+    TORQUE,
+    TYPES,
+    Entry,
+)
 
 MAX_BYTES = 8
 MAX_NODE = 127
-
-# CiA 301 basic types by struct code.
-TYPES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
-BYTES = {name: struct.calcsize("<" + code) for name, code in TYPES.items()}
-
-
-class Entry(NamedTuple):
-    """One object in a PDO."""
-
-    object: int  # index in the object dictionary
-    sub: int
-    type: str  # a key of TYPES
-    name: str
 
 
 class Layout(NamedTuple):
@@ -36,17 +38,6 @@ class Layout(NamedTuple):
 class PdoError(ValueError):
     """An invalid PDO; names it and the problem."""
 
-
-CONTROLWORD = Entry(0x6040, 0, "u16", "controlword")
-STATUSWORD = Entry(0x6041, 0, "u16", "statusword")
-MODE = Entry(0x6060, 0, "i8", "mode of operation")
-MODE_DISPLAY = Entry(0x6061, 0, "i8", "mode of operation display")
-POSITION = Entry(0x6064, 0, "i32", "position actual value")
-TARGET_TORQUE = Entry(0x6071, 0, "i16", "target torque")
-TORQUE = Entry(0x6077, 0, "i16", "torque actual value")
-TARGET_POSITION = Entry(0x607A, 0, "i32", "target position")
-PROFILE_VELOCITY = Entry(0x6081, 0, "u32", "profile velocity")
-ERROR_CODE = Entry(0x603F, 0, "u16", "error code")
 
 # A torque axis: 4 bytes out and 8 bytes back on every SYNC, the rest on a divider of it.
 AXIS_COMMAND = (CONTROLWORD, TARGET_TORQUE)
@@ -98,12 +89,6 @@ def layout(cob_id: int, entries: tuple[Entry, ...]) -> Layout:
     return Layout(
         cob_id, entries, struct.Struct("<" + "".join(TYPES[entry.type] for entry in entries))
     )
-
-
-def mapping_entries(entries: tuple[Entry, ...]) -> tuple[int, ...]:
-    """Return the u32 of each sub-index of a mapping object (0x1600, 0x1A00): index, sub, bits."""
-    size(entries)
-    return tuple(e.object << 16 | e.sub << 8 | 8 * BYTES[e.type] for e in entries)
 
 
 def pack(pdo: Layout, *values: int) -> bytes:

@@ -17,16 +17,18 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from drivers.canopen import arming, cia402, emcy, heartbeat, homing
-from drivers.canopen.arming import Mismatch, SetupStep
+from drivers.canopen import emcy, heartbeat
 from drivers.canopen.bus_off import BusOffListener
 from drivers.canopen.bus_settings import BusSettings
-from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
-from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError, open_bus, set_receive_filter
-from drivers.canopen.pdo import BYTES, MAX_NODE
-from drivers.canopen.statusword import describe
+from drivers.canopen.pdo import MAX_NODE
+from drivers.cia402 import arming, homing, state_machine
+from drivers.cia402.arming import Mismatch, SetupStep
+from drivers.cia402.drive_objects import Access
+from drivers.cia402.process_data import BYTES
+from drivers.cia402.state_table import Goal
+from drivers.cia402.statusword import describe
 
 # This module reports nodes that do not answer; the library would log them a second time.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -147,7 +149,7 @@ class Service:
     def home(
         self,
         node: int,
-        machine: cia402.Params,
+        machine: state_machine.Params,
         params: homing.Params,
         stopped: Callable[[], bool],
     ) -> bool:
@@ -159,7 +161,7 @@ class Service:
         """
         remote = self._remote(node)
         self._set_nmt_state(node, _PRE_OPERATIONAL)
-        drive, handshake = cia402.start(0, 0), homing.start(0)
+        drive, handshake = state_machine.start(0, 0), homing.start(0)
         failure, bits, acting = "no answer", 0, 0
         self._write(remote, 0x6060, 0, "i8", homing.MODE)
         if self._is_homed(node):
@@ -170,16 +172,16 @@ class Service:
                 mode_display = self.read(node, 0x6061, 0, "i8")
                 if statusword is None or mode_display is None:
                     break
-                drive, output = cia402.step(
+                drive, output = state_machine.step(
                     machine,
                     drive,
-                    cia402.Inputs(
+                    state_machine.Inputs(
                         statusword, 0.0, mode_display, homing.MODE, _ENABLED, 1, 0, bits, 0
                     ),
                 )
                 acting = output.acting
                 if drive.armed == 0:
-                    failure = f"{describe(statusword)}; {cia402.explain(drive)}"
+                    failure = f"{describe(statusword)}; {state_machine.explain(drive)}"
                     break
                 handshake, bits = homing.step(
                     params, handshake, homing.Inputs(statusword, acting, acting, 0)

@@ -9,8 +9,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from drivers.canopen import emcy, statusword
 from drivers.canopen.heartbeat import NmtState
+from drivers.cia402 import error_codes, statusword
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
 from rig.cli.output import FAILED, OK, fail, input_errors, print_json, waiting
@@ -103,7 +103,7 @@ def _node_as_dict(node: NodeSurvey) -> dict[str, Any]:
     return {
         **json_value(node),
         "nmt": _nmt_name(node.nmt),
-        "error_text": emcy.meaning(code) if code else None if code is None else "none",
+        "error_text": error_codes.meaning(code) if code else None if code is None else "none",
         "status_text": None if status is None else statusword.describe(status),
     }
 
@@ -137,7 +137,7 @@ def render_heard(rig: str, heard: BusActivity) -> Group:
     table = plain_table("node", "", "state", "heartbeat", "emergency…", padding=(0, 2, 0, 0))
     for node in heard.nodes:
         age = "none" if node.heartbeat_age is None else f"{1e3 * node.heartbeat_age:.0f} ms ago"
-        code = emcy.meaning(node.emergency) if node.emergency else "none"
+        code = error_codes.meaning(node.emergency) if node.emergency else "none"
         table.add_row(str(node.node), node.name, _nmt_label(node.nmt) or "-", age, code)
     if heard.nodes:
         parts.append(table)
@@ -220,7 +220,7 @@ def _error_code_text(node: NodeSurvey) -> Text:
     code = node.error_code
     if not code:
         return _text_or_dash("none" if code == 0 else None)
-    return Text(f"{code:#06x} {emcy.meaning(code)}", BAD_STYLE)
+    return Text(f"{code:#06x} {error_codes.meaning(code)}", BAD_STYLE)
 
 
 def _settings_text(node: NodeSurvey) -> Text:

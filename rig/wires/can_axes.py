@@ -9,16 +9,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from controllers.signals import AxisSense, DriveFault
-from drivers.canopen import scaling
 from drivers.canopen.bus_cycle import BusCycle, FrameLink, Node
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import Link
-from drivers.canopen.position_actuator import (
-    ActuatorReading,
-    ActuatorSettings,
-    PositionActuator,
-)
-from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisReading, TorqueAxisSettings
+from drivers.canopen.position_actuator import ActuatorSettings, PositionActuator
+from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
+from drivers.cia402 import scaling
+from drivers.cia402.positioning_drive import PositioningReading
+from drivers.cia402.torque_drive import TorqueDriveReading
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth
@@ -95,15 +93,15 @@ class CanAxes:
         self.time = self._bus.receive()
         return self.time
 
-    def read(self, name: str) -> TorqueAxisReading:
+    def read(self, name: str) -> TorqueDriveReading:
         """Return an axis' last status."""
         return self.axes[name].read(self.time)
 
-    def read_actuator(self, name: str) -> ActuatorReading:
+    def read_actuator(self, name: str) -> PositioningReading:
         """Return an actuator's last status."""
         return self.actuators[name].read(self.time)
 
-    def sense(self, name: str, reading: TorqueAxisReading) -> AxisSense:
+    def sense(self, name: str, reading: TorqueDriveReading) -> AxisSense:
         """Return an axis' status as the loop's signal: a lost or restarted node is a fault."""
         fault = _FAULTS.get(reading.error, _GENERAL_FAULT) if reading.error else 0
         health: NodeHealth | None = self._health[name].read()
@@ -149,8 +147,9 @@ def connect(config: dict[str, Any], facts: dict[str, Any], slots: Mapping[str, M
     ``facts``: by node the values that the CAN service has read from it.
     """
     settings: CanAxesSettings = handover.loads(CanAxesSettings, config["nodes"])
+    scales = {name: _current_scale(config["scales"][name], facts[name]) for name in settings.axes}
     axes = {
-        name: axis._replace(scale=_current_scale(config["scales"][name], facts[name]))
+        name: axis._replace(drive=axis.drive._replace(scale=scales[name]))
         for name, axis in settings.axes.items()
     }
     settings = settings._replace(axes=axes)

@@ -3,20 +3,17 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from drivers.canopen import bus_load, cia402, homing, pdo, profile_position, scaling
-from drivers.canopen.arming import (
-    SetupError,
-    SetupStep,
-    heartbeat_consumer,
-    parameter_steps,
-    rpdo_steps,
-    tpdo_steps,
-)
+from drivers.canopen import bus_load, pdo
 from drivers.canopen.bus_load import BusLoad
 from drivers.canopen.bus_settings import unsupported_rate
-from drivers.canopen.drive_objects import BY_NAME
+from drivers.canopen.pdo_steps import heartbeat_consumer, rpdo_steps, tpdo_steps
 from drivers.canopen.position_actuator import ActuatorSettings
-from drivers.canopen.torque_axis import TORQUE_MODE, TorqueAxisSettings, layouts
+from drivers.canopen.torque_axis import TorqueAxisSettings, layouts
+from drivers.cia402 import homing, profile_position, scaling, state_machine
+from drivers.cia402.arming import SetupError, SetupStep, parameter_steps
+from drivers.cia402.drive_objects import BY_NAME
+from drivers.cia402.positioning_drive import PositioningSettings
+from drivers.cia402.torque_drive import TORQUE_MODE, TorqueDriveSettings
 from rig.config.wiring import Actuator, CanBus, Drive, TorqueDrive
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess
@@ -141,21 +138,21 @@ def _node_setup(name: str, drive: Drive, can: CanBus) -> dict[str, Any]:
     }
 
 
-def _power_machine(drive: Drive, tick: float) -> cia402.Params:
+def _power_machine(drive: Drive, tick: float) -> state_machine.Params:
     """Return the CiA 402 power machine of a drive for a period ``tick`` (s)."""
     times = drive.deadlines
     step = max(2, round(times.transition_s / tick))
     ramp, boot = max(2, round(times.ramp_s / tick)), max(2, round(times.boot_s / tick))
     reset = max(1, round(_RESET_TICKS * 1e-3 / tick))
-    limits = cia402.Deadlines(
+    limits = state_machine.Deadlines(
         nothing=0, boot=boot, shutdown=step, switch_on=step, enable=step, mode=step, follow=step,
         disable_voltage=step, quick_stop=step, ramp_end=ramp, fault_reaction=ramp,
         fault_reset=max(step, 4 * reset),
     )  # fmt: skip
-    params = cia402.Params(
+    params = state_machine.Params(
         times.stale_s, int(drive.mode_first), int(drive.follows), 0, reset, limits
     )
-    problems = cia402.find_problems(params)
+    problems = state_machine.find_problems(params)
     if problems:
         raise SetupError("; ".join(problems))
     return params
@@ -198,7 +195,8 @@ def _torque_axis_settings(drive: TorqueDrive, can: CanBus, dt: float) -> TorqueA
     slow = can.slow_divider
     max_age = drive.deadlines.stale_s + 2.0 * slow * dt
     machine = _power_machine(drive, dt)
-    return TorqueAxisSettings(drive.node, machine, _NO_SCALE, max_age, per_count, slow)
+    constants = TorqueDriveSettings(machine, _NO_SCALE, max_age, per_count)
+    return TorqueAxisSettings(drive.node, constants, slow)
 
 
 def _actuator_settings(actuator: Actuator, can: CanBus, dt: float) -> ActuatorSettings:
@@ -208,8 +206,7 @@ def _actuator_settings(actuator: Actuator, can: CanBus, dt: float) -> ActuatorSe
         round(percent * actuator.counts_per_percent) + actuator.zero_counts
         for percent in (actuator.low_percent, actuator.high_percent)
     )
-    return ActuatorSettings(
-        actuator.node,
+    constants = PositioningSettings(
         _power_machine(actuator, slow),
         profile_position.Params(
             actuator.window_counts,
@@ -220,5 +217,5 @@ def _actuator_settings(actuator: Actuator, can: CanBus, dt: float) -> ActuatorSe
         ),
         scaling.position_scale(actuator.counts_per_percent, actuator.zero_counts, low, high),
         actuator.velocity,
-        can.actuator_divider,
     )
+    return ActuatorSettings(actuator.node, constants, can.actuator_divider)

@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from drivers.canopen import cia402, homing
-from drivers.canopen.arming import SetupStep, format_mismatches
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
+from drivers.cia402 import homing, state_machine
+from drivers.cia402.arming import SetupStep, format_mismatches
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
@@ -104,7 +104,7 @@ def home_node(service: Service, node: dict[str, Any], stopped: Callable[[], bool
     machine, deadlines = node["homing"]
     return service.home(
         node["node"],
-        handover.loads(cia402.Params, json.dumps(machine)),
+        handover.loads(state_machine.Params, json.dumps(machine)),
         handover.loads(homing.Params, json.dumps(deadlines)),
         stopped,
     )

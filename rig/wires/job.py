@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from drivers.canopen.arming import SetupError
 from drivers.canopen.bus_load import BusLoad
+from drivers.cia402.arming import SetupError
 from drivers.errors import CodecError
 from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.rig_file import BaseRigFile

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from typing import Any, NamedTuple
 
-from drivers.canopen import arming, emcy, statusword
-from drivers.canopen.arming import Mismatch, SetupStep
 from drivers.canopen.bus_settings import BusSettings
-from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError as CanLinkError
 from drivers.canopen.service import NodeIdentity, NodeStatus, Service
+from drivers.cia402 import arming, error_codes, statusword
+from drivers.cia402.arming import Mismatch, SetupStep
+from drivers.cia402.drive_objects import Access
 from drivers.compax3 import objects
 from drivers.compax3.codec import error_number
 from drivers.compax3.requests import Requests
@@ -410,7 +410,7 @@ def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
 def _fault_texts(found: NodeSurvey) -> Iterator[str]:
     code, register = found.error_code or 0, found.identity.error_register or 0
     if code:
-        yield f"reports error {code:#06x}, {emcy.meaning(code)}"
+        yield f"reports error {code:#06x}, {error_codes.meaning(code)}"
     elif register and not found.waits_for_master:
         yield f"has error register {register:#04x}, {error_register_text(register)}"
     status_word = found.statusword
@@ -425,7 +425,7 @@ def _fault_texts(found: NodeSurvey) -> Iterator[str]:
 
 def error_register_text(register: int) -> str:
     """Return the names of the set bits of an error register 0x1001."""
-    return ", ".join(name for bit, name in enumerate(emcy.REGISTER) if register >> bit & 1)
+    return ", ".join(name for bit, name in enumerate(error_codes.REGISTER) if register >> bit & 1)
 
 
 def _wait_for_heartbeats(service: Service, nodes: list[NodeSurvey]) -> None:

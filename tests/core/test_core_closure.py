@@ -36,8 +36,9 @@ from rig.realtime import cycle
 from rig.realtime.tick_memory import FlatMemory
 from rig.wires.can_axes import CanAxes, CanAxesSettings
 from rig.wires.messages import NodeHealth, message_fields, open_mailboxes
-from drivers.canopen import cia402, scaling
+from drivers.cia402 import scaling, state_machine
 from drivers.canopen.torque_axis import TorqueAxisSettings
+from drivers.cia402.torque_drive import TorqueDriveSettings
 
 class Bus:
     has_backlog = False
@@ -54,8 +55,10 @@ fields = {"heave_health": message_fields(NodeHealth), "meter": (("dc", "W"), ("s
 slots = open_mailboxes({name: (mailbox.create(), each) for name, each in fields.items()})
 slots["meter"].post((7.0, time.monotonic()))
 slots["inputs"].post((0, 0, time.monotonic()))
-machine = cia402.Params(0.2, 1, 1, 0, 20, cia402.Deadlines(*[100] * len(cia402.Deadlines._fields)))
-axis = TorqueAxisSettings(5, machine, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
+limits = state_machine.Deadlines(*[100] * len(state_machine.Deadlines._fields))
+machine = state_machine.Params(0.2, 1, 1, 0, 20, limits)
+drive = TorqueDriveSettings(machine, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
+axis = TorqueAxisSettings(5, drive)
 can = CanAxes(CanAxesSettings(127, 0.05, 0.5, 0.5, 10, {"heave": axis}, {}), Bus(), slots)
 source = SensorSource("dc_power", "meter", 0, 2.0, 1.0)
 devices = ModularDevices(can, slots, composition, [source], 20)

@@ -13,10 +13,11 @@ from core_kinds import AXIS, DT
 
 from controllers import estimator
 from controllers.signals import AxisSense, Estimate
-from drivers.canopen import cia402, scaling
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
 from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
+from drivers.cia402 import scaling, state_machine
+from drivers.cia402.torque_drive import TorqueDriveSettings
 from rig.design.estimator import design
 from rig.realtime import axis
 from rig.realtime.reasons import Reason
@@ -24,8 +25,8 @@ from rig.realtime.safety import RUN
 
 SCALE = AXIS.metres_per_count
 NODE = 5
-DEADLINES = cia402.Deadlines(0, *(2000 for _ in range(11)))
-MACHINE = cia402.Params(0.5, 1, 0, 0, 2, DEADLINES)
+DEADLINES = state_machine.Deadlines(0, *(2000 for _ in range(11)))
+MACHINE = state_machine.Params(0.5, 1, 0, 0, 2, DEADLINES)
 PEAK, OMEGA = 0.25, 2.0 * math.pi * 0.5  # m/s and rad/s of a body in a wave
 
 Through = Callable[[int], int]  # number of pending statuses that arrive in a tick
@@ -67,7 +68,9 @@ def tracking_error(
     """
     bus = Bus()
     drive = TorqueAxis(
-        TorqueAxisSettings(NODE, MACHINE, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
+        TorqueAxisSettings(
+            NODE, TorqueDriveSettings(MACHINE, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
+        )
     )
     cycle = BusCycle(bus, [drive], 127, 1.0)
     state, worst, reasons = axis.start(), 0.0, set[int]()

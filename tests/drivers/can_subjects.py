@@ -13,12 +13,14 @@ from collections.abc import Sequence
 
 from drive_402 import PARAMS, Drive
 
-from drivers.canopen import profile_position as move
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
 from drivers.canopen.position_actuator import ActuatorSettings, PositionActuator
-from drivers.canopen.scaling import CurrentScale, PositionScale
 from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
+from drivers.cia402 import profile_position as move
+from drivers.cia402.positioning_drive import PositioningSettings
+from drivers.cia402.scaling import CurrentScale, PositionScale
+from drivers.cia402.torque_drive import TorqueDriveSettings
 
 NODE, STEP = 5, 0.001
 WATCHDOG = 0.05  # s without a command after which the drive removes power by itself
@@ -154,7 +156,9 @@ class TorqueAxisSubject(CanSubject):
     def __init__(self) -> None:
         super().__init__(profile=False)
         self.axis = TorqueAxis(
-            TorqueAxisSettings(NODE, PARAMS, CurrentScale(100.0, 0.01, 10000), 0.05)
+            TorqueAxisSettings(
+                NODE, TorqueDriveSettings(PARAMS, CurrentScale(100.0, 0.01, 10000), 0.05)
+            )
         )
         self.cycle = BusCycle(self.bus, [self.axis], 1, 0.1)
 
@@ -180,8 +184,11 @@ class ActuatorSubject(CanSubject):
         super().__init__(profile=True)
         self.actuator = PositionActuator(
             ActuatorSettings(
-                NODE, PARAMS, move.Params(5, 2, 1, 50, 5000),
-                PositionScale(1000.0, 0, -(1 << 30), 1 << 30), 1000,
+                NODE,
+                PositioningSettings(
+                    PARAMS, move.Params(5, 2, 1, 50, 5000),
+                    PositionScale(1000.0, 0, -(1 << 30), 1 << 30), 1000,
+                ),
             )
         )  # fmt: skip
         self.cycle = BusCycle(self.bus, [self.actuator], 1, 0.1)

@@ -5,30 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from drivers.canopen import cia402, profile_position, scaling
-from drivers.canopen.arming import (
-    SetupStep,
-    heartbeat_consumer,
-    parameter_steps,
-    rpdo_steps,
-    tpdo_steps,
-)
 from drivers.canopen.bus_cycle import SYNC
 from drivers.canopen.link import Frame
+from drivers.canopen.pdo_steps import heartbeat_consumer, rpdo_steps, tpdo_steps
 from drivers.canopen.position_actuator import ActuatorSettings
-from drivers.canopen.torque_axis import TORQUE_MODE, TorqueAxisSettings, layouts
+from drivers.canopen.torque_axis import TorqueAxisSettings, layouts
+from drivers.cia402 import profile_position, scaling, state_machine
+from drivers.cia402.arming import SetupStep, parameter_steps
+from drivers.cia402.positioning_drive import PositioningSettings
+from drivers.cia402.torque_drive import TORQUE_MODE, TorqueDriveSettings
 
 OWN = 0x7F  # our node
 SCALE = scaling.CurrentScale(100.0, 0.01, 4000)  # 0.01 A a step, 40 A at most
 SLOW = 5  # SYNCs from one mode display of an emulated drive to the next
 TICKS = 2000  # deadline of every transition
-MACHINE = cia402.Params(
+MACHINE = state_machine.Params(
     max_status_age=0.5,
     mode_first=1,
     follows=0,
     resume=0,
     reset_ticks=2,
-    deadlines=cia402.Deadlines(0, *(TICKS for _ in range(11))),
+    deadlines=state_machine.Deadlines(0, *(TICKS for _ in range(11))),
 )
 MOVE = profile_position.Params(
     window=10, settle_ticks=2, immediate=1, handshake_ticks=20, move_ticks=100
@@ -59,12 +56,14 @@ DRIVE_OBJECTS: dict[str, int | None] = {
 }
 
 
-def axis_settings(node: int, **changes: object) -> TorqueAxisSettings:
-    return TorqueAxisSettings(node, MACHINE, SCALE, max_slow_age=1.0)._replace(**changes)
+def axis_settings(node: int, slow_divider: int = 1, **changes: object) -> TorqueAxisSettings:
+    drive = TorqueDriveSettings(MACHINE, SCALE, max_slow_age=1.0)._replace(**changes)
+    return TorqueAxisSettings(node, drive, slow_divider)
 
 
-def actuator_settings(node: int) -> ActuatorSettings:
-    return ActuatorSettings(node, MACHINE, MOVE, POSITION, velocity=50)
+def actuator_settings(node: int, **changes: object) -> ActuatorSettings:
+    drive = PositioningSettings(MACHINE, MOVE, POSITION, velocity=50)._replace(**changes)
+    return ActuatorSettings(node, drive)
 
 
 def drive_steps(

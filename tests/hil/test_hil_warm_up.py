@@ -14,7 +14,7 @@ import pytest
 
 from drivers.canopen.bus_cycle import SYNC
 from drivers.canopen.link import Frame
-from drivers.canopen.scaling import CurrentScale
+from drivers.cia402.scaling import CurrentScale
 from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.devices import WaveBotDevices
@@ -91,7 +91,10 @@ def config() -> CanAxesSettings:
     settings: CanAxesSettings = handover.loads(CanAxesSettings, JOB.devices["can"]["nodes"])
     scale = CurrentScale(100.0, 0.01, 4000)
     return settings._replace(
-        axes={name: axis._replace(scale=scale) for name, axis in settings.axes.items()}
+        axes={
+            name: axis._replace(drive=axis.drive._replace(scale=scale))
+            for name, axis in settings.axes.items()
+        }
     )
 
 

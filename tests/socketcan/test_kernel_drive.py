@@ -14,12 +14,12 @@ from can_rig import HEAVE, SURGE, LiveRig, live, wait_until
 from canopen_drives import MACHINE, OWN, SLOW, axis_settings, drive_steps
 from kernel_can import BUS, NAME, HubBridge, needs_kernel, switch
 
-from drivers.canopen import arming, scaling
 from drivers.canopen.bus_cycle import BusCycle
 from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import Link, LinkError
 from drivers.canopen.service import Service, ServiceError
 from drivers.canopen.torque_axis import TorqueAxis
+from drivers.cia402 import arming, scaling
 
 pytestmark = needs_kernel
 PERIOD = 0.02  # s, two ticks of this kernel

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from drivers.canopen import cia402
-from drivers.canopen.cia402 import Deadlines, Inputs, Params
-from drivers.canopen.cia402_table import Goal
-from drivers.canopen.statusword import DriveState
+from drivers.cia402 import state_machine
+from drivers.cia402.state_machine import Deadlines, Inputs, Params
+from drivers.cia402.state_table import Goal
+from drivers.cia402.statusword import DriveState
 
 STATUSWORD = {
     "NR": 0x0200, "SOD": 0x0250, "RTSO": 0x0231, "SO": 0x0233, "OE": 0x0237, "QSA": 0x0217,
@@ -80,8 +80,8 @@ class DriveLoop:
 
     def __init__(self, drive: Drive, params: Params = PARAMS) -> None:
         self.drive, self.params = drive, params
-        self.state = cia402.start(0, 0)
-        self.output = cia402.Output(0, 0, 0, 0)
+        self.state = state_machine.start(0, 0)
+        self.output = state_machine.Output(0, 0, 0, 0)
         self.inputs = QUIET
         self.controlwords: list[int] = []
 
@@ -92,7 +92,7 @@ class DriveLoop:
                 statusword=self.drive.statusword, mode_display=self.drive.mode_display
             )
             self.drive.tick(self.output.controlword)
-            self.state, self.output = cia402.step(self.params, self.state, now)
+            self.state, self.output = state_machine.step(self.params, self.state, now)
             self.controlwords.append(self.output.controlword)
         return self
 

@@ -7,20 +7,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.canopen import pdo
-from drivers.canopen.arming import (
+from drivers.canopen.pdo_steps import (
+    heartbeat_consumer,
+    rpdo_steps,
+    silent_tpdo_step,
+    tpdo_steps,
+)
+from drivers.cia402 import process_data
+from drivers.cia402.arming import (
     Mismatch,
     SetupError,
     SetupStep,
     compare,
     format_mismatches,
-    heartbeat_consumer,
     parameter_steps,
     read_back,
-    rpdo_steps,
-    silent_tpdo_step,
-    tpdo_steps,
 )
-from drivers.canopen.drive_objects import BY_NAME, OBJECTS, REQUIRED, Access
+from drivers.cia402.drive_objects import BY_NAME, OBJECTS, REQUIRED, Access
 
 VALUES: dict[str, int | None] = {
     "device_type": 402, "sync_cob_id": 0x80, "heartbeat_consumer": heartbeat_consumer(1, 300),
@@ -206,7 +209,7 @@ def test_invalid_pdo_numbers_are_refused() -> None:
 def test_the_table_of_objects_is_one() -> None:
     assert len(BY_NAME) == len(OBJECTS) == len({(o.object, o.sub) for o in OBJECTS})
     assert set(BY_NAME) >= REQUIRED
-    assert {item.type for item in OBJECTS} <= set(pdo.TYPES)
+    assert {item.type for item in OBJECTS} <= set(process_data.TYPES)
     for item in OBJECTS:
         assert item.access in (Access.SET, Access.VERIFY)
 

@@ -8,10 +8,11 @@ import pytest
 from canopen_drives import MACHINE, OWN, SCALE, FakeLink, axis_settings
 from drive_402 import Drive
 
-from drivers.canopen import pdo, scaling
+from drivers.canopen import pdo
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
 from drivers.canopen.torque_axis import TorqueAxis, layouts
+from drivers.cia402 import scaling
 
 NODE = 5
 DT = 0.001

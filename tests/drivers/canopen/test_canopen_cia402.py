@@ -10,16 +10,16 @@ import pytest
 from canopen.profiles import p402
 from drive_402 import DEADLINES, PARAMS, QUIET, STATUSWORD, Drive, DriveLoop
 
-from drivers.canopen import cia402
-from drivers.canopen.cia402 import Deadlines, DisarmReason, Params, State, explain
-from drivers.canopen.cia402_table import AWAITED, CONTROLWORDS, LEVEL, Awaited, Goal
-from drivers.canopen.statusword import DriveState, decode
+from drivers.cia402 import state_machine
+from drivers.cia402.state_machine import Deadlines, DisarmReason, Params, State, explain
+from drivers.cia402.state_table import AWAITED, CONTROLWORDS, LEVEL, Awaited, Goal
+from drivers.cia402.statusword import DriveState, decode
 
 UP = {0x06, 0x07, 0x0F}  # words that lead up from somewhere
 
 
-def one(state: State, params: Params = PARAMS, **inputs: Any) -> tuple[State, cia402.Output]:
-    return cia402.step(params, state, QUIET._replace(**inputs))
+def one(state: State, params: Params = PARAMS, **inputs: Any) -> tuple[State, state_machine.Output]:
+    return state_machine.step(params, state, QUIET._replace(**inputs))
 
 
 # The meaning of every cell of the tables, in another form.
@@ -81,10 +81,10 @@ def contexts() -> list[tuple[str, State, Params]]:
     armed = State(1, 0, 0, 0, 0, 0, -1, 0, 0)
     late = armed._replace(awaited=int(Awaited.MODE), ticks=99)
     return [
-        ("not requested", cia402.start(0, 0), PARAMS),
+        ("not requested", state_machine.start(0, 0), PARAMS),
         ("armed", armed, PARAMS),
         ("armed, all options", late, PARAMS._replace(resume=1, follows=1, mode_first=0)),
-        ("requested now", cia402.start(-1, -1), PARAMS),
+        ("requested now", state_machine.start(-1, -1), PARAMS),
     ]
 
 
@@ -93,7 +93,7 @@ def test_no_statusword_enables_without_request(name: str, state: State, params: 
     for goal in Goal:
         inputs = QUIET._replace(goal=int(goal), mode_bits=0xFFFF)
         for statusword in range(0x10000):
-            after, out = cia402.step(params, state, inputs._replace(statusword=statusword))
+            after, out = state_machine.step(params, state, inputs._replace(statusword=statusword))
             word, setpoint, drive, acting = out
             core = word & 0x8F
             assert word & ~0x17F == 0
@@ -145,7 +145,7 @@ def test_enable_and_disable_sequence() -> None:
 
 def test_a_request_that_cannot_be_granted_is_discarded() -> None:
     """Neither a stale word, a fault, a quick stop nor a drive with power on lets it through."""
-    start = cia402.start(0, 0)
+    start = state_machine.start(0, 0)
     for inputs in (
         {"age": 0.0051}, {"age": -1e-9}, {"age": math.nan}, {"age": math.inf},
         {"statusword": STATUSWORD["F"]}, {"statusword": STATUSWORD["FR"]},
@@ -352,14 +352,14 @@ def test_a_statusword_is_fresh_up_to_its_limit() -> None:
 
 
 def test_invalid_parameters_are_named() -> None:
-    assert cia402.find_problems(PARAMS) == ()
+    assert state_machine.find_problems(PARAMS) == ()
     bad = PARAMS._replace(
         max_status_age=math.nan, reset_ticks=0, deadlines=DEADLINES._replace(mode=0, fault_reset=0)
     )
-    named = [text.split(":")[0] for text in cia402.find_problems(bad)]
+    named = [text.split(":")[0] for text in state_machine.find_problems(bad)]
     assert named == ["stale", "reset_ticks", "fault_reset", "mode", "fault_reset"]
-    assert cia402.find_problems(PARAMS._replace(reset_ticks=6))
-    assert cia402.find_problems(PARAMS._replace(max_status_age=0.0))
+    assert state_machine.find_problems(PARAMS._replace(reset_ticks=6))
+    assert state_machine.find_problems(PARAMS._replace(max_status_age=0.0))
     assert list(Deadlines._fields) == [awaited.name.lower() for awaited in Awaited]
 
 

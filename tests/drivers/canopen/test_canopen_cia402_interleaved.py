@@ -9,9 +9,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from drivers.canopen.cia402 import DisarmReason
-from drivers.canopen.cia402_table import Goal
-from drivers.canopen.statusword import DriveState
+from drivers.cia402.state_machine import DisarmReason
+from drivers.cia402.state_table import Goal
+from drivers.cia402.statusword import DriveState
 
 UP = {0x06, 0x07, 0x0F}  # controlwords that raise the level from some state
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from drivers.canopen import emcy, heartbeat
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.heartbeat import Heartbeat, NmtState
+from drivers.cia402 import error_codes
 
 
 def test_a_golden_emergency() -> None:
@@ -39,7 +40,7 @@ def test_a_golden_emergency() -> None:
     ],
 )  # fmt: skip
 def test_codes_have_texts(code: int, text: str) -> None:
-    assert emcy.meaning(code) == text
+    assert error_codes.meaning(code) == text
 
 
 def test_every_code_has_a_text_that_an_independent_table_does_not_contradict() -> None:
@@ -51,9 +52,9 @@ def test_every_code_has_a_text_that_an_independent_table_does_not_contradict() -
         "Device Specific": "specific", "Additional Functions": "additional functions",
     }  # fmt: skip
     for code in range(0x10000):
-        text = emcy.meaning(code)
+        text = error_codes.meaning(code)
         assert text
-        if code not in emcy.CODES and code & 0x0F00 in (0x0000, 0x0400):
+        if code not in error_codes.CODES and code & 0x0F00 in (0x0000, 0x0400):
             peer = EmcyError(code, 0, b"", 0.0).get_desc()
             assert same.get(peer, "") in text or text == "reserved"
 

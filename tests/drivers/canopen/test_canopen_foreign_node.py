@@ -15,13 +15,15 @@ import pytest
 from canopen_drives import OWN, axis_settings, foreign_steps, until
 from drive_402 import Drive
 
-from drivers.canopen import arming, pdo
+from drivers.canopen import pdo
 from drivers.canopen.bus_cycle import BusCycle
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import Link
 from drivers.canopen.service import Service
 from drivers.canopen.torque_axis import TorqueAxis
+from drivers.cia402 import arming
+from drivers.cia402.process_data import mapping_entries
 
 durand = pytest.importorskip("durand", reason="durand is not installed: no foreign CANopen node")
 scheduler = pytest.importorskip("durand.scheduler")
@@ -97,7 +99,7 @@ def service(foreign: ForeignDrive) -> Iterator[Service]:
 
 def test_it_is_set_up_over_sdo_and_read_back(service: Service, foreign: ForeignDrive) -> None:
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
-    words = pdo.mapping_entries(pdo.AXIS_STATUS)
+    words = mapping_entries(pdo.AXIS_STATUS)
     assert [foreign.od.read(0x1A00, sub) for sub in range(4)] == [3, *words]
     assert foreign.od.read(0x1800, 1) & 0x8000_07FF == 0x185
     assert service.identity(NODE).name == "a drive of another make"

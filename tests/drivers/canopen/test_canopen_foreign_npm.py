@@ -16,13 +16,13 @@ from pathlib import Path
 import pytest
 from canopen_drives import OWN, axis_settings, foreign_steps, until
 
-from drivers.canopen import arming
 from drivers.canopen.bus_cycle import BusCycle
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import Link
 from drivers.canopen.service import Service
 from drivers.canopen.torque_axis import TorqueAxis
+from drivers.cia402 import arming
 
 NODE = 5
 PACKAGE = "canopen@6.2.1"

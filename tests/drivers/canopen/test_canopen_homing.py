@@ -9,9 +9,9 @@ from canopen.profiles.p402 import Homing
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen import homing
-from drivers.canopen.cia402_table import HALT
-from drivers.canopen.homing import Failure, Inputs, Outcome, Params, Phase, State
+from drivers.cia402 import homing
+from drivers.cia402.homing import Failure, Inputs, Outcome, Params, Phase, State
+from drivers.cia402.state_table import HALT
 
 PARAMS = Params(start_ticks=4, end_ticks=10)
 NOT_STARTED, MOVING, ATTAINED, HOMED = 0x0637, 0x0237, 0x1237, 0x1637

@@ -9,13 +9,15 @@ import pytest
 from canopen_drives import MACHINE, FakeLink, actuator_settings
 from drive_402 import Drive
 
-from drivers.canopen import pdo, scaling
-from drivers.canopen import profile_position as move
+from drivers.canopen import pdo
 from drivers.canopen.bus_cycle import BusCycle
-from drivers.canopen.cia402_table import HALT
 from drivers.canopen.link import Frame
-from drivers.canopen.position_actuator import ActuatorReading, PositionActuator
-from drivers.canopen.statusword import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED
+from drivers.canopen.position_actuator import PositionActuator
+from drivers.cia402 import profile_position as move
+from drivers.cia402 import scaling
+from drivers.cia402.positioning_drive import PositioningReading
+from drivers.cia402.state_table import HALT
+from drivers.cia402.statusword import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED
 
 NODE = 9
 DT = 0.01
@@ -60,7 +62,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.line = FakeLink()
-        settings = actuator_settings(NODE)._replace(machine=MACHINE._replace(max_status_age=0.1))
+        settings = actuator_settings(NODE, machine=MACHINE._replace(max_status_age=0.1))
         self.actuator = PositionActuator(settings)
         self.bus = BusCycle(self.line, [self.actuator], 127, 1.0)
         self.drive = Positioner()
@@ -83,7 +85,7 @@ class Bench:
             line.time += DT
 
     def until(
-        self, true: Callable[[ActuatorReading], object], target: float, enable: int = 1
+        self, true: Callable[[PositioningReading], object], target: float, enable: int = 1
     ) -> None:
         for _ in range(300):
             if true(self.reading):
@@ -92,7 +94,7 @@ class Bench:
         raise AssertionError(f"in vain: {self.reading}, {self.actuator.explain()}")
 
     @property
-    def reading(self) -> ActuatorReading:
+    def reading(self) -> PositioningReading:
         return self.actuator.read(self.line.now())
 
 
@@ -104,11 +106,11 @@ def bench() -> Bench:
     return one
 
 
-def arrived(reading: ActuatorReading) -> bool:
+def arrived(reading: PositioningReading) -> bool:
     return reading.arrived == 1
 
 
-def failed(reading: ActuatorReading) -> bool:
+def failed(reading: PositioningReading) -> bool:
     return reading.failed != 0
 
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen import profile_position as pp
-from drivers.canopen.cia402_table import HALT
-from drivers.canopen.profile_position import Failure, Inputs, Params, Phase
+from drivers.cia402 import profile_position as pp
+from drivers.cia402.profile_position import Failure, Inputs, Params, Phase
+from drivers.cia402.state_table import HALT
 
 PARAMS = Params(window=10, settle_ticks=3, immediate=1, handshake_ticks=5, move_ticks=60)
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen import scaling
-from drivers.canopen.scaling import (
+from drivers.cia402 import scaling
+from drivers.cia402.scaling import (
     LimitFlag,
     ScalingError,
     amc_current,

@@ -11,13 +11,13 @@ import can
 import pytest
 from canopen_drives import MACHINE, OWN, foreign_steps, until
 
-from drivers.canopen import arming, homing
-from drivers.canopen.arming import SetupStep
 from drivers.canopen.bus_settings import BusSettings
-from drivers.canopen.drive_objects import Access
 from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
+from drivers.cia402 import arming, homing
+from drivers.cia402.arming import SetupStep
+from drivers.cia402.drive_objects import Access
 
 NODE = 5
 BUS = BusSettings("virtual", "service", 1_000_000, ())

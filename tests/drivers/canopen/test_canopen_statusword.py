@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from canopen.profiles import p402
 
-from drivers.canopen import statusword
-from drivers.canopen.statusword import DriveState, decode, describe
+from drivers.cia402 import statusword
+from drivers.cia402.statusword import DriveState, decode, describe
 
 # Statuswords as drives send them: voltage, remote, target and manufacturer bits set, too.
 GOLDEN = {

@@ -14,8 +14,8 @@ target, with "change immediately", so that the drive cannot resume the old one.
 from enum import IntEnum
 from typing import NamedTuple
 
-from drivers.canopen.cia402_table import HALT
-from drivers.canopen.statusword import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED
+from drivers.cia402.state_table import HALT
+from drivers.cia402.statusword import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED
 
 MODE = 1
 NEW_SET_POINT = 1 << 4

@@ -21,7 +21,7 @@ implements statusword bit 12, reports there that it follows the command.
 from enum import IntEnum
 from typing import NamedTuple
 
-from drivers.canopen.cia402_table import (
+from drivers.cia402.state_table import (
     AWAITED,
     CONTROLWORDS,
     CYCLIC,
@@ -37,7 +37,7 @@ from drivers.canopen.cia402_table import (
     Awaited,
     Goal,
 )
-from drivers.canopen.statusword import (
+from drivers.cia402.statusword import (
     DISABLED,
     ENABLED,
     FAULT,

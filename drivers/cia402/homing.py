@@ -7,7 +7,7 @@ The drive homes while bit 4 of the controlword is set; its outcome is in statusw
 from enum import IntEnum
 from typing import NamedTuple
 
-from drivers.canopen.cia402_table import HALT
+from drivers.cia402.state_table import HALT
 
 MODE = 6
 START = 1 << 4

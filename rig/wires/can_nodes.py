@@ -18,6 +18,7 @@ from rig.config.wiring import Actuator, CanBus, Drive, TorqueDrive
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess
 from rig.wires.can_axes import CanAxesSettings
+from rig.wires.drive_axes import HealthLimits
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, message_fields
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the scale has been read from the drive
@@ -172,8 +173,7 @@ def can_axes(
     settings = CanAxesSettings(
         can.own_node,
         can.heartbeat_s,
-        _MAX_HEALTH_AGE_S,
-        _MAX_LOST_HEARTBEATS * heartbeat,
+        HealthLimits(_MAX_HEALTH_AGE_S, _MAX_LOST_HEARTBEATS * heartbeat),
         can.actuator_divider,
         {name: _torque_axis_settings(drive, can, dt) for name, drive in axes.items()},
         {name: _actuator_settings(drive, can, dt) for name, drive in actuators.items()},

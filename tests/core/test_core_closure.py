@@ -35,6 +35,7 @@ from rig.processes.mailbox import Mailbox
 from rig.realtime import cycle
 from rig.realtime.tick_memory import FlatMemory
 from rig.wires.can_axes import CanAxes, CanAxesSettings
+from rig.wires.drive_axes import HealthLimits
 from rig.wires.messages import NodeHealth, message_fields, open_mailboxes
 from drivers.cia402 import scaling, state_machine
 from drivers.canopen.torque_axis import TorqueAxisSettings
@@ -59,7 +60,8 @@ limits = state_machine.Deadlines(*[100] * len(state_machine.Deadlines._fields))
 machine = state_machine.Params(0.2, 1, 1, 0, 20, limits)
 drive = TorqueDriveSettings(machine, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
 axis = TorqueAxisSettings(5, drive)
-can = CanAxes(CanAxesSettings(127, 0.05, 0.5, 0.5, 10, {"heave": axis}, {}), Bus(), slots)
+settings = CanAxesSettings(127, 0.05, HealthLimits(0.5, 0.5), 10, {"heave": axis}, {})
+can = CanAxes(settings, Bus(), slots)
 source = SensorSource("dc_power", "meter", 0, 2.0, 1.0)
 devices = ModularDevices(can, slots, composition, [source], 20)
 sense = devices.read(0.0)

@@ -22,7 +22,7 @@ from rig.kinds.wavebot.hardware.job import build_job
 from rig.kinds.wavebot.tick import Command, Sense
 from rig.processes import handover
 from rig.realtime.tick_memory import FlatMemory, example
-from rig.wires import can_axes
+from rig.wires import drive_axes
 from rig.wires.can_axes import CanAxes, CanAxesSettings
 
 DT = 0.001
@@ -161,7 +161,7 @@ def test_the_warm_up_waits_for_a_stalled_bus(config: CanAxesSettings) -> None:
 def test_nodes_that_do_not_answer_are_named(
     config: CanAxesSettings, silent: set[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(can_axes, "WARM_UP_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(drive_axes, "WARM_UP_TIMEOUT_S", 0.2)
     names = {HEAVE: "heave", SURGE: "surge", STATOR: "stator"}
     bus = Bus(lambda syncs: set(names) - silent)
     expected = ", ".join(names[node] for node in sorted(silent))
@@ -173,7 +173,7 @@ def test_no_drive_is_enabled(config: CanAxesSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
     devices = create_devices(config, bus)
     devices.warm_up(DT)
-    assert [axis.explain() for axis in devices._can.axes.values()] == ["NOT_REQUESTED"] * 2
+    assert [axis.explain() for axis in devices._can._axes.values()] == ["NOT_REQUESTED"] * 2
     assert math.isclose(devices.read(0.0).heave.current, 0.0)
 
 

@@ -12,7 +12,7 @@ from rig.kinds.modular.tick import Composition, compose
 from rig.processes.mailbox import Mailbox
 from rig.realtime.devices import FlatDevices
 from rig.wires import can_axes
-from rig.wires.can_axes import CanAxes
+from rig.wires.drive_axes import DriveAxes
 from rig.wires.messages import open_mailboxes, wait_for_values
 
 
@@ -31,7 +31,7 @@ class ModularDevices(FlatDevices):
 
     def __init__(
         self,
-        can: CanAxes,
+        can: DriveAxes,
         slots: Mapping[str, Mailbox],
         composition: Composition,
         sources: Sequence[SensorSource],
@@ -61,7 +61,7 @@ class ModularDevices(FlatDevices):
         self._put_axes = [(name, getattr(sense, name)) for name in self._axes]
         self._put_sensors = [(getattr(sense, name), *source) for name, *source in self._sensors]
         self._put_panel = sense.panel
-        self._commands = [getattr(command, name) for name in self._can.axes]
+        self._commands = [getattr(command, name) for name in self._can.names]
         self._get_waves = command.waves
         sense.wave(math.nan)  # only a simulated basin knows the undisturbed elevation
 

@@ -12,7 +12,7 @@ from rig.kinds.wavebot.tick import Command, Sense
 from rig.processes.mailbox import Mailbox
 from rig.realtime.devices import FlatDevices
 from rig.wires import can_axes
-from rig.wires.can_axes import CanAxes
+from rig.wires.drive_axes import DriveAxes
 from rig.wires.messages import open_mailboxes, wait_for_values
 
 _NO_DUMP = 0
@@ -23,7 +23,7 @@ _NEVER_AGE_S = 1e9  # s, age of a value that never came
 class WaveBotDevices(FlatDevices):
     """All devices of a WaveBot on their wires."""
 
-    def __init__(self, can: CanAxes, slots: Mapping[str, Mailbox], trigger_divider: int) -> None:
+    def __init__(self, can: DriveAxes, slots: Mapping[str, Mailbox], trigger_divider: int) -> None:
         """``trigger_divider``: ticks between two posts of the outputs."""
         self._can = can
         self._polled = {name: slots[name] for name in _POLLED}
@@ -64,7 +64,7 @@ class WaveBotDevices(FlatDevices):
         # A failed move counts as not arrived: the plan's own time-out names it.
         sense.spring(stator.position, stator.arrived, _NEVER_AGE_S if stator.fault else stator.age)
         sense.power(analyser.ac, analyser.dc, analyser.bus_voltage, time_now - analyser.stamp)
-        sense.drive(heave.acting, 1 if can.axes["heave"].limit_flags else 0, _NO_DUMP)
+        sense.drive(heave.acting, 1 if can.limit_flags("heave") else 0, _NO_DUMP)
         sense.probes(probes.probe_1, probes.probe_2, probes.probe_3, time_now - probes.stamp)
         sense.panel(panel.e_stop, panel.limit_switch, time_now - panel.stamp)
 

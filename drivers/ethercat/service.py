@@ -1,0 +1,298 @@
+"""Set-up and service of a segment outside the tick: identities, objects, states, emergencies.
+
+pysoem (an optional dependency) finds the slaves, writes objects over their mailboxes, maps the
+process data and changes states. It shares the interface with the tick, so it hears the answers to
+its own frames only, and never waits in the kernel.
+"""
+
+import os
+import socket
+import struct
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from enum import IntEnum
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from drivers.cia402 import arming
+from drivers.cia402.arming import Mismatch, SetupStep
+from drivers.cia402.drive_objects import Access
+from drivers.errors import LinkError
+from drivers.ethercat.link import filter_indices
+from drivers.ethercat.process_image import SIZES, Area
+
+SERVICE_INDICES = range(16)  # pysoem uses no others
+_FMMU, _FMMU_SIZE, _FMMUS = 0x0600, 16, 4  # register, bytes, number of those that are used
+_FMMU_LAYOUT = struct.Struct("<IHBB3xBB3x")
+_READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
+_TIMEOUT_US = 4000
+_STATE_TIMEOUT_US = 3_000_000
+
+
+class AlState(IntEnum):
+    """States of a slave."""
+
+    NONE = 0  # it does not answer
+    INIT = 1
+    PRE_OPERATIONAL = 2
+    BOOT = 3
+    SAFE_OPERATIONAL = 4
+    OPERATIONAL = 8
+
+
+class ServiceError(OSError):
+    """A segment or slave that cannot be set up; names slave and reason."""
+
+
+class SlaveIdentity(NamedTuple):
+    """A slave as it reports itself."""
+
+    vendor: int
+    product: int
+    revision: int
+    name: str
+
+
+class SlaveSetup(NamedTuple):
+    """The set-up of one slave, in the order of the line."""
+
+    name: str  # of the rig's, for people
+    steps: tuple[SetupStep, ...]  # objects, written in PRE_OPERATIONAL
+    watchdog_ms: float  # without process data for longer, its outputs fall; 0: as it is
+
+
+class SlaveAreas(NamedTuple):
+    """The places of a slave's process data; None for a direction that it lacks."""
+
+    outputs: Area | None
+    inputs: Area | None
+
+
+class SlaveStatus(NamedTuple):
+    """State of one slave."""
+
+    state: int  # `AlState`
+    error: int  # AL status code while bit 4 of the state is set, else 0
+    code: int  # of its last emergency, 0: none or cleared
+    register: int  # error register of that emergency
+    emergencies: int
+
+
+class Service:
+    """The service end of one segment, for one thread."""
+
+    def __init__(self, interface: str) -> None:
+        """Open the interface; LinkError names what is missing."""
+        self._pysoem = _pysoem()
+        self._master = self._pysoem.Master()
+        self._codes: dict[int, tuple[int, int, int]] = {}  # by slave: code, register, count
+        self._interface = interface
+        before = set(os.listdir("/proc/self/fd"))
+        try:
+            self._master.open(interface)
+        except ConnectionError as error:
+            why = "no such interface, or CAP_NET_RAW and CAP_NET_ADMIN are missing"
+            raise LinkError(f"EtherCAT on {interface}: {why}") from error
+        new = {int(fd) for fd in set(os.listdir("/proc/self/fd")) - before}
+        for descriptor in new:
+            _restrict(descriptor)
+
+    def find(self) -> tuple[SlaveIdentity, ...]:
+        """Bring all slaves to PRE_OPERATIONAL and return who they are, in the order of the line."""
+        if self._master.config_init() <= 0:
+            raise ServiceError(f"EtherCAT on {self._interface}: no slave answers")
+        return tuple(
+            SlaveIdentity(each.man, each.id, each.rev, each.name) for each in self._master.slaves
+        )
+
+    def configure(self, setups: Sequence[SlaveSetup]) -> tuple[tuple[Mismatch, ...], ...]:
+        """Write and read back the objects of each slave, and map the process data.
+
+        Return the mismatches of each slave. ServiceError names slaves whose mailbox fails, or that
+        do not reach SAFE_OPERATIONAL.
+        """
+        found: list[tuple[Mismatch, ...]] = [()] * len(setups)
+        problems: list[str] = []
+
+        def set_up(position: int) -> Callable[..., None]:
+            def work(*_: Any) -> None:
+                setup, slave = setups[position], self._master.slaves[position]
+                try:
+                    found[position] = self._set_up(slave, setup)
+                except Exception as error:  # noqa: BLE001 - pysoem swallows what a callback raises
+                    problems.append(f"{setup.name}: {_text(error)}")
+
+            return work
+
+        for position in range(len(setups)):
+            self._master.slaves[position].config_func = set_up(position)
+        try:
+            self._master.config_map()
+        except self._pysoem.ConfigMapError as error:
+            problems += [_text(each) for each in error.error_list]
+        if problems:
+            raise ServiceError("\n".join(problems))
+        if self._master.state_check(AlState.SAFE_OPERATIONAL, _STATE_TIMEOUT_US) != (
+            AlState.SAFE_OPERATIONAL
+        ):
+            self._master.read_state()
+            raise ServiceError("\n".join(self._not_in(setups, AlState.SAFE_OPERATIONAL)))
+        for position, setup in enumerate(setups):
+            slave = self._master.slaves[position]
+            slave.add_emergency_callback(self._note_emergency(position))
+            if setup.watchdog_ms > 0.0:
+                slave.set_watchdog("processdata", setup.watchdog_ms)
+        return tuple(found)
+
+    def areas(self) -> tuple[SlaveAreas, ...]:
+        """Return where each slave's process data are, from its own FMMUs."""
+        return tuple(_areas(self._fmmus(slave)) for slave in self._master.slaves)
+
+    def stations(self) -> tuple[int, ...]:
+        """Return the station address of each slave."""
+        return tuple(0x1001 + place for place in range(len(self._master.slaves)))
+
+    def request(self, state: AlState) -> None:
+        """Ask all slaves for a state, and acknowledge their errors; do not wait."""
+        self._master.state = state
+        self._master.write_state()
+
+    def status(self) -> tuple[SlaveStatus, ...]:
+        """Read the states, and the emergencies that wait in the mailboxes."""
+        self._master.read_state()
+        for slave in self._master.slaves:
+            if slave.state & 0xF > AlState.INIT:
+                with suppress(self._pysoem.Emergency, *self._mailbox_errors()):
+                    slave.mbx_receive()
+        return tuple(
+            SlaveStatus(
+                slave.state & 0xF,
+                slave.al_status if slave.state & 0x10 else 0,
+                *self._codes.get(place, (0, 0, 0)),
+            )
+            for place, slave in enumerate(self._master.slaves)
+        )
+
+    def read(self, position: int, index: int, sub: int, kind: str) -> int | None:
+        """Return an object's value; None for no answer, a missing object or a wrong size."""
+        return self._read(self._master.slaves[position], index, sub, kind)
+
+    def close(self) -> None:
+        """Leave the slaves in INIT and close the interface; cannot raise."""
+        with suppress(Exception):
+            self._master.state = AlState.INIT
+            self._master.write_state()
+        with suppress(Exception):
+            self._master.close()
+
+    def _set_up(self, slave: Any, setup: SlaveSetup) -> tuple[Mismatch, ...]:
+        for step in setup.steps:
+            if step.access != Access.VERIFY:
+                data = step.value.to_bytes(
+                    SIZES[step.type], "little", signed=step.type.startswith("i")
+                )
+                with suppress(self._pysoem.SdoError):  # reading it back shows the refusal
+                    slave.sdo_write(step.object, step.sub, data)
+        answers = {
+            (step.object, step.sub): self._read(slave, step.object, step.sub, step.type)
+            for step in arming.read_back(setup.steps)
+        }
+        return arming.compare(setup.steps, answers)
+
+    def _read(self, slave: Any, index: int, sub: int, kind: str) -> int | None:
+        try:
+            data = slave.sdo_read(index, sub)
+        except self._mailbox_errors():
+            return None
+        if len(data) != SIZES[kind]:
+            return None
+        return int.from_bytes(data, "little", signed=kind.startswith("i"))
+
+    def _mailbox_errors(self) -> tuple[type[Exception], ...]:
+        names = ("SdoError", "MailboxError", "PacketError", "WkcError")
+        return tuple(getattr(self._pysoem, name) for name in names)
+
+    def _fmmus(self, slave: Any) -> "list[_Fmmu]":
+        data = b"".join(
+            slave._fprd(_FMMU + _FMMU_SIZE * place, _FMMU_SIZE, _TIMEOUT_US)
+            for place in range(_FMMUS)
+        )
+        fmmus = (_Fmmu(*fields) for fields in _FMMU_LAYOUT.iter_unpack(data))
+        return [each for each in fmmus if each.active & 1]
+
+    def _not_in(self, setups: Sequence[SlaveSetup], state: AlState) -> list[str]:
+        return [
+            f"{setup.name}: does not reach {state.name}, is in {_state_name(slave.state)} with "
+            f"AL status {slave.al_status:#06x}, "
+            f"{self._pysoem.al_status_code_to_string(slave.al_status)}"
+            for setup, slave in zip(setups, self._master.slaves, strict=True)
+            if slave.state != state
+        ]
+
+    def _note_emergency(self, position: int) -> Callable[[Any], None]:
+        def note(emergency: Any) -> None:
+            *_, count = self._codes.get(position, (0, 0, 0))
+            self._codes[position] = (emergency.error_code, emergency.error_reg, count + 1)
+
+        return note
+
+
+def _pysoem() -> ModuleType:
+    try:
+        import pysoem  # noqa: PLC0415 - an optional dependency
+    except ImportError as error:
+        raise LinkError(
+            f"EtherCAT needs pysoem, which is not installed ({error}): pip install "
+            "'wec-rig[ethercat]'"
+        ) from error
+    module: ModuleType = pysoem
+    return module
+
+
+def _restrict(descriptor: int) -> None:
+    """Make pysoem's socket obey its timeouts, and deaf to the answers to the tick's frames."""
+    with suppress(OSError):
+        own = socket.socket(fileno=os.dup(descriptor))
+        try:
+            if own.family == socket.AF_PACKET:
+                own.setblocking(False)  # of the open file, so also of pysoem's descriptor
+                filter_indices(own, SERVICE_INDICES)
+        finally:
+            own.close()
+
+
+class _Fmmu(NamedTuple):
+    """One mapping of a part of a slave's memory into the process data."""
+
+    logical: int  # address of its first byte
+    size: int  # bytes that it touches
+    first_bit: int  # in its first byte
+    last_bit: int  # in its last byte
+    kind: int  # `_READ`, `_WRITE`
+    active: int
+
+
+def _areas(fmmus: list[_Fmmu]) -> SlaveAreas:
+    """Return the areas of a slave's FMMUs; those of one direction lie one behind the other."""
+
+    def area(kind: int) -> Area | None:
+        spans = [
+            (8 * one.logical + one.first_bit, 8 * (one.logical + one.size - 1) + one.last_bit + 1)
+            for one in fmmus
+            if one.kind & kind
+        ]
+        if not spans:
+            return None
+        low, high = min(low for low, _ in spans), max(high for _, high in spans)
+        return Area(low, high - low)
+
+    return SlaveAreas(area(_WRITE), area(_READ))
+
+
+def _state_name(state: int) -> str:
+    name = AlState(state & 0xF).name if state & 0xF in set(AlState) else f"state {state & 0xF}"
+    return f"{name} with an error" if state & 0x10 else name
+
+
+def _text(error: object) -> str:
+    return str(error) or type(error).__name__

@@ -72,7 +72,8 @@ class LiveColumns(Protocol):
 class People(NamedTuple):
     """The ways in which people may act on a run."""
 
-    live: LiveColumns | None = None  # None: they choose no set points
+    live: LiveColumns | None = None  # None: they choose no set points, for the reason below
+    no_live: str = "people choose no set points of this run"
     arming: bool = False
     manual: bool = False
     dead_man_s: float | None = None  # s without an operator in manual mode until the rig stops
@@ -469,7 +470,7 @@ class Orders:
 
     def _live(self) -> LiveColumns:
         if self._people.live is None:
-            raise RefusedError("people choose no set points of this run")
+            raise RefusedError(self._people.no_live)
         return self._people.live
 
     def _present_row(self) -> int:

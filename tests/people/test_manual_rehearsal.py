@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from golden_modular import make_campaign
 
-from rig.cli.manual import _write_campaign
+from rig.cli.manual import write_task
 from rig.compilation.tick_code import compile_tick
 from rig.config.problems import ConfigError
 from rig.execution.attended import attended_task
@@ -70,7 +70,7 @@ def drawn(live: LiveColumns, random_: random.Random) -> LiveSet:
 @cache
 def manual_rig(name: str, folder: Path) -> ManualRig:
     file = make_campaign(folder) if name == "modular" else CONFIGS / "rigs" / "wavebot.yaml"
-    path = _write_campaign(file, folder)
+    path = write_task(file, folder)
     tasks = kind_of_task(path).room("tasks")
     report = tasks.examine(path)
     assert report.ok, report.text()
@@ -216,7 +216,7 @@ def test_ten_thousand_set_points_by_chance(
 
 def test_kept_rows_overwrite_no_file(tmp_path: Path) -> None:
     (tmp_path / "kept.yaml").write_text("mine\n")
-    path = _write_campaign(CONFIGS / "rigs" / "wavebot.yaml", tmp_path)
+    path = write_task(CONFIGS / "rigs" / "wavebot.yaml", tmp_path)
     tasks = kind_of_task(path).room("tasks")
     report = tasks.examine(path, predict=False)
     task = attended_task(
@@ -252,7 +252,7 @@ def test_set_points_outside_the_limits_are_refused(
     values: dict[str, Any], signal: dict[str, Any], part: str, tmp_path: Path
 ) -> None:
     file = CONFIGS / "rigs" / "wavebot.yaml"
-    path = _write_campaign(file, tmp_path)
+    path = write_task(file, tmp_path)
     tasks = kind_of_task(path).room("tasks")
     report = tasks.examine(path, predict=False)
     task = attended_task(
@@ -268,4 +268,4 @@ def test_set_points_outside_the_limits_are_refused(
 
 def test_the_bench_has_no_manual_mode(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="which have no manual mode"):
-        _write_campaign(CONFIGS / "rigs" / "oswec_bench.yaml", tmp_path)
+        write_task(CONFIGS / "rigs" / "oswec_bench.yaml", tmp_path)

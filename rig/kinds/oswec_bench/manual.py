@@ -1,9 +1,9 @@
 """Manual mode of the bench: its session, the set points that people choose, and rows of them.
 
 A set point of the velocity loop has a goal of the shaft's angle, the speed of the way there, a jog
-velocity, and a signal on angle or velocity. One of the torque loop has a torque, the motor's
-damping, and a signal on the torque. Both have damping and current of the brake. A row of a session
-is a sine of angle or torque around zero, so only such set points can be kept as rows.
+velocity, and a signal on angle or velocity. One of the torque loop has a torque, a signal on it,
+and the motor's damping of a flap. Both have damping and current of the brake, if there is one. A
+row of a session is a sine of angle or torque around zero, so only such set points can be kept.
 """
 
 import json
@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from math import degrees, pi, radians
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from controllers.signal_generator import SetPoint
 from rig.campaign.derived_file import derived_name, row_text
@@ -58,6 +56,10 @@ _SIGNAL_COLUMNS = {
 }
 """The signal's amplitude that a row's amplitude is, by the column of the row."""
 
+_FREE_SHAFT = (
+    "in the torque loop nothing keeps a free shaft in its range, and damping by the motor does not "
+    "hold it: the bench's inertia is small; manual mode needs a session with shaft: clamped"
+)
 _FREE_FLAP = "its flap is free of the motor, which alone would turn; couple them for manual mode"
 
 
@@ -78,6 +80,10 @@ def write_task(file: Path, path: Path, drive: str = "") -> None:
             raise ConfigError([locate.problem(("session",), kind, message)])
         if requirements.flap_coupling == "free":
             raise ConfigError([locate.problem(("session",), kind, _FREE_FLAP)])
+        if requirements.loop == "torque" and not requirements.flap_coupling:
+            shaft = mapping.get("shaft", "free")
+            if shaft == "free":
+                raise ConfigError([locate.problem(("shaft",), shaft, _FREE_SHAFT)])
         name = str(mapping.get("name", ""))
     else:
         flap = _flap(source)
@@ -94,8 +100,12 @@ def live_columns(
     task: Task, session: Session, plan: SessionPlan, file: Path, examine: Examine, kept: Path
 ) -> "BenchSetPoints":
     """Return the set points of a run, as of `rig.kinds.interface.Manual`."""
-    if SESSION_KINDS[session.file.session].flap_coupling == "free":
+    session_file = session.file
+    if SESSION_KINDS[session_file.session].flap_coupling == "free":
         raise RefusedError(_FREE_FLAP)
+    in_torque_loop, free = session_file.loop == "torque", session_file.shaft == "free"
+    if in_torque_loop and free and "flap" not in session.plant:
+        raise RefusedError(_FREE_SHAFT)
     return BenchSetPoints(file, session, plan, examine, kept)
 
 
@@ -130,7 +140,7 @@ class BenchSetPoints:
         else:
             drive = [
                 describe("torque_n_m", "torque", "N*m", -strongest, strongest),
-                _describe(_PTO),
+                *([_describe(_PTO)] if self._has_flap else []),
             ]
             amplitudes = [Amplitude("amplitude_n_m", "amplitude of torque", "N*m", strongest)]
         damping, current = (_describe(key) for key in _BRAKE)
@@ -234,25 +244,13 @@ class BenchSetPoints:
             yield f"{turn}: {velocity:g} turns the shaft {swing} either way; {allowed}"
 
     def _torque_problems(self, values: dict[str, Any], signal: dict[str, Any]) -> Iterator[str]:
-        size = self._amplitude(signal, "amplitude_n_m")
-        peak = abs(values["torque_n_m"]) + size
+        peak = abs(values["torque_n_m"]) + self._amplitude(signal, "amplitude_n_m")
         stop = self._session.limits.load_cell.twisting_stop_n_m
         if peak > self._strongest or peak >= stop:
             allowed = f"up to {self._strongest:g} N*m (motor.current_peak_a)"
             if self._strongest >= stop:
                 allowed = f"below {stop:g} N*m (load_cell.twisting_stop_n_m)"
             yield f"torque_n_m, signal.amplitude_n_m: together {peak:g}; allowed {allowed}"
-        lasting = abs(values["torque_n_m"]) + (size if signal["kind"] == "step" else 0.0)
-        if self._has_flap or self._session.file.shaft == "clamped":
-            return
-        constants, current = self._session.constants, values["brake_current_a"]
-        held = float(np.interp(current, constants.brake_currents, constants.brake_torques))
-        if lasting > held:
-            yield (
-                f"torque_n_m, signal: {lasting:g} N*m would turn the shaft to its stop; allowed up "
-                f"to the {held:g} N*m that the brake holds with brake_current_a = {current:g}, or "
-                "a session with shaft: clamped"
-            )
 
     def _amplitude(self, signal: dict[str, Any], key: str) -> float:
         return 0.0 if signal["kind"] == "none" else float(signal[key])
@@ -323,6 +321,7 @@ def _session_text(file: Path, path: Path, name: str, kind: str, rows: Sequence[R
         lines += [f"{key}: {value}" for key, value in changed.items() if key in mapping]
     else:
         lines += [f"name: {json.dumps(name)}", f"session: {kind}", f"rig: {base}"]
+        lines += ["shaft: clamped"] if kind == "torque_tracking" else []
         lines += ["timing: {rise_s: 1.5, settle_periods: 2, periods: 10}"]
     lines += ["rows:", *(f"  - {row_text(values)}  # {comment}" for values, comment in rows)]
     return "\n".join(lines) + "\n"

@@ -90,10 +90,8 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
 def _manual(rig: BenchRigFile, limits_file: BenchLimitsFile) -> manual.Params:
     motor, rate = limits_file.motor, rig.homing.rate_per_s
     end = 0.5 * (motor.angle_warn_deg + motor.angle_stop_deg)
-    # At least twice the deceleration by which homing arrives, so that it does not overshoot.
-    per_velocity = max(1.0 / rig.manual_ramp_s, 2.0 * rate)
-    acceleration = per_velocity * motor.velocity_command_rad_per_s
-    return manual.Params(rig.manual_ramp_s, math.radians(end), rate, acceleration)
+    quickness = max(1.0 / rig.manual_ramp_s, 2.0 * rate)
+    return manual.Params(rig.manual_ramp_s, math.radians(end), rate, quickness)
 
 
 def _estimator(encoder: Encoder, radians_per_count: float, dt: float) -> Any:

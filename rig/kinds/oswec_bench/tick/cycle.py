@@ -185,7 +185,7 @@ def _step_laws(
             by_people,
             manual.set_point(table.asked, setpoint),
             pto_damping,
-            motion[1].position,
+            motion[0].position,
             dt,
         )
         pto_damping = asked.damping

@@ -1,18 +1,20 @@
 """Manual mode of the bench: the velocity or the torque that people ask of the drive, ramped.
 
-It needs no wave clock. In the velocity loop, with the shaft's angle x, its goal g, a signal s on
+It needs no wave clock. In the velocity loop, with the motor's angle x, its goal g, a signal s on
 the angle, a velocity u (a jog, and a signal on the velocity) and the end E of the range of motion:
 
     v = h + ds/dt + u        h = clamp(rate (g + s - x), -speed, speed)    (rad/s)
-    v <= END_RATE (E - x) above the shaft, and likewise below it
+    v <= END_RATE (E - x), and likewise below
 
-h returns the shaft to its goal as homing does between rows, so that drift does not add up; while
-a velocity is asked it is zero. In the torque loop the torque is
+h returns the motor to its goal as homing does between rows, so that drift does not add up. (By the
+shaft's angle it would excite the resonance of the coupling with a heavy flap behind it.) While
+a velocity is asked it goes to zero. In the torque loop the torque is
 
     T = t + s - R v_f                                                      (N*m)
 
 t and R (the motor's damping), u and the amplitude of s take the ramp's duration to a new value, and
-the rate of change of h is bounded. A signal on another quantity waits until the amplitude is zero.
+the rate of change of h is bounded, so that h does not overshoot. A signal on another quantity waits
+until the amplitude is zero.
 """
 
 from typing import NamedTuple
@@ -24,6 +26,8 @@ from controllers.signals import Radian, RadianPerSecond, Second
 END_RATE = 15.0
 """Velocity over the angle that is left to the end of the range of motion, 1/s."""
 
+_LEAST_SPEED = 0.01  # rad/s
+
 ANGLE, VELOCITY, TORQUE = range(3)
 
 
@@ -33,7 +37,7 @@ class Params(NamedTuple):
     ramp: Second  # duration of a change
     end: Radian  # E, either way
     homing_rate: float  # 1/s, velocity over remaining angle
-    homing_acceleration: float  # rad/s^2
+    homing_change: float  # 1/s, rate of change of h over its speed; twice the rate or more
 
 
 class SetPoint(NamedTuple):
@@ -104,9 +108,9 @@ def set_point(table: Columns, i: int) -> SetPoint:
 def step(
     params: Params, state: State, asked: SetPoint, damping: float, angle: Radian, dt: float
 ) -> tuple[State, Demand]:
-    """Return the demand; ``damping``: R that is asked, N*m*s/rad; ``angle``: of the shaft."""
+    """Return the demand; ``damping``: R that is asked, N*m*s/rad; ``angle``: of the motor."""
     generator, quantity, last, homing, jog, torque, damping_ramp = state
-    ramp, end, rate, acceleration = params
+    ramp, end, rate, quickness = params
     signal, value = asked.signal, 0.0
     if quantity != asked.quantity:
         if generator.amplitude.value == 0.0:
@@ -134,7 +138,7 @@ def step(
         turns = turns or not rests
     if not turns:
         home = clamp(rate * (goal - angle), -asked.speed, asked.speed)
-    change = acceleration * dt
+    change = quickness * dt * max(asked.speed, abs(homing), _LEAST_SPEED)
     homing = clamp(home, homing - change, homing + change)
     velocity = velocity + homing
     above, below = end - angle, -end - angle

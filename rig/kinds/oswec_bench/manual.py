@@ -71,7 +71,7 @@ def write_task(file: Path, path: Path, drive: str = "") -> None:
         kind = str(mapping.get("session"))
         requirements = SESSION_KINDS.get(kind)
         if requirements is None:
-            message = f"unknown; allowed {', '.join(SESSION_KINDS)}"
+            message = f"{kind} is not known; allowed {', '.join(SESSION_KINDS)}"
             raise ConfigError([locate.problem(("session",), kind, message)])
         if drive not in ("", requirements.loop):
             message = (
@@ -79,16 +79,17 @@ def write_task(file: Path, path: Path, drive: str = "") -> None:
             )
             raise ConfigError([locate.problem(("session",), kind, message)])
         if requirements.flap_coupling == "free":
-            raise ConfigError([locate.problem(("session",), kind, _FREE_FLAP)])
+            raise ConfigError([locate.problem(("session",), kind, f"{kind}: {_FREE_FLAP}")])
         if requirements.loop == "torque" and not requirements.flap_coupling:
             shaft = mapping.get("shaft", "free")
             if shaft == "free":
-                raise ConfigError([locate.problem(("shaft",), shaft, _FREE_SHAFT)])
+                raise ConfigError([locate.problem(("shaft",), shaft, f"{shaft}: {_FREE_SHAFT}")])
         name = str(mapping.get("name", ""))
     else:
         flap = _flap(source)
         if flap.get("coupled", {}).get("value", 1) == 0:
-            raise ConfigError([locate.problem(("plant",), mapping.get("plant"), _FREE_FLAP)])
+            plant = mapping.get("plant")
+            raise ConfigError([locate.problem(("plant",), plant, f"{plant}: {_FREE_FLAP}")])
         kind = _SESSIONS[drive or "velocity", bool(flap)]
         name = file.stem
     row = {key: _least(key) for key in ("period_s", *_required(kind))}

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from rig_command import rig
+from test_hil_bench import rig_file
 from test_manual_runs import Run, assert_replays, started
 
 from rig.cli.output import OK, STOPPED
@@ -102,6 +103,20 @@ def test_a_manual_run_of_the_torque_loop(tmp_path: Path) -> None:
     assert rig("check", kept).returncode == OK
 
 
+def test_a_manual_run_on_emulated_devices(tmp_path: Path) -> None:
+    with started(tmp_path, "manual", "--sim", "--unattended", campaign=rig_file(tmp_path)) as run:
+        to_manual(run)
+        in_force(run, {"velocity_rad_per_s": -0.2, "brake_current_a": 0.1})
+        time.sleep(1.5)
+        run.must("finish")
+        assert run.process.wait(40.0) == OK
+        folder = run.folder
+    assert_replays(folder)
+    rows = open_run(folder, fields=["plan.live", "safety.mode", "shaft.angle"])
+    turned = rows["shaft.angle"][(rows["plan.live"] == 1) & (rows["safety.mode"] == RUN)]
+    assert float(turned[-1] - turned[0]) == pytest.approx(-0.25, abs=0.15)
+
+
 def test_without_an_operator_the_bench_holds_and_stops(tmp_path: Path) -> None:
     with started(tmp_path, "manual", "--realtime", campaign=BENCH) as run:
         run.until(lambda row: row["plan.phase"] == STANDBY)
@@ -165,7 +180,7 @@ def test_manual_mode_within_a_session(tmp_path: Path) -> None:
     assert without.returncode == OK, without.stderr
     (reference,) = (tmp_path / "without").glob("*")
     for interrupted, each in zip(points(folder), points(reference), strict=True):
-        assert interrupted == pytest.approx(each, rel=0.05)
+        assert interrupted == pytest.approx(each, rel=0.03)  # scatter of three periods
 
 
 @pytest.mark.parametrize(

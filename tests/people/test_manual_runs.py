@@ -97,7 +97,7 @@ def started(
     tmp_path: Path, *arguments: str, campaign: str | Path = CAMPAIGN, **more: Any
 ) -> Iterator[Run]:
     """Start `rig ARGUMENTS` with a campaign, as text or as a file, and wait for its run."""
-    if "--realtime" in arguments:
+    if {"--realtime", "--sim"} & {*arguments}:
         wait_realtime_free()
     path = campaign if isinstance(campaign, Path) else tmp_path / "short.yaml"
     if isinstance(campaign, str):

@@ -56,7 +56,7 @@ def command(
     """Run a rig in manual mode.
 
     After the tare the run waits in standby until an operator arms it. Then the
-    drive is on with all gains zero, and the operator changes gains, drive
+    drive is on with nothing to do, and the operator changes gains, motion, drive
     settings and the signal generator, with the page or with `rig request`. Each
     change is a whole set point: checked as a row of the file, ramped, logged.
     `rig request finish` ends the run.

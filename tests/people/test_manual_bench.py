@@ -83,8 +83,8 @@ def check_changes(rig: ManualRig, count: int, seed: int, spacing: int = 400) -> 
     assert np.abs(np.diff(rows["command.brake_current"])).max() <= params.brake.slew * dt * 1.001
     assert np.abs(rows["motor.angle"]).max() < limits.position_stop
     assert np.abs(rows["shaft.velocity"]).max() < limits.velocity_stop
-    asked = rows["reference.velocity"] if params.mode == 0 else rows["reference.torque"]
-    assert np.abs(asked).max() > 0.0
+    chosen = rows["reference.velocity"] if params.mode == 0 else rows["reference.torque"]
+    assert np.abs(chosen).max() > 0.0
 
 
 @pytest.mark.slow
@@ -111,9 +111,9 @@ class Motor:
         self.state, self.angle = manual.start(), angle
         self.demands: list[manual.Demand] = []
 
-    def follow(self, asked: manual.SetPoint, seconds: float, damping: float = 0.0) -> Motor:
+    def follow(self, chosen: manual.SetPoint, seconds: float, damping: float = 0.0) -> Motor:
         for _ in range(round(seconds / DT)):
-            self.state, demand = manual.step(PARAMS, self.state, asked, damping, self.angle, DT)
+            self.state, demand = manual.step(PARAMS, self.state, chosen, damping, self.angle, DT)
             self.angle += demand.velocity * DT
             self.demands.append(demand)
         return self
@@ -145,18 +145,18 @@ def test_the_motor_returns_to_its_goal_without_overshoot(start: float) -> None:
 
 
 def test_a_sine_of_the_angle_is_followed_about_the_goal() -> None:
-    asked = REST._replace(angle=0.1, quantity=float(ANGLE), signal=signal(SINE, 0.05))
-    motor = Motor(0.1).follow(asked, 3.0)
+    chosen = REST._replace(angle=0.1, quantity=float(ANGLE), signal=signal(SINE, 0.05))
+    motor = Motor(0.1).follow(chosen, 3.0)
     times = np.arange(2000, 3000) * DT
     expected = 0.05 * 2.0 * np.pi * np.cos(2.0 * np.pi * times)
     assert motor.velocities()[2000:] == pytest.approx(expected, abs=2e-3)
 
 
 def test_a_velocity_that_is_asked_ends_homing() -> None:
-    asked = REST._replace(quantity=float(VELOCITY), signal=signal(SINE, 0.2))
+    chosen = REST._replace(quantity=float(VELOCITY), signal=signal(SINE, 0.2))
     motor = Motor(0.3).follow(REST, 0.3)
     assert motor.velocities()[-1] < -0.1
-    motor.follow(asked, 3.0)
+    motor.follow(chosen, 3.0)
     times = np.arange(2000, 3000) * DT
     assert motor.velocities()[2300:] == pytest.approx(0.2 * np.sin(2.0 * np.pi * times), abs=2e-3)
     motor.follow(REST, 6.0)
@@ -177,8 +177,8 @@ def test_a_signal_on_another_quantity_waits_for_zero() -> None:
 
 
 def test_torque_and_damping_of_the_motor_are_ramped() -> None:
-    asked = REST._replace(torque=20.0, quantity=float(TORQUE), signal=signal(STEP, 10.0))
-    motor = Motor().follow(asked, 1.0, damping=50.0)
+    chosen = REST._replace(torque=20.0, quantity=float(TORQUE), signal=signal(STEP, 10.0))
+    motor = Motor().follow(chosen, 1.0, damping=50.0)
     torque = np.array([each.torque for each in motor.demands])
     damping = np.array([each.damping for each in motor.demands])
     assert torque[-1] == pytest.approx(30.0)
@@ -259,7 +259,7 @@ def test_set_points_outside_the_limits_are_refused(
         ("velocity", {}, {}, ("signal.kind: none; a row is a sine",)),
         ("velocity", {"angle_deg": 5.0}, SINE_5, ("angle_deg: 5; a row moves around zero",)),
         ("velocity", {}, {"kind": "sine", "amplitude_rad_per_s": 0.5, "frequency_hz": 1.0},
-         ("signal.amplitude_deg: 0; a row has this amplitude",)),
+         ("signal.amplitude_deg: 0; a row needs it",)),
         ("velocity", {}, SINE_5 | {"frequency_hz": 0.0}, ("signal.frequency_hz: 0",)),
         ("velocity", {}, SINE_5 | {"amplitude_deg": 0.01}, ("rows[0].amplitude_deg", "0.1 .. 90")),
         ("velocity", {}, SINE_5 | {"frequency_hz": 6.0, "amplitude_deg": 1.0},

@@ -264,7 +264,7 @@ class BenchSetPoints:
         size = self._amplitude(signal, key)
         size = radians(size) if key == "amplitude_deg" else size
         generated: SetPoint = set_points.signal_numbers(signal, size)
-        asked = manual.SetPoint(
+        chosen_motion = manual.SetPoint(
             radians(values.get("angle_deg", 0.0)),
             values.get("speed_rad_per_s", 0.0),
             values.get("velocity_rad_per_s", 0.0),
@@ -274,7 +274,9 @@ class BenchSetPoints:
         )
         damping, current = (values.get(each, 0.0) for each in _BRAKE)
         flume = NO_FLUME._replace(pto_damping=values.get(_PTO, 0.0))
-        return REST._replace(damping=damping, brake_current=current, flume=flume, asked=asked)
+        return REST._replace(
+            damping=damping, brake_current=current, flume=flume, by_people=chosen_motion
+        )
 
     def _no_row(self, chosen: LiveSet) -> Iterator[str]:
         """Yield the reasons why no row of this kind of session is the set point."""
@@ -290,11 +292,11 @@ class BenchSetPoints:
                 yield f"{key}: {value:g}; a row of a session {kind} has no such column"
             else:
                 yield f"{key}: {value:g}; a row moves around zero, allowed 0"
-        wanted = _SIGNAL_COLUMNS[requirements.amplitude_column]
+        amplitude = _SIGNAL_COLUMNS[requirements.amplitude_column]
         if signal["kind"] != "sine":
             yield f"signal.kind: {signal['kind']}; a row is a sine"
-        elif not signal[wanted] > 0.0:
-            yield f"signal.{wanted}: {signal[wanted]:g}; a row has this amplitude, allowed above 0"
+        elif not signal[amplitude] > 0.0:
+            yield f"signal.{amplitude}: {signal[amplitude]:g}; a row needs it, allowed above 0"
         if signal["kind"] == "sine" and not signal["frequency_hz"] > 0.0:
             yield f"signal.frequency_hz: {signal['frequency_hz']:g}; allowed above 0"
 

@@ -61,7 +61,7 @@ class Setpoint(NamedTuple):
     damping: float  # N*m*s/rad, R of the brake law T = R |v|
     brake_current: float  # A, added to the current of the brake law
     flume: Flume
-    asked: manual.SetPoint = manual.AT_REST  # in manual mode
+    by_people: manual.SetPoint = manual.AT_REST  # in manual mode
 
 
 class SessionPlan(NamedTuple):
@@ -128,7 +128,9 @@ def plan_session(session: Session) -> SessionPlan:
 
 def setpoint_table(setpoints: tuple[Setpoint, ...]) -> Setpoints:
     """Return the set points by columns, as the loop uses them."""
-    components, spans, damping, brake_current, flumes, asked = zip(*setpoints, strict=True)
+    components, spans, damping, brake_current, flumes, manual_set_points = zip(
+        *setpoints, strict=True
+    )
     length = tuple(len(each.amplitude) for each in components)
     rise, fade_start = zip(*spans, strict=True)
     sea, flap_held, hold_angle, pto_damping = zip(*flumes, strict=True)
@@ -144,7 +146,7 @@ def setpoint_table(setpoints: tuple[Setpoint, ...]) -> Setpoints:
         flap_held,
         hold_angle,
         pto_damping,
-        manual.columns(asked),
+        manual.columns(manual_set_points),
     )
 
 

@@ -177,22 +177,22 @@ def _step_laws(
     loop over the resonance of the coupling.
     """
     laws, table = state.laws, params.setpoints
-    pto_damping, by_people = table.pto_damping[setpoint], laws.manual
-    asked = manual.NO_DEMAND
+    pto_damping, manual_state = table.pto_damping[setpoint], laws.manual
+    chosen = manual.NO_DEMAND
     if phase == MANUAL:
-        by_people, asked = manual.step(
+        manual_state, chosen = manual.step(
             params.manual,
-            by_people,
-            manual.set_point(table.asked, setpoint),
+            manual_state,
+            manual.set_point(table.manual, setpoint),
             pto_damping,
             motion[0].position,
             dt,
         )
-        pto_damping = asked.damping
+        pto_damping = chosen.damping
     span = EnvelopeTimes(table.rise[setpoint], table.fade_start[setpoint])
     periodic = PeriodicReference(table.first[setpoint], table.length[setpoint], span)
     if params.mode == TORQUE:
-        torque_reference = asked.torque
+        torque_reference = chosen.torque
         if phase != MANUAL:
             torque_reference = oswec_position.reference(table.components, periodic, clock).angle
         if pto_damping > 0.0:
@@ -204,11 +204,11 @@ def _step_laws(
         )
         reference = Reference(0.0, 0.0, torque_reference)
         demand = LoopDemand(tracking_output.torque, 0.0)
-        return Laws(laws.position, tracking, by_people), reference, _NO_CORRECTION, demand
+        return Laws(laws.position, tracking, manual_state), reference, _NO_CORRECTION, demand
     if phase == MANUAL:
-        reference = Reference(asked.angle, asked.velocity, 0.0)
-        demand = LoopDemand(0.0, asked.velocity)
-        return Laws(laws.position, laws.torque, by_people), reference, _NO_CORRECTION, demand
+        reference = Reference(chosen.angle, chosen.velocity, 0.0)
+        demand = LoopDemand(0.0, chosen.velocity)
+        return Laws(laws.position, laws.torque, manual_state), reference, _NO_CORRECTION, demand
     position, (plain_motion, correction) = oswec_position.step(
         params.position, laws.position, table.components, periodic, clock, torque, dt
     )
@@ -222,7 +222,7 @@ def _step_laws(
             0.0, velocity + correction.velocity + params.position_feedback * angle_error
         )
     return (
-        Laws(position, laws.torque, by_people),
+        Laws(position, laws.torque, manual_state),
         Reference(angle, velocity, 0.0),
         correction,
         demand,

@@ -1,4 +1,4 @@
-"""Manual mode of the bench: the velocity or the torque that people ask of the drive, ramped.
+"""Manual mode of the bench: velocity or torque that people choose, ramped.
 
 It needs no wave clock. In the velocity loop, with the motor's angle x, its goal g, a signal s on
 the angle, a velocity u (a jog, and a signal on the velocity) and the end E of the range of motion:
@@ -8,7 +8,7 @@ the angle, a velocity u (a jog, and a signal on the velocity) and the end E of t
 
 h returns the motor to its goal as homing does between rows, so that drift does not add up. (By the
 shaft's angle it would excite the resonance of the coupling with a heavy flap behind it.) While
-a velocity is asked it goes to zero. In the torque loop the torque is
+people choose a velocity, it goes to zero. In the torque loop the torque is
 
     T = t + s - R v_f                                                      (N*m)
 
@@ -41,7 +41,7 @@ class Params(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """What people ask; in the torque loop only the last three act."""
+    """A set point that people choose; in the torque loop only the last three act."""
 
     angle: float  # rad, g
     speed: float  # rad/s, >= 0; 0: the shaft does not return to its goal
@@ -70,7 +70,7 @@ class State(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """What is asked of the drive."""
+    """The demand on the drive."""
 
     angle: Radian  # g + s
     velocity: RadianPerSecond
@@ -106,15 +106,15 @@ def set_point(table: Columns, i: int) -> SetPoint:
 
 
 def step(
-    params: Params, state: State, asked: SetPoint, damping: float, angle: Radian, dt: float
+    params: Params, state: State, chosen: SetPoint, damping: float, angle: Radian, dt: float
 ) -> tuple[State, Demand]:
-    """Return the demand; ``damping``: R that is asked, N*m*s/rad; ``angle``: of the motor."""
+    """Return the demand; ``damping``: R that people choose, N*m*s/rad; ``angle``: of the motor."""
     generator, quantity, last, homing, jog, torque, damping_ramp = state
     ramp, end, rate, quickness = params
-    signal, value = asked.signal, 0.0
-    if quantity != asked.quantity:
+    signal, value = chosen.signal, 0.0
+    if quantity != chosen.quantity:
         if generator.amplitude.value == 0.0:
-            quantity, last = asked.quantity, 0.0
+            quantity, last = chosen.quantity, 0.0
         else:
             signal = signal_generator.SetPoint(
                 signal.kind, 0.0, signal.frequency, signal.end_frequency, signal.sweep
@@ -124,12 +124,12 @@ def step(
         generator, value = signal_generator.step(
             signal_generator.Params(ramp), generator, signal, dt
         )
-    jog = ramp_step(jog, asked.velocity, ramp, dt)
-    torque = ramp_step(torque, asked.torque, ramp, dt)
+    jog = ramp_step(jog, chosen.velocity, ramp, dt)
+    torque = ramp_step(torque, chosen.torque, ramp, dt)
     damping_ramp = ramp_step(damping_ramp, damping, ramp, dt)
 
-    goal, velocity, home = asked.angle, jog.value, 0.0
-    turns = jog.value != 0.0 or asked.velocity != 0.0
+    goal, velocity, home = chosen.angle, jog.value, 0.0
+    turns = jog.value != 0.0 or chosen.velocity != 0.0
     if quantity == ANGLE:
         goal = goal + value
         velocity = velocity + (value - last) / dt
@@ -137,14 +137,14 @@ def step(
         velocity = velocity + value
         turns = turns or not rests
     if not turns:
-        home = clamp(rate * (goal - angle), -asked.speed, asked.speed)
-    change = quickness * dt * max(asked.speed, abs(homing), _LEAST_SPEED)
+        home = clamp(rate * (goal - angle), -chosen.speed, chosen.speed)
+    change = quickness * dt * max(chosen.speed, abs(homing), _LEAST_SPEED)
     homing = clamp(home, homing - change, homing + change)
     velocity = velocity + homing
     above, below = end - angle, -end - angle
     highest = END_RATE * above if above > 0.0 else 0.0
     lowest = END_RATE * below if below < 0.0 else 0.0
     velocity = clamp(velocity, lowest, highest)
-    pushed = torque.value + value if quantity == TORQUE else torque.value
+    total_torque = torque.value + value if quantity == TORQUE else torque.value
     after = State(generator, quantity, value, homing, jog, torque, damping_ramp)
-    return after, Demand(goal, velocity, pushed, damping_ramp.value)
+    return after, Demand(goal, velocity, total_torque, damping_ramp.value)

@@ -72,12 +72,12 @@ class LiveColumns(Protocol):
 class People(NamedTuple):
     """The ways in which people may act on a run."""
 
-    live: LiveColumns | None = None  # None: they choose no set points, for the reason below
-    no_live: str = "people choose no set points of this run"
+    live: LiveColumns | None = None  # None: they choose no set points
     arming: bool = False
     manual: bool = False
     dead_man_s: float | None = None  # s without an operator in manual mode until the rig stops
     stop_by_anyone: bool = True  # viewers may stop the rig, too
+    no_live: str = "people choose no set points of this run"  # the reason, without `live`
 
 
 class Asker(NamedTuple):

@@ -16,7 +16,7 @@ from rig.campaign.derived_file import derived_name, derived_text, row_text
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.matrix import law_column_type
-from rig.config.problems import ConfigError, Problem
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.yaml_source import load_mapping
 from rig.people import set_points
 from rig.people.orders import Checked, LiveSet
@@ -38,7 +38,7 @@ def write_task(kinds: CampaignKind, file: Path, path: Path, drive: str = "") -> 
     """
     if drive:
         message = "the drives of this kind of rig have one loop; leave --drive out"
-        raise ConfigError([Problem(str(file), 1, "", drive, message)])
+        raise ConfigError([Problem(display_path(file), 1, "", drive, message)])
     mapping, _ = load_mapping(file, inline=("sea", "tank"))
     name = derived_name(str(mapping.get("name", "") if "rig" in mapping else file.stem), "-manual")
     path.write_text(text_of_rows(file, path, name, [({}, "")]))

@@ -36,6 +36,8 @@ def plan_position(plan: SessionPlan, row: LogRow) -> tuple[str, str]:
     count = len(plan.rows)
     if phase is Phase.DONE:
         return "row", plan_end_text(row, count)
+    if phase is Phase.MANUAL:
+        return "row", f"manual   set point {int(row['plan.live'])}"
     if number == NO_ROW:
         return "row", f"- of {count}   {phase.name.lower()}"
     set_point = plan.rows[number].values

@@ -134,6 +134,9 @@ def run_named(
                 manual=options.manual is not None,
                 unattended=options.unattended,
             )
+            if (log_fields := getattr(display, "log_fields", None)) is not None:
+                fields = log_fields(checked.rig).as_record()
+                task = task._replace(plan=task.plan | {"log_fields": fields})
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
             ended = run_task(task, runs, view, mode)

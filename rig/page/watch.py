@@ -12,26 +12,18 @@ import numpy as np
 
 from rig.page.alarms import LOW, Alarms
 from rig.page.buckets import Bucket, Buckets
-from rig.page.contents import find_ages, find_limits
+from rig.page.contents import fields_of, find_ages
+from rig.page.limits import BoundedValues, find_bounds
 from rig.page.streams import Stream
 from rig.page.tap import Rows, Tap
+from rig.presentation.phrases import state_text
 from rig.realtime.reasons import NO_REASON, ReasonTable
-from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW
 
 MARGIN_S = 10.0  # s over which the least margin is sought
 LATENESS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """Upper edges of the histogram of wake-ups, in microseconds; the last class is open."""
 _WHOLE_SHARE = 0.98  # of the planned samples: single ticks may be skipped
-
-_STATES = {
-    Mode.OFF: "OFF",
-    Mode.ENABLING: "ENABLING",
-    Mode.RUN: "RUNNING",
-    Mode.STOP_2: "HOLD",
-    Mode.STOP_1: "STOPPING",
-    Mode.STOP_0: "OFF",
-}
 
 
 class RowPower(NamedTuple):
@@ -61,8 +53,9 @@ class Watch:
             for row in plan.get("rows", ())
             if "row" in row and "measure_s" in row
         }
-        self._limits = find_limits(tap.leaves, config)
-        self._ages = find_ages(tap.leaves, config)
+        bounds = find_bounds(tap.leaves, config, fields_of(plan))
+        self._bounds = [each for each in bounds if not each.is_age]
+        self._ages = list(find_ages(tap.leaves, bounds))
         self._stations = [
             each["name"] for each in plan.get("stations", ()) if f"power.{each['name']}" in self._at
         ]
@@ -74,7 +67,9 @@ class Watch:
     def clear(self) -> None:
         """Forget all rows, as at the start of a replay."""
         self.alarms = Alarms(self._reasons)
-        self.buckets = Buckets(len(self._at), self._at["time"], self.dt)
+        self._bounded = BoundedValues(self._bounds, self._tap.leaves, self.dt)
+        fields = len(self._at) + len(self._bounds)  # the values that limits bound come last
+        self.buckets = Buckets(fields, self._at["time"], self.dt)
         self.powers: dict[int, RowPower] = {}  # by row of the plan
         self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
         self._row: np.ndarray[Any, Any] | None = None
@@ -94,6 +89,7 @@ class Watch:
             return []
         for stream in self.streams:
             stream.send(rows)
+        rows = np.concatenate((rows, self._bounded.columns(rows)), axis=1)
         self._row, self._arrived = rows[-1], time.monotonic()
         edges = 1e-6 * np.array(LATENESS_US)
         late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
@@ -167,12 +163,12 @@ class Watch:
         found: dict[str, Any] = {"source": status, "alarms": self.alarms.listed()}
         if row is None:
             return found | {"state": "WAITING"}
-        mode, reason = Mode(self._whole("safety.mode")), self._whole("safety.reason")
+        mode, reason = self._whole("safety.mode"), self._whole("safety.reason")
         name = self._reasons.name(reason)
         recent = self.buckets.newest(MARGIN_S)
         return found | {
-            "state": _STATES[mode],
-            "mode": int(mode),
+            "state": state_text(mode),
+            "mode": mode,
             "reason": name if reason != NO_REASON else "",
             "reason_text": self._reasons.text(name) if reason != NO_REASON else "",
             "time": round(float(row[self._at["time"]]), 3),
@@ -188,21 +184,21 @@ class Watch:
                 [self._number(f"power.{name}"), self._number(f"power.mean_{name}")]
                 for name in self._stations
             ],
-            "limits": [self._limit_state(at, recent) for at in range(len(self._limits))],
-            "ages": [self._number(each.field) for each in self._ages],
+            "limits": [self._limit_state(at, recent) for at in range(len(self._bounds))],
+            "ages": [self._number(each) for each in self._ages],
             "lateness": self._lateness.tolist(),
             "silent_s": round(time.monotonic() - self._arrived, 1),
         }
 
     def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:
         """Return the present value, and the extremes of the last 10 s."""
-        limit = self._limits[at]
-        column = self._at[limit.field]
+        column = len(self._at) + at
+        now = None if self._row is None else _finite(self._row[column])
         if not recent:
-            return [self._number(limit.field), None, None]
+            return [now, None, None]
         low = min((float(each.low[column]) for each in recent), default=math.nan)
         high = max((float(each.high[column]) for each in recent), default=math.nan)
-        return [self._number(limit.field), _finite(low), _finite(high)]
+        return [now, _finite(low), _finite(high)]
 
     def _segment_times(self) -> dict[str, float | None]:
         """Return seconds of the present segment: elapsed, length; and left of the plan."""

@@ -10,15 +10,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.log_fields import label_of
 from rig.page.alarms import LOW, Alarms
 from rig.page.buckets import Bucket, Buckets
+from rig.page.checklist import Conditions
 from rig.page.contents import fields_of, find_ages
 from rig.page.limits import BoundedValues, find_bounds
 from rig.page.streams import Stream
 from rig.page.tap import Rows, Tap
 from rig.presentation.phrases import state_text
 from rig.realtime.reasons import NO_REASON, ReasonTable
-from rig.realtime.sequence import NO_ROW
+from rig.realtime.safety import Mode
+from rig.realtime.sequence import NO_ROW, TARE
 
 MARGIN_S = 10.0  # s over which the least margin is sought
 LATENESS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
@@ -53,9 +56,15 @@ class Watch:
             for row in plan.get("rows", ())
             if "row" in row and "measure_s" in row
         }
-        bounds = find_bounds(tap.leaves, config, fields_of(plan))
+        fields = fields_of(plan)
+        bounds = find_bounds(tap.leaves, config, fields)
         self._bounds = [each for each in bounds if not each.is_age]
-        self._ages = list(find_ages(tap.leaves, bounds))
+        self._age_limits = {
+            name: (limit, label_of(name, fields.labels))
+            for name, limit in find_ages(tap.leaves, bounds).items()
+        }
+        zeros = (name for name in self._at if name.startswith("tar") and name.endswith(".samples"))
+        self._tare_samples = next(zeros, "")
         self._stations = [
             each["name"] for each in plan.get("stations", ()) if f"power.{each['name']}" in self._at
         ]
@@ -77,6 +86,7 @@ class Watch:
         self._segment: tuple[int, int, int] = (NO_ROW, -1, 0)  # row, phase, attempt
         self._entered: float | None = None  # s; None: before the first row that the page saw
         self._reason, self._skipped = NO_REASON, -1
+        self._tared_at: float | None = None  # s; None: before the first row that the page saw
 
     def field_indices(self, fields: Sequence[str]) -> list[int]:
         """Return the columns of fields; KeyError for one that the rows do not have."""
@@ -95,6 +105,8 @@ class Watch:
         late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
         self._lateness += np.bincount(late, minlength=len(self._lateness))
         self.powers |= self.powers_in(rows)
+        if len(taring := np.flatnonzero(rows[:, self._at["plan.phase"]] == TARE)):
+            self._tared_at = float(rows[taring[-1], self._at["time"]])
         self._watch_segment(rows)
         self._watch_alarms(rows)
         return self.buckets.add(rows)
@@ -185,10 +197,29 @@ class Watch:
                 for name in self._stations
             ],
             "limits": [self._limit_state(at, recent) for at in range(len(self._bounds))],
-            "ages": [self._number(each) for each in self._ages],
+            "ages": [self._number(each) for each in self._age_limits],
             "lateness": self._lateness.tolist(),
             "silent_s": round(time.monotonic() - self._arrived, 1),
         }
+
+    @property
+    def powered(self) -> bool:
+        """Whether the newest row has the power on, or being switched on or off."""
+        return self._row is not None and self._whole("safety.mode") != Mode.OFF
+
+    def conditions(self, privileges: Mapping[str, Any]) -> Conditions:
+        """Return the conditions for the checklist; ``privileges``: as the loop reports them."""
+        row = self._row
+        if row is None:
+            return Conditions(None, None, None, privileges)
+        late = tuple(
+            f"{label}: {1e3 * age:.0f} ms, limit {1e3 * limit:g} ms"
+            for name, (limit, label) in self._age_limits.items()
+            if limit is not None and not 0.0 <= (age := float(row[self._at[name]])) <= limit
+        )
+        tared_at, now = self._tared_at, float(row[self._at["time"]])
+        samples = self._whole(self._tare_samples) if self._tare_samples else None
+        return Conditions(late, samples, None if tared_at is None else now - tared_at, privileges)
 
     def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:
         """Return the present value, and the extremes of the last 10 s."""

@@ -132,7 +132,8 @@ def describe(
         "limits": [
             {"key": each.limit.key, "field": each.limit.field, "label": each.label}
             | {"unit": unit_text(each.unit), "low": each.low, "high": each.high}
-            | {"warn": each.warn, "stops": each.limit.stops}
+            | {"warn": each.warn, "both": each.limit.both, "stops": each.limit.stops}
+            | {"derived": each.is_derived}
             for each in bounds
             if not each.is_age
         ],

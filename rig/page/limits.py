@@ -47,6 +47,12 @@ class Bound(NamedTuple):
         """Whether the limit is that of an age."""
         return is_age(self.limit.field)
 
+    @property
+    def is_derived(self) -> bool:
+        """Whether the value is a difference, of fields or from row to row."""
+        limit = self.limit
+        return limit.quantity in (CHANGE, RATE) or bool(limit.less or limit.commanded)
+
 
 def is_age(field: str) -> bool:
     """Return whether a log field is the age of a device's values."""
@@ -127,9 +133,8 @@ def _sensor_ranges(
 
 def _place(bound: Bound) -> tuple[bool, int]:
     """Return the place of a limit: values before slews and differences, motion before force."""
-    limit, last = bound.limit, bound.limit.field.rpartition(".")[2]
-    derived = limit.quantity in (CHANGE, RATE) or bool(limit.less or limit.commanded)
-    return derived, _ORDER.index(last) if last in _ORDER else len(_ORDER)
+    last = bound.limit.field.rpartition(".")[2]
+    return bound.is_derived, _ORDER.index(last) if last in _ORDER else len(_ORDER)
 
 
 class BoundedValues:

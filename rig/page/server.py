@@ -44,9 +44,10 @@ URGENT = ("beat", "stop", "abort", "take_seat", "leave_seat")
 _FILES = {
     "index.html": "text/html; charset=utf-8",
     "page.css": "text/css",
-    "page.js": "text/javascript",
-    "traces.js": "text/javascript",
-    "manual.js": "text/javascript",
+    **{
+        f"{name}.js": "text/javascript"
+        for name in ("page", "dom", "cards", "checklist", "manual", "rows", "surface", "traces")
+    },
     "uPlot.iife.min.js": "text/javascript",
     "uPlot.min.css": "text/css",
     "uPlot.LICENSE": "text/plain",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -134,7 +136,7 @@ class Command:
     def port(self) -> int:
         return int(self.url().rstrip("/").rpartition(":")[2])
 
-    def page_process(self) -> int:
+    def page_process(self, seconds: float = 60.0) -> int:
         """Return the process of the page that the command started."""
         argument = f"--of-process\0{self.process.pid}\0".encode()
 
@@ -147,7 +149,14 @@ class Command:
                     continue
             return 0
 
-        return int(wait_until(find, 60))
+        return int(wait_until(find, seconds))
+
+    def end(self) -> None:
+        """End the command, whatever became of it, and its page."""
+        self.process.kill()
+        self.process.wait()
+        with suppress(AssertionError, ProcessLookupError):
+            os.kill(self.page_process(seconds=0.0), signal.SIGTERM)
 
     def run_folder(self) -> Path:
         return next(each for each in (self.folder / "runs").iterdir() if each.is_dir())

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 VALUE, CHANGE, RATE, RMS = "value", "change", "rate", "rms"
 """The quantity that a limit bounds: the value of the field, its change from row to row, the same
-per second, or its root mean square over a time."""
+per second (but for steps to zero: what is switched off is not slewed), or its root mean square over
+a time."""
 
 _PLAIN = ("estimate", "sense")  # parts of a name that its label leaves out
 
@@ -27,7 +28,7 @@ class FieldLimit(NamedTuple):
     warn: str = ""  # key of the size from which people should look at it
     time: str = ""  # key of the time constant of an RMS
     scale: float = 1.0  # size of the key's unit in the unit of the field
-    where: tuple[str, int] = ("", 0)  # a log field and its value in the rows that are judged
+    where: tuple[tuple[str, int], ...] = ()  # log fields and their values in the judged rows
     label: str = ""  # empty: that of the field
 
 
@@ -111,18 +112,20 @@ def axis_limits(axis: str, section: str) -> tuple[FieldLimit, ...]:
         ]
     return (
         *found,
-        *current_limits(section, f"{command}.current", f"{sense}.current"),
+        *current_limits(
+            section, f"{command}.current", f"{sense}.current", ((f"{command}.enable", 1),)
+        ),
         age_limit(f"{prefix}encoder_age_stop_s", f"{sense}.encoder_age"),
         age_limit(f"{prefix}drive_age_stop_s", f"{sense}.drive_age"),
     )
 
 
 def current_limits(
-    section: str, command: str, measured: str, where: tuple[str, int] = ("", 0)
+    section: str, command: str, measured: str, where: tuple[tuple[str, int], ...]
 ) -> tuple[FieldLimit, ...]:
     """Return the limits of a drive's current by the fields of its command and its reading.
 
-    ``where``: field and value of the rows in which the drive follows the command.
+    ``where``: fields and values of the rows in which the drive follows the command.
     """
     prefix = section and f"{section}."
     rms_time = f"{prefix}current_rms_time_s"
@@ -164,4 +167,4 @@ def _items(value: Any) -> Any:
 
 
 def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    return tuple(map(_tuple, value)) if isinstance(value, list) else value

@@ -80,7 +80,7 @@ def _bound(
 ) -> Bound | None:
     """Return a limit with its values; None if file or rows lack a part of it."""
     size = _number(limits, limit.key)
-    parts = (limit.field, *limit.less, limit.commanded, limit.where[0])
+    parts = (limit.field, *limit.less, limit.commanded, *(name for name, _ in limit.where))
     if size is None or any(name not in leaves for name in parts if name):
         return None
     time = _number(limits, limit.time) if limit.quantity == RMS else 0.0
@@ -163,17 +163,19 @@ class BoundedValues:
         for name in limit.less:
             values -= joined[:, self._at[name]]
         if limit.quantity in (CHANGE, RATE):
+            present = values[1:]
             span = ticks * self._dt if limit.quantity == RATE else ticks / ticks
             values = np.diff(values) / span
+            if limit.quantity == RATE:
+                values[present == 0.0] = np.nan
         else:
             values = values[1:]
         if limit.commanded:
             values = np.where(ticks == 1.0, values - joined[:-1, self._at[limit.commanded]], np.nan)
         if limit.quantity == RMS:
             values = self._rms(at, values)
-        field, wanted = limit.where
-        if field:
-            values = np.where(joined[1:, self._at[field]] == wanted, values, np.nan)
+        for field, wanted in limit.where:
+            values[joined[1:, self._at[field]] != wanted] = np.nan
         return values
 
     def _rms(self, at: int, values: Column) -> Column:

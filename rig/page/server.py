@@ -381,7 +381,8 @@ class Page:
             if not isinstance(key, str) or key not in BY_HAND:
                 return {"accepted": False, "reason": "no such item is confirmed by hand"}
             given = note(key, confirmed=arguments.get("confirmed") is True)
-            return self._forward(browser, "annotate", given)
+            answer = self._forward(browser, "annotate", given)
+            return answer | ({"reason": given["text"]} if answer.get("accepted") else {})
         orders = self._client(browser, urgent=False).ask("state")
         if orders.get("operator_session") != browser.session:
             holder = orders.get("operator")

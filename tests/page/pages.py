@@ -165,8 +165,11 @@ class Command:
         return dict(json.loads((self.run_folder() / "run.json").read_text()))
 
 
-def short_campaign(folder: Path) -> Path:
-    """Write a campaign of two short rows, for a host that pauses now and then; return it."""
+def short_campaign(folder: Path, matrix: str = "") -> Path:
+    """Write a campaign of two short rows, for a host that pauses now and then; return it.
+
+    With a ``matrix`` (YAML) it has its rows, still shorter ones.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     subprocess.run(
         [sys.executable, "-m", "rig", "copy", "quick"], cwd=folder, check=True, capture_output=True
@@ -174,7 +177,11 @@ def short_campaign(folder: Path) -> Path:
     limits, campaign = folder / "limits" / "wavebot.yaml", folder / "campaigns" / "quick.yaml"
     limits.write_text(limits.read_text().replace("lost_ticks_stop: 100 ", "lost_ticks_stop: 9999 "))
     kept = campaign.read_text().partition("    - {spring_n_per_m: -2763")[0]
-    for key, value in {"lead_in_s": 6, "settle_s": 2, "interval_s": 6}.items():
+    times = {"lead_in_s": 6, "settle_s": 2, "interval_s": 6}
+    if matrix:
+        kept = re.sub(r"(?s)(matrix:\n).*", rf"\g<1>{matrix}", kept)
+        times["interval_s"] = 4
+    for key, value in times.items():
         kept = re.sub(rf"{key}: \d+", f"{key}: {value}", kept)
     campaign.write_text(kept)
     return campaign

@@ -24,6 +24,12 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(PROGRAM is None, reason="no chromium"),
 ]
+GRID = """\
+  grid:
+    - spring_n_per_m: 490.9
+      kp_n_s_per_m: [-2800, -2000, -1200]
+      ki_n_per_m: [-1000, 1000, 3000]
+"""
 SIZES = {"desk": (1600, 1000), "phone": (390, 844)}
 _VISIBLE = """(() => {
   const box = document.getElementById('stop').getBoundingClientRect();
@@ -156,7 +162,9 @@ def arm_all_the_same(browser: Chromium, pictures: Path) -> None:
     """Take the seat and switch the power on with an open checklist, after a refusal."""
     browser.wait("!document.getElementById('arming').hidden", 60)
     browser.click("take")
-    browser.wait("document.getElementById('arming-time').innerText.includes('open')", 30)
+    browser.wait("document.getElementById('position').innerText.startsWith('standby')", 30)
+    browser.click("run-checks")
+    browser.wait("document.getElementById('checks').innerText.includes('fit for a rehearsal')", 60)
     browser.click("item-e_stop")
     browser.wait("document.getElementById('item-e_stop').checked")
     assert not browser.run("document.getElementById('item-people').checked")
@@ -183,18 +191,20 @@ def test_a_campaign_from_the_checklist_to_an_alarm(
     tmp_path: Path, browser: Chromium, pictures: Path
 ) -> None:
     """Arm all the same, see the surface fill, hold, look as a viewer, power off."""
-    campaign = str(short_campaign(tmp_path))
+    campaign = str(short_campaign(tmp_path, GRID))
     command = Command(tmp_path, "run", campaign, "--realtime", "--arm", "--page")
     second = None
     try:
         browser.size(*SIZES["desk"])
         browser.open(command.url())
         arm_all_the_same(browser, pictures)
-        browser.wait("document.getElementById('surface-text').innerText.includes('best row 0')", 60)
-        browser.wait("document.querySelector('#row-table tr.present') !== null", 60)
+        for row in (0, 5):
+            found = f"document.querySelector('#row-table tr.present td')?.textContent === '{row}'"
+            browser.wait(found, 90)
         label = browser.run("document.getElementById('surface').getAttribute('aria-label')")
-        assert "over Ki" in label
-        assert "best row 0" in label
+        assert "over Ki and Kp" in label
+        assert "best row" in label
+        assert "row 5 runs" in label
         take(browser, pictures, "running")
         browser.click("hold")
         state_is(browser, "HOLD")
@@ -203,7 +213,7 @@ def test_a_campaign_from_the_checklist_to_an_alarm(
         second = Command(tmp_path / "viewer", "page", *runs, "--token", "--port", "0")
         look_as_viewer(browser, second, pictures)
         browser.open(command.url())
-        browser.wait("!document.getElementById('abort').disabled", 30)
+        state_is(browser, "HOLD")  # it is connected
         browser.press("Escape", 27, modifiers=8)
         browser.wait("document.getElementById('state').innerText.includes('OFF')", 30)
         browser.wait("document.querySelector('#alarms .alarm.high') !== null", 30)

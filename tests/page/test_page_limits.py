@@ -35,6 +35,7 @@ AXIS: tuple[Leaf, ...] = (
     leaf("heave.estimate.velocity", "m/s"),
     leaf("heave.command.force", "N"),
     leaf("heave.command.current", "A"),
+    leaf("heave.command.enable", "flag", "q"),
     leaf("heave.sense.current", "A"),
     leaf("heave.sense.encoder_age", "s"),
     leaf("panel.age", "s"),
@@ -120,6 +121,8 @@ def test_slews_and_differences_are_formed_from_row_to_row(blocks: int) -> None:
     found = values_of(slew, rows, blocks)
     assert np.isnan(found[0]), "the row before is not known"
     assert found[1:] == [500.0, 0.0, 500.0], "the last row comes four ticks later"
+    off = values_of(slew, [{force: 90.0}, {}, {}], blocks)
+    assert np.isnan(off).all(), "what is switched off is not slewed"
     difference = FieldLimit("x", measured, commanded=current)
     steps = [{measured: m, current: c} for m, c in ((0.0, 2.0), (2.0, 5.0), (5.1, 5.0))]
     assert values_of(difference, steps, blocks)[1:] == [0.0, 0.1]
@@ -134,7 +137,7 @@ def test_lost_ticks_are_those_of_one_gap() -> None:
 
 
 def test_a_limit_counts_where_it_is_judged_alone() -> None:
-    limit = FieldLimit("x", "heave.command.current", where=("timing.skipped", 1))
+    limit = FieldLimit("x", "heave.command.current", where=(("timing.skipped", 1),))
     found = values_of(limit, [{"timing.skipped": 1, "heave.command.current": 2.0}, {}])
     assert found[0] == 2.0
     assert np.isnan(found[1])

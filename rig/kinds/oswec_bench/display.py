@@ -42,19 +42,21 @@ _DRIVE = (
     ShownField("command.brake_torque", "5.1f", "N·m"),
 )
 _RADIANS = 1.0 / _DEGREES
+_POWERED = ("command.enable", 1)
+_TORQUE_LOOP = (_POWERED, ("command.mode", TORQUE))
 _LIMITS = (
     FieldLimit("motor.angle_stop_deg", "motor.angle", warn="motor.angle_warn_deg", scale=_RADIANS),
     FieldLimit("motor.velocity_stop_rad_per_s", "motor.velocity"),
     FieldLimit("motor.velocity_command_rad_per_s", "command.velocity", stops=False),
     FieldLimit("motor.acceleration_rad_per_s2", "command.velocity", quantity=RATE, stops=False),
-    *current_limits("motor", "command.current", "servo.current", ("command.mode", TORQUE)),
+    *current_limits("motor", "command.current", "servo.current", _TORQUE_LOOP),
     FieldLimit("motor.current_slew_a_per_s", "command.current", quantity=RATE, stops=False),
     FieldLimit(
         "motor.velocity_difference_stop_rad_per_s",
         "motor.velocity",
         commanded="command.velocity",
         stops=False,
-        where=("command.mode", VELOCITY),
+        where=(_POWERED, ("command.mode", VELOCITY)),
     ),
     FieldLimit(
         "shaft.slip_stop_deg",
@@ -68,7 +70,11 @@ _LIMITS = (
     *(FieldLimit("load_cell.bending_stop_n_m", f"load.{name}") for name in ("tx", "ty")),
     FieldLimit("load_cell.twisting_stop_n_m", "load.tz"),
     FieldLimit(
-        "brake.difference_stop_a", "brake.current", commanded="command.brake_current", stops=False
+        "brake.difference_stop_a",
+        "brake.current",
+        commanded="command.brake_current",
+        stops=False,
+        where=(_POWERED,),
     ),
     FieldLimit("authority.angle_deg", "correction.angle", stops=False, scale=_RADIANS),
     FieldLimit("authority.velocity_rad_per_s", "correction.velocity", stops=False),
@@ -77,7 +83,7 @@ _LIMITS = (
         "demand.torque",
         less=("reference.torque",),
         stops=False,
-        where=("command.mode", TORQUE),
+        where=_TORQUE_LOOP,
         label="torque feedback",
     ),
     age_limit("motor.encoder_age_stop_s", "encoders.age"),

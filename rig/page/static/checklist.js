@@ -13,7 +13,7 @@ export function armingAnswered(answer) {
 export function showArming(contents, state, seated, ask) {
   const orders = state.orders || {}, items = state.checklist || [];
   const standby = contents.phases[state.phase] === "standby" && state.mode === OFF && !state.reason;
-  $("arming").hidden = !(orders.must_arm && contents.title.live && (standby || state.time < 1));
+  $("arming").hidden = !(orders.must_arm && !orders.armed && contents.title.live && state.mode === OFF && !state.reason);
   if ($("arming").hidden) return;
   const key = JSON.stringify(items) + seated;
   if ($("checks").dataset.key !== key) {

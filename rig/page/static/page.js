@@ -225,11 +225,12 @@ function showPosition(orders) {
   const row = contents.rows[state.row];
   setText($("setpoint"), row && !manualRun ? contents.columns.map((c, k) => c.label + " " + plain(row[k]) + " " + c.unit).join("   ") : "");
   const segment = state.segment || {};
-  const known = segment.length !== null && segment.elapsed !== null && segment.length > 0.01;
+  const over = contents.phases[state.phase] === "done", held = state.mode === HOLD || over; // no time of the plan runs
+  const known = !held && segment.length !== null && segment.elapsed !== null && segment.length > 0.01;
   $("progress").style.width = known ? Math.min(100, 100 * segment.elapsed / segment.length) + "%" : "0";
   const parts = ["run time " + clock(state.time)];
-  if (segment.elapsed !== null && segment.elapsed !== undefined) parts.push(phase + " " + segment.elapsed.toFixed(0) + (known ? " of " + segment.length.toFixed(0) : "") + " s");
-  if (segment.left !== null && segment.left !== undefined && !manualRun)
+  if (!held && segment.elapsed !== null && segment.elapsed !== undefined) parts.push(phase + " " + segment.elapsed.toFixed(0) + (known ? " of " + segment.length.toFixed(0) : "") + " s");
+  if (!held && segment.left !== null && segment.left !== undefined && !manualRun)
     parts.push(clock(segment.left) + " left, ends " + new Date(Date.now() + 1000 * segment.left).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}));
   else if (!contents.title.live && contents.duration_s) parts.push("of " + clock(contents.duration_s));
   setText($("times"), parts.join("   "));
@@ -272,9 +273,10 @@ function showJournal(message) {
   for (const each of message.entries) {
     const line = element("tr", undefined, each.accepted ? "" : "refused");
     const given = each.arguments.text || each.arguments.comment || each.arguments.alarm || changes(each);
-    line.append(element("td", each.utc.slice(11, 19)), element("td", each.person),
-      element("td", each.request.replaceAll("_", " ") + (given ? ": " + given : "")),
-      element("td", (each.accepted ? "" : "refused: ") + each.reason));
+    const text = element("td", each.request.replaceAll("_", " ") + (given ? ": " + given : ""));
+    text.prepend(element("strong", each.person + " "));
+    if (each.reason || !each.accepted) text.append(element("span", " (" + (each.accepted ? "" : "refused: ") + each.reason + ")", "quiet"));
+    line.append(element("td", each.utc.slice(11, 19)), text);
     $("journal").prepend(line);
     while ($("journal").rows.length > 300) $("journal").lastElementChild.remove();
   }

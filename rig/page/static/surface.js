@@ -88,7 +88,7 @@ export class Surface {
       return {x: frame.x + this.xs.indexOf(point.x) * w, y: frame.y + frame.h - (this.ys.indexOf(point.y) + 1) * h, w, h};
     }
     const value = this.curve ? point.power : point.y;
-    const x = frame.x + frame.w * part(point.x, scales.x), y = value === null ? frame.y + frame.h : frame.y + frame.h * (1 - part(value, scales.y));
+    const x = frame.x + frame.w * part(point.x, scales.x), y = value === null ? frame.y + frame.h - MARKER - 2 : frame.y + frame.h * (1 - part(value, scales.y));
     return {x: x - MARKER, y: y - MARKER, w: 2 * MARKER, h: 2 * MARKER};
   }
 
@@ -115,7 +115,8 @@ export class Surface {
   }
 
   drawPoint(pen, point, place, scales) {
-    const measured = point.power !== null, colour = measured ? colourOf(part(point.power, scales.power)) : GROUND;
+    const measured = point.power !== null, place01 = this.curve ? 0.25 : part(point.power, scales.power);
+    const colour = measured ? colourOf(place01) : GROUND;
     shape(pen, inset(place, this.grid ? 1 : 0), this.grid);
     pen.fillStyle = colour;
     pen.fill();

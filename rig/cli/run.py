@@ -122,7 +122,7 @@ def run_named(
         if not mode.real_clock:
             importing.start()
         with (
-            _page_beside(runs, wanted=options.page) as began,
+            _page_of_run(runs, enabled=options.page) as began,
             RunPanel(title, mode.name, plan, display, quiet=as_json) as view,
         ):
             task = attended_task(
@@ -174,17 +174,17 @@ def run_named(
 
 
 @contextmanager
-def _page_beside(runs: Path, *, wanted: bool) -> Iterator[Callable[[Path], None]]:
+def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[Callable[[Path], None]]:
     """Start the operator's page, print its address, and yield a function for the run's folder.
 
     The run needs the page for nothing: if it cannot start or ends, one line says why.
     """
     page = None
-    if wanted:
-        from rig.page.process import PageBesideRun
+    if enabled:
+        from rig.page.process import PageOfRun
 
         try:
-            page = PageBesideRun(runs)
+            page = PageOfRun(runs)
         except OSError as error:
             print(f"no page: {error_text(error)}", file=sys.stderr)
     if page is None:

@@ -21,7 +21,7 @@ BY_HAND = {
     "e_stop": "the emergency stop was tested",
     "people": "nobody is within reach of moving parts",
 }
-"""What people confirm, by key."""
+"""The items that people confirm, by key."""
 
 CHECK, CONFIRMED = "check", "confirmed"  # arguments of a note that confirms or withdraws an item
 _DOCTOR_S = 120.0  # s until the checks of the host are given up
@@ -109,7 +109,7 @@ class Checklist:
                 return "the checks run already"
             self._running = True
         self._host = Item("host", "checks of this host (`rig doctor`): running", False)
-        command = [sys.executable, "-m", "rig", "doctor", "--beside-run", "--json"]
+        command = [sys.executable, "-m", "rig", "doctor", "--during-run", "--json"]
         try:
             ran = subprocess.run(
                 [*command, "--runs", str(self._runs)],

@@ -174,8 +174,8 @@ class BoundedValues:
             values = np.where(ticks == 1.0, values - joined[:-1, self._at[limit.commanded]], np.nan)
         if limit.quantity == RMS:
             values = self._rms(at, values)
-        for field, wanted in limit.where:
-            values[joined[1:, self._at[field]] != wanted] = np.nan
+        for field, value in limit.where:
+            values[joined[1:, self._at[field]] != value] = np.nan
         return values
 
     def _rms(self, at: int, values: Column) -> Column:
@@ -191,7 +191,7 @@ class BoundedValues:
 
 
 def _number(limits: Any, key: str) -> float | None:
-    """Return the number at a key like `heave.current_peak_a`; None if there is none."""
+    """Return the number at a key like `AXIS.current_peak_a`; None if there is none."""
     value: Any = limits
     for part in key.split("."):
         value = _mapping(value).get(part)

@@ -6,6 +6,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -56,7 +57,7 @@ def address(listener: socket.socket) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
-class PageBesideRun:
+class PageOfRun:
     """The page of the run that this process begins: a process of its own.
 
     Nothing that happens to it reaches the run. It learns the run's folder from its input.
@@ -67,6 +68,7 @@ class PageBesideRun:
         runs.mkdir(parents=True, exist_ok=True)
         listener = listen("127.0.0.1", 0)
         self._errors = runs / f".page_{os.getpid()}.stderr"  # until the run has a folder
+        self._settled = threading.Event()  # it has one, or gets none
         arguments = ["page", "--of-process", str(os.getpid()), "--listener", str(listener.fileno())]
         try:
             with self._errors.open("wb") as errors:
@@ -86,15 +88,20 @@ class PageBesideRun:
         """Tell the page the folder of its run, which gets the page's error output, too."""
         with suppress(OSError):
             self._errors = self._errors.replace(folder / ERRORS)
+        self._settled.set()
         assert self._process.stdin is not None
         with suppress(OSError):  # it is gone: `failure` says why
             self._process.stdin.write(os.fsencode(folder.absolute()) + b"\n")
             self._process.stdin.flush()
 
     def failure(self) -> str:
-        """Wait for the end of the page; return why it failed in one line, empty if it did not."""
+        """Wait for the end of the page; return why it failed in one line.
+
+        Empty if it did not fail, or if no run began.
+        """
         code = self._process.wait()
-        if code == 0:
+        self._settled.wait()
+        if code == 0 or self._errors.name != ERRORS:
             return ""
         lines = self._errors.read_text(errors="replace").strip().splitlines() or [f"code {code}"]
         return f"the page ended: {lines[-1]} ({self._errors})"
@@ -106,6 +113,7 @@ class PageBesideRun:
             self._process.stdin.close()
         if self._errors.name != ERRORS:
             self._errors.unlink(missing_ok=True)
+        self._settled.set()
 
 
 def wait_for_run(source: IO[bytes]) -> Path:

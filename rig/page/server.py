@@ -392,7 +392,7 @@ class Page:
         if name == CHECK_HOST:
             if subject.watch.powered:
                 return {"accepted": False, "reason": "only while the power is off"}
-            why = subject.checklist.check_host(browser.person)
+            why = subject.checklist.check_host(str(orders.get("operator", "")))
             return {"accepted": not why, "reason": why or "the host was checked"}
         waiting = [each.text for each in items if not each.done]
         if waiting and arguments.get("all_the_same") is not True:

@@ -248,9 +248,9 @@ def test_the_surface_shows_each_point(browser: Chromium, recorded: Path) -> None
         tab_to(browser, "surface")
         for row in table:
             browser.press("ArrowRight", 39)
-            told = browser.text("surface-text")
-            assert told.startswith(f"row {row['row']}")
-            power = float(told.partition(": ")[2].partition(" W")[0].replace("\u2212", "-"))
+            shown = browser.text("surface-text")
+            assert shown.startswith(f"row {row['row']}")
+            power = float(shown.partition(": ")[2].partition(" W")[0].replace("\u2212", "-"))
             assert power == pytest.approx(float(row["power_dc [W]"]), abs=0.06)
         browser.run(
             "document.getElementById('best-by').selectedIndex = 0;"

@@ -91,7 +91,7 @@ function show(answer, name = "") {
 
 function showAnswer(answer) {
   if (answer.ask === "beat") return;
-  show(answer, answer.ask);
+  show(answer, answer.ask === "confirm_item" ? "" : answer.ask);
   armingAnswered(answer);
   if (answer.ask === "take_seat" && !answer.accepted && /take over/.test(answer.reason)) offerTakeOver(true);
   if (["set", "undo"].includes(answer.ask) && answer.accepted) adopt = true;

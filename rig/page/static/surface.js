@@ -67,7 +67,7 @@ export class Surface {
     const room = width - BAR, least = LEFT + GAP + Math.max(120, (this.grid ? 30 : 12) * columns);
     const across = Math.max(1, Math.min(this.panels.length, Math.floor(room / least)));
     const inner = {w: room / across - LEFT - GAP};
-    inner.h = this.grid ? Math.min(220, Math.max(70, 30 * this.ys.length)) : 190;
+    inner.h = this.grid ? Math.min(260, Math.max(80, 40 * this.ys.length)) : 190;
     if (this.grid) inner.w = Math.min(inner.w, MAX_CELL * this.xs.length);
     const panelHeight = ABOVE + inner.h + BELOW, down = Math.ceil(this.panels.length / across);
     const frames = this.panels.map((_, k) => ({x: LEFT + (k % across) * (LEFT + GAP + inner.w), y: ABOVE + Math.floor(k / across) * panelHeight, ...inner}));
@@ -209,10 +209,10 @@ export class Surface {
     if (present) parts.push("row " + state.row + " runs");
     this.canvas.setAttribute("aria-label", "Power, " + unit + ", over " + this.axes.map(k => contents.columns[k].label).join(" and ") + ". " + parts.join("; ") + ". Arrow keys read the points.");
     const point = this.points[this.pointed];
-    setText(this.text, point ? this.told(point) : best ? parts[1] : parts[0]);
+    setText(this.text, point ? this.textOf(point) : best ? parts[1] : parts[0]);
   }
 
-  told(point) {
+  textOf(point) {
     const name = (point.rows.length > 1 ? "rows " : "row ") + point.rows.join(", ") + (point.best ? " ★" : "");
     const power = point.power === null ? "not measured" : watts(point.power) + " W" + (point.count > 1 ? " (mean of " + point.count + ")" : "") + (point.whole ? "" : point.present ? " so far" : ", cut short");
     return name + ": " + power + " at " + this.where(point);

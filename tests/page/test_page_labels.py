@@ -92,8 +92,11 @@ def test_axes_of_a_modular_rig() -> None:
         "tail": SimpleNamespace(motion="rotation"),
         "float": SimpleNamespace(motion="translation"),
     }
-    plan = SimpleNamespace(rig=SimpleNamespace(axes=axes, power_stations=()))
+    sensors = {"oil_1": SimpleNamespace(label=""), "deck": SimpleNamespace(label="wave at the rig")}
+    plan = SimpleNamespace(rig=SimpleNamespace(axes=axes, sensors=sensors, power_stations=()))
     labels = modular.log_fields(plan.rig).labels
+    assert label_of("oil_1.value", labels) == "oil 1"
+    assert label_of("deck.age", labels) == "wave at the rig age"
     row = {
         f"{axis}.{part}": 1.0
         for axis in axes

@@ -27,9 +27,14 @@ LogRow = dict[str, float | int]
 
 
 def log_fields(rig: Any) -> LogFields:
-    """Return the labels of the axes; their limits, and those of sensors, every rig has."""
-    labels = (axis_labels(name, rotary=axis.motion == ROTATION) for name, axis in rig.axes.items())
-    return LogFields({field: label for each in labels for field, label in each.items()})
+    """Return the labels of axes and sensors; the limits of both need no declaration."""
+    labels: dict[str, str] = {}
+    for name, axis in rig.axes.items():
+        labels |= axis_labels(name, rotary=axis.motion == ROTATION)
+    for name, sensor in rig.sensors.items():
+        label = sensor.label or name.replace("_", " ")
+        labels |= {name: label, f"{name}.value": label}
+    return LogFields(labels)
 
 
 def show_report(report: CheckReport, *, every_row: bool) -> None:

@@ -26,7 +26,7 @@ from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 PRODUCTS = {".png": "image/png", ".pdf": "application/pdf", ".csv": "text/csv"}
 STATE_INTERVAL_S = 0.2
-_FIRST_ROWS = ("plan.row", "power.samples")
+_FIRST_ROWS = ("plan.row", "power.samples", "safety.mode")
 
 
 class Subject:

@@ -112,9 +112,13 @@ class Watch:
         return self.buckets.add(rows)
 
     def powers_in(self, rows: Rows) -> dict[int, RowPower]:
-        """Return the newest powers of the plan's rows in log rows."""
+        """Return the newest powers of the plan's rows in log rows, without those of a hold.
+
+        An interrupted row starts over, and on hold the drive damps instead of the law.
+        """
         samples, numbers = rows[:, self._at["power.samples"]], rows[:, self._at["plan.row"]]
-        measured = np.flatnonzero((samples > 0) & (numbers >= 0))
+        acting = rows[:, self._at["safety.mode"]] == Mode.RUN
+        measured = np.flatnonzero((samples > 0) & (numbers >= 0) & acting)
         if not len(measured):
             return {}
         found = numbers[measured]

@@ -268,6 +268,61 @@ def test_the_surface_shows_each_point(browser: Chromium, recorded: Path) -> None
         assert browser.failed == []
 
 
+PLANS: dict[str, tuple[dict[str, Any], str]] = {
+    "scattered": (
+        {"rows": [[490.9, 0, 1], [-2763, 0, 2], [100, 0, 3], [200, 0, 4]], "points": [0, 1, 2, 3]},
+        "row 0: ",
+    ),
+    "one set point": ({"surface": {"x": 2}}, "row 0: "),
+    "repeated": (
+        {"rows": [[490.9, 0, 0], [490.9, 0, 0], [0, 0, 4], [0, 0, 4]], "points": [0, 0, 1, 1]},
+        "rows 0, 1: ",
+    ),
+}
+"""Other plans for the rows of one run, and the words about their first point."""
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_the_surface_of_other_plans(
+    browser: Chromium, recorded: Path, monkeypatch: pytest.MonkeyPatch, plan: str
+) -> None:
+    changes, first = PLANS[plan]
+    subject = replay(recorded)
+    found = subject.describe() | changes
+    monkeypatch.setattr(subject, "describe", lambda: found)
+    with (recorded / "rows.csv").open() as file:
+        powers = [float(row["power_dc [W]"]) for row in csv.DictReader(file)]
+    with served(subject, Access()) as (_, port):
+        assert subject.speed is not None
+        subject.speed.set_speed(50)
+        browser.size(*SIZES["desk"])
+        browser.open(f"http://127.0.0.1:{port}/")
+        browser.wait("document.getElementById('state').innerText === 'OFF'", 30)
+        tab_to(browser, "surface")
+        browser.press("ArrowRight", 39)
+        shown = browser.text("surface-text")
+        assert shown.startswith(first)
+        mean = (powers[0] + powers[1]) / 2 if plan == "repeated" else powers[0]
+        power = float(shown.partition(": ")[2].partition(" W")[0].replace("\u2212", "-"))
+        assert power == pytest.approx(mean, abs=0.06)
+        assert ("(mean of 2)" in shown) is (plan == "repeated")
+        assert browser.failed == []
+
+
+def test_a_plan_without_set_points_has_its_table_alone(
+    browser: Chromium, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    subject = replay(recorded)
+    found = subject.describe() | {"surface": {}}
+    monkeypatch.setattr(subject, "describe", lambda: found)
+    with served(subject, Access()) as (_, port):
+        browser.open(f"http://127.0.0.1:{port}/")
+        browser.wait("document.getElementById('row-table').rows.length === 5")
+        assert browser.run("document.getElementById('surface-box').hidden")
+        assert browser.run("document.getElementById('rows-list').open")
+        assert browser.failed == []
+
+
 HOSTILE = "<img src=x onerror=window.hit=1>"
 
 

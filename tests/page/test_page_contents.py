@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from rig.page import contents
 from rig.page.alarms import _ADVICE, Alarms
 from rig.page.recorded import RecordedTap
+from rig.page.subject import replay
 from rig.realtime.reasons import Reason, reason_table
+from rig.realtime.safety import Mode
 from rig.recording.journal import Entry
 from rig.recording.runs import run_info
 
@@ -27,6 +31,18 @@ def test_contents_of_a_recorded_run(recorded: Path) -> None:
     assert limits["power_sense.bus_voltage"]["high"] == 200.0
     assert limits["heave.estimate.position"]["label"] == "heave position"
     assert found["sea"].startswith("regular")
+
+
+def test_powers_of_a_hold_are_those_of_no_row(recorded: Path) -> None:
+    """The row was measured for a part of its time; on hold the drive damps instead of the law."""
+    watch = replay(recorded).watch
+    rows = np.zeros((4, len(watch._at)))
+    rows[:, watch._at["power.samples"]] = (10, 20, 9000, 9001)
+    rows[:, watch._at["power.mean_dc"]] = (-1.0, -2.0, -50.0, -60.0)
+    rows[:, watch._at["safety.mode"]] = (Mode.RUN, Mode.RUN, Mode.STOP_2, Mode.STOP_2)
+    (powers,) = watch.powers_in(rows).values()
+    assert powers.means[-1] == -2.0
+    assert not powers.whole
 
 
 def test_every_reason_of_the_core_has_advice() -> None:

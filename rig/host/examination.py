@@ -30,6 +30,7 @@ class Examination(NamedTuple):
     """All findings."""
 
     findings: tuple[Finding, ...]
+    has_wakeups: bool = True  # False: they were left out, during a run
 
     def obstacles(self, use: Use) -> list[Finding]:
         """Return the findings that forbid a use; empty if the host is fit for it."""
@@ -54,7 +55,7 @@ class Examination(NamedTuple):
         warned = sum(finding.verdict is Verdict.WARNING for finding in self.findings)
         if warned and not unfit:
             parts.append(f"with {warned} warnings" if warned > 1 else "with one warning")
-        if all(finding.area != timing.AREA for finding in self.findings):
+        if not self.has_wakeups:
             parts.append("wake-ups were not measured")
         text = "; ".join(parts)
         return f"{text[0].upper()}{text[1:]}."
@@ -100,7 +101,8 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
         (software.AREA, software.findings),
     )
     return Examination(
-        tuple(finding for area, check in checks for finding in _run_check(area, check))
+        tuple(finding for area, check in checks for finding in _run_check(area, check)),
+        has_wakeups=measured is not None,
     )
 
 

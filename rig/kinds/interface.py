@@ -209,6 +209,9 @@ class Display(Protocol):
     """Room `display`: texts for people, before and during a run.
 
     ``measured`` is the newest row in a measured window (`power.samples` > 0); empty before.
+
+    A room may also have `log_fields(rig: RigFile) -> rig.log_fields.LogFields`, labels and limits
+    of the log fields, which a run records for the page. Its texts should use the same labels.
     """
 
     def show_report(self, report: Any, *, every_row: bool) -> None:

@@ -134,6 +134,10 @@ class Chromium:
                 **({"text": text} if text and kind == "keyDown" else {}),
             )
 
+    def type(self, text: str) -> None:
+        """Enter text where the focus is."""
+        self.call("Input.insertText", text=text)
+
     def picture(self, path: Path) -> None:
         data = self.call("Page.captureScreenshot", format="png")["data"]
         path.write_bytes(base64.b64decode(data))

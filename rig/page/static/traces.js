@@ -1,4 +1,6 @@
 // Live traces: one plot for each group of units over one shared axis of time.
+import {number} from "./dom.js";
+
 const WIDTHS = [[], [6, 3], [2, 2], [10, 3, 2, 3], [1, 3], [12, 4]];
 const SHADES = ["#111111", "#1b4f9c", "#5d3f00", "#6a6f73", "#1f5c3a", "#5b2a6b"];
 
@@ -159,13 +161,4 @@ function stroke(at) {
   for (const [name, value] of Object.entries(values)) line.setAttribute(name, value);
   svg.append(line);
   return svg;
-}
-
-export function number(value) {
-  if (value === null || value === undefined) return "–";
-  if (typeof value !== "number") return String(value);
-  const size = Math.abs(value);
-  if (size < 1e-7) return "0";
-  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(2) : size >= 1000 ? value.toFixed(0) : value.toPrecision(4);
-  return text.replace("-", "\u2212");
 }

@@ -10,7 +10,7 @@ import hashlib
 import json
 import logging
 import threading
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from importlib import resources
@@ -25,7 +25,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rig.page.access import COOKIE, VIEWER, Access, RateLimit
-from rig.page.buckets import Bucket, merged
+from rig.page.buckets import COARSER, Bucket, merged
 from rig.page.checklist import BY_HAND, note
 from rig.page.subject import Subject
 from rig.people.request_client import RequestClient, RequestError
@@ -219,20 +219,18 @@ class Page:
         for browser in self.browsers:
             if browser.session and browser.fields:
                 if browser.fields not in messages:
-                    messages[browser.fields] = self._traces(browser.fields, buckets, "traces")
+                    values = {"type": "traces"} | self._traces(browser.fields, buckets)
+                    messages[browser.fields] = json.dumps(values)
                 browser.put(messages[browser.fields])
 
-    def _traces(self, fields: tuple[str, ...], buckets: list[Bucket], kind: str) -> str:
+    def _traces(self, fields: tuple[str, ...], buckets: Sequence[Bucket]) -> dict[str, Any]:
         at = self._subject.watch.field_indices(fields)
-        return json.dumps(
-            {
-                "type": kind,
-                "fields": fields,
-                "time": [round(each.time, 4) for each in buckets],
-                "low": [[_short(each.low[i]) for each in buckets] for i in at],
-                "high": [[_short(each.high[i]) for each in buckets] for i in at],
-            }
-        )
+        return {
+            "fields": fields,
+            "time": [round(each.time, 4) for each in buckets],
+            "low": [[_short(each.low[i]) for each in buckets] for i in at],
+            "high": [[_short(each.high[i]) for each in buckets] for i in at],
+        }
 
     # --- the browsers' side
 
@@ -318,8 +316,13 @@ class Page:
             browser.put(self._state)
 
     def _put_history(self, browser: Browser) -> None:
-        recent = list(self._subject.watch.buckets.recent)
-        browser.put(self._traces(browser.fields, recent, "history"))
+        buckets = self._subject.watch.buckets
+        levels = [
+            self._traces(browser.fields, list(level)) | {"size": size}
+            for size, level in zip((1, *COARSER), (buckets.recent, *buckets.coarser), strict=True)
+        ]
+        history = {"type": "history", "fields": browser.fields, "levels": levels}
+        browser.put(json.dumps(history | {"bucket_s": buckets.span_s}))
 
     def _choose_fields(self, browser: Browser, fields: Any) -> None:
         if isinstance(fields, list) and len(fields) <= MAX_FIELDS:

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from chromium import PROGRAM, Chromium
 from pages import Command, served, short_campaign, wait_until
 
+from benchmarks.support.chromium import PROGRAM, Chromium
 from rig.page.access import Access
 from rig.page.checklist import Item
 from rig.page.subject import replay
@@ -321,6 +321,42 @@ def test_a_plan_without_set_points_has_its_table_alone(
         assert browser.run("document.getElementById('surface-box').hidden")
         assert browser.run("document.getElementById('rows-list').open")
         assert browser.failed == []
+
+
+TRACES = """
+(async () => {
+  const {Traces} = await import("/traces.js");
+  const traces = new Traces(document.createElement("div"), document.createElement("span"));
+  const empty = {time: [], low: [[]], high: [[]]};
+  const levels = [1, 10, 60].map(size => ({size, ...structuredClone(empty)}));
+  traces.reset({fields: ["x"], bucket_s: 0.05, levels});
+  for (let i = 0; i < 80000; i++) {
+    const value = i === 20005 ? null : i === 20007 ? 9 : Math.sin(i);
+    traces.add({fields: ["x"], time: [0.05 * i], low: [[value]], high: [[value]]});
+  }
+  traces.add({fields: ["other"], time: [1], low: [[1]], high: [[1]]});
+  return [10, 60, 300, 600, 3600].map(span => {
+    traces.span = span;
+    const {size, time, low, high} = traces.level();
+    const found = time.findIndex(t => t >= 0.05 * 20007);
+    return {size, count: time.length, reach: time.at(-1) - time[0],
+      low: Math.min(...low[0]), peak: time[0] > 1000 ? null : high[0][found]};
+  });
+})()
+"""
+
+
+def test_traces_reach_back_an_hour(browser: Chromium, recorded: Path) -> None:
+    """The buckets of the browser: an hour in a few thousand numbers, and no peak is lost."""
+    with served(replay(recorded), Access()) as (_, port):
+        browser.open(f"http://127.0.0.1:{port}/")
+        found = browser.run(TRACES)
+    assert [each["size"] for each in found] == [1, 1, 10, 10, 60]
+    for each, span in zip(found, (60, 60, 600, 600, 3600), strict=True):
+        assert span <= each["reach"] <= 1.11 * span
+        assert each["count"] <= 1320
+        assert each["low"] == pytest.approx(-1.0, abs=1e-3)
+    assert found[-1]["peak"] == 9
 
 
 HOSTILE = "<img src=x onerror=window.hit=1>"

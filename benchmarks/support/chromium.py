@@ -100,8 +100,10 @@ class Chromium:
         self.wait("location.protocol === 'http:' && document.readyState === 'complete'")
 
     def run(self, script: str) -> Any:
-        """Return the value of a script."""
-        found = self.call("Runtime.evaluate", expression=script, returnByValue=True)
+        """Return the value of a script, or of its promise."""
+        found = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 

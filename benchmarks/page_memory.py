@@ -25,13 +25,12 @@ _IDLE = ["nice", "-n", "19"]
 def _replay(folder: Path) -> Iterator[tuple[int, str]]:
     """Yield process and address of the page that replays a run."""
     command = [*_IDLE, sys.executable, "-m", "rig", "page", str(folder), "--json"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout is not None
-        yield process.pid, json.loads(process.stdout.readline())["addresses"]["page"]
-    finally:
-        process.terminate()
-        process.wait()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield process.pid, json.loads(process.stdout.readline())["addresses"]["page"]
+        finally:
+            process.terminate()
 
 
 def _record(folder: Path, seconds: float) -> Path:

@@ -17,7 +17,7 @@ from controllers.signal_generator import SetPoint
 from rig.campaign.derived_file import derived_name, row_text
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import load_mapping
-from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SESSION_KINDS
+from rig.kinds.oswec_bench.config.session_file import FREE_SHAFT, SESSION_COLUMNS, SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.check import SessionReport
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import NO_FLUME, REST, SessionPlan, setpoint_table
@@ -56,10 +56,6 @@ _SIGNAL_COLUMNS = {
 }
 """The signal's amplitude that a row's amplitude is, by the column of the row."""
 
-_FREE_SHAFT = (
-    "in the torque loop nothing keeps a free shaft in its range, and damping by the motor does not "
-    "hold it: the bench's inertia is small; manual mode needs a session with shaft: clamped"
-)
 _FREE_FLAP = "its flap is free of the motor, which alone would turn; couple them for manual mode"
 
 
@@ -80,10 +76,10 @@ def write_task(file: Path, path: Path, drive: str = "") -> None:
             raise ConfigError([locate.problem(("session",), kind, message)])
         if requirements.flap_coupling == "free":
             raise ConfigError([locate.problem(("session",), kind, f"{kind}: {_FREE_FLAP}")])
-        if requirements.loop == "torque" and not requirements.flap_coupling:
+        if requirements.needs_clamp:
             shaft = mapping.get("shaft", "free")
             if shaft == "free":
-                raise ConfigError([locate.problem(("shaft",), shaft, f"{shaft}: {_FREE_SHAFT}")])
+                raise ConfigError([locate.problem(("shaft",), shaft, f"{shaft}: {FREE_SHAFT}")])
         name = str(mapping.get("name", ""))
     else:
         flap = _flap(source)
@@ -104,9 +100,6 @@ def live_columns(
     session_file = session.file
     if SESSION_KINDS[session_file.session].flap_coupling == "free":
         raise RefusedError(_FREE_FLAP)
-    in_torque_loop, free = session_file.loop == "torque", session_file.shaft == "free"
-    if in_torque_loop and free and "flap" not in session.plant:
-        raise RefusedError(_FREE_SHAFT)
     return BenchSetPoints(file, session, plan, examine, kept)
 
 

@@ -57,7 +57,9 @@ class Chromium:
         listed = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/json").read())
         page = next(each for each in listed if each["type"] == "page")
         url = page["webSocketDebuggerUrl"]
-        return self._stack.enter_context(connect(url, max_size=None, compression=None))
+        return self._stack.enter_context(
+            connect(url, max_size=None, compression=None, ping_interval=None)
+        )
 
     def close(self) -> None:
         self._stack.close()

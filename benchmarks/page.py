@@ -33,13 +33,12 @@ _SETTLE_S = 3.0  # s after the start and the end of page and browsers that belon
 def _page(folder: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yield process and addresses of the page of a run."""
     command = [sys.executable, "-m", "rig", "page", str(folder), "--foxglove", "0", "--json"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout is not None
-        yield process.pid, json.loads(process.stdout.readline())["addresses"]
-    finally:
-        process.terminate()
-        process.wait()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield process.pid, json.loads(process.stdout.readline())["addresses"]
+        finally:
+            process.terminate()
 
 
 @contextmanager

@@ -198,6 +198,7 @@ class Plan(NamedTuple, Generic[S, T]):
     moves: int  # of a part of the rig between rows
     phases: PhaseSeconds
     axis_laws: Mapping[str, AxisLaw]
+    rig: Rig  # its file, for displays
 
 
 AnyPlan = Plan[Any, Any]

@@ -4,40 +4,51 @@ A set point is checked as a row of a campaign file: it is written as the only ro
 extends the campaign, and goes through all that `rig check` does, predicted stability included.
 """
 
-import itertools
 import json
 import os
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
-from controllers import signal_generator
 from rig.campaign.check import CheckReport
 from rig.campaign.derived_file import derived_name, derived_text, row_text
-from rig.campaign.kind import AnyCampaign, AnyPlan
+from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.matrix import law_column_type
-from rig.config.problems import Problem
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.yaml_source import load_mapping
+from rig.people import set_points
 from rig.people.orders import Checked, LiveSet
+from rig.people.set_points import Amplitude, KeptRows, Row, field_range
+from rig.planning.input_files import ConfigSource, load_named_source
+from rig.processes.run_types import Task
+from rig.realtime import axis
 from rig.realtime.live_setpoints import numbers_at
 from rig.realtime.sequence import MEASURE
 from rig.row_contents import Column
 
-Row = tuple[Mapping[str, float | str], str]  # values by key of the column, and a comment
 Examine = Callable[[Path], CheckReport]
-_MAX_FREQUENCY_SHARE = 0.1  # of the tick rate: ten samples a period
-_MAX_SWEEP_S = 3600.0
-_SIGNAL = ("kind", "amplitude", "frequency_hz", "end_frequency_hz", "sweep_s")
-NO_SIGNAL: dict[str, Any] = {
-    "kind": "none",
-    "amplitude": 0.0,
-    "frequency_hz": 0.5,
-    "end_frequency_hz": 1.0,
-    "sweep_s": 60.0,
-}
+
+
+def write_task(kinds: CampaignKind, file: Path, path: Path, drive: str = "") -> None:
+    """Write the campaign for manual mode of a rig or of a campaign: one row, all gains zero.
+
+    ``drive``: as of `rig.kinds.interface.Manual`. Raises ConfigError.
+    """
+    if drive:
+        message = "the drives of this kind of rig have one loop; leave --drive out"
+        raise ConfigError([Problem(display_path(file), 1, "", drive, message)])
+    mapping, _ = load_mapping(file, inline=("sea", "tank"))
+    name = derived_name(str(mapping.get("name", "") if "rig" in mapping else file.stem), "-manual")
+    path.write_text(text_of_rows(file, path, name, [({}, "")]))
+    campaign = ConfigSource(*load_mapping(path, inline=("sea", "tank")))
+    rig = load_named_source(campaign, ("rig",))
+    assert rig is not None, "the kind of rig was found by it"
+    model = kinds.model(kinds.find_laws(campaign, rig), rig.mapping)
+    columns = model.kind_columns.required(model.law_columns())
+    row = ({column.key: 0.0 for column in columns}, "all gains zero")
+    path.write_text(text_of_rows(file, path, name, [row]))
 
 
 def text_of_rows(file: Path, path: Path, name: str, rows: Sequence[Row]) -> str:
@@ -62,6 +73,22 @@ def text_of_rows(file: Path, path: Path, name: str, rows: Sequence[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def live_columns(
+    task: Task, campaign: AnyCampaign, plan: AnyPlan, file: Path, examine: Examine, kept: Path
+) -> "ManualSetPoints | None":
+    """Return the set points of a run of a campaign; as of `rig.kinds.interface.Manual`."""
+    if not plan.rows:
+        return None
+    return ManualSetPoints(file, campaign, plan, examine, kept, _largest_force(task.params.rig))
+
+
+def _largest_force(params: Any) -> float:
+    """Return the largest force of the axis that references and signals excite, N or N m."""
+    axes = [each for each in params if isinstance(each, axis.Params)]
+    limits = axes[params.reference_axis].limits
+    return float(limits.current_peak * limits.newtons_per_ampere)
+
+
 class ManualSetPoints:
     """The columns of a campaign, their checks, and the file of kept rows."""
 
@@ -78,39 +105,21 @@ class ManualSetPoints:
 
         ``largest_force``: amplitude of the signal generator, N or N m.
         """
-        self._file, self._campaign, self._plan = file, campaign, plan
-        self._examine, self._kept, self._force = examine, kept, largest_force
+        self._file, self._campaign, self._plan, self._examine = file, campaign, plan, examine
         self._columns = tuple(_given_columns(campaign))
-        self._kept_rows: list[Row] = []
+        amplitudes = [Amplitude("amplitude", "amplitude", "N", largest_force)]
+        self._signal = set_points.describe_signal(amplitudes, campaign.rig.rate_hz)
+        self._kept = KeptRows(kept, self._text)
 
     def describe(self) -> list[dict[str, Any]]:
-        """Return key, label, unit and allowed range of each column, then of the signal's parts."""
         file = self._campaign.file
-        entries: list[dict[str, Any]] = []
-        for column in self._columns:
-            entry = {"key": column.key, "label": column.label, "unit": column.unit}
-            if column.choices:
-                entry = {"key": column.key, "label": column.key.replace("_", " ")}
-                entries.append(entry | {"choices": list(column.choices), "part": "values"})
-                continue
-            low, high = _range(file, column)
-            entries.append(entry | {"low": low, "high": high, "part": "values"})
-        frequency = _MAX_FREQUENCY_SHARE * self._campaign.rig.rate_hz
-        ranges: dict[str, tuple[str, float, float]] = {
-            "amplitude": ("N", 0.0, self._force),
-            "frequency_hz": ("Hz", 0.0, frequency),
-            "end_frequency_hz": ("Hz", 0.0, frequency),
-            "sweep_s": ("s", 1.0, _MAX_SWEEP_S),
-        }
-        kinds = {"key": "kind", "label": "signal", "choices": list(signal_generator.KINDS)}
-        entries.append(kinds | {"part": "signal"})
-        for key, (unit, low, high) in ranges.items():
-            label = key.removesuffix("_hz").removesuffix("_s").replace("_", " ")
-            entries.append(
-                {"key": key, "label": label, "unit": unit, "low": low, "high": high}
-                | {"part": "signal"}
-            )
-        return entries
+        values = [
+            set_points.describe_choice(each.key, each.key.replace("_", " "), each.choices)
+            if each.choices
+            else set_points.describe(each.key, each.label, each.unit, *_range(file, each))
+            for each in self._columns
+        ]
+        return values + self._signal
 
     def first(self) -> LiveSet:
         """Return the set point of the first row."""
@@ -123,11 +132,15 @@ class ManualSetPoints:
         for column in self._columns:
             value = float(getattr(setting, column.name))
             values[column.key] = column.choices[int(value)] if column.choices else value
-        return LiveSet(values, dict(NO_SIGNAL))
+        return LiveSet(values, set_points.no_signal())
 
     def check(self, chosen: LiveSet) -> Checked:
         """Return the numbers for the loop, or every reason why they are refused."""
-        problems = [*self._unknown(chosen), *self._signal_problems(chosen.signal)]
+        problems = [
+            *self._unknown(chosen),
+            *set_points.unknown("signal", chosen.signal, (each["key"] for each in self._signal)),
+            *set_points.outside(self._signal, chosen.signal),
+        ]
         if problems:
             return Checked((), tuple(problems))
         with TemporaryDirectory(prefix="wec-rig-") as folder:
@@ -138,24 +151,13 @@ class ManualSetPoints:
                 return Checked((), tuple(_reason(each) for each in report.problems))
             plan = report.plan
         at = plan.segments.setpoint[plan.segments.phase.index(MEASURE)]
-        signal = chosen.signal
-        kind = signal_generator.KINDS.index(signal["kind"])
-        numbers = [float(kind), *(float(signal[key]) for key in _SIGNAL[1:])]
+        numbers = set_points.signal_numbers(chosen.signal, float(chosen.signal["amplitude"]))
         table = plan.setpoints._replace(signal=tuple((number,) * (at + 1) for number in numbers))
         return Checked(numbers_at(table, at))
 
     def keep(self, chosen: LiveSet, comment: str) -> str:
         """Append a set point to the file of kept rows, a campaign; return its path."""
-        text = " ".join(comment.split()) or f"kept as row {len(self._kept_rows)}"
-        rows = [*self._kept_rows, (chosen.values, text)]
-        if not self._kept_rows:
-            self._kept = _unused(self._kept)
-        path = self._kept
-        new = path.with_name(f".{path.name}.new")
-        new.write_text(self._text(path, rows))
-        new.replace(path)
-        self._kept_rows = rows
-        return str(path)
+        return self._kept.add(chosen.values, comment)
 
     def _text(self, path: Path, rows: Sequence[Row]) -> str:
         name = derived_name(self._campaign.file.name, "-kept")
@@ -163,26 +165,10 @@ class ManualSetPoints:
 
     def _unknown(self, chosen: LiveSet) -> Iterator[str]:
         known = {column.key: column.choices for column in self._columns}
+        yield from set_points.unknown("values", chosen.values, known)
         for key, value in chosen.values.items():
-            if key not in known:
-                yield f"{key}: no such column; known are {', '.join(sorted(known))}"
-            elif not _is_number(value) and not known[key]:
+            if not known.get(key, ("",)) and not set_points.is_number(value):
                 yield f"{key}: {value!r} is not a finite number"
-        for key in chosen.signal:
-            if key not in _SIGNAL:
-                yield f"signal.{key}: no such key; known are {', '.join(_SIGNAL)}"
-
-    def _signal_problems(self, signal: dict[str, Any]) -> Iterator[str]:
-        for entry in self.describe():
-            if entry["part"] != "signal":
-                continue
-            key, value = entry["key"], signal.get(entry["key"])
-            if "choices" in entry:
-                if value not in entry["choices"]:
-                    yield f"signal.{key}: {value!r}; allowed {', '.join(entry['choices'])}"
-            elif not _is_number(value) or not entry["low"] <= float(value or 0.0) <= entry["high"]:
-                allowed = f"{entry['low']:g} .. {entry['high']:g} {entry['unit']}"
-                yield f"signal.{key}: {value!r}; allowed {allowed}"
 
 
 def _given_columns(campaign: AnyCampaign) -> Iterator[Column]:
@@ -204,29 +190,10 @@ def _range(file: BaseCampaignFile, column: Column) -> tuple[float | None, float 
     """Return the least and the greatest value allowed of a column; None without a bound."""
     law = next((each for each in file.law_columns() if each.key == column.key), None)
     kind = law_column_type(law) if law is not None else file.kind_columns.types[column.key]
-    bounds: dict[str, float] = {}
-    for constraint in get_args(kind)[1:]:
-        for each in getattr(constraint, "metadata", ()):
-            for name in ("ge", "gt", "le", "lt"):
-                if hasattr(each, name):
-                    bounds[name] = float(getattr(each, name))
-    return bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
-
-
-def _unused(path: Path) -> Path:
-    """Return the path, or with a number in its name if there is a file already."""
-    names = (f"{path.stem}_{number}{path.suffix}" for number in itertools.count(2))
-    paths = itertools.chain([path], map(path.with_name, names))
-    return next(each for each in paths if not each.exists())
+    return field_range(get_args(kind)[1:])
 
 
 def _reason(problem: Problem) -> str:
     """Return the text of a problem, without the place in the file that people never see."""
     key = problem.key.removeprefix("matrix.list[0].")
     return f"{key}: {problem.message}" if key else problem.message
-
-
-def _is_number(value: Any) -> bool:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return False
-    return abs(value) <= sys.float_info.max  # of any integer

@@ -94,6 +94,7 @@ def build_plan(campaign: PlanInputs) -> AnyPlan:
         moves,
         PhaseSeconds(*phases),
         file.axis_laws,
+        rig,
     )
 
 

@@ -35,6 +35,10 @@ def command(
     seconds: Annotated[
         float, typer.Option("--seconds", min=0.1, max=3600, help="Time to measure wake-ups, s.")
     ] = 35.0,
+    during_run: Annotated[
+        bool,
+        typer.Option("--during-run", help="Leave out wake-ups: those of the loop that runs count."),
+    ] = False,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Judge fitness for rehearsals only (exit code).")
     ] = False,
@@ -60,9 +64,11 @@ def command(
         with input_errors("doctor", as_json=as_json):
             rig_config, _, _ = load_rig(input_file(rig, RIGS))
     rate = rate or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
+    seconds = 0.0 if during_run else seconds
     options = DoctorOptions(runs, seconds, rate, hours, rig_config)
     duration = seconds + min(seconds, UNPRIVILEGED_S)
-    text = f"measuring wake-ups for {duration:g} s, then the other checks ..."
+    wakeups = f"measuring wake-ups for {duration:g} s, then the other checks ..."
+    text = "checking ..." if during_run else wakeups
     with waiting(console, text, quiet=as_json):
         examination = examine(options)
     if as_json:

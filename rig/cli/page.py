@@ -1,6 +1,7 @@
 """`rig page [RUN]`: the operator's page of a run in a browser."""
 
 import socket
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -49,7 +50,11 @@ def command(
     as_json: Json = False,
     of_process: Annotated[
         int,
-        typer.Option("--of-process", hidden=True, help="Process of the run, with --page of it."),
+        typer.Option(
+            "--of-process",
+            hidden=True,
+            help="Process of a run with --page; its folder comes by the input.",
+        ),
     ] = 0,
     listener: Annotated[
         int, typer.Option("--listener", hidden=True, help="Open socket, with --page of a run.")
@@ -69,7 +74,7 @@ def command(
     process.leave_the_loops_core()
     try:
         if of_process:
-            folder, running = process.wait_for_run(runs, of_process), True
+            folder, running = process.wait_for_run(sys.stdin.buffer), True
         else:
             folder, running = _find(run, runs)
     except (RunError, OSError) as error:

@@ -2,7 +2,8 @@
 
 import math
 import sys
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from enum import IntEnum, IntFlag
 from functools import partial
 from pathlib import Path
@@ -120,9 +121,10 @@ def run_named(
         importing = Thread(target=_import_products, args=(kind,), name="products")
         if not mode.real_clock:
             importing.start()
-        if options.page:
-            _start_page(runs)
-        with RunPanel(title, mode.name, plan, display, quiet=as_json) as view:
+        with (
+            _page_of_run(runs, enabled=options.page) as began,
+            RunPanel(title, mode.name, plan, display, quiet=as_json) as view,
+        ):
             task = attended_task(
                 tasks.execution_task(checked, plan),
                 checked,
@@ -134,9 +136,12 @@ def run_named(
                 manual=options.manual is not None,
                 unattended=options.unattended,
             )
+            if (log_fields := getattr(display, "log_fields", None)) is not None:
+                fields = log_fields(checked.rig).as_record()
+                task = task._replace(plan=task.plan | {"log_fields": fields})
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
-            ended = run_task(task, runs, view, mode)
+            ended = run_task(task, runs, view, mode, began)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
@@ -168,16 +173,34 @@ def run_named(
     return exit_code(outcome, trouble)
 
 
-def _start_page(runs: Path) -> None:
-    """Start the operator's page of this run and print its address; the run needs it for nothing."""
-    from rig.page.process import start_page
+@contextmanager
+def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[Callable[[Path], None]]:
+    """Start the operator's page, print its address, and yield a function for the run's folder.
 
+    The run needs the page for nothing: if it cannot start or ends, one line says why.
+    """
+    page = None
+    if enabled:
+        from rig.page.process import PageOfRun
+
+        try:
+            page = PageOfRun(runs)
+        except OSError as error:
+            print(f"no page: {error_text(error)}", file=sys.stderr)
+    if page is None:
+        yield lambda folder: None
+        return
+    print(f"page: {page.url}", file=sys.stderr, flush=True)
+
+    def report_failure() -> None:
+        if text := page.failure():
+            print(text, file=sys.stderr, flush=True)
+
+    Thread(target=report_failure, name="page", daemon=True).start()
     try:
-        _, url = start_page(runs)
-    except OSError as error:
-        print(f"no page: {error_text(error)}", file=sys.stderr)
-    else:
-        print(f"page: {url}", file=sys.stderr, flush=True)
+        yield page.run_began
+    finally:
+        page.close()
 
 
 def print_warnings(warnings: tuple[Problem, ...], path: Path) -> None:

@@ -10,7 +10,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from rig.presentation.phrases import clock_text
+from rig.presentation.phrases import clock_text, state_text, unit_text
 from rig.realtime.reasons import Reason
 from rig.realtime.safety import OFF, STOP_2, Mode
 from rig.realtime.sequence import NO_ROW, STANDBY
@@ -123,7 +123,7 @@ class RunPanel:
     def _columns_text(self, part: str, values: dict[str, Any]) -> str:
         """Return the values of a set point with the labels and units of their columns."""
         return "   ".join(
-            " ".join([each["label"], str(values[each["key"]]), each.get("unit", "")]).strip()
+            f"{each['label']} {values[each['key']]} {unit_text(each.get('unit', ''))}".strip()
             for each in self.columns
             if each["part"] == part and each["key"] in values
         )
@@ -137,10 +137,10 @@ class RunPanel:
         table.add_column()
         table.add_row(*self._display.plan_position(self._plan, row))
         mode = Mode(int(row["safety.mode"]))
-        state = Text(mode.name, style="green" if mode < STOP_2 else "bold red")
+        state = Text(state_text(mode), style="green" if mode < STOP_2 else "bold red")
         if int(row["safety.reason"]) != Reason.NONE:
             state.append(f"  {snapshot.reason}", style="bold red")
-        table.add_row("mode", state)
+        table.add_row("state", state)
         for label, text in people:
             table.add_row(label, text)
         for label, text in self._display.detail_lines(self._plan, row, self._measured):

@@ -4,12 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rig.campaign import Campaign
-from rig.campaign.manual import ManualSetPoints
+from rig.kinds import registry
 from rig.people.attendance import Attendance, attended, record
-from rig.people.orders import People
+from rig.people.orders import LiveColumns, People, RefusedError
 from rig.processes.run_types import Task
-from rig.realtime import axis
 
 
 def attended_task(
@@ -27,30 +25,32 @@ def attended_task(
     """Return the task with all that people may do in its run.
 
     ``path``: its file, of a manual run the one that a person named; ``kept``: file of the rows that
-    people keep. They choose set points of campaigns with rows, not of sessions. ``arming``: power
-    waits for them; ``manual``: one open segment in place of the rows; ``unattended``: without the
-    dead man's time.
+    people keep. They choose set points of kinds with the room `manual`. ``arming``: power waits for
+    them; ``manual``: one open segment in place of the rows; ``unattended``: without the dead man's
+    time.
     """
-    operator = checked.rig.operator
-    live = None
-    if isinstance(checked, Campaign) and plan.rows:
-        force = _largest_force(task.params.rig)
-        live = ManualSetPoints(path, checked, plan, examine, kept, force)
-    how = Attendance(live is not None, arming, manual)
-    people = People(
-        live,
-        arming,
-        manual,
-        None if unattended else operator.dead_man_s,
-        operator.stop_by_viewers,
+    operator, people = checked.rig.operator, People()
+    try:
+        people = people._replace(live=_live_columns(task, checked, plan, path, examine, kept))
+    except RefusedError as error:
+        people = people._replace(no_live=str(error))
+    how = Attendance(people.live is not None, arming, manual)
+    people = people._replace(
+        arming=arming,
+        manual=manual,
+        dead_man_s=None if unattended else operator.dead_man_s,
+        stop_by_anyone=operator.stop_by_viewers,
     )
     return task._replace(
         params=attended(task.params, how), plan=task.plan | record(how), people=people
     )
 
 
-def _largest_force(params: Any) -> float:
-    """Return the largest force of the axis that references and signals excite, N or N m."""
-    axes = [each for each in params if isinstance(each, axis.Params)]
-    limits = axes[params.reference_axis].limits
-    return float(limits.current_peak * limits.newtons_per_ampere)
+def _live_columns(task: Task, *arguments: Any) -> LiveColumns | None:
+    """Return the set points of a task; None for a kind of rig without manual mode."""
+    try:
+        room = registry.find(task.kind_name).room("manual")
+    except registry.KindError:
+        return None
+    found: LiveColumns | None = room.live_columns(task, *arguments)
+    return found

@@ -44,8 +44,14 @@ class RunResult(NamedTuple):
     reasons: ReasonTable = reason_table()  # of a stop, of the kind of rig
 
 
-def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResult:
-    """Run a task to its end and return the result.
+def run_task(
+    task: Task,
+    runs: Path,
+    view: View,
+    mode: ExecutionMode,
+    began: Callable[[Path], None] = lambda folder: None,
+) -> RunResult:
+    """Run a task to its end and return the result; ``began`` is called with the new folder.
 
     Raises BusyError when the real clock or one of its wires is taken. Ctrl-C requests a controlled
     stop, a second Ctrl-C an immediate power off; either way every row measured so far is kept.
@@ -57,6 +63,7 @@ def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResu
         folder = create.create_folder(runs, task.name, started)
         folder_lock = locks.enter_context(create.lock_run(folder))
         _write_start_files(folder, task, started, mode)
+        began(folder)
         attached = (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else []))
         run = SupervisedRun(
             task, mode, folder, attached, folder_lock=folder_lock, wire_locks=taken_locks.fds

@@ -20,7 +20,7 @@ class DoctorOptions(NamedTuple):
     """Options of `rig doctor`."""
 
     runs: Path  # folder for the runs
-    seconds: float  # of each of the two measurements of wake-ups
+    seconds: float  # of each of the two measurements of wake-ups; 0: none, beside a run
     rate_hz: float  # of the loop
     hours: float  # of logging that must fit on the disk
     rig: BaseRigFile | None = None  # also check the wires of this rig
@@ -30,6 +30,7 @@ class Examination(NamedTuple):
     """All findings."""
 
     findings: tuple[Finding, ...]
+    has_wakeups: bool = True  # False: they were left out, during a run
 
     def obstacles(self, use: Use) -> list[Finding]:
         """Return the findings that forbid a use; empty if the host is fit for it."""
@@ -54,6 +55,8 @@ class Examination(NamedTuple):
         warned = sum(finding.verdict is Verdict.WARNING for finding in self.findings)
         if warned and not unfit:
             parts.append(f"with {warned} warnings" if warned > 1 else "with one warning")
+        if not self.has_wakeups:
+            parts.append("wake-ups were not measured")
         text = "; ".join(parts)
         return f"{text[0].upper()}{text[1:]}."
 
@@ -74,17 +77,20 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
     host = host or Host()
     clock_before, cpu_before = clocks.ClockReading.now(), processor.CpuTime.read(host)
     dt = 1.0 / options.rate_hz
-    measured = timing.measure(dt, options.seconds)
+    measured = timing.measure(dt, options.seconds) if options.seconds else None
     clock_after, cpu_after = clocks.ClockReading.now(), processor.CpuTime.read(host)
-    wakeups = measured.privileged
+    wakeups = None if measured is None else measured.privileged
     core = scheduling.loop_core() if wakeups is None else int(wakeups["core"])
     latest = None if wakeups is None else float(wakeups["max_us"]) * 1e-6 / dt
     rig_checks: list[AreaCheck] = []
     if options.rig is not None:
         check = partial(wires.rig_findings, host, options.rig)
         rig_checks.append((wires.rig_area(options.rig), check))
+    timing_checks: list[AreaCheck] = []
+    if measured is not None:
+        timing_checks.append((timing.AREA, partial(timing.findings, measured, dt)))
     checks: tuple[AreaCheck, ...] = (
-        (timing.AREA, lambda: timing.findings(measured, dt)),
+        *timing_checks,
         (privileges.AREA, lambda: privileges.findings(host, wakeups)),
         (processor.AREA, lambda: processor.findings(host, core, cpu_before, cpu_after, latest)),
         (clocks.AREA, lambda: clocks.findings(host, clock_before, clock_after)),
@@ -95,7 +101,8 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
         (software.AREA, software.findings),
     )
     return Examination(
-        tuple(finding for area, check in checks for finding in _run_check(area, check))
+        tuple(finding for area, check in checks for finding in _run_check(area, check)),
+        has_wakeups=measured is not None,
     )
 
 

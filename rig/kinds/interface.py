@@ -2,8 +2,8 @@
 
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
 uses. `rig.kinds.registry.ROOMS` lists the rooms that every kind has. Optional are `commands`,
-`exports`, `campaign` for kinds with campaigns, and `simulation` for those that can be swept
-(`rig.sweep.simulator`).
+`exports`, `manual`, `campaign` for kinds with campaigns, and `simulation` for those that can be
+swept (`rig.sweep.simulator`).
 """
 
 from collections.abc import Callable, Sequence
@@ -19,6 +19,7 @@ from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
 from rig.kinds.registry import Command
+from rig.people.orders import LiveColumns
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode, Outcome, RecordedTask, Task
 from rig.realtime import cycle
@@ -208,6 +209,9 @@ class Display(Protocol):
     """Room `display`: texts for people, before and during a run.
 
     ``measured`` is the newest row in a measured window (`power.samples` > 0); empty before.
+
+    A room may also have `log_fields(rig: RigFile) -> rig.log_fields.LogFields`, labels and limits
+    of the log fields, which a run records for the page. Its texts should use the same labels.
     """
 
     def show_report(self, report: Any, *, every_row: bool) -> None:
@@ -263,6 +267,36 @@ class Campaigns(Protocol):
 
     CAMPAIGNS: CampaignKind
     """The kind's part of `rig.campaign`."""
+
+
+class Manual(Protocol):
+    """Room `manual`, optional: manual mode, and set points that people choose within a run."""
+
+    def write_task(self, file: Path, path: Path, drive: str = "") -> None:
+        """Write the campaign or session for manual mode of a file, which is one, too, or a rig.
+
+        Its rows are never run; its set point is the one to begin with. ``drive``: the loop of the
+        drive that a person chose, `velocity` or `torque`; empty: none. Raises ConfigError with all
+        reasons why there is no manual mode.
+        """
+        ...
+
+    def live_columns(
+        self,
+        task: Task,
+        checked: Any,
+        plan: Any,
+        file: Path,
+        examine: Callable[[Path], Report],
+        kept: Path,
+    ) -> LiveColumns | None:
+        """Return the set points of a run; None if it has no rows.
+
+        ``file``: that of the task, in manual mode the one that a person named; ``examine``: as of
+        `Tasks`; ``kept``: file of the rows that people keep. RefusedError with the reason why
+        people choose none.
+        """
+        ...
 
 
 class Commands(Protocol):

@@ -1,4 +1,7 @@
-"""The last minute of a run in buckets of rows: least and greatest value of every field."""
+"""The last hour of a run in buckets of rows: least and greatest value of every field.
+
+The last minute has the finest buckets, ten minutes and the hour have coarser ones.
+"""
 
 from collections import deque
 from typing import NamedTuple
@@ -7,7 +10,8 @@ import numpy as np
 
 from rig.page.tap import HISTORY_S, Rows
 
-ROWS = 50  # of a bucket: 20 buckets a second at 1 kHz
+ROWS = 50  # of a finest bucket: 20 buckets a second at 1 kHz
+COARSER = (10, 60)  # finest buckets of a bucket of the coarser levels
 
 
 class Bucket(NamedTuple):
@@ -19,14 +23,17 @@ class Bucket(NamedTuple):
 
 
 class Buckets:
-    """The buckets of the last minute, formed once for all who look."""
+    """The buckets of a run, formed once for all who look."""
 
     def __init__(self, fields: int, time: int, dt: float, rows: int = ROWS) -> None:
         """``fields``: number of them; ``time``: the column of the time; ``dt`` of a row, s."""
         self._time, self._rows = time, rows
         self._waiting: Rows = np.empty((0, fields))
         self.span_s = rows * dt
-        self.recent: deque[Bucket] = deque(maxlen=max(1, round(HISTORY_S / self.span_s)))
+        most = max(1, round(HISTORY_S / self.span_s))  # buckets, of each level
+        self.recent: deque[Bucket] = deque(maxlen=most)
+        self.coarser: tuple[deque[Bucket], ...] = tuple(deque(maxlen=most) for _ in COARSER)
+        self._parts: tuple[list[Bucket], ...] = tuple([] for _ in COARSER)
 
     def add(self, rows: Rows) -> list[Bucket]:
         """Add rows; return the buckets that became whole."""
@@ -41,12 +48,19 @@ class Buckets:
         times = parts[:, -1, self._time]
         found = [Bucket(float(t), low[i], high[i]) for i, t in enumerate(times)]
         self.recent.extend(found)
+        for size, coarse, open_bucket in zip(COARSER, self.coarser, self._parts, strict=True):
+            for each in found:
+                open_bucket.append(each)
+                if len(open_bucket) == size:
+                    coarse.append(_merge(open_bucket))
+                    open_bucket.clear()
         return found
 
     def clear(self) -> None:
         """Forget all rows, as after a jump of a replay."""
         self._waiting = self._waiting[:0]
-        self.recent.clear()
+        for each in (self.recent, *self.coarser, *self._parts):
+            each.clear()
 
     def newest(self, seconds: float) -> list[Bucket]:
         """Return the buckets of the last ``seconds``."""
@@ -60,11 +74,10 @@ def merged(buckets: list[Bucket], most: int) -> list[Bucket]:
         return buckets
     step = -(-len(buckets) // most)
     groups = [buckets[i : i + step] for i in range(0, len(buckets), step)]
-    return [
-        Bucket(
-            group[-1].time,
-            np.fmin.reduce([each.low for each in group]),
-            np.fmax.reduce([each.high for each in group]),
-        )
-        for group in groups
-    ]
+    return [_merge(group) for group in groups]
+
+
+def _merge(group: list[Bucket]) -> Bucket:
+    low = np.fmin.reduce([each.low for each in group])
+    high = np.fmax.reduce([each.high for each in group])
+    return Bucket(group[-1].time, low, high)

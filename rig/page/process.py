@@ -6,10 +6,12 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 import uvicorn
 
@@ -17,9 +19,10 @@ from rig.page.access import Access
 from rig.page.server import MAX_MESSAGE, Page
 from rig.page.subject import Subject
 from rig.people.request_client import RequestClient, RequestError
-from rig.recording.runs import list_runs
+from rig.recording.runs.folder import SOCKET, STATUS
 
 PORT = 8765
+ERRORS = "page.stderr"  # in the run's folder
 _UNREAD_MS = 15_000
 _IDLE_END_S = 60.0  # s without a browser until the page of an ended run ends
 _RUN_TIMEOUT_S = 600.0  # s for a run to begin: its code may be compiled first
@@ -54,49 +57,89 @@ def address(listener: socket.socket) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
-def start_page(runs: Path) -> tuple[subprocess.Popen[bytes], str]:
-    """Start the page of the run that this process begins in ``runs``; return it and its URL.
+class PageOfRun:
+    """The page of the run that this process begins: a process of its own.
 
-    The page is a process of its own: nothing that happens to it reaches the run.
+    Nothing that happens to it reaches the run. It learns the run's folder from its input.
     """
-    listener = listen("127.0.0.1", 0)
-    try:
-        arguments = ["page", "--runs", str(runs), "--of-process", str(os.getpid())]
-        process = subprocess.Popen(
-            [sys.executable, "-m", "rig", *arguments, "--listener", str(listener.fileno())],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            pass_fds=(listener.fileno(),),
-            start_new_session=True,  # Ctrl-C at the terminal is for the run
-        )
-        return process, address(listener)
-    finally:
-        listener.close()
 
-
-def wait_for_run(runs: Path, process: int) -> Path:
-    """Return the folder of the run of a process, once it listens; TimeoutError if none begins."""
-    began = time.monotonic()
-    while time.monotonic() - began < _RUN_TIMEOUT_S:
-        for each in reversed(list_runs(runs)[-5:]):
-            if each.status == "running" and _supervisor(each.path) == process:
-                with suppress(RequestError):  # it does not listen yet
-                    RequestClient(each.path).close()
-                    return each.path
+    def __init__(self, runs: Path) -> None:
+        """Start it for a run in the folder ``runs``; OSError if that is impossible."""
+        runs.mkdir(parents=True, exist_ok=True)
+        listener = listen("127.0.0.1", 0)
+        self._errors = runs / f".page_{os.getpid()}.stderr"  # until the run has a folder
+        self._settled = threading.Event()  # it has one, or gets none
+        arguments = ["page", "--of-process", str(os.getpid()), "--listener", str(listener.fileno())]
         try:
-            os.kill(process, 0)
-        except OSError:
-            break
-        time.sleep(0.2)
-    raise TimeoutError(f"{runs}: no run of process {process} began")
+            with self._errors.open("wb") as errors:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "rig", *arguments],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                    stderr=errors,
+                    pass_fds=(listener.fileno(),),
+                    start_new_session=True,  # Ctrl-C at the terminal is for the run
+                )
+            self.url = address(listener)
+        finally:
+            listener.close()
+
+    def run_began(self, folder: Path) -> None:
+        """Tell the page the folder of its run, which gets the page's error output, too."""
+        with suppress(OSError):
+            self._errors = self._errors.replace(folder / ERRORS)
+        self._settled.set()
+        assert self._process.stdin is not None
+        with suppress(OSError):  # it is gone: `failure` says why
+            self._process.stdin.write(os.fsencode(folder.absolute()) + b"\n")
+            self._process.stdin.flush()
+
+    def failure(self) -> str:
+        """Wait for the end of the page; return why it failed in one line.
+
+        Empty if it did not fail, or if no run began.
+        """
+        code = self._process.wait()
+        self._settled.wait()
+        if code == 0 or self._errors.name != ERRORS:
+            return ""
+        lines = self._errors.read_text(errors="replace").strip().splitlines() or [f"code {code}"]
+        return f"the page ended: {lines[-1]} ({self._errors})"
+
+    def close(self) -> None:
+        """Leave the page alone; one whose run never began ends, too."""
+        assert self._process.stdin is not None
+        with suppress(OSError):
+            self._process.stdin.close()
+        if self._errors.name != ERRORS:
+            self._errors.unlink(missing_ok=True)
+        self._settled.set()
 
 
-def _supervisor(folder: Path) -> int:
-    """Return the process that supervises a run."""
+def wait_for_run(source: IO[bytes]) -> Path:
+    """Return the folder of the run that began this page, once it listens.
+
+    The folder comes from ``source``, the page's input. TimeoutError if no run begins.
+    """
+    folder = Path(os.fsdecode(source.readline().rstrip(b"\n")))
+    end = time.monotonic() + _RUN_TIMEOUT_S
+    while folder.is_absolute() and time.monotonic() < end:
+        if (folder / SOCKET).exists():
+            with suppress(RequestError):  # it does not listen yet
+                RequestClient(folder).close()
+                return folder
+        if ended := read_status(folder):
+            raise TimeoutError(f"{folder}: the run is {ended} already")
+        time.sleep(0.1)
+    raise TimeoutError("no run began")
+
+
+def read_status(folder: Path) -> str:
+    """Return the status of a run that has ended; empty while it has not."""
     with suppress(OSError, ValueError, KeyError):
-        return int(json.loads((folder / "run.json").read_text())["pid"])
-    return 0
+        status = str(json.loads((folder / STATUS).read_text())["status"])
+        return "" if status == "running" else status
+    return ""
 
 
 def leave_the_loops_core() -> None:

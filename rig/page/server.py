@@ -10,7 +10,7 @@ import hashlib
 import json
 import logging
 import threading
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from importlib import resources
@@ -25,7 +25,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rig.page.access import COOKIE, VIEWER, Access, RateLimit
-from rig.page.buckets import Bucket, merged
+from rig.page.buckets import COARSER, Bucket, merged
+from rig.page.checklist import BY_HAND, note
 from rig.page.subject import Subject
 from rig.people.request_client import RequestClient, RequestError
 
@@ -38,13 +39,15 @@ MAX_BUCKETS = 40  # in one message
 MAX_FIELDS = 24  # that a browser may choose
 MAX_MESSAGES_PER_S = 20  # of a browser
 MAX_MESSAGE = 16_384  # characters
+CONFIRM_ITEM, CHECK_HOST = "confirm_item", "check_host"  # requests to the page itself
 URGENT = ("beat", "stop", "abort", "take_seat", "leave_seat")
 _FILES = {
     "index.html": "text/html; charset=utf-8",
     "page.css": "text/css",
-    "page.js": "text/javascript",
-    "traces.js": "text/javascript",
-    "manual.js": "text/javascript",
+    **{
+        f"{name}.js": "text/javascript"
+        for name in ("page", "dom", "cards", "checklist", "manual", "rows", "surface", "traces")
+    },
     "uPlot.iife.min.js": "text/javascript",
     "uPlot.min.css": "text/css",
     "uPlot.LICENSE": "text/plain",
@@ -216,20 +219,18 @@ class Page:
         for browser in self.browsers:
             if browser.session and browser.fields:
                 if browser.fields not in messages:
-                    messages[browser.fields] = self._traces(browser.fields, buckets, "traces")
+                    values = {"type": "traces"} | self._traces(browser.fields, buckets)
+                    messages[browser.fields] = json.dumps(values)
                 browser.put(messages[browser.fields])
 
-    def _traces(self, fields: tuple[str, ...], buckets: list[Bucket], kind: str) -> str:
+    def _traces(self, fields: tuple[str, ...], buckets: Sequence[Bucket]) -> dict[str, Any]:
         at = self._subject.watch.field_indices(fields)
-        return json.dumps(
-            {
-                "type": kind,
-                "fields": fields,
-                "time": [round(each.time, 4) for each in buckets],
-                "low": [[_short(each.low[i]) for each in buckets] for i in at],
-                "high": [[_short(each.high[i]) for each in buckets] for i in at],
-            }
-        )
+        return {
+            "fields": fields,
+            "time": [round(each.time, 4) for each in buckets],
+            "low": [[_short(each.low[i]) for each in buckets] for i in at],
+            "high": [[_short(each.high[i]) for each in buckets] for i in at],
+        }
 
     # --- the browsers' side
 
@@ -315,8 +316,13 @@ class Page:
             browser.put(self._state)
 
     def _put_history(self, browser: Browser) -> None:
-        recent = list(self._subject.watch.buckets.recent)
-        browser.put(self._traces(browser.fields, recent, "history"))
+        buckets = self._subject.watch.buckets
+        levels = [
+            self._traces(browser.fields, list(level)) | {"size": size}
+            for size, level in zip((1, *COARSER), (buckets.recent, *buckets.coarser), strict=True)
+        ]
+        history = {"type": "history", "fields": browser.fields, "levels": levels}
+        browser.put(json.dumps(history | {"bucket_s": buckets.span_s}))
 
     def _choose_fields(self, browser: Browser, fields: Any) -> None:
         if isinstance(fields, list) and len(fields) <= MAX_FIELDS:
@@ -355,18 +361,61 @@ class Page:
         if not self._subject.live:
             return {"accepted": False, "reason": "this run is a recorded one"}
         try:
-            with browser.connecting:
-                if urgent not in browser.clients:
-                    browser.clients[urgent] = RequestClient(
-                        self._subject.folder, browser.session, browser.person, "page"
-                    )
-                client = browser.clients[urgent]
-            return client.ask(name, viewer=browser.role == VIEWER, **arguments)
+            if name in (CONFIRM_ITEM, CHECK_HOST, "arm"):
+                return self._before_power(browser, name, arguments)
+            return self._forward(browser, name, arguments)
         except (RequestError, TypeError) as error:
             broken = browser.clients.pop(urgent, None)
             if broken is not None:
                 broken.close()
             return {"accepted": False, "reason": str(error)}
+
+    def _forward(self, browser: Browser, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
+        client = self._client(browser, urgent=name in URGENT)
+        return client.ask(name, viewer=browser.role == VIEWER, **arguments)
+
+    def _before_power(
+        self, browser: Browser, name: str, arguments: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Carry out a request about the checklist, or arm the run if nothing on it is open."""
+        subject = self._subject
+        if name == CONFIRM_ITEM:
+            key = arguments.get("item")
+            if not isinstance(key, str) or key not in BY_HAND:
+                return {"accepted": False, "reason": "no such item is confirmed by hand"}
+            given = note(key, confirmed=arguments.get("confirmed") is True)
+            answer = self._forward(browser, "annotate", given)
+            return answer | ({"reason": given["text"]} if answer.get("accepted") else {})
+        orders = self._client(browser, urgent=False).ask("state")
+        if orders.get("operator_session") != browser.session:
+            holder = orders.get("operator")
+            why = f"{holder} is the operator" if holder else "take the operator's seat first"
+            return {"accepted": False, "reason": why}
+        items = subject.checklist_items(orders)
+        if name == CHECK_HOST:
+            if subject.watch.powered:
+                return {"accepted": False, "reason": "only while the power is off"}
+            why = subject.checklist.check_host(str(orders.get("operator", "")))
+            return {"accepted": not why, "reason": why or "the host was checked"}
+        waiting = [each.text for each in items if not each.done]
+        if waiting and arguments.get("all_the_same") is not True:
+            return {"accepted": False, "reason": f"open on the checklist: {'; '.join(waiting)}"}
+        if not items:
+            return self._forward(browser, "arm", {})  # the run says that it waits for nobody
+        known = "; ".join(each.text for each in items if each.done)
+        text = f"armed with the checklist complete: {known}"
+        if waiting:
+            text = f"ARMED ALL THE SAME; open on the checklist: {'; '.join(waiting)}; done: {known}"
+        noted = self._forward(browser, "annotate", {"text": text})
+        return self._forward(browser, "arm", {}) if noted.get("accepted") else noted
+
+    def _client(self, browser: Browser, *, urgent: bool) -> RequestClient:
+        with browser.connecting:
+            if urgent not in browser.clients:
+                browser.clients[urgent] = RequestClient(
+                    self._subject.folder, browser.session, browser.person, "page"
+                )
+            return browser.clients[urgent]
 
     def _answer(self, browser: Browser, message: dict[str, Any], answer: Mapping[str, Any]) -> None:
         shown = {key: answer.get(key) for key in ("accepted", "reason", "facts")}

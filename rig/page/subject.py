@@ -2,6 +2,7 @@
 
 import json
 import threading
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rig.page import contents
+from rig.page.checklist import Checklist, Item
 from rig.page.recorded import RecordedTap
 from rig.page.streams import Foxglove, PlotJuggler
 from rig.page.tap import RingTap, Tap
@@ -24,7 +26,7 @@ from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 PRODUCTS = {".png": "image/png", ".pdf": "application/pdf", ".csv": "text/csv"}
 STATE_INTERVAL_S = 0.2
-_FIRST_ROWS = ("plan.row", "power.samples")
+_FIRST_ROWS = ("plan.row", "power.samples", "safety.mode")
 
 
 class Subject:
@@ -53,6 +55,7 @@ class Subject:
             "title": self.title
         }
         self._privileges: dict[str, Any] = {}  # as the loop reports them, soon after its start
+        self.checklist = Checklist(facts["mode"], self._config, folder.parent)
         self.columns: list[dict[str, Any]] = []  # of set points that people may choose
         self.orders: dict[str, Any] = {}  # their newest state
         self._closed = threading.Event()
@@ -91,12 +94,14 @@ class Subject:
 
     def describe(self) -> dict[str, Any]:
         """Return the contents of the page; all but the set points' columns stay as they are."""
-        granted = self._privileges or _json(self.folder / "privileges.json")
-        self._privileges = granted
-        return self._contents | {
-            "columns_live": self.columns,
-            "privileges": {str(key): str(value) for key, value in granted.items()},
-        }
+        return self._contents | {"columns_live": self.columns}
+
+    def checklist_items(self, orders: Mapping[str, Any]) -> list[Item]:
+        """Return the checklist of a run that by its orders waits for arming; empty for others."""
+        if not (self.live and orders.get("must_arm")):
+            return []
+        self._privileges = self._privileges or _json(self.folder / "privileges.json")
+        return self.checklist.items(self.watch.conditions(self._privileges))
 
     def state(self) -> dict[str, Any]:
         """Return the state of run and orders for the page."""
@@ -107,6 +112,7 @@ class Subject:
             "end": {key: str(status.get(key, "")) for key in keys},
             "rows": {str(row): each for row, each in self.watch.powers.items()},
             "products": self.products(),
+            "checklist": [each._asdict() for each in self.checklist_items(self.orders)],
         }
 
     def products(self) -> list[str]:
@@ -141,6 +147,7 @@ class Subject:
         entries = list(read_journal(whole[self._journal_size :]))
         self._journal_size = len(whole)
         self.watch.alarms.acknowledge(entries)
+        self.checklist.take(entries)
         found = [_entry(each) for each in entries]
         self.journal = (self.journal + found)[-500:]
         return found

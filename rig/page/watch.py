@@ -10,28 +10,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.log_fields import label_of
 from rig.page.alarms import LOW, Alarms
 from rig.page.buckets import Bucket, Buckets
-from rig.page.contents import find_ages, find_limits
+from rig.page.checklist import Conditions
+from rig.page.contents import fields_of, find_ages
+from rig.page.limits import BoundedValues, find_bounds
 from rig.page.streams import Stream
 from rig.page.tap import Rows, Tap
+from rig.presentation.phrases import state_text
 from rig.realtime.reasons import NO_REASON, ReasonTable
 from rig.realtime.safety import Mode
-from rig.realtime.sequence import NO_ROW
+from rig.realtime.sequence import NO_ROW, TARE
 
 MARGIN_S = 10.0  # s over which the least margin is sought
 LATENESS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """Upper edges of the histogram of wake-ups, in microseconds; the last class is open."""
 _WHOLE_SHARE = 0.98  # of the planned samples: single ticks may be skipped
-
-_STATES = {
-    Mode.OFF: "OFF",
-    Mode.ENABLING: "ENABLING",
-    Mode.RUN: "RUNNING",
-    Mode.STOP_2: "HOLD",
-    Mode.STOP_1: "STOPPING",
-    Mode.STOP_0: "OFF",
-}
 
 
 class RowPower(NamedTuple):
@@ -61,8 +56,15 @@ class Watch:
             for row in plan.get("rows", ())
             if "row" in row and "measure_s" in row
         }
-        self._limits = find_limits(tap.leaves, config)
-        self._ages = find_ages(tap.leaves, config)
+        fields = fields_of(plan)
+        bounds = find_bounds(tap.leaves, config, fields)
+        self._bounds = [each for each in bounds if not each.is_age]
+        self._age_limits = {
+            name: (limit, label_of(name, fields.labels))
+            for name, limit in find_ages(tap.leaves, bounds).items()
+        }
+        zeros = (name for name in self._at if name.startswith("tar") and name.endswith(".samples"))
+        self._tare_samples = next(zeros, "")
         self._stations = [
             each["name"] for each in plan.get("stations", ()) if f"power.{each['name']}" in self._at
         ]
@@ -74,7 +76,9 @@ class Watch:
     def clear(self) -> None:
         """Forget all rows, as at the start of a replay."""
         self.alarms = Alarms(self._reasons)
-        self.buckets = Buckets(len(self._at), self._at["time"], self.dt)
+        self._bounded = BoundedValues(self._bounds, self._tap.leaves, self.dt)
+        fields = len(self._at) + len(self._bounds)  # the values that limits bound come last
+        self.buckets = Buckets(fields, self._at["time"], self.dt)
         self.powers: dict[int, RowPower] = {}  # by row of the plan
         self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
         self._row: np.ndarray[Any, Any] | None = None
@@ -82,6 +86,7 @@ class Watch:
         self._segment: tuple[int, int, int] = (NO_ROW, -1, 0)  # row, phase, attempt
         self._entered: float | None = None  # s; None: before the first row that the page saw
         self._reason, self._skipped = NO_REASON, -1
+        self._tared_at: float | None = None  # s; None: before the first row that the page saw
 
     def field_indices(self, fields: Sequence[str]) -> list[int]:
         """Return the columns of fields; KeyError for one that the rows do not have."""
@@ -94,19 +99,26 @@ class Watch:
             return []
         for stream in self.streams:
             stream.send(rows)
+        rows = np.concatenate((rows, self._bounded.columns(rows)), axis=1)
         self._row, self._arrived = rows[-1], time.monotonic()
         edges = 1e-6 * np.array(LATENESS_US)
         late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
         self._lateness += np.bincount(late, minlength=len(self._lateness))
         self.powers |= self.powers_in(rows)
+        if len(taring := np.flatnonzero(rows[:, self._at["plan.phase"]] == TARE)):
+            self._tared_at = float(rows[taring[-1], self._at["time"]])
         self._watch_segment(rows)
         self._watch_alarms(rows)
         return self.buckets.add(rows)
 
     def powers_in(self, rows: Rows) -> dict[int, RowPower]:
-        """Return the newest powers of the plan's rows in log rows."""
+        """Return the newest powers of the plan's rows in log rows, without those of a hold.
+
+        An interrupted row starts over, and on hold the drive damps instead of the law.
+        """
         samples, numbers = rows[:, self._at["power.samples"]], rows[:, self._at["plan.row"]]
-        measured = np.flatnonzero((samples > 0) & (numbers >= 0))
+        acting = rows[:, self._at["safety.mode"]] == Mode.RUN
+        measured = np.flatnonzero((samples > 0) & (numbers >= 0) & acting)
         if not len(measured):
             return {}
         found = numbers[measured]
@@ -167,12 +179,12 @@ class Watch:
         found: dict[str, Any] = {"source": status, "alarms": self.alarms.listed()}
         if row is None:
             return found | {"state": "WAITING"}
-        mode, reason = Mode(self._whole("safety.mode")), self._whole("safety.reason")
+        mode, reason = self._whole("safety.mode"), self._whole("safety.reason")
         name = self._reasons.name(reason)
         recent = self.buckets.newest(MARGIN_S)
         return found | {
-            "state": _STATES[mode],
-            "mode": int(mode),
+            "state": state_text(mode),
+            "mode": mode,
             "reason": name if reason != NO_REASON else "",
             "reason_text": self._reasons.text(name) if reason != NO_REASON else "",
             "time": round(float(row[self._at["time"]]), 3),
@@ -188,21 +200,40 @@ class Watch:
                 [self._number(f"power.{name}"), self._number(f"power.mean_{name}")]
                 for name in self._stations
             ],
-            "limits": [self._limit_state(at, recent) for at in range(len(self._limits))],
-            "ages": [self._number(each.field) for each in self._ages],
+            "limits": [self._limit_state(at, recent) for at in range(len(self._bounds))],
+            "ages": [self._number(each) for each in self._age_limits],
             "lateness": self._lateness.tolist(),
             "silent_s": round(time.monotonic() - self._arrived, 1),
         }
 
+    @property
+    def powered(self) -> bool:
+        """Whether the newest row has the power on, or being switched on or off."""
+        return self._row is not None and self._whole("safety.mode") != Mode.OFF
+
+    def conditions(self, privileges: Mapping[str, Any]) -> Conditions:
+        """Return the conditions for the checklist; ``privileges``: as the loop reports them."""
+        row = self._row
+        if row is None:
+            return Conditions(None, None, None, privileges)
+        late = tuple(
+            f"{label}: {1e3 * age:.0f} ms, limit {1e3 * limit:g} ms"
+            for name, (limit, label) in self._age_limits.items()
+            if limit is not None and not 0.0 <= (age := float(row[self._at[name]])) <= limit
+        )
+        tared_at, now = self._tared_at, float(row[self._at["time"]])
+        samples = self._whole(self._tare_samples) if self._tare_samples else None
+        return Conditions(late, samples, None if tared_at is None else now - tared_at, privileges)
+
     def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:
         """Return the present value, and the extremes of the last 10 s."""
-        limit = self._limits[at]
-        column = self._at[limit.field]
+        column = len(self._at) + at
+        now = None if self._row is None else _finite(self._row[column])
         if not recent:
-            return [self._number(limit.field), None, None]
+            return [now, None, None]
         low = min((float(each.low[column]) for each in recent), default=math.nan)
         high = max((float(each.high[column]) for each in recent), default=math.nan)
-        return [self._number(limit.field), _finite(low), _finite(high)]
+        return [now, _finite(low), _finite(high)]
 
     def _segment_times(self) -> dict[str, float | None]:
         """Return seconds of the present segment: elapsed, length; and left of the plan."""

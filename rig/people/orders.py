@@ -34,7 +34,7 @@ _STATE_FIELDS = ("tick", "plan.row", "plan.phase", "plan.attempt", "plan.live", 
 class LiveSet(NamedTuple):
     """A whole set point that people chose."""
 
-    values: dict[str, float | str]  # by key of the column; a name where a column has names
+    values: dict[str, Any]  # by key of the column: a number, or a name where it has names
     signal: dict[str, Any]  # of the signal generator
 
 
@@ -77,6 +77,7 @@ class People(NamedTuple):
     manual: bool = False
     dead_man_s: float | None = None  # s without an operator in manual mode until the rig stops
     stop_by_anyone: bool = True  # viewers may stop the rig, too
+    no_live: str = "people choose no set points of this run"  # the reason, without `live`
 
 
 class Asker(NamedTuple):
@@ -469,7 +470,7 @@ class Orders:
 
     def _live(self) -> LiveColumns:
         if self._people.live is None:
-            raise RefusedError("people choose no set points of this run")
+            raise RefusedError(self._people.no_live)
         return self._people.live
 
     def _present_row(self) -> int:

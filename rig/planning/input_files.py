@@ -22,10 +22,12 @@ class InputFile(NamedTuple):
     role: str  # campaign or session, sea, rig, limits, plant, matrix, elevation, calibration
     path: Path
     sha256: str
+    date: str = ""  # of a calibration, as its file gives it
 
     def as_dict(self) -> dict[str, str]:
         """Return the fields as JSON values, as reports and records have them."""
-        return {"role": self.role, "path": display_path(self.path), "sha256": self.sha256}
+        date = {"date": self.date} if self.date else {}
+        return {"role": self.role, "path": display_path(self.path), "sha256": self.sha256} | date
 
 
 class ConfigSource(NamedTuple):
@@ -121,8 +123,11 @@ class FileReader:
         """Add the files of a source; the role of one that holds the mapping of a key is the key."""
         self._sources.append(source)
         inlined = source.locate.inlined
+        date = source.mapping.get("date") if role == "calibration" else None
         self.files += [
-            hash_input_file(inlined.get(path, role).replace("_", " "), path)
+            hash_input_file(inlined.get(path, role).replace("_", " "), path)._replace(
+                date=str(date or "")
+            )
             for path in source.locate.files
         ]
 

@@ -1,9 +1,10 @@
 """Texts of a running campaign: the row in progress, its power, its duration."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from rig.presentation.phrases import plan_end_text
+from rig.log_fields import label_of
+from rig.presentation.phrases import phase_text, plan_end_text, unit_text
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.row_contents import Column
 from rig.stations import Station
@@ -11,24 +12,47 @@ from rig.stations import Station
 LogRow = dict[str, float | int]
 
 
+class ShownField(NamedTuple):
+    """A log field in a line of a panel."""
+
+    field: str
+    form: str  # of its number, as of `format`
+    unit: str  # in which it is shown
+    scale: float = 1.0  # size of the field's unit in the one shown
+
+
+def fields_text(
+    row: LogRow, fields: Iterable[ShownField], labels: Mapping[str, str], group: str = ""
+) -> str:
+    """Return log fields with their labels, which leave out the name of the ``group`` in front."""
+    return "   ".join(
+        f"{label_of(each.field, labels).removeprefix(group).strip()} "
+        f"{each.scale * row[each.field]:{each.form}} {each.unit}".strip()
+        for each in fields
+    )
+
+
 def row_text(plan: Any, log_row: LogRow, columns: Iterable[Column]) -> str:
     """Return number, phase and set point of the row in progress; ``columns``: those shown."""
     row = int(log_row["plan.row"])
-    phase = Phase(int(log_row["plan.phase"])).name.lower().replace("_", "-")
+    phase = Phase(int(log_row["plan.phase"]))
     count = len(plan.rows)
-    if phase == Phase.DONE.name.lower():
+    if phase is Phase.DONE:
         return plan_end_text(log_row, count)
-    if phase == Phase.MANUAL.name.lower():
-        return f"{phase}   set point {int(log_row['plan.live'])}"
+    if phase is Phase.MANUAL:
+        return f"{phase_text(phase)}   set point {int(log_row['plan.live'])}"
     if row == NO_ROW:
-        return f"- of {count}   {phase}"
-    setting = plan.rows[row].setting
-    values = "   ".join(
-        f"{each.heading or each.label} {getattr(setting, each.name):g} "
-        f"{each.unit.replace('*', ' ')}"
-        for each in columns
+        return f"- of {count}   {phase_text(phase)}"
+    setting, shown = plan.rows[row].setting, tuple(columns)
+    values = set_point_text(shown, {each.name: getattr(setting, each.name) for each in shown})
+    return f"{row} ({row + 1} of {count})   {phase_text(phase)}   {values}"
+
+
+def set_point_text(columns: Iterable[Column], values: Mapping[str, float]) -> str:
+    """Return labels, values and units of a set point; ``values``: by name of the column."""
+    return "   ".join(
+        f"{each.label} {values[each.name]:g} {unit_text(each.unit)}".strip() for each in columns
     )
-    return f"{row} ({row + 1} of {count})   {phase}   {values}"
 
 
 def total_duration(plan: Any, row: LogRow) -> float:
@@ -51,7 +75,7 @@ def power_text(row: LogRow, measured: LogRow, stations: Sequence[Station]) -> st
 
 def _mean_power_text(row: LogRow, stations: Sequence[Station]) -> str:
     return "   ".join(
-        f"{row[f'power.mean_{station.name}']:+8.2f} W {station.name_in_text}"
+        f"{row[f'power.mean_{station.name}']:+8.2f} W {station.short_label}"
         for station in stations
         if station.running_mean
     )

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 
 from rig.realtime.reasons import Reason
+from rig.realtime.safety import Mode
+from rig.realtime.sequence import Phase
 from rig.recording.runs.folder import earlier_reasons
 
 _MODE_STAMPS = {
@@ -13,6 +15,15 @@ _MODE_STAMPS = {
     "hil": "HIL: emulated devices on real wires",
     "hardware": "HARDWARE",
     "imported": "IMPORTED: recorded by another system",
+}
+
+_STATES = {
+    Mode.OFF: "OFF",
+    Mode.ENABLING: "ENABLING",
+    Mode.RUN: "RUNNING",
+    Mode.STOP_2: "HOLD",
+    Mode.STOP_1: "STOPPING",
+    Mode.STOP_0: "OFF",
 }
 
 
@@ -24,6 +35,16 @@ def mode_stamp(mode: str) -> str:
 def reason_text(reason: str) -> str:
     """Return the text of a stop reason by its name, for a run that did not record it."""
     return earlier_reasons().text(reason or Reason.NONE.name)
+
+
+def state_text(mode: int) -> str:
+    """Return the state of a run by the mode of its safety machine."""
+    return _STATES[Mode(mode)]
+
+
+def phase_text(phase: int) -> str:
+    """Return the name of a phase of the plan."""
+    return Phase(phase).name.lower().replace("_", "-")
 
 
 def unit_text(unit: str) -> str:

@@ -114,9 +114,9 @@ class TaskFiles:
             return mapping, locate
 
         task: SweepTask = self.tasks.open(self.path, load)
-        for _, path, sha256 in task.data:
-            if self._data.setdefault(path.resolve(), sha256) != sha256:
-                raise ValueError(f"{display_path(path)} was changed since the sweep began")
+        for file in task.data:
+            if self._data.setdefault(file.path.resolve(), file.sha256) != file.sha256:
+                raise ValueError(f"{display_path(file.path)} was changed since the sweep began")
         return task
 
 

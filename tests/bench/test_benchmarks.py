@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as runner
-from benchmarks import crash, lateness, logging, reading, rehearsal, ring, start
+from benchmarks import crash, lateness, logging, page_memory, reading, rehearsal, ring, start
 from benchmarks.support import host, kills, report
 from benchmarks.support.kills import Kill, KillOutcome
 from benchmarks.support.live_run import TickObservation
@@ -294,3 +294,10 @@ def test_the_host_is_described_without_its_name() -> None:
 def test_a_result_text_ends_with_its_notes() -> None:
     assert format_table(fixed_result(True)).endswith("note: by hand")
     assert report.format_missed([]) == "every target was met"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium")
+def test_page_and_browser_stay_flat_in_memory_over_an_hour_of_rows() -> None:
+    result = page_memory.measure(short=True)
+    assert result.missed == (), format_table(result)

@@ -85,7 +85,8 @@ def test_a_line_shows_the_power_of_the_previous_row(
         lines.append(capsys.readouterr().err)
     assert lines[0] == lines[1] == lines[3] == ""
     assert "row 0 (1 of 2)   measure" in lines[2]
-    assert "row 0 when last seen   -84.00 W mechanical     -42.00 W AC     -21.00 W DC" in lines[2]
+    powers = "-84.00 W mechanical     -42.00 W electrical AC     -21.00 W electrical DC"
+    assert f"row 0 when last seen   {powers}" in lines[2]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])

@@ -38,8 +38,8 @@ def session(kind: str, row: dict[str, float], **keys: Any) -> dict[str, Any]:
             **keys}  # fmt: skip
 
 
-TRACKING = session("torque_tracking", {"torque_amplitude_n_m": 20, "period_s": 20})
-CURRENT = session("torque_constant", {"current_amplitude_a": 2, "period_s": 20})
+TRACKING = session("torque_tracking", {"torque_amplitude_n_m": 20, "period_s": 20}, shaft="clamped")
+CURRENT = session("torque_constant", {"current_amplitude_a": 2, "period_s": 20}, shaft="clamped")
 DECAY = session("flap_free_decay", {"release_deg": 10, "period_s": 3.5})
 SWEEP = session(
     "flap_pto_sweep",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -134,7 +136,7 @@ class Command:
     def port(self) -> int:
         return int(self.url().rstrip("/").rpartition(":")[2])
 
-    def page_process(self) -> int:
+    def page_process(self, seconds: float = 60.0) -> int:
         """Return the process of the page that the command started."""
         argument = f"--of-process\0{self.process.pid}\0".encode()
 
@@ -147,7 +149,14 @@ class Command:
                     continue
             return 0
 
-        return int(wait_until(find, 60))
+        return int(wait_until(find, seconds))
+
+    def end(self) -> None:
+        """End the command, whatever became of it, and its page."""
+        self.process.kill()
+        self.process.wait()
+        with suppress(AssertionError, ProcessLookupError):
+            os.kill(self.page_process(seconds=0.0), signal.SIGTERM)
 
     def run_folder(self) -> Path:
         return next(each for each in (self.folder / "runs").iterdir() if each.is_dir())
@@ -156,8 +165,11 @@ class Command:
         return dict(json.loads((self.run_folder() / "run.json").read_text()))
 
 
-def short_campaign(folder: Path) -> Path:
-    """Write a campaign of two short rows, for a host that pauses now and then; return it."""
+def short_campaign(folder: Path, matrix: str = "") -> Path:
+    """Write a campaign of two short rows, for a host that pauses now and then; return it.
+
+    With a ``matrix`` (YAML) it has its rows, still shorter ones.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     subprocess.run(
         [sys.executable, "-m", "rig", "copy", "quick"], cwd=folder, check=True, capture_output=True
@@ -165,7 +177,11 @@ def short_campaign(folder: Path) -> Path:
     limits, campaign = folder / "limits" / "wavebot.yaml", folder / "campaigns" / "quick.yaml"
     limits.write_text(limits.read_text().replace("lost_ticks_stop: 100 ", "lost_ticks_stop: 9999 "))
     kept = campaign.read_text().partition("    - {spring_n_per_m: -2763")[0]
-    for key, value in {"lead_in_s": 6, "settle_s": 2, "interval_s": 6}.items():
+    times = {"lead_in_s": 6, "settle_s": 2, "interval_s": 6}
+    if matrix:
+        kept = re.sub(r"(?s)(matrix:\n).*", rf"\g<1>{matrix}", kept)
+        times["interval_s"] = 4
+    for key, value in times.items():
         kept = re.sub(rf"{key}: \d+", f"{key}: {value}", kept)
     campaign.write_text(kept)
     return campaign

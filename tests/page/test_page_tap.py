@@ -137,7 +137,19 @@ def test_buckets_have_the_extremes_of_fifty_rows() -> None:
     assert few[0].high[2] == max(found[0].high[2], found[1].high[2])
 
 
-def test_buckets_keep_a_minute() -> None:
-    buckets = Buckets(1, 0, DT)
-    buckets.add(np.arange(100_000.0).reshape(-1, 1))
-    assert len(buckets.recent) == 1200
+def test_buckets_keep_an_hour_in_three_levels() -> None:
+    buckets, second = Buckets(2, 0, DT), round(1 / DT)
+    rows = np.zeros((10 * second, 2))
+    for i in range(400):
+        rows[:, 0] = 10.0 * i + DT * np.arange(len(rows))
+        rows[:, 1] = 1.0 if i == 399 else 0.0
+        rows[5, 1] = -5.0 if i == 100 else rows[5, 1]  # one row in an hour
+        buckets.add(rows)
+    levels = (buckets.recent, *buckets.coarser)
+    assert [len(level) for level in levels] == [1200] * 3
+    spans = [level[-1].time - level[0].time for level in levels]
+    assert spans == pytest.approx([60.0, 600.0, 3600.0], rel=0.01)
+    assert [min(each.low[1] for each in level) for level in levels] == [0.0, 0.0, -5.0]
+    assert all(level[-1].low[1] == level[-1].high[1] == 1.0 for level in levels)
+    buckets.clear()
+    assert not any(levels)

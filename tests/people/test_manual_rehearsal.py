@@ -1,45 +1,23 @@
-"""Manual mode on simulated rigs: many set points, no jump of force, no limit passed, same bits.
-
-Loop and plant run in this process. Each accepted set point follows the one before after a chance
-number of ticks; the compiled execution records when it took them up, and the interpreted one, and
-one whose code appears in the middle, get them in the same ticks.
-"""
+"""Manual mode of campaigns on simulated rigs: no jump of force, no limit passed, the same bits."""
 
 from __future__ import annotations
 
-import importlib
-import random
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+from chance_set_points import ManualRig, drawn, manual_task, run_by_chance, with_pool
 from golden_modular import make_campaign
 
-from rig.cli.manual import _write_campaign
-from rig.compilation.tick_code import compile_tick
+from rig.cli.manual import write_task
 from rig.config.problems import ConfigError
-from rig.execution.attended import attended_task
 from rig.kinds.rig_file import kind_of_task
-from rig.people.orders import LiveColumns, LiveSet
-from rig.processes.run_types import ExecutionMode, Task
-from rig.processes.tick_compiler import compile_job, source_of
-from rig.realtime import coupled_ticks, loop, tick
-from rig.realtime.clock import VirtualClock
-from rig.realtime.reasons import Reason
-from rig.realtime.requests import NO_REQUEST, Request
-from rig.realtime.safety import RUN
-from rig.realtime.sequence import DONE, MANUAL
-from rig.recording import ring
-from rig.recording.row_layout import leaves
-from rig.recording.runs.mcap_file import row_dtype
+from rig.people.orders import LiveSet
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-CAPACITY = 120_000
-MAX_SPACING = 80  # ticks between two set points
-POOL = 24  # different accepted set points
+WAVEBOT = CONFIGS / "rigs" / "wavebot.yaml"
 RIGS = ("wavebot", "modular", "laws")  # the last one is a WaveBot with several laws
 SEVERAL_LAWS = (
     "{use: [impedance, nonlinear damping, latching], hold_stiffness_n_per_m: 1e5, "
@@ -47,168 +25,41 @@ SEVERAL_LAWS = (
 )
 
 
-class ManualRig(NamedTuple):
-    """A manual run, its code, and set points that its checks accept."""
-
-    task: Task
-    mode: ExecutionMode
-    code: Path
-    pool: tuple[tuple[float, ...], ...]
-    slew: dict[str, float]  # N/s, or N m/s, of each axis
-
-
-def drawn(live: LiveColumns, random_: random.Random) -> LiveSet:
-    """Return a set point with values in the allowed ranges, mostly modest."""
-    values, signal = dict(live.first().values), dict(live.first().signal)
-    for each in live.describe():
-        if each["part"] == "values" and "choices" in each:
-            values[each["key"]] = random_.choice(each["choices"])
-        ends = [each.get("low"), each.get("high")]
-        if each["part"] == "values" and None not in ends and random_.random() < 0.7:
-            values[each["key"]] = random_.random() ** 3 * random_.choice(ends)
-    signal["kind"] = random_.choice(["none", "sine", "step", "chirp"])
-    force = next(each for each in live.describe() if each["key"] == "amplitude")["high"]
-    signal["amplitude"] = 0.03 * force * random_.random()
-    signal["frequency_hz"] = 0.2 + 3.0 * random_.random()
-    signal["end_frequency_hz"] = 0.2 + 3.0 * random_.random()
-    return LiveSet(values, signal)
-
-
-@cache
-def manual_rig(name: str, folder: Path) -> ManualRig:
-    file = CONFIGS / "rigs" / "wavebot.yaml"
+def rig_file(name: str, folder: Path) -> Path:
     if name == "modular":
-        file = make_campaign(folder)
-    elif name == "laws":
-        text = f"extends: {file}\nlaw: {SEVERAL_LAWS}\n"
-        file = folder / "rig.yaml"
-        file.write_text(text)
-    path = _write_campaign(file, folder)
-    tasks = kind_of_task(path).room("tasks")
-    report = tasks.examine(path)
-    assert report.ok, report.text()
-    examine = partial(tasks.examine, predict=False) if name == "modular" else tasks.examine
-    task = attended_task(
-        tasks.execution_task(report.checked, report.plan), report.checked, report.plan, file,
-        examine, folder / "kept.yaml", manual=True, unattended=True,
-    )  # fmt: skip
-    mode = tasks.rehearsal_mode(report.checked, real_clock=False)
-    live, random_ = task.people.live, random.Random(name)
-    assert live is not None
-    pool: list[tuple[float, ...]] = []
-    for _ in range(20 * POOL):
-        found = live.check(drawn(live, random_))
-        assert bool(found.numbers) is not bool(found.problems)
-        if found.numbers:
-            pool.append(tuple(found.numbers))
-        if len(pool) == POOL:
-            break
-    assert len(pool) == POOL
-    rig: Any = task.params.rig
-    slew = {
-        axis: getattr(rig, axis).limits.force_slew
-        for axis in rig._fields
-        if hasattr(getattr(rig, axis), "limits") and hasattr(getattr(rig, axis), "estimator")
-    }
-    code = compile_tick(source_of(task.tick, compile_job(task, mode)))
-    return ManualRig(task, mode, code, tuple(pool), slew)
-
-
-class People:
-    """Requests that change the set point at given ticks, or later, and then finish the run."""
-
-    def __init__(
-        self, rows: ring.RingWriter, sets: Sequence[tuple[int, tuple[float, ...]]], last: int
-    ) -> None:
-        self._rows, self._sets, self._last = rows, sets, last
-        self.taken: list[tuple[int, tuple[float, ...]]] = []
-        self.request = NO_REQUEST
-
-    def read(self) -> Request:
-        head = self._rows.head
-        number = len(self.taken)
-        if number < len(self._sets) and self._sets[number][0] <= head:
-            self.taken.append((head, self._sets[number][1]))
-            self.request = self.request._replace(live=number + 1)
-        elif self.request.jump == 0 and number == len(self._sets) and head >= self._end():
-            self.finished_at = head
-            self.request = self.request._replace(jump=1, segment=self._last)
-        return self.request
-
-    def _end(self) -> int:
-        return self.taken[-1][0] + 500
-
-    def live_numbers(self, number: int) -> Sequence[float]:
-        return self.taken[number - 1][1]
-
-
-def execute(
-    rig: ManualRig, sets: Sequence[tuple[int, tuple[float, ...]]], *, code_at: int | None
-) -> tuple[np.ndarray[Any, Any], People]:
-    """Return the rows of a run whose code appears after ``code_at`` ticks, or never."""
-    task, mode = rig.task, rig.mode
-    module = importlib.import_module(mode.device_module)
-    devices = module.connect(mode.devices | {"compiled": False}, task.dt)
-    fd = ring.create(task.kind.row_type, CAPACITY)
-    rows = ring.RingWriter(fd, task.kind.row_type, wait=False)
-    people = People(rows, sets, len(task.params.segments.row) - 1)
-    with pytest.MonkeyPatch.context() as patch:
-        for each in (coupled_ticks, tick):
-            patch.setattr(each, "TICKS_BETWEEN_LOOKS", 1)
-            patch.setattr(each, "is_complete", lambda _: rows.head >= (code_at or 0))
-        end = loop.run(
-            task.kind, task.params, devices, VirtualClock(task.dt), rows, people, lambda: 0,
-            measure_work=False, code=rig.code if code_at is not None else None,
-            couple=devices.coupling if mode.coupled and code_at is not None else None,
-        )  # fmt: skip
-    assert end.reason == Reason.PLAN_END
-    assert (end.compiled_from >= 0) is (code_at is not None)
-    packed = ring.RingReader(fd).remaining_rows()
-    return np.frombuffer(packed, row_dtype(leaves(task.kind.row_type))), people
+        return make_campaign(folder)
+    if name == "wavebot":
+        return WAVEBOT
+    path = folder / "rig.yaml"
+    path.write_text(f"extends: {WAVEBOT}\nlaw: {SEVERAL_LAWS}\n")
+    return path
 
 
 @pytest.fixture(scope="module")
 def open_rig(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ManualRig]:
-    folders = {name: tmp_path_factory.mktemp(name) for name in RIGS}
-    return lambda name: manual_rig(name, folders[name])
+    rigs: dict[str, ManualRig] = {}
+
+    def find(name: str) -> ManualRig:
+        if name not in rigs:
+            folder = tmp_path_factory.mktemp(name)
+            run = manual_task(rig_file(name, folder), folder, predict=name != "modular")
+            rigs[name] = with_pool(*run, drawn, name)
+        return rigs[name]
+
+    return find
 
 
 def check_changes(rig: ManualRig, count: int, seed: int) -> None:
-    random_ = random.Random(seed)
-    at, sets = 0, []
-    first = 200 + sum(
-        rig.task.params.segments.ticks[: rig.task.params.segments.phase.index(MANUAL)]
-    )
-    for _ in range(count):
-        at += random_.randint(1, MAX_SPACING)
-        sets.append((first + at, random_.choice(rig.pool)))
-    compiled, people = execute(rig, sets, code_at=0)
-    assert len(people.taken) == count
-    assert len(np.unique(compiled["plan.live"])) == count + 1
-    # Every set point is in force from the tick in which it was taken up.
-    for number, (tick_, _) in enumerate(people.taken, 1):
-        assert compiled["plan.live"][tick_] == number
-        assert compiled["plan.live"][tick_ - 1] == number - 1
-    manual = compiled["plan.phase"] == MANUAL
-    running = manual & (compiled["safety.mode"] == RUN)
-    assert running.sum() >= people.taken[-1][0] - people.taken[0][0]
-    before_the_end = compiled[: people.finished_at]
-    assert not before_the_end["safety.reason"].any()
-    for axis, slew in rig.slew.items():
-        force = before_the_end[f"{axis}.command.force"]
-        assert np.abs(np.diff(force)).max() <= slew * rig.task.dt * (1 + 1e-9)
-        limits = getattr(rig.task.params.rig, axis).limits
-        assert np.abs(before_the_end[f"{axis}.command.current"]).max() <= limits.current_peak
-        position = before_the_end[f"{axis}.estimate.position"]
-        assert np.abs(position).max() < limits.position_stop
-    assert np.abs(before_the_end[f"{next(iter(rig.slew))}.command.force"]).max() > 0.0
-    assert compiled["plan.phase"][-1] == DONE
-    # The chunks of compiled ticks, between which requests are read, are then the same, too.
-    for code_at in (None, people.taken[count // 2][0]):
-        other, _ = execute(rig, people.taken, code_at=code_at)
-        # The order to finish is read at another tick, so the ends differ.
-        ticks = people.taken[-1][0] + 400
-        assert compiled[:ticks].tobytes() == other[:ticks].tobytes()
+    rows, _ = run_by_chance(rig, count, seed)
+    params: Any = rig.task.params.rig
+    parts = {name: getattr(params, name) for name in params._fields}
+    axes = {name: part.limits for name, part in parts.items() if hasattr(part, "estimator")}
+    for axis, limits in axes.items():
+        force = rows[f"{axis}.command.force"]
+        assert np.abs(np.diff(force)).max() <= limits.force_slew * rig.task.dt * (1 + 1e-9)
+        assert np.abs(rows[f"{axis}.command.current"]).max() <= limits.current_peak
+        assert np.abs(rows[f"{axis}.estimate.position"]).max() < limits.position_stop
+    assert np.abs(rows[f"{next(iter(axes))}.command.force"]).max() > 0.0
 
 
 @pytest.mark.slow
@@ -229,20 +80,13 @@ def test_ten_thousand_set_points_by_chance(
 
 def test_kept_rows_overwrite_no_file(tmp_path: Path) -> None:
     (tmp_path / "kept.yaml").write_text("mine\n")
-    path = _write_campaign(CONFIGS / "rigs" / "wavebot.yaml", tmp_path)
-    tasks = kind_of_task(path).room("tasks")
-    report = tasks.examine(path, predict=False)
-    task = attended_task(
-        tasks.execution_task(report.checked, report.plan), report.checked, report.plan,
-        CONFIGS / "rigs" / "wavebot.yaml", tasks.examine, tmp_path / "kept.yaml", manual=True,
-    )  # fmt: skip
-    live = task.people.live
+    live = manual_task(WAVEBOT, tmp_path, predict=False)[0].people.live
     assert live is not None
     for text in ("one", "two"):
         file = live.keep(live.first(), text)
     assert file == str(tmp_path / "kept_2.yaml")
     assert (tmp_path / "kept.yaml").read_text() == "mine\n"
-    kept = tasks.examine(Path(file), predict=False)
+    kept = kind_of_task(Path(file)).room("tasks").examine(Path(file), predict=False)
     assert kept.ok, kept.text()
     assert len(kept.plan.rows) == 2
 
@@ -264,21 +108,13 @@ def test_kept_rows_overwrite_no_file(tmp_path: Path) -> None:
 def test_set_points_outside_the_limits_are_refused(
     values: dict[str, Any], signal: dict[str, Any], part: str, tmp_path: Path
 ) -> None:
-    file = CONFIGS / "rigs" / "wavebot.yaml"
-    path = _write_campaign(file, tmp_path)
-    tasks = kind_of_task(path).room("tasks")
-    report = tasks.examine(path, predict=False)
-    task = attended_task(
-        tasks.execution_task(report.checked, report.plan), report.checked, report.plan,
-        file, tasks.examine, tmp_path / "kept.yaml", manual=True,
-    )  # fmt: skip
-    live = task.people.live
+    live = manual_task(WAVEBOT, tmp_path)[0].people.live
     assert live is not None
     first = live.first()
     found = live.check(LiveSet(first.values | values, first.signal | signal))
     assert any(part in each for each in found.problems), found.problems
 
 
-def test_the_bench_has_no_manual_mode(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="which have no manual mode"):
-        _write_campaign(CONFIGS / "rigs" / "oswec_bench.yaml", tmp_path)
+def test_a_drive_with_one_loop_has_no_choice(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="leave --drive out"):
+        write_task(WAVEBOT, tmp_path, "torque")

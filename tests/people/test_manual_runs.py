@@ -94,12 +94,14 @@ class Run:
 
 @contextmanager
 def started(
-    tmp_path: Path, *arguments: str, campaign: str = CAMPAIGN, **more: Any
+    tmp_path: Path, *arguments: str, campaign: str | Path = CAMPAIGN, **more: Any
 ) -> Iterator[Run]:
-    if "--realtime" in arguments:
+    """Start `rig ARGUMENTS` with a campaign, as text or as a file, and wait for its run."""
+    if {"--realtime", "--sim"} & {*arguments}:
         wait_realtime_free()
-    path = tmp_path / "short.yaml"
-    path.write_text(campaign)
+    path = campaign if isinstance(campaign, Path) else tmp_path / "short.yaml"
+    if isinstance(campaign, str):
+        path.write_text(campaign)
     command = [sys.executable, "-m", "rig", *arguments, "--runs", str(tmp_path / "runs")]
     command[4:4] = [str(path)]
     with (tmp_path / "output.txt").open("w") as output:
@@ -327,9 +329,3 @@ def test_the_dead_mans_time_of_a_rig_file(value: str, expected: Any, tmp_path: P
     found = load(path, RigFile)[0]
     assert found.operator.dead_man_s == expected
     assert RigFile.model_validate(found.model_dump()).operator == found.operator
-
-
-def test_the_bench_refuses_manual_mode_plainly(tmp_path: Path) -> None:
-    found = rig("manual", "oswec_bench", "--runs", tmp_path)
-    assert found.returncode == 2
-    assert "run sessions, which have no manual mode" in found.stderr

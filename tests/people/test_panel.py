@@ -70,7 +70,7 @@ def test_manual_mode_shows_operator_and_set_point(
     run = AttendedRun(manual=True)
     state = people(run, operator="ann", set_number=3)
     text = text_of(panel, snapshot(MANUAL, RUN, state, live=3), monkeypatch)
-    for part in ("operator   ann", "3 in force", "Kp -250.0 N*s/m", "signal sine", "12.0 N"):
+    for part in ("operator   ann", "3 in force", "Kp -250.0 N·s/m", "signal sine", "12.0 N"):
         assert part in text, text
     assert "armed" in text
     assert "0:30 rig time" in text

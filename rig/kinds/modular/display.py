@@ -4,14 +4,37 @@ from typing import Any
 
 from rig.campaign import CheckReport
 from rig.kinds.modular.campaign import COLUMNS
-from rig.presentation.campaign_text import power_text, row_text, total_duration
-from rig.stations import Station
+from rig.kinds.modular.tick.composition import ROTATION
+from rig.log_fields import LogFields, axis_labels
+from rig.presentation.campaign_text import (
+    ShownField,
+    fields_text,
+    power_text,
+    row_text,
+    total_duration,
+)
 
-__all__ = ["detail_lines", "plan_position", "short_text", "show_report", "total_duration"]
+__all__ = [
+    "detail_lines",
+    "log_fields",
+    "plan_position",
+    "short_text",
+    "show_report",
+    "total_duration",
+]
 
 LogRow = dict[str, float | int]
-_ESTIMATE = ".estimate.position"
-_MEAN = "power.mean_"
+
+
+def log_fields(rig: Any) -> LogFields:
+    """Return the labels of axes and sensors; the limits of both need no declaration."""
+    labels: dict[str, str] = {}
+    for name, axis in rig.axes.items():
+        labels |= axis_labels(name, rotary=axis.motion == ROTATION)
+    for name, sensor in rig.sensors.items():
+        label = sensor.label or name.replace("_", " ")
+        labels |= {name: label, f"{name}.value": label}
+    return LogFields(labels)
 
 
 def show_report(report: CheckReport, *, every_row: bool) -> None:
@@ -27,22 +50,26 @@ def plan_position(plan: Any, row: LogRow) -> tuple[str, str]:
 
 def detail_lines(plan: Any, row: LogRow, measured: LogRow) -> list[tuple[str, str]]:
     """Return motion, force and current of each axis, and the power."""
-    axes = [name.removesuffix(_ESTIMATE) for name in row if name.endswith(_ESTIMATE)]
-    lines = [
-        (
-            axis,
-            f"x {row[f'{axis}.estimate.position']:+8.4f}   "
-            f"v {row[f'{axis}.estimate.velocity']:+7.3f}   "
-            f"F {row[f'{axis}.command.force']:+9.1f}   "
-            f"i {row[f'{axis}.command.current']:+6.2f} A",
-        )
-        for axis in axes
+    labels = log_fields(plan.rig).labels
+    return [
+        *(
+            (name, fields_text(row, _shown(name, axis.motion), labels, name))
+            for name, axis in plan.rig.axes.items()
+        ),
+        ("power", short_text(plan, row, measured)),
     ]
-    return [*lines, ("power", short_text(plan, row, measured))]
 
 
 def short_text(plan: Any, row: LogRow, measured: LogRow) -> str:
     """Return the mean powers of the row."""
-    names = [name.removeprefix(_MEAN) for name in row if name.startswith(_MEAN)]
-    stations = [Station(name, "", name, name, name, running_mean=True) for name in names]
-    return power_text(row, measured, stations)
+    return power_text(row, measured, plan.rig.power_stations)
+
+
+def _shown(axis: str, motion: str) -> tuple[ShownField, ...]:
+    length, force = ("rad", "N·m") if motion == ROTATION else ("m", "N")
+    return (
+        ShownField(f"{axis}.estimate.position", "+8.4f", length),
+        ShownField(f"{axis}.estimate.velocity", "+7.3f", f"{length}/s"),
+        ShownField(f"{axis}.command.force", "+9.1f", force),
+        ShownField(f"{axis}.command.current", "+6.2f", "A"),
+    )

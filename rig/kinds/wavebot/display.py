@@ -1,17 +1,76 @@
 """Texts of a WaveBot's campaign for people: the report of `rig check`, and a run in progress."""
 
+from typing import Any
+
 from rig.campaign import CheckReport
 from rig.kinds.wavebot.campaign import Plan
 from rig.kinds.wavebot.check_view import CheckView
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.presentation.campaign_text import power_text, row_text, total_duration
-from rig.presentation.phrases import clock_text
+from rig.log_fields import FieldLimit, LogFields, age_limit, axis_labels
+from rig.presentation.campaign_text import (
+    ShownField,
+    fields_text,
+    power_text,
+    row_text,
+    total_duration,
+)
+from rig.presentation.phrases import clock_text, phase_text
 from rig.realtime.sequence import Phase
 
-__all__ = ["detail_lines", "plan_position", "short_text", "show_report", "total_duration"]
+__all__ = [
+    "detail_lines",
+    "log_fields",
+    "plan_position",
+    "short_text",
+    "show_report",
+    "total_duration",
+]
 
 LogRow = dict[str, float | int]
+
+_LABELS = {
+    **axis_labels("heave"),
+    **axis_labels("surge"),
+    "load": "load cells",
+    "load.lcb": "column load cell",
+    "load.trs": "shaft torque sensor",
+    "load.slew": "slew ring load cell",
+    "load.string_pot": "string pot",
+    "load.rotor_angle": "rotor angle",
+    "spring_sense": "spring",
+    "spring_command": "spring command",
+    "drive_sense": "drive",
+    "drive_command": "drive command",
+    "power_sense": "power analyser",
+    "power_sense.bus_voltage": "bus voltage",
+}
+_MOTION = (
+    ShownField("heave.estimate.position", "+7.1f", "mm", 1e3),
+    ShownField("heave.estimate.velocity", "+6.3f", "m/s"),
+    ShownField("heave.command.force", "+8.1f", "N"),
+    ShownField("heave.command.current", "+6.2f", "A"),
+)
+_LIMITS = (  # besides those of both axes and of the loop
+    FieldLimit(
+        "heave.string_pot_difference_stop_m",
+        "load.string_pot",
+        less=("tare.string_pot", "heave.estimate.position"),
+        label="string pot less heave position",
+    ),
+    FieldLimit("bus.voltage_stop_v", "power_sense.bus_voltage", both=False),
+    age_limit("spring.stator_age_stop_s", "spring_sense.age"),
+    age_limit("loop.load_cell_age_stop_s", "load.age"),
+    age_limit("loop.analyser_age_stop_s", "power_sense.age"),
+)
+
+
+def log_fields(rig: Any) -> LogFields:
+    """Return labels and limits of the log fields."""
+    rotor_travel = FieldLimit(
+        "spring.rotor_travel_stop_m", "load.rotor_angle", scale=1.0 / rig.spring.metres_per_radian
+    )
+    return LogFields(_LABELS, (*_LIMITS, rotor_travel))
 
 
 def show_report(report: CheckReport, *, every_row: bool) -> None:
@@ -34,13 +93,10 @@ def detail_lines(plan: Plan, row: LogRow, measured: LogRow) -> list[tuple[str, s
     """Return motion and power of heave, or the probe levels of a run without the device."""
     if not plan.rows:
         return [("probes", _probe_text(row))]
-    motion = (
-        f"x {1e3 * row['heave.estimate.position']:+7.1f} mm   "
-        f"v {row['heave.estimate.velocity']:+6.3f} m/s   "
-        f"F {row['heave.command.force']:+8.1f} N   "
-        f"i {row['heave.command.current']:+6.2f} A"
-    )
-    return [("motion", motion), ("power", power_text(row, measured, STATIONS))]
+    return [
+        ("heave", fields_text(row, _MOTION, _LABELS, "heave")),
+        ("power", power_text(row, measured, STATIONS)),
+    ]
 
 
 def short_text(plan: Plan, row: LogRow, measured: LogRow) -> str:
@@ -52,7 +108,7 @@ def _waves_text(plan: Plan, row: LogRow) -> str:
     """Return the phase of a plan without rows: lead-in or measurement, with its time."""
     phase, phases = Phase(int(row["plan.phase"])), plan.phases
     if phase not in (Phase.LEAD_IN, Phase.MEASURE):
-        return f"without the device   {phase.name.lower()}"
+        return f"without the device   {phase_text(phase)}"
     waves = max(0.0, float(row["plan.wave_clock"]))
     if phase is Phase.LEAD_IN:
         elapsed, total, label = waves, phases.lead_in, "building up"

@@ -1,4 +1,6 @@
 // The panel of manual mode: the columns of a whole set point, and the signal generator.
+import {element} from "./dom.js";
+
 const COARSE = 0.05;
 
 export class Manual {
@@ -108,12 +110,6 @@ export class Manual {
     }
     return found;
   }
-}
-
-function element(tag, text) {
-  const found = document.createElement(tag);
-  found.textContent = text;
-  return found;
 }
 
 function short(value) {

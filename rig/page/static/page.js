@@ -1,29 +1,23 @@
 // The operator's page. Every text is set as text, never as markup: names and notes may be hostile.
-import {Traces, number} from "./traces.js";
+import {$, clock, element, plain, setText} from "./dom.js";
+import {buildCards, showAges, showAlarms, showLimits, showLoop} from "./cards.js";
+import {armingAnswered, showArming} from "./checklist.js";
 import {Manual} from "./manual.js";
+import {Rows} from "./rows.js";
+import {Surface, legend} from "./surface.js";
+import {Traces} from "./traces.js";
 
-const $ = id => document.getElementById(id);
-const LATENESS = [5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
-const HOLD = 3, OFF = 0;
-const STANDBY = "standby", MANUAL = "manual";
+const HOLD = 3;
+const MANUAL = "manual";
 
 let socket, contents = null, state = null, session = "", viewer = false, seated = false;
 let adopt = false, takeOver = false, lastSet = {}, fading = 0;
-let lastBeat = 0, lastState = 0, confirmUntil = 0, chosen = null, asked = 0, retry = 500;
-const ticked = new Set();
+let lastBeat = 0, lastState = 0, chosen = null, asked = 0, retry = 500;
 const traces = new Traces($("plots"), $("cursor-time"));
 const manual = new Manual($("columns"));
-
-function element(tag, text, name) {
-  const found = document.createElement(tag);
-  if (text !== undefined) found.textContent = text;
-  if (name) found.className = name;
-  return found;
-}
-
-function setText(node, text) {
-  if (node.textContent !== text) node.textContent = text;
-}
+const rows = new Rows();
+const surface = new Surface($("surface"), $("surface-text"));
+legend($("surface-legend"));
 
 // --- the connection
 
@@ -97,9 +91,8 @@ function show(answer, name = "") {
 
 function showAnswer(answer) {
   if (answer.ask === "beat") return;
-  show(answer, answer.ask);
-  if (answer.ask === "arm" && answer.accepted) confirmUntil = performance.now() + 10000;
-  if (answer.ask === "confirm") confirmUntil = 0;
+  show(answer, answer.ask === "confirm_item" ? "" : answer.ask);
+  armingAnswered(answer);
   if (answer.ask === "take_seat" && !answer.accepted && /take over/.test(answer.reason)) offerTakeOver(true);
   if (["set", "undo"].includes(answer.ask) && answer.accepted) adopt = true;
 }
@@ -124,9 +117,11 @@ function showContents(found) {
   manual.build(contents.columns_live);
   if (!first) return;
   buildFields();
-  buildRows();
-  buildGauges();
-  $("best-by").replaceChildren(...contents.stations.filter(s => s.mean).map(s => element("option", s.label)));
+  rows.build(contents);
+  buildCards(contents);
+  const drawn = surface.build(contents) && rows.chosen >= 0;
+  $("surface-box").hidden = !drawn;
+  $("rows-list").open = !drawn;
 }
 
 function chosenGroups() {
@@ -152,58 +147,6 @@ function buildFields() {
   traces.build(chosenGroups(), contents.fields);
 }
 
-function buildRows() {
-  const head = element("tr");
-  head.append(element("th", "row"), ...contents.columns.map(c => element("th", c.label)),
-    ...contents.stations.filter(s => s.mean).map(s => element("th", s.heading + " W")));
-  $("row-table").tHead.replaceChildren(head);
-  const body = contents.rows.map((row, at) => {
-    const line = element("tr");
-    line.append(element("td", String(at)), ...row.map(v => element("td", number(v))),
-      ...contents.stations.filter(s => s.mean).map(() => element("td", "")));
-    return line;
-  });
-  $("row-table").tBodies[0].replaceChildren(...body);
-  $("powers").replaceChildren(...contents.stations.map(station => {
-    const line = element("tr");
-    line.append(element("td", station.label), element("td", "–"), element("td", station.mean ? "–" : ""));
-    return line;
-  }));
-}
-
-function buildGauges() {
-  $("limits").replaceChildren(...contents.limits.map(limit => {
-    const box = element("div", undefined, "gauge");
-    const scale = element("div", undefined, "scale");
-    scale.append(element("i", undefined, "span"));
-    if (limit.warn !== null)
-      for (const at of [-limit.warn, limit.warn]) {
-        const mark = element("i", undefined, "mark");
-        mark.style.left = share(at, limit.low, limit.high) + "%";
-        scale.append(mark);
-      }
-    scale.append(element("i", undefined, "now"));
-    box.append(element("span", limit.label, "name"), element("span", "", "number"), element("span", "", "number margin"), scale);
-    box.title = "from " + number(limit.low) + " to " + number(limit.high) + " " + limit.unit;
-    return box;
-  }));
-  $("ages").replaceChildren(...contents.ages.map(age => {
-    const box = element("div", undefined, "age"), scale = element("div", undefined, "scale");
-    scale.append(element("i", undefined, "span"));
-    box.append(element("span", age.label), element("span", ""), scale);
-    return box;
-  }));
-  $("histogram").replaceChildren(...[...LATENESS.map(String), "∞"].map(edge => {
-    const box = element("div");
-    box.append(element("i"), element("span", edge));
-    return box;
-  }));
-}
-
-function share(value, low, high) {
-  return Math.min(100, Math.max(0, 100 * (value - low) / (high - low)));
-}
-
 // --- the state, five times a second
 
 function showState() {
@@ -214,10 +157,11 @@ function showState() {
   showSeat(orders, ended);
   showPosition(orders);
   showPowers();
-  showLimits();
-  showLoop(source);
-  showAlarms(state.alarms);
-  showArming(orders);
+  showLimits(contents, state);
+  showAges(contents, state);
+  showLoop(state);
+  showAlarms(state.alarms, seated, ask);
+  showArming(contents, state, seated, ask);
   showManual(orders);
   const products = ended ? state.products : [];
   if ($("products").childElementCount !== products.length)
@@ -279,166 +223,22 @@ function showPosition(orders) {
   setText($("position"), manualRun ? "Manual mode   " + (phase === MANUAL ? "" : phase) : state.row >= 0 && state.row !== undefined ?
     "Row " + state.row + " (" + (state.row + 1) + " of " + count + ")   " + phase + (state.attempt ? "   attempt " + (state.attempt + 1) : "") : phase + "   (" + count + " rows)");
   const row = contents.rows[state.row];
-  setText($("setpoint"), row && !manualRun ? contents.columns.map((c, k) => c.label + " " + number(row[k]) + " " + c.unit).join("   ") : "");
+  setText($("setpoint"), row && !manualRun ? contents.columns.map((c, k) => c.label + " " + plain(row[k]) + " " + c.unit).join("   ") : "");
   const segment = state.segment || {};
-  const known = segment.length !== null && segment.elapsed !== null && segment.length > 0.01;
+  const over = contents.phases[state.phase] === "done", held = state.mode === HOLD || over; // no time of the plan runs
+  const known = !held && segment.length !== null && segment.elapsed !== null && segment.length > 0.01;
   $("progress").style.width = known ? Math.min(100, 100 * segment.elapsed / segment.length) + "%" : "0";
   const parts = ["run time " + clock(state.time)];
-  if (segment.elapsed !== null && segment.elapsed !== undefined) parts.push(phase + " " + segment.elapsed.toFixed(0) + (known ? " of " + segment.length.toFixed(0) : "") + " s");
-  if (segment.left !== null && segment.left !== undefined && !manualRun)
+  if (!held && segment.elapsed !== null && segment.elapsed !== undefined) parts.push(phase + " " + segment.elapsed.toFixed(0) + (known ? " of " + segment.length.toFixed(0) : "") + " s");
+  if (!held && segment.left !== null && segment.left !== undefined && !manualRun)
     parts.push(clock(segment.left) + " left, ends " + new Date(Date.now() + 1000 * segment.left).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}));
   else if (!contents.title.live && contents.duration_s) parts.push("of " + clock(contents.duration_s));
   setText($("times"), parts.join("   "));
 }
 
-function clock(seconds) {
-  if (seconds === null || seconds === undefined) return "–";
-  const s = Math.floor(seconds), two = n => String(n).padStart(2, "0");
-  return (s >= 3600 ? Math.floor(s / 3600) + ":" : "") + two(Math.floor(s / 60) % 60) + ":" + two(s % 60);
-}
-
-function watts(value) {
-  if (value === null || value === undefined) return "–";
-  const text = value.toFixed(Math.abs(value) < 100 ? 1 : 0);
-  return Number(text) === 0 ? "0.0" : text.replace("-", "\u2212");
-}
-
 function showPowers() {
-  if (!state.powers) return;
-  state.powers.forEach(([now, mean], k) => {
-    const cells = $("powers").rows[k].cells;
-    setText(cells[1], watts(now));
-    if (contents.stations[k].mean) setText(cells[2], state.samples > 0 ? watts(mean) : "–");
-  });
-  const stations = contents.stations.filter(s => s.mean), first = 1 + contents.columns.length;
-  const by = $("best-by").selectedIndex, at = contents.stations.indexOf(stations[by]);
-  let best = null, low = Infinity;
-  for (const [row, [powers, whole]] of Object.entries(state.rows)) {
-    const line = $("row-table").tBodies[0].rows[row];
-    if (!line) continue;
-    contents.stations.forEach((station, k) => {
-      if (station.mean) setText(line.cells[first + stations.indexOf(station)], watts(powers[k]));
-    });
-    line.classList.toggle("part", !whole);
-    if (whole && at >= 0 && powers[at] !== null && powers[at] < low) { low = powers[at]; best = Number(row); }
-  }
-  const box = $("row-table").closest(".scroll");
-  for (const line of $("row-table").tBodies[0].rows) {
-    const index = line.rowIndex - 1, present = index === state.row;
-    if (present && !line.classList.contains("present")) box.scrollTop = Math.max(0, line.offsetTop - 120);
-    line.classList.toggle("present", present);
-    for (const cell of line.cells) cell.classList.remove("best");
-    if (index === best) { line.cells[first + by].classList.add("best"); }
-    setText(line.cells[0], index + (index === best ? " ★" : ""));
-  }
-}
-
-function showLimits() {
-  if (!state.limits) return;
-  state.limits.forEach(([now, low, high], k) => {
-    const limit = contents.limits[k], box = $("limits").children[k];
-    const [bottom, top] = [Math.min(low ?? now, now), Math.max(high ?? now, now)];
-    const margin = Math.min(top === null ? Infinity : limit.high - top, bottom === null ? Infinity : bottom - limit.low);
-    const span = box.querySelector(".span");
-    span.style.left = share(bottom, limit.low, limit.high) + "%";
-    span.style.width = Math.max(0.5, share(top, limit.low, limit.high) - share(bottom, limit.low, limit.high)) + "%";
-    box.querySelector(".now").style.left = share(now, limit.low, limit.high) + "%";
-    setText(box.children[1], number(now) + " " + limit.unit);
-    setText(box.children[2], "margin " + (100 * margin / limit.high).toFixed(0) + " %");
-    const beyond = limit.warn === null ? margin < 0.1 * limit.high : Math.max(top, -bottom) >= limit.warn;
-    box.classList.toggle("warn", beyond && margin > 0);
-    box.classList.toggle("bad", margin <= 0);
-  });
-  state.ages.forEach((age, k) => {
-    const limit = contents.ages[k].limit, box = $("ages").children[k], span = box.querySelector(".span");
-    setText(box.children[1], (age === null ? "–" : (1000 * age).toFixed(1)) + (limit === null ? "" : " / " + 1000 * limit));
-    span.style.left = "0";
-    span.style.width = limit === null || age === null ? "0" : share(age, 0, limit) + "%";
-    box.classList.toggle("warn", limit !== null && (age === null || age > 0.5 * limit));
-    box.classList.toggle("bad", limit !== null && age !== null && age > limit);
-  });
-}
-
-function showLoop(source) {
-  if (!state.lateness) return;
-  const most = Math.log10(1 + Math.max(...state.lateness));
-  state.lateness.forEach((count, k) => {
-    const box = $("histogram").children[k];
-    box.firstElementChild.style.height = (most ? 70 * Math.log10(1 + count) / most : 0) + "%";
-    box.title = count + " wake-ups";
-  });
-  setText($("counts"), state.skipped + " ticks skipped   " + source.unsaved + " rows not on disk   " + source.dropped + " rows lost   wake-ups by lateness, µs:");
-}
-
-function showAlarms(alarms) {
-  const seen = alarms.filter(each => each.acknowledged).length;
-  setText($("alarm-count"), alarms.length ? alarms.length + ", " + (alarms.length - seen) + " not acknowledged" : "none");
-  const key = JSON.stringify(alarms.map(each => [each.key, each.acknowledged, each.times > 1])) + seated;
-  if ($("alarms").dataset.key === key) return;
-  $("alarms").dataset.key = key;
-  const open = $("alarms").querySelector("details[open]") !== null;
-  const boxes = alarms.map(each => {
-    const box = element("div", undefined, "alarm " + each.priority + (each.acknowledged ? " seen" : ""));
-    box.append(element("div", (each.priority === "high" ? "■ " : "▲ ") + each.cause, "cause"), element("div", each.action),
-      element("div", "at " + clock(each.time) + (each.times > 1 ? ", repeated" : "") + (each.acknowledged ? ", acknowledged by " + each.acknowledged : ""), "quiet"));
-    if (!each.acknowledged && seated) {
-      const button = element("button", "Acknowledge");
-      button.addEventListener("click", () => ask("acknowledge", {alarm: each.key}));
-      box.append(button);
-    }
-    return box;
-  });
-  const rest = element("details");
-  rest.open = open;
-  rest.append(element("summary", boxes.length - 1 + " more"), ...boxes.slice(1));
-  $("alarms").replaceChildren(...boxes.slice(0, 1), ...(boxes.length > 1 ? [rest] : []));
-}
-
-// --- before power on
-
-function checklist() {
-  const late = state.ages ? state.ages.filter((age, k) => contents.ages[k].limit !== null && (age === null || age > contents.ages[k].limit)).length : 1;
-  const granted = contents.privileges || {}, refused = Object.entries(granted).filter(([, v]) => /false|refused|no$/i.test(v)).map(([k]) => k);
-  return [
-    {key: "devices", text: late ? late + " values are too old" : "all values are younger than their limits", ok: late === 0},
-    {key: "tare", text: "the sensor zeros are measured", ok: contents.phases[state.phase] === STANDBY},
-    {key: "host", text: contents.title.mode === "rehearsal" ? "host: a rehearsal needs no real time" : refused.length ? "host did not grant: " + refused.join(", ") : "host granted real time", ok: contents.title.mode === "rehearsal" || !refused.length},
-    {key: "doctor", text: "`rig doctor` passed today", tick: true},
-    {key: "calibrations", text: "the calibrations are those of this rig", tick: true},
-    {key: "e-stop", text: "the emergency stop was tested", tick: true},
-    {key: "people", text: "nobody is within reach of the moving parts", tick: true},
-  ];
-}
-
-function showArming(orders) {
-  const standby = contents.phases[state.phase] === STANDBY && state.mode === OFF && !state.reason;
-  $("arming").hidden = !(orders.must_arm && contents.title.live && (standby || state.time < 1));
-  if ($("arming").hidden) return;
-  const checks = checklist();
-  if (!$("checks").childElementCount)
-    $("checks").append(...checks.map(each => {
-      const line = element("li"), label = element("label");
-      if (each.tick) {
-        const box = document.createElement("input");
-        box.type = "checkbox";
-        box.addEventListener("change", () => { box.checked ? ticked.add(each.key) : ticked.delete(each.key); showArming(state.orders); });
-        label.append(box, " ");
-      } else line.append(element("span", "", "mark"));
-      label.append(element("span", each.text));
-      line.append(label);
-      return line;
-    }));
-  checks.forEach((each, k) => {
-    const line = $("checks").children[k], ok = each.tick ? ticked.has(each.key) : each.ok;
-    if (!each.tick) { setText(line.querySelector(".mark"), ok ? "✓" : "✗"); setText(line.querySelector("label span"), each.text); }
-    line.classList.toggle("no", !ok);
-  });
-  const ready = checks.every(each => each.tick ? ticked.has(each.key) : each.ok);
-  const left = (confirmUntil - performance.now()) / 1000;
-  $("arm").disabled = !seated || !standby || !ready;
-  $("tare").disabled = !seated || !standby;
-  $("confirm").disabled = !seated || !(left > 0) || !orders.arming;
-  setText($("arming-time"), left > 0 && orders.arming ? "confirm within " + left.toFixed(0) + " s" : !seated ? "take the seat first" : ready ? "" : "complete the list first");
+  rows.show(state);
+  if (!$("surface-box").hidden && state.rows) surface.show(state, rows.chosen, rows.best(state));
 }
 
 // --- manual mode
@@ -473,9 +273,10 @@ function showJournal(message) {
   for (const each of message.entries) {
     const line = element("tr", undefined, each.accepted ? "" : "refused");
     const given = each.arguments.text || each.arguments.comment || each.arguments.alarm || changes(each);
-    line.append(element("td", each.utc.slice(11, 19)), element("td", each.person),
-      element("td", each.request.replaceAll("_", " ") + (given ? ": " + given : "")),
-      element("td", (each.accepted ? "" : "refused: ") + each.reason));
+    const text = element("td", each.request.replaceAll("_", " ") + (given ? ": " + given : ""));
+    text.prepend(element("strong", each.person + " "));
+    if (each.reason || !each.accepted) text.append(element("span", " (" + (each.accepted ? "" : "refused: ") + each.reason + ")", "quiet"));
+    line.append(element("td", each.utc.slice(11, 19)), text);
     $("journal").prepend(line);
     while ($("journal").rows.length > 300) $("journal").lastElementChild.remove();
   }
@@ -487,7 +288,7 @@ const acts = {
   hold: () => ask("hold"), resume: () => ask("resume"), stop: () => ask("stop"), abort: () => ask("abort"),
   skip: () => ask("skip"), repeat: () => ask("repeat"), finish: () => ask("finish"), tare: () => ask("tare"),
   "to-manual": () => ask("manual"), "to-campaign": () => ask("campaign"),
-  arm: () => ask("arm"), confirm: () => ask("confirm"), leave: () => ask("leave_seat"), undo: () => ask("undo"),
+  arm: () => ask("arm"), "arm-anyway": () => ask("arm", {all_the_same: true}), confirm: () => ask("confirm"), leave: () => ask("leave_seat"), undo: () => ask("undo"),
   take: () => {
     sessionStorage.setItem("person", $("person").value);
     send({hello: {session: secret(), person: $("person").value}});
@@ -510,11 +311,13 @@ const acts = {
   restart: () => send({speed: "restart"}),
 };
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", act);
+$("best-by").addEventListener("change", () => { if (state) showPowers(); });
 $("span").addEventListener("change", () => { traces.span = Number($("span").value); traces.redraw(); });
 $("speed").addEventListener("change", () => send({speed: Number($("speed").value)}));
 $("annotate").addEventListener("submit", event => { event.preventDefault(); ask("annotate", {text: $("note").value}); $("note").value = ""; });
 $("login").addEventListener("submit", event => { event.preventDefault(); login($("token").value); $("token").value = ""; });
-manual.form.addEventListener("submit", () => acts.apply());
+// A form of several fields without a button of its own is not submitted by Enter.
+manual.form.addEventListener("keydown", event => { if (event.key === "Enter" && event.target.matches("input")) acts.apply(); });
 
 document.addEventListener("keydown", event => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;

@@ -1,4 +1,7 @@
 // Live traces: one plot for each group of units over one shared axis of time.
+import {number} from "./dom.js";
+
+const FINEST_S = 60;  // s that the finest buckets reach back; those of a coarser level by its size more
 const WIDTHS = [[], [6, 3], [2, 2], [10, 3, 2, 3], [1, 3], [12, 4]];
 const SHADES = ["#111111", "#1b4f9c", "#5d3f00", "#6a6f73", "#1f5c3a", "#5b2a6b"];
 
@@ -8,9 +11,8 @@ export class Traces {
     this.cursorTime = cursorTime;
     this.plots = [];
     this.fields = [];
-    this.time = [];
-    this.low = [];
-    this.high = [];
+    this.levels = [];  // from fine to coarse: {size, time, low, high, waiting}, size in finest buckets
+    this.bucket = 0.05;
     this.span = 30;
     this.paused = false;
     this.due = false;
@@ -87,24 +89,41 @@ export class Traces {
 
   reset(message) {
     this.fields = message.fields;
-    this.time = message.time;
-    this.low = message.low;
-    this.high = message.high;
+    this.bucket = message.bucket_s;
+    this.levels = message.levels.map(each => ({...each, waiting: 0}));
     this.redraw();
   }
 
+  // New finest buckets: each level takes them, a coarse one by least and greatest values.
   add(message) {
     if (message.fields.join() !== this.fields.join()) return;
-    this.time = this.time.concat(message.time);
-    const end = this.time[this.time.length - 1];
-    let first = 0;
-    while (this.time[first] < end - 60) first++;
-    this.time = this.time.slice(first);
-    this.fields.forEach((_, k) => {
-      this.low[k] = this.low[k].concat(message.low[k]).slice(first);
-      this.high[k] = this.high[k].concat(message.high[k]).slice(first);
-    });
+    for (const level of this.levels) {
+      message.time.forEach((time, i) => {
+        const joins = level.waiting > 0;
+        level.waiting = (level.waiting + 1) % level.size;
+        const at = joins ? level.time.length - 1 : level.time.length;
+        level.time[at] = time;
+        this.fields.forEach((_, k) => {
+          level.low[k][at] = joins ? least(level.low[k][at], message.low[k][i]) : message.low[k][i];
+          level.high[k][at] = joins ? greatest(level.high[k][at], message.high[k][i]) : message.high[k][i];
+        });
+      });
+      this.drop(level);
+    }
     if (!this.paused) this.redraw();
+  }
+
+  // Forget what is older than the level's span, in large steps: moving long lists is slow.
+  drop(level) {
+    const kept = Math.round(FINEST_S / this.bucket), spare = level.time.length - kept;
+    if (spare < kept / 10) return;
+    for (const list of [level.time, ...level.low, ...level.high]) list.splice(0, spare);
+  }
+
+  // The finest level that reaches over the span.
+  level() {
+    const reaching = this.levels.find(each => each.size * FINEST_S >= this.span);
+    return reaching || this.levels[this.levels.length - 1] || {time: [], low: [], high: []};
   }
 
   redraw() {
@@ -112,16 +131,17 @@ export class Traces {
     this.due = true;
     requestAnimationFrame(() => {
       this.due = false;
-      const end = this.time.length ? this.time[this.time.length - 1] : 0;
+      const level = this.level();
+      const end = level.time.length ? level.time[level.time.length - 1] : 0;
       let first = 0;
-      while (this.time[first] < end - this.span) first++;
-      const time = this.time.slice(first);
+      while (level.time[first] < end - this.span) first++;
+      const time = level.time.slice(first);
       for (const plot of this.plots) {
         const data = [time];
         for (const field of plot.fields) {
           const k = this.fields.indexOf(field);
           const none = time.map(() => null);
-          data.push(k < 0 ? none : this.low[k].slice(first), k < 0 ? none : this.high[k].slice(first));
+          data.push(k < 0 ? none : level.low[k].slice(first), k < 0 ? none : level.high[k].slice(first));
         }
         plot.chart.setData(data, false);
         plot.chart.batch(() => {
@@ -144,6 +164,15 @@ export class Traces {
   }
 }
 
+// Least and greatest of two values, of which either may be missing.
+function least(a, b) {
+  return a === null ? b : b === null ? a : Math.min(a, b);
+}
+
+function greatest(a, b) {
+  return a === null ? b : b === null ? a : Math.max(a, b);
+}
+
 function extent(series) {
   let low = Infinity, high = -Infinity;
   for (const each of series) for (const v of each) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
@@ -159,13 +188,4 @@ function stroke(at) {
   for (const [name, value] of Object.entries(values)) line.setAttribute(name, value);
   svg.append(line);
   return svg;
-}
-
-export function number(value) {
-  if (value === null || value === undefined) return "–";
-  if (typeof value !== "number") return String(value);
-  const size = Math.abs(value);
-  if (size < 1e-7) return "0";
-  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(2) : size >= 1000 ? value.toFixed(0) : value.toPrecision(4);
-  return text.replace("-", "\u2212");
 }

@@ -107,6 +107,7 @@ class BenchRigFile(BaseRigFile):
     torque_feedback: TorqueFeedback
     instant_correction: InstantCorrection
     stop: BenchStop
+    manual_ramp_s: float = Field(default=0.5, ge=0.05, le=10)  # of a change in manual mode
     wiring: BenchWiring | None = None  # None: the rig can only be rehearsed
 
     def check_rules(self) -> Iterator[RuleViolation]:

@@ -42,6 +42,12 @@ _COLUMNS = KindColumns(
 )
 
 
+FREE_SHAFT = (
+    "in the torque loop nothing keeps a free shaft in its range, and a stop would swing it up: the "
+    "motor's inertia is too small for damping at the rate of the loop"
+)
+
+
 class SessionRequirements(NamedTuple):
     """Columns that the rows of a kind of session must and may have, and its options."""
 
@@ -54,6 +60,11 @@ class SessionRequirements(NamedTuple):
     allows_feedback: bool = False  # the torque loop may be closed
     flap_coupling: Literal["", "free", "coupled"] = ""  # rigid coupling of the flap; "": no flap
     needs_waves: bool = False  # the amplitude is that of waves
+
+    @property
+    def needs_clamp(self) -> bool:
+        """Whether only a clamp can hold the shaft."""
+        return self.loop == "torque" and not self.flap_coupling
 
 
 _BRAKE_COLUMNS = ("damping_n_m_s_per_rad", "brake_current_a")
@@ -250,6 +261,8 @@ class SessionFile(FileModel):
             yield self.violation("shaft", "the velocity loop turns the shaft; allowed free")
         if self.shaft == "clamped" and requirements.flap_coupling:
             yield self.violation("shaft", f"a session {self.session} moves the shaft; allowed free")
+        if self.shaft == "free" and requirements.needs_clamp:
+            yield self.violation("shaft", f"{FREE_SHAFT}; allowed clamped")
         highest = self.irregular.high_hz if self.irregular is not None else 0.0
         if requirements.needs_waves and highest > MAX_WAVE_HZ:
             message = f"{format_number(highest)} is too high for waves; allowed up to 2 Hz"

@@ -12,7 +12,7 @@ from rig.kinds.oswec_bench.config.limits_file import BenchLimitsFile
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile, Encoder
 from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan, setpoint_table
-from rig.kinds.oswec_bench.tick import speed
+from rig.kinds.oswec_bench.tick import manual, speed
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
 from rig.kinds.oswec_bench.tick.state import Homing, Limits, LoadLimits, Params, ShaftParams
 from rig.realtime import axis, cycle, safety
@@ -78,12 +78,20 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
                 rig.brake.slew_a_per_s,
                 rig.brake.velocity_filter_s,
             ),
+            manual=_manual(rig, limits_file),
             locked=1 if session_file.shaft == "clamped" else 0,
             limits=_limits(limits_file, in_torque_loop, dt),
             motor_power=motor_power_params(limits_file.power, dt),
             setpoints=setpoint_table(plan.setpoints),
         ),
     )
+
+
+def _manual(rig: BenchRigFile, limits_file: BenchLimitsFile) -> manual.Params:
+    motor, rate = limits_file.motor, rig.homing.rate_per_s
+    end = 0.5 * (motor.angle_warn_deg + motor.angle_stop_deg)
+    quickness = max(1.0 / rig.manual_ramp_s, 2.0 * rate)
+    return manual.Params(rig.manual_ramp_s, math.radians(end), rate, quickness)
 
 
 def _estimator(encoder: Encoder, radians_per_count: float, dt: float) -> Any:

@@ -21,6 +21,7 @@ from rig.kinds.oswec_bench.config.session_file import (
 )
 from rig.kinds.oswec_bench.sessions.correction import RowCorrection
 from rig.kinds.oswec_bench.sessions.files import Session
+from rig.kinds.oswec_bench.tick import manual
 from rig.kinds.oswec_bench.tick.signals import Setpoints
 from rig.planning.multisine import Multisine, design_multisine, scale_to_peak
 from rig.planning.point import Point
@@ -60,6 +61,7 @@ class Setpoint(NamedTuple):
     damping: float  # N*m*s/rad, R of the brake law T = R |v|
     brake_current: float  # A, added to the current of the brake law
     flume: Flume
+    by_people: manual.SetPoint = manual.AT_REST  # in manual mode
 
 
 class SessionPlan(NamedTuple):
@@ -97,6 +99,7 @@ def plan_session(session: Session) -> SessionPlan:
             point.values.get("damping", 0.0),
             point.values.get("brake_current", 0.0),
             row_flume(file, point, index),
+            manual.AT_REST._replace(speed=rig.homing.speed_rad_per_s),
         )
         # The flap is released when its measurement starts.
         released = setpoint._replace(flume=setpoint.flume._replace(flap_held=0))
@@ -125,7 +128,9 @@ def plan_session(session: Session) -> SessionPlan:
 
 def setpoint_table(setpoints: tuple[Setpoint, ...]) -> Setpoints:
     """Return the set points by columns, as the loop uses them."""
-    components, spans, damping, brake_current, flumes = zip(*setpoints, strict=True)
+    components, spans, damping, brake_current, flumes, manual_set_points = zip(
+        *setpoints, strict=True
+    )
     length = tuple(len(each.amplitude) for each in components)
     rise, fade_start = zip(*spans, strict=True)
     sea, flap_held, hold_angle, pto_damping = zip(*flumes, strict=True)
@@ -141,6 +146,7 @@ def setpoint_table(setpoints: tuple[Setpoint, ...]) -> Setpoints:
         flap_held,
         hold_angle,
         pto_damping,
+        manual.columns(manual_set_points),
     )
 
 

@@ -4,7 +4,7 @@ from controllers import brake_damping, oswec_position, torque_tracking
 from controllers.blocks import clamp
 from controllers.oswec_position import EnvelopeTimes, PeriodicReference
 from controllers.signals import Demand, Estimate, Turning
-from rig.kinds.oswec_bench.tick import speed, stations, tare
+from rig.kinds.oswec_bench.tick import manual, speed, stations, tare
 from rig.kinds.oswec_bench.tick.check import check, motor_sense
 from rig.kinds.oswec_bench.tick.reasons import REASONS
 from rig.kinds.oswec_bench.tick.signals import (
@@ -32,7 +32,7 @@ from rig.kinds.oswec_bench.tick.state import (
 )
 from rig.realtime import axis, cycle, limits, motor_power, safety
 from rig.realtime.safety import RUN, STOP_1
-from rig.realtime.sequence import TARE, WAIT_ARRIVAL, WAIT_DRIVE
+from rig.realtime.sequence import MANUAL, TARE, WAIT_ARRIVAL, WAIT_DRIVE
 
 _ZERO_REFERENCE = Reference(0.0, 0.0, 0.0)
 _NO_CORRECTION = Turning(0.0, 0.0)
@@ -89,7 +89,7 @@ def control(
     torque = load.tz - tare_state.zeros.torque
     if mode == RUN:
         laws, reference, correction, demand = _step_laws(
-            params, state, setpoint, motion, torque, clock, dt
+            params, state, setpoint, motion, torque, phase, clock, dt
         )
     else:  # the laws are reset while they do not act
         laws, correction = LAWS_AT_REST, _NO_CORRECTION
@@ -100,7 +100,12 @@ def control(
         max_difference = params.limits.velocity_difference_stop
         mismatch = limits.count_mismatch(state.mismatch, deviation, max_difference)
     motor, speed_state, drive = _command_drive(params, state, sense, motor_motion, demand, mode, dt)
-    damps_only = mode == RUN and table.pto_damping[setpoint] > 0.0 and table.length[setpoint] == 0
+    damps_only = (
+        mode == RUN
+        and table.pto_damping[setpoint] > 0.0
+        and table.length[setpoint] == 0
+        and not manual.excites(laws.manual)
+    )
     power = stations.step(
         state.power,
         cell_torque=torque,
@@ -161,20 +166,35 @@ def _step_laws(
     setpoint: int,
     motion: Motion,
     torque: float,
+    phase: int,
     clock: float,
     dt: float,
 ) -> tuple[Laws, Reference, Turning, LoopDemand]:
     """Return the laws' state, the shaft's reference, the correction and the demand on the drive.
 
-    Damping by the motor uses the shaft's velocity as the brake's law filters it. The motor's own
-    velocity would close a loop over the resonance of the coupling.
+    In manual mode people give the reference, without clock and correction. Damping by the motor
+    uses the shaft's velocity as the brake's law filters it. The motor's own velocity would close a
+    loop over the resonance of the coupling.
     """
     laws, table = state.laws, params.setpoints
+    pto_damping, manual_state = table.pto_damping[setpoint], laws.manual
+    chosen = manual.NO_DEMAND
+    if phase == MANUAL:
+        manual_state, chosen = manual.step(
+            params.manual,
+            manual_state,
+            manual.set_point(table.manual, setpoint),
+            pto_damping,
+            motion[0].position,
+            dt,
+        )
+        pto_damping = chosen.damping
     span = EnvelopeTimes(table.rise[setpoint], table.fade_start[setpoint])
     periodic = PeriodicReference(table.first[setpoint], table.length[setpoint], span)
     if params.mode == TORQUE:
-        torque_reference = oswec_position.reference(table.components, periodic, clock).angle
-        pto_damping = table.pto_damping[setpoint]
+        torque_reference = chosen.torque
+        if phase != MANUAL:
+            torque_reference = oswec_position.reference(table.components, periodic, clock).angle
         if pto_damping > 0.0:
             torque_reference += brake_damping.motor_damping_torque(
                 pto_damping, state.brake.command.velocity
@@ -184,7 +204,11 @@ def _step_laws(
         )
         reference = Reference(0.0, 0.0, torque_reference)
         demand = LoopDemand(tracking_output.torque, 0.0)
-        return Laws(laws.position, tracking), reference, _NO_CORRECTION, demand
+        return Laws(laws.position, tracking, manual_state), reference, _NO_CORRECTION, demand
+    if phase == MANUAL:
+        reference = Reference(chosen.angle, chosen.velocity, 0.0)
+        demand = LoopDemand(0.0, chosen.velocity)
+        return Laws(laws.position, laws.torque, manual_state), reference, _NO_CORRECTION, demand
     position, (plain_motion, correction) = oswec_position.step(
         params.position, laws.position, table.components, periodic, clock, torque, dt
     )
@@ -197,7 +221,12 @@ def _step_laws(
         demand = LoopDemand(
             0.0, velocity + correction.velocity + params.position_feedback * angle_error
         )
-    return Laws(position, laws.torque), Reference(angle, velocity, 0.0), correction, demand
+    return (
+        Laws(position, laws.torque, manual_state),
+        Reference(angle, velocity, 0.0),
+        correction,
+        demand,
+    )
 
 
 DriveFields = tuple[int, float, float, float, float, int, int]

@@ -26,7 +26,7 @@ from controllers.signals import (
     Turning,
     Volt,
 )
-from rig.kinds.oswec_bench.tick import stations
+from rig.kinds.oswec_bench.tick import manual, stations
 from rig.realtime import cycle, safety
 
 
@@ -178,6 +178,7 @@ class Setpoints(NamedTuple):
     flap_held: tuple[int, ...]  # 1: a person holds the flap
     hold_angle: tuple[float, ...]  # rad, of the held flap
     pto_damping: tuple[float, ...]  # N*m*s/rad, of the motor acting as power take-off
+    manual: manual.Columns  # in manual mode
 
 
 # Motion of motor and shaft relative to their zeros, as in `rig.realtime.axis`, rad for m.

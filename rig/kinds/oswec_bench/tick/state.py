@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from controllers import brake_damping, estimator, oswec_position, torque_tracking
 from controllers.signals import Estimate
-from rig.kinds.oswec_bench.tick import speed, stations, tare
+from rig.kinds.oswec_bench.tick import manual, speed, stations, tare
 from rig.kinds.oswec_bench.tick.signals import EncoderSense, Setpoints
 from rig.realtime import axis, motor_power
 
@@ -62,6 +62,7 @@ class Params(NamedTuple):
     position: oswec_position.Params
     torque: torque_tracking.Params
     brake: brake_damping.Params
+    manual: manual.Params
     locked: int  # 1: the shaft is clamped
     limits: Limits
     motor_power: motor_power.Params
@@ -87,6 +88,7 @@ class Laws(NamedTuple):
 
     position: oswec_position.State
     torque: torque_tracking.State
+    manual: manual.State
 
 
 class State(NamedTuple):
@@ -103,7 +105,7 @@ class State(NamedTuple):
     tare: tare.State
 
 
-LAWS_AT_REST = Laws(oswec_position.start(), torque_tracking.start())
+LAWS_AT_REST = Laws(oswec_position.start(), torque_tracking.start(), manual.start())
 
 
 def start(params: Params) -> State:

@@ -2,7 +2,14 @@
 
 from typing import Any
 
+from rig.log_fields import FieldLimit, LogFields, axis_labels, axis_limits
+
 LogRow = dict[str, float | int]
+
+
+def log_fields(rig: Any) -> LogFields:
+    limits = FieldLimit("slack_stop_m", "axis.estimate.position", both=False, label="line slack")
+    return LogFields(axis_labels("axis"), (*axis_limits("axis", ""), limits))
 
 
 def show_report(report: Any, *, every_row: bool) -> None:

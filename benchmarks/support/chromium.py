@@ -57,7 +57,9 @@ class Chromium:
         listed = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/json").read())
         page = next(each for each in listed if each["type"] == "page")
         url = page["webSocketDebuggerUrl"]
-        return self._stack.enter_context(connect(url, max_size=None, compression=None))
+        return self._stack.enter_context(
+            connect(url, max_size=None, compression=None, ping_interval=None)
+        )
 
     def close(self) -> None:
         self._stack.close()
@@ -100,8 +102,10 @@ class Chromium:
         self.wait("location.protocol === 'http:' && document.readyState === 'complete'")
 
     def run(self, script: str) -> Any:
-        """Return the value of a script."""
-        found = self.call("Runtime.evaluate", expression=script, returnByValue=True)
+        """Return the value of a script, or of its promise."""
+        found = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
@@ -133,6 +137,10 @@ class Chromium:
                 modifiers=modifiers,
                 **({"text": text} if text and kind == "keyDown" else {}),
             )
+
+    def type(self, text: str) -> None:
+        """Enter text where the focus is."""
+        self.call("Input.insertText", text=text)
 
     def picture(self, path: Path) -> None:
         data = self.call("Page.captureScreenshot", format="png")["data"]

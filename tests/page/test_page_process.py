@@ -1,0 +1,81 @@
+"""The page's process: it finds its run by its input, and says why it ended."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from rig.page import process
+from rig.page.process import ERRORS, PageOfRun, wait_for_run
+
+
+@pytest.fixture
+def broken_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put a program that fails with a message in place of Python."""
+    program = tmp_path / "program"
+    program.write_text("#!/bin/sh\nread folder\necho first >&2\necho no module rig >&2\nexit 3\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+
+
+@pytest.mark.usefixtures("broken_page")
+def test_a_page_that_ends_at_once_says_why_in_one_line(tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    folder = runs / "run"
+    page = PageOfRun(runs)
+    (early,) = runs.iterdir()
+    assert early.name.endswith(".stderr")
+    folder.mkdir()
+    page.run_began(folder)
+    assert page.failure() == f"the page ended: no module rig ({folder / ERRORS})"
+    page.close()
+    assert (folder / ERRORS).read_text() == "first\nno module rig\n"
+    assert [each.name for each in runs.iterdir()] == ["run"]
+
+
+@pytest.mark.usefixtures("broken_page")
+def test_the_error_output_of_a_run_that_never_began_is_removed(tmp_path: Path) -> None:
+    page = PageOfRun(tmp_path / "runs")
+    page.close()
+    assert page.failure() == "", "the run says why it did not begin"
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
+def test_a_page_without_a_run_ends(tmp_path: Path) -> None:
+    with pytest.raises(TimeoutError, match="no run began"):
+        wait_for_run(io.BytesIO(b""))
+    (tmp_path / "run.json").write_text(json.dumps({"status": "complete"}))
+    with pytest.raises(TimeoutError, match="the run is complete already"):
+        wait_for_run(io.BytesIO(bytes(tmp_path) + b"\n"))
+
+
+def test_the_page_waits_until_its_run_listens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It asks for the socket of a known folder; no other run is looked at."""
+    (tmp_path / "run.json").write_text(json.dumps({"status": "running"}))
+    clients: list[Path] = []
+
+    class Client:
+        def __init__(self, folder: Path) -> None:
+            clients.append(folder)
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(process, "RequestClient", Client)
+    found: list[Path] = []
+    source = io.BytesIO(bytes(tmp_path) + b"\n")
+    thread = threading.Thread(target=lambda: found.append(wait_for_run(source)))
+    thread.start()
+    time.sleep(0.3)
+    assert clients == []
+    (tmp_path / "requests.sock").touch()
+    thread.join(10)
+    assert found == clients == [tmp_path]

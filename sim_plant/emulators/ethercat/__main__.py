@@ -65,13 +65,13 @@ class Console:
                 self._text += data
                 *lines, self._text = self._text.split(b"\n")
                 for each in lines:
-                    print(json.dumps(self.execute(each.decode().split())), flush=True)
+                    print(json.dumps(self.execute(each.decode())), flush=True)
         return self.stopped
 
-    def execute(self, words: list[str]) -> dict[str, Any]:
+    def execute(self, command: str) -> dict[str, Any]:
         """Return the answer to one command."""
         try:
-            match words:
+            match command.split():
                 case ["inject", slave, fault, *value] if len(value) <= 1:
                     self._switch(slave, fault, float(int(value[0], 0)) if value else None)
                 case ["clear", slave, fault]:
@@ -84,7 +84,7 @@ class Console:
                     raise ValueError(COMMANDS)
         except ValueError as error:
             return {"error": str(error)}
-        return {"done": " ".join(words)}
+        return {"done": command}
 
     def _find(self, name: str) -> Segment | Slave:
         segment = self._line.segment

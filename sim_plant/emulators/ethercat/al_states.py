@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from sim_plant.emulators.ethercat import registers
-from sim_plant.emulators.ethercat.controller import SlaveController, WriteHook
+from sim_plant.emulators.ethercat.controller import SlaveController
 
 OP_TIMEOUT_NS = 1_000_000_000  # from the request of OP to the first outputs
 ERROR = ACKNOWLEDGE = 0x10  # bit of status, of control
@@ -68,7 +68,7 @@ class AlMachine:
         self._op_requested_at: int | None = None  # ns; waits for outputs
         self._now = 0
         start = registers.AL_CONTROL
-        controller.write_hooks.append(WriteHook(start, start + 2, self._on_control))
+        controller.after_write.add(start, start + 2, self._on_control)
 
     def power_on(self) -> None:
         """Begin in INIT."""

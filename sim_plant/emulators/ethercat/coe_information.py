@@ -9,7 +9,8 @@ from sim_plant.emulators.device_objects import VISIBLE_STRING, Key, Objects, Obj
 
 _HEADER = struct.Struct("<BBH")  # operation, reserved, fragments left
 INCOMPLETE = 0x80
-LIST, LIST_ANSWER, OBJECT, OBJECT_ANSWER, ENTRY, ENTRY_ANSWER, ERROR = range(1, 8)
+LIST, LIST_ANSWER, OBJECT, OBJECT_ANSWER = 1, 2, 3, 4
+ENTRY, ENTRY_ANSWER, ERROR = 5, 6, 7
 COUNTS, ALL, RX_MAPPABLE, TX_MAPPABLE, STORED, START = range(6)  # lists
 VAR, ARRAY, RECORD = 7, 8, 9  # kinds of objects
 READ_ALWAYS, WRITE_ALWAYS, MAPS_RX, MAPS_TX = 0x07, 0x38, 0x40, 0x80  # access

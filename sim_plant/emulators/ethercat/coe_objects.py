@@ -33,7 +33,7 @@ class Mappings(NamedTuple):
     tx: Mapping[int, tuple[int, ...]]
     rx_assigned: tuple[int, ...]
     tx_assigned: tuple[int, ...]
-    slots: int = 10  # entries that a mapping may have
+    slots: int = 32  # entries that a mapping may have
 
 
 def slave_objects(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from sim_plant.emulators.ethercat import fmmu, registers
 from sim_plant.emulators.ethercat.datagrams import Command, Datagram
-from sim_plant.emulators.ethercat.fmmu import Piece
+from sim_plant.emulators.ethercat.fmmu import Memory, Piece
 from sim_plant.emulators.ethercat.sync_manager import SyncManager
 
 MEMORY = 0x3000  # octets of registers and process memory
@@ -18,20 +18,37 @@ FMMU_COUNT, SYNC_MANAGER_COUNT = 8, 4
 MAX_PLANS = 16  # layouts of logical datagrams that are remembered
 
 
-class WriteHook(NamedTuple):
-    """A function to call after a write to a range of registers."""
-
-    start: int
-    end: int
-    call: Callable[[], None]
+Hook = Callable[[], None]
+PAGE = 4  # bits of an address within a page of hooks
 
 
-class ReadHook(NamedTuple):
-    """A function to call before a read of a range of registers."""
+class Hooks:
+    """Functions to call at an access to ranges of registers; they are found by pages."""
 
-    start: int
-    end: int
-    call: Callable[[], None]
+    def __init__(self) -> None:
+        self._pages: dict[int, list[tuple[int, int, Hook]]] = {}
+
+    def add(self, start: int, end: int, call: Hook) -> None:
+        """Call a function at an access to the addresses from `start` to below `end`."""
+        for page in range(start >> PAGE, (end - 1 >> PAGE) + 1):
+            self._pages.setdefault(page, []).append((start, end, call))
+
+    def run(self, start: int, end: int) -> None:
+        """Call the functions of the ranges that an access touches, each once."""
+        pages = self._pages
+        called: list[Hook] = []
+        for page in range(start >> PAGE, (end - 1 >> PAGE) + 1):
+            for hook_start, hook_end, call in pages.get(page, ()):
+                if start < hook_end and end > hook_start and call not in called:
+                    called.append(call)
+                    call()
+
+
+class _Plan(NamedTuple):
+    """The pieces of a logical datagram, each with the memory behind it."""
+
+    writes: list[tuple[Memory, Piece]]
+    reads: list[tuple[Memory, Piece]]
 
 
 class SlaveController:
@@ -40,22 +57,20 @@ class SlaveController:
     def __init__(self, *, has_dc: bool) -> None:
         self.has_dc = has_dc
         self.memory = bytearray(MEMORY)
-        self.write_hooks: list[WriteHook] = []
-        self.read_hooks: list[ReadHook] = []
+        self.after_write = Hooks()
+        self.before_read = Hooks()
         self.is_deaf_to_logical = False  # a fault: process data passes without being counted
         self.frames_missed = 0  # a fault: the same for the next frames
         self._writable = registers.writable(FMMU_COUNT, SYNC_MANAGER_COUNT, has_dc)
-        self._plans: dict[tuple[int, int], tuple[list[Piece], list[Piece]]] = {}
+        self._plans: dict[tuple[int, int], _Plan] = {}
         self.sync_managers = [
             SyncManager(self.memory, registers.SYNC_MANAGERS + 8 * number)
             for number in range(SYNC_MANAGER_COUNT)
         ]
         sync_end = registers.SYNC_MANAGERS + 8 * SYNC_MANAGER_COUNT
         fmmu_end = registers.FMMUS + 16 * FMMU_COUNT
-        self.write_hooks += [
-            WriteHook(registers.SYNC_MANAGERS, sync_end, self._on_sync_managers),
-            WriteHook(registers.FMMUS, fmmu_end, self._plans.clear),
-        ]
+        self.after_write.add(registers.SYNC_MANAGERS, sync_end, self._on_sync_managers)
+        self.after_write.add(registers.FMMUS, fmmu_end, self._plans.clear)
         self.reset()
 
     def reset(self) -> None:
@@ -92,9 +107,7 @@ class SlaveController:
                 if manager.covers(address, length):
                     return manager.read(address, length)
         else:
-            for start, hook_end, call in self.read_hooks:
-                if address < hook_end and end > start:
-                    call()
+            self.before_read.run(address, end)
         return bytes(self.memory[address:end]) if end <= MEMORY else None
 
     def write(self, address: int, data: bytes) -> bool:
@@ -120,20 +133,21 @@ class SlaveController:
         return self.write(address, (old & ~mask | value & mask).to_bytes(octets, "little"))
 
     def _write_registers(self, address: int, data: bytes) -> bool:
-        allowed = self._writable[address : address + len(data)]
+        end = address + len(data)
+        allowed = self._writable[address:end]
         if 1 not in allowed:
             return False
-        memory = self.memory
-        for at, (octet, may) in enumerate(zip(data, allowed, strict=False), start=address):
-            if may:
-                memory[at] = octet
-        end = address + len(data)
-        for start, hook_end, call in self.write_hooks:
-            if address < hook_end and end > start:
-                call()
+        if 0 not in allowed:
+            self.memory[address:end] = data
+        else:
+            for at, (octet, may) in enumerate(zip(data, allowed, strict=False), start=address):
+                if may:
+                    self.memory[at] = octet
+        self.after_write.run(address, end)
         return True
 
     def _on_sync_managers(self) -> None:
+        self._plans.clear()
         for manager in self.sync_managers:
             manager.configure()
 
@@ -168,24 +182,28 @@ class SlaveController:
         plan = self._plans.get(key)
         if plan is None:
             plan = self._plan(*key)
-        writes, reads = plan
         command, data = datagram.command, datagram.data
-        if writes and command != Command.LRD:
-            accepted = [fmmu.write_piece(self, piece, data) for piece in writes]
-            if any(accepted):
+        if plan.writes and command != Command.LRD:
+            accepted = [fmmu.write_piece(memory, piece, data) for memory, piece in plan.writes]
+            if True in accepted:
                 datagram.counter += 2 if command == Command.LRW else 1
-        if reads and command != Command.LWR:
-            accepted = [fmmu.read_piece(self, piece, data) for piece in reads]
-            if any(accepted):
+        if plan.reads and command != Command.LWR:
+            accepted = [fmmu.read_piece(memory, piece, data) for memory, piece in plan.reads]
+            if True in accepted:
                 datagram.counter += 1
 
-    def _plan(self, logical: int, length: int) -> tuple[list[Piece], list[Piece]]:
+    def _plan(self, logical: int, length: int) -> _Plan:
+        """Return what FMMUs map of a datagram, with the sync manager of each piece."""
         mapped = bytes(self.memory[registers.FMMUS : registers.FMMUS + 16 * FMMU_COUNT])
-        found = fmmu.pieces(mapped, logical, length)
-        plan = (
-            [piece for piece in found if piece.kind & fmmu.WRITE],
-            [piece for piece in found if piece.kind & fmmu.READ],
-        )
+        plan = _Plan([], [])
+        for piece in fmmu.pieces(mapped, logical, length):
+            octets = piece.octets or (piece.physical_bit + piece.bits + 7) // 8
+            covering = (m for m in self.sync_managers if m.covers(piece.address, octets))
+            target = next(covering, self)
+            if piece.kind & fmmu.WRITE:
+                plan.writes.append((target, piece))
+            if piece.kind & fmmu.READ:
+                plan.reads.append((target, piece))
         if len(self._plans) >= MAX_PLANS:
             self._plans.clear()
         self._plans[logical, length] = plan

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from sim_plant.emulators.ethercat import registers
-from sim_plant.emulators.ethercat.controller import ReadHook, SlaveController, WriteHook
+from sim_plant.emulators.ethercat.controller import SlaveController
 
 HOP_DELAY = 500  # ns from one slave to the next
 CORRECTION = 8  # a write of the reference time removes one part in so many of the difference
@@ -33,11 +33,10 @@ class DistributedClock:
         self.power_on(0)
         if controller.has_dc:
             start, end = registers.SYSTEM_TIME, registers.SYSTEM_TIME + 8
-            controller.read_hooks.append(ReadHook(start, end, self._on_read))
-            controller.write_hooks += [
-                WriteHook(start, end, self._on_reference),
-                WriteHook(registers.PORT_TIMES, registers.PORT_TIMES + 4, self._on_latch),
-            ]
+            controller.before_read.add(start, end, self._on_read)
+            controller.after_write.add(start, end, self._on_reference)
+            latch = registers.PORT_TIMES
+            controller.after_write.add(latch, latch + 4, self._on_latch)
 
     def power_on(self, local_time: int) -> None:
         """Start the local clock at a time."""

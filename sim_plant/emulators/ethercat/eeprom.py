@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from sim_plant.emulators.ethercat import registers, sii
-from sim_plant.emulators.ethercat.controller import SlaveController, WriteHook
+from sim_plant.emulators.ethercat.controller import SlaveController
 
 READS_8_OCTETS, CHECKSUM_ERROR, COMMAND_ERROR, WRITE_ERROR = 0x0040, 0x0800, 0x2000, 0x4000
 WRITE_ENABLE, COMMAND_MASK = 0x0001, 0x0700
@@ -20,9 +20,8 @@ class Eeprom:
         self.image = bytearray(image)
         self._controller = controller
         self.is_damaged = False  # a fault: it reads as if erased
-        controller.write_hooks.append(
-            WriteHook(registers.SII_CONTROL, registers.SII_CONTROL + 2, self._on_command)
-        )
+        start = registers.SII_CONTROL
+        controller.after_write.add(start, start + 2, self._on_command)
 
     def set_identity(self, identity: sii.Identity) -> None:
         """Replace the identity; the rest, also what the master wrote, stays."""

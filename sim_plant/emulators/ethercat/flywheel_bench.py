@@ -1,4 +1,4 @@
-"""What moves behind the drives of a segment that stands alone: a flywheel, a carriage."""
+"""The bench behind the drives of a segment that stands alone: a flywheel, a carriage."""
 
 from __future__ import annotations
 

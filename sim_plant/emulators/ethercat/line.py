@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +41,13 @@ MAX_CHANNELS = 16
 
 
 class BenchLine:
-    """Slaves by name; digital inputs see the last digital outputs, encoders the flywheel.
-
-    Analog inputs see a sine of 5 V and 1 Hz.
+    """Slaves by name: the nth digital input terminal is wired to the nth output terminal, encoders
+    are on the flywheel of the last torque drive, analog inputs see a sine of 5 V and 1 Hz.
     """
 
     def __init__(self, names: Iterable[str], devices: Path, clock: Callable[[], int]) -> None:
         """`devices`: the folder of the device files. Raises ValueError for unknown names, all."""
-        self.outputs = 0  # bits of the digital outputs, of the last terminal that was written
+        self.outputs: dict[str, int] = {}  # bits of each digital output terminal
         self.wheel: Flywheel | None = None  # of the last torque drive
         self.carriage: SlidingCarriage | None = None
         self._devices = devices
@@ -65,9 +65,13 @@ class BenchLine:
         if kind == "coupler":
             return slaves.coupler(name, still, clock)
         if kind == "digital_in":
-            return slaves.digital_input(name, channels, lambda: self.outputs, still, clock)
+            wired = name.replace("digital_in", "digital_out")
+            read = partial(self._wired_bits, wired)
+            return slaves.digital_input(name, channels, read, still, clock)
         if kind == "digital_out":
-            return slaves.digital_output(name, channels, self._set_outputs, still, clock)
+            return slaves.digital_output(
+                name, channels, partial(self.outputs.__setitem__, name), still, clock
+            )
         if kind == "analog_in":
             return slaves.analog_input(name, _sine, still, clock)
         if kind == "encoder":
@@ -101,8 +105,8 @@ class BenchLine:
         )
         return slaves.position_drive(name, device, self._clock)
 
-    def _set_outputs(self, bits: int) -> None:
-        self.outputs = bits
+    def _wired_bits(self, terminal: str) -> int:
+        return self.outputs.get(terminal, 0)
 
     def _counts(self) -> int:
         return self.wheel.counts if self.wheel is not None else self._clock() // NS

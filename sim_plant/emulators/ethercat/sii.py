@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 from sim_plant.emulators.device_objects import Key
 
-ALIAS, CHECK, VENDOR, MAILBOX_IN, PROTOCOLS, SIZE, CATEGORIES = 4, 7, 0x08, 0x18, 0x1C, 0x3E, 0x40
-STRINGS, GENERAL, FMMU, SYNC_MANAGER, TX_PDO, RX_PDO, END = 10, 30, 40, 41, 50, 51, 0xFFFF
+ALIAS, CHECK, VENDOR, MAILBOX_IN = 0x04, 0x07, 0x08, 0x18
+SIZE, CATEGORIES = 0x3E, 0x40
+STRINGS, GENERAL, FMMU, SYNC_MANAGER = 10, 30, 40, 41
+TX_PDO, RX_PDO, END = 50, 51, 0xFFFF
 COE_PROTOCOL = 0x0004
 ENABLE_SDO, SDO_INFORMATION, PDO_ASSIGNMENT, PDO_CONFIGURATION = 0x01, 0x02, 0x04, 0x08
 UPLOAD_AT_START, COMPLETE_ACCESS = 0x10, 0x20
@@ -72,18 +74,18 @@ class Information(NamedTuple):
     alias: int = 0
 
 
-def check_octet(words: Sequence[int]) -> int:
+def check_octet(octets: Sequence[int]) -> int:
     """Return the check octet of the first 14 octets: CRC-8, polynomial 0x07, start 0xFF."""
     crc = 0xFF
-    for octet in words[:14]:
+    for octet in octets[:14]:
         crc ^= octet
         for _ in range(8):
             crc = (crc << 1 ^ 0x07) & 0xFF if crc & 0x80 else crc << 1
     return crc
 
 
-def image(information: Information, words: int = 0x400) -> bytes:
-    """Return the image, filled up with FF to a number of words. Raises ValueError if too small."""
+def image(information: Information, size: int = 0x800) -> bytes:
+    """Return the image, filled up with FF to a size in octets. Raises ValueError if too small."""
     head = bytearray(2 * CATEGORIES)
     struct.pack_into("<H", head, 2 * ALIAS, information.alias)
     struct.pack_into("<H", head, 2 * CHECK, check_octet(head))
@@ -97,14 +99,14 @@ def image(information: Information, words: int = 0x400) -> bytes:
         ]
         fields = [value for box in boxes for value in (box.start, box.length)]
         struct.pack_into("<5H", head, 2 * MAILBOX_IN, *fields, COE_PROTOCOL)
-    struct.pack_into("<HH", head, 2 * SIZE, words * 16 // 1024 - 1, 1)
+    struct.pack_into("<HH", head, 2 * SIZE, size // 128 - 1, 1)
     texts = _Texts()
     body = b"".join(_categories(information, texts))
     strings = _category(STRINGS, texts.data())
     full = bytes(head) + strings + body + END.to_bytes(2, "little")
-    if len(full) > 2 * words:
-        raise ValueError(f"an SII image of {len(full)} octets exceeds {2 * words}")
-    return full.ljust(2 * words, b"\xff")
+    if len(full) > size:
+        raise ValueError(f"an SII image of {len(full)} octets exceeds {size}")
+    return full.ljust(size, b"\xff")
 
 
 class _Texts:

@@ -1,0 +1,354 @@
+"""An independent master (pysoem, which contains SOEM) on one end of a veth pair; the emulated
+segment is a process of its own on the other end.
+
+`unshare -Urn python pysoem_master.py SCENARIO [SECONDS]` prints one line of JSON: what the master
+saw. It needs no privileges in a user namespace of its own, root otherwise.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pysoem
+
+MASTER_END, SEGMENT_END = "ecmaster", "ecslaves"
+LINE = (
+    "coupler", "torque_drive", "position_drive", "digital_in:4", "digital_in:8", "digital_out:4",
+    "digital_out:2", "analog_in", "encoder:2",
+)  # fmt: skip
+TORQUE, POSITION, DIGITAL_IN, DIGITAL_OUT, ANALOG, ENCODER = 1, 2, 3, 5, 7, 8
+# 3 for a slave with both directions, 1 with inputs only, 2 with outputs only.
+WKC = 0 + 3 + 3 + 1 + 1 + 2 + 2 + 1 + 1
+ANSWER_US = 200_000  # timeout of a frame; a shared host stalls for some milliseconds
+
+
+def run(*command: str) -> None:
+    subprocess.run(command, check=True, capture_output=True)
+
+
+class Bench:
+    """The master and the console of the emulator."""
+
+    def __init__(self, emulator: subprocess.Popen[str]) -> None:
+        self.emulator = emulator
+        self.master = pysoem.Master()
+        self.master.open(MASTER_END)
+
+    def tell(self, command: str) -> dict[str, Any]:
+        assert self.emulator.stdin is not None
+        assert self.emulator.stdout is not None
+        self.emulator.stdin.write(command + "\n")
+        self.emulator.stdin.flush()
+        answer: dict[str, Any] = json.loads(self.emulator.stdout.readline())
+        assert "error" not in answer, answer
+        return answer
+
+    def exchange(self) -> int:
+        self.master.send_processdata()
+        return int(self.master.receive_processdata(ANSWER_US))
+
+    def exchanges(self, count: int, period: float = 0.001) -> list[int]:
+        """Exchange process data at a rate; return the working counters."""
+        counters = []
+        due = time.perf_counter()
+        for _ in range(count):
+            due += period
+            counters.append(self.exchange())
+            time.sleep(max(0.0, due - time.perf_counter()))
+        return counters
+
+    def until(self, condition: Any, seconds: float = 5.0) -> float:
+        """Exchange process data until a condition holds; return the time it took."""
+        begin = time.perf_counter()
+        while not condition():
+            assert time.perf_counter() - begin < seconds, "not in time"
+            self.exchange()
+        return time.perf_counter() - begin
+
+    def reach_op(self) -> float:
+        """Bring all slaves from INIT to OP; return the time it took."""
+        begin = time.perf_counter()
+        master = self.master
+        assert master.config_init() == len(LINE)
+        master.config_dc()
+        master.config_map()
+        assert master.state_check(pysoem.SAFEOP_STATE, 1_000_000) == pysoem.SAFEOP_STATE
+        self.request_op()
+        return time.perf_counter() - begin
+
+    def request_op(self) -> None:
+        self.exchange()
+        self.master.state = pysoem.OP_STATE
+        self.master.write_state()
+        self.until(lambda: self.master.state_check(pysoem.OP_STATE, 1000) == pysoem.OP_STATE)
+
+    def states(self) -> list[int]:
+        self.master.read_state()
+        return [slave.state for slave in self.master.slaves]
+
+
+@contextmanager
+def bench(capture: str = "") -> Iterator[Bench]:
+    run("ip", "link", "add", MASTER_END, "type", "veth", "peer", "name", SEGMENT_END)
+    for end in (MASTER_END, SEGMENT_END):
+        with open(f"/proc/sys/net/ipv6/conf/{end}/disable_ipv6", "w") as switch:
+            switch.write("1")
+        run("ip", "link", "set", end, "up")
+    command = [sys.executable, "-m", "sim_plant.emulators.ethercat", SEGMENT_END]
+    command += ["--slaves", ",".join(LINE), *(["--capture", capture] if capture else [])]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as emulator:
+        try:
+            assert emulator.stdout is not None
+            assert json.loads(emulator.stdout.readline())["ready"] == SEGMENT_END
+            master_side = Bench(emulator)
+            yield master_side
+            master_side.master.close()
+        finally:
+            emulator.terminate()
+            emulator.wait(10.0)
+            subprocess.run(["ip", "link", "del", MASTER_END], check=False)
+
+
+def emergencies(slave: Any) -> list[list[int]]:
+    """Return code and register of the emergencies that wait in the mailbox."""
+    got: list[list[int]] = []
+    for _ in range(8):
+        try:
+            slave.mbx_receive()
+        except pysoem.Emergency as error:
+            got.append([error.error_code, error.error_reg])
+    return got
+
+
+def identity(slave: Any) -> list[Any]:
+    return [slave.name, slave.man, slave.id]
+
+
+def start(_: float) -> dict[str, Any]:
+    """Identity, SDOs of all kinds, SDO information, process data."""
+    with bench() as b:
+        to_op = b.reach_op()
+        drive, analog = b.master.slaves[TORQUE], b.master.slaves[ANALOG]
+        seen: dict[str, Any] = {"to_op_s": to_op, "identity": [*map(identity, b.master.slaves)]}
+        seen["sizes"] = [[len(each.output), len(each.input)] for each in b.master.slaves]
+        seen["counters"] = b.exchanges(50)
+        seen["expedited"] = struct.unpack("<I", drive.sdo_read(0x1018, 1))[0]
+        seen["normal"] = drive.sdo_read(0x1008, 0).decode()
+        b.master.slaves[DIGITAL_OUT].output = b"\x05"
+        b.exchanges(20)
+        seen["digital"] = [b.master.slaves[each].input.hex() for each in (DIGITAL_IN, 4)]
+        analog.sdo_write(0x8000, 1, struct.pack("<I", 5000))
+        seen["written"] = struct.unpack("<I", analog.sdo_read(0x8000, 1))[0]
+        aborts = {}
+        for index, sub, data in (
+            (0x8000, 1, struct.pack("<I", 1)), (0x8000, 7, b"\0"), (0x1234, 0, b"\0"),
+            (0x1018, 1, bytes(4)), (0x1C12, 0, b"\0"), (0x8000, 1, b"\0"),
+        ):  # fmt: skip
+            try:
+                analog.sdo_write(index, sub, data)
+            except pysoem.SdoError as error:
+                aborts[f"{index:04X}:{sub} {len(data)}"] = error.abort_code
+        seen["aborts"] = aborts
+        seen["objects"] = {f"{each.index:04X}": each.name.decode() for each in drive.od}
+        statusword = next(each for each in drive.od if each.index == 0x6041)
+        seen["statusword"] = [statusword.data_type, statusword.bit_length, statusword.obj_access]
+        seen["report"] = b.tell("report")
+        return seen
+
+
+def remap(_: float) -> dict[str, Any]:
+    """PDO remap in config_func, segmented transfers in both directions, CiA 402 to torque."""
+    with bench() as b:
+        seen: dict[str, Any] = {}
+
+        def configure(position: int) -> None:
+            drive = b.master.slaves[TORQUE]
+            drive.sdo_write(0x1C12, 0, b"\0")
+            drive.sdo_write(0x1C13, 0, b"\0")
+            rx = [0x60400010, 0x60710010, 0x60600008]
+            entries = struct.pack("<H32I", len(rx), *rx, *[0] * 29)
+            drive.sdo_write(0x1600, 0, entries, True)  # 130 octets: in segments
+            for sub, value in enumerate((0x60410010, 0x60770010, 0x606C0020, 0x60610008), start=1):
+                if sub == 1:
+                    drive.sdo_write(0x1A00, 0, b"\0")
+                drive.sdo_write(0x1A00, sub, struct.pack("<I", value))
+            drive.sdo_write(0x1A00, 0, b"\x04")
+            for index, pdo in ((0x1C12, 0x1600), (0x1C13, 0x1A00)):
+                drive.sdo_write(index, 1, struct.pack("<H", pdo))
+                drive.sdo_write(index, 0, b"\x01")
+            seen["read_back"] = drive.sdo_read(0x1600, 0, 200, True).hex()
+
+        assert b.master.config_init() == len(LINE)
+        analog = b.master.slaves[ANALOG]
+        b.master.slaves[TORQUE].config_func = configure
+        analog.config_func = lambda _: analog.sdo_write(
+            0x1C13, 0, struct.pack("<HHH", 2, 0x1A00, 0x1A15), True
+        )
+        b.master.config_map()
+        assert b.master.state_check(pysoem.SAFEOP_STATE, 1_000_000) == pysoem.SAFEOP_STATE
+        b.request_op()
+        drive = b.master.slaves[TORQUE]
+        seen["sizes"] = [len(drive.output), len(drive.input), len(analog.input)]
+        samples = analog.sdo_read(0x6001, 0, 200, True)
+        seen["samples"] = [samples[0], len(samples)]
+        kp = struct.unpack("<H", drive.sdo_read(0x20D8, 0x0C))[0] * 0.1
+        target = round(5.0 * 32768.0 / kp)
+        statuswords = []
+        for controlword in (0x00, 0x06, 0x07, 0x0F):
+            drive.output = struct.pack("<Hhb", controlword, target, 10)
+            b.exchanges(30)
+            statuswords.append(struct.unpack_from("<H", drive.input)[0] & 0x6F)
+        b.exchanges(300)
+        _, raw, _, mode = struct.unpack("<Hhib", drive.input)
+        seen["statuswords"], seen["mode"] = statuswords, mode
+        seen["current"] = raw * kp / 8192.0
+        first = struct.unpack_from("<Q", b.master.slaves[ENCODER].input, 2)[0]
+        b.exchanges(100)
+        seen["turned"] = struct.unpack_from("<Q", b.master.slaves[ENCODER].input, 2)[0] - first
+        b.tell("inject torque_drive drive_fault 0x2310")
+        b.exchanges(20)
+        seen["emergencies"] = emergencies(drive)
+        seen["fault"] = struct.unpack_from("<H", drive.input)[0] & 0x4F
+        return seen
+
+
+def cyclic(seconds: float) -> dict[str, Any]:
+    """Process data at 1 kHz: working counters and round trips."""
+    with bench() as b:
+        b.reach_op()
+        period, trips, counters = 0.001, [], {}
+        begin = due = time.perf_counter()
+        used = emulator_cpu(b.emulator.pid)
+        while due < begin + seconds:
+            due += period
+            sent = time.perf_counter()
+            counter = b.exchange()
+            trips.append(time.perf_counter() - sent)
+            counters[counter] = counters.get(counter, 0) + 1
+            time.sleep(max(0.0, due - time.perf_counter()))
+        share = (emulator_cpu(b.emulator.pid) - used) / (time.perf_counter() - begin)
+        cuts = statistics.quantiles(trips, n=100)
+        return {
+            "counters": counters, "p50_us": 1e6 * cuts[49], "p99_us": 1e6 * cuts[98],
+            "worst_us": 1e6 * max(trips), "cpu": share, "states": b.states(),
+        }  # fmt: skip
+
+
+def emulator_cpu(pid: int) -> float:
+    """Processor time of a process, s."""
+    with open(f"/proc/{pid}/stat") as file:
+        fields = file.read().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / 100.0
+
+
+def faults(_: float) -> dict[str, Any]:
+    """Unplugging, watchdog, recovery, frames that are lost, late and twice, a short counter."""
+    with bench() as b:
+        b.reach_op()
+        master, seen = b.master, {}
+        b.tell("inject position_drive unplugged")
+        seen["unplugged"] = b.exchanges(5)[-1]
+        b.tell("clear position_drive unplugged")
+        seen["replugged"] = b.exchanges(5)[-1]
+        lost = [n for n, state in enumerate(b.states()) if state != pysoem.OP_STATE]
+        seen["lost"] = lost
+        for number in lost:
+            slave = master.slaves[number]
+            slave.is_lost = True
+            if slave.state in (0, pysoem.INIT_STATE) and slave.recover(10_000):
+                slave.is_lost = False
+            slave.reconfig(10_000)
+            b.exchange()
+        b.until(lambda: b.exchange() == WKC)
+        master.state = pysoem.OP_STATE
+        master.write_state()
+        b.until(lambda: set(b.states()) == {pysoem.OP_STATE})
+        seen["recovered"] = b.exchanges(5)
+        b.tell("inject torque_drive wkc_short_once 2")
+        seen["short"] = b.exchanges(6)
+        for slave in master.slaves[1:3]:
+            slave.set_watchdog("processdata", 20.0)
+        b.exchanges(10)
+        time.sleep(0.3)
+        seen["watchdog"] = [[s, each.al_status] for s, each in zip(b.states(), master.slaves)]
+        for slave in master.slaves:
+            if slave.state & 0x10:
+                slave.state = pysoem.SAFEOP_STATE + 0x10
+                slave.write_state()
+        b.exchanges(3)
+        for slave in master.slaves:
+            slave.state = pysoem.OP_STATE
+            slave.write_state()
+        b.until(lambda: set(b.states()) == {pysoem.OP_STATE})
+        seen["again"] = b.exchanges(5)[-1]
+        b.tell("inject torque_drive al_error 0x2D")
+        b.exchange()
+        seen["al_error"] = [b.states()[TORQUE], master.slaves[TORQUE].al_status]
+        b.tell("inject link disconnect")
+        seen["no_frame"] = b.exchange()
+        b.tell("clear link disconnect")
+        b.tell("inject link duplicate")
+        seen["duplicates"] = b.exchanges(20)[-1]
+        b.tell("clear link duplicate")
+        seen["emergencies"] = emergencies(master.slaves[TORQUE])
+        b.tell("inject torque_drive mailbox_silent")
+        try:
+            master.sdo_read_timeout = 50_000
+            master.slaves[TORQUE].sdo_read(0x1018, 1)
+        except (pysoem.MailboxError, pysoem.WkcError, pysoem.PacketError) as error:
+            seen["mailbox"] = type(error).__name__
+        return seen
+
+
+def wrong_line(_: float) -> dict[str, Any]:
+    """Another device at a place, two places changed, a damaged EEPROM, a cut cable."""
+    seen: dict[str, Any] = {}
+    with bench() as b:
+        b.tell("inject torque_drive wrong_identity 0x99")
+        b.tell("inject segment order_swapped 3")
+        b.master.config_init()
+        seen["identity"] = [*map(identity, b.master.slaves)]
+        b.tell("clear torque_drive wrong_identity")
+        b.tell("clear segment order_swapped")
+        b.tell("inject encoder eeprom_damaged")
+        b.tell("inject encoder brown_out")
+        b.tell("inject digital_out cable_cut")
+        seen["cut"] = b.master.config_init()
+        b.tell("clear digital_out cable_cut")
+        seen["whole"] = b.master.config_init()
+        seen["damaged"] = b.master.slaves[ENCODER].man
+        seen["states"] = b.states()
+        return seen
+
+
+def captured(_: float) -> dict[str, Any]:
+    """A short run with a capture; the file's path is the third argument."""
+    with bench(sys.argv[3]) as b:
+        b.reach_op()
+        b.master.slaves[TORQUE].output = struct.pack("<Hhbx", 0x0006, 0x1234, 10)
+        b.exchanges(20)
+        b.master.slaves[TORQUE].sdo_read(0x1018, 1)
+        b.tell("inject torque_drive emergency 0xFF07")
+        b.exchanges(2)
+        seen = {"emergencies": emergencies(b.master.slaves[TORQUE])}
+        try:
+            b.master.slaves[TORQUE].sdo_write(0x1018, 1, bytes(4))
+        except pysoem.SdoError:
+            pass
+        return {**seen, "input": b.master.slaves[TORQUE].input.hex()}
+
+
+SCENARIOS = {each.__name__: each for each in (start, remap, cyclic, faults, wrong_line, captured)}
+
+if __name__ == "__main__":
+    scenario = SCENARIOS[sys.argv[1]]
+    print(json.dumps(scenario(float(sys.argv[2]) if len(sys.argv) > 2 else 0.0)))

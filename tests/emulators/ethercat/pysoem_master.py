@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pysoem
@@ -94,6 +94,9 @@ class Bench:
         self.master.read_state()
         return [slave.state for slave in self.master.slaves]
 
+    def slave_states(self) -> Iterator[tuple[int, Any]]:
+        return zip(self.states(), self.master.slaves, strict=True)
+
 
 @contextmanager
 def bench(capture: str = "") -> Iterator[Bench]:
@@ -121,11 +124,9 @@ def bench(capture: str = "") -> Iterator[Bench]:
 def emergencies(slave: Any) -> list[list[int]]:
     """Return code and register of the emergencies that wait in the mailbox."""
     got: list[list[int]] = []
+    slave.add_emergency_callback(lambda one: got.append([one.error_code, one.error_reg]))
     for _ in range(8):
-        try:
-            slave.mbx_receive()
-        except pysoem.Emergency as error:
-            got.append([error.error_code, error.error_reg])
+        slave.mbx_receive()
     return got
 
 
@@ -251,7 +252,7 @@ def emulator_cpu(pid: int) -> float:
 
 
 def faults(_: float) -> dict[str, Any]:
-    """Unplugging, watchdog, recovery, frames that are lost, late and twice, a short counter."""
+    """Unplugging and recovery, a short counter, an AL error, no frames, frames that come twice."""
     with bench() as b:
         b.reach_op()
         master, seen = b.master, {}
@@ -259,12 +260,11 @@ def faults(_: float) -> dict[str, Any]:
         seen["unplugged"] = b.exchanges(5)[-1]
         b.tell("clear position_drive unplugged")
         seen["replugged"] = b.exchanges(5)[-1]
-        lost = [n for n, state in enumerate(b.states()) if state != pysoem.OP_STATE]
-        seen["lost"] = lost
-        for number in lost:
+        seen["lost"] = [n for n, state in enumerate(b.states()) if state != pysoem.OP_STATE]
+        for number in seen["lost"]:
             slave = master.slaves[number]
             slave.is_lost = True
-            if slave.state in (0, pysoem.INIT_STATE) and slave.recover(10_000):
+            if slave.recover(10_000):
                 slave.is_lost = False
             slave.reconfig(10_000)
             b.exchange()
@@ -275,11 +275,29 @@ def faults(_: float) -> dict[str, Any]:
         seen["recovered"] = b.exchanges(5)
         b.tell("inject torque_drive wkc_short_once 2")
         seen["short"] = b.exchanges(6)
+        b.tell("inject torque_drive al_error 0x2D")
+        b.exchange()
+        seen["al_error"] = [b.states()[TORQUE], master.slaves[TORQUE].al_status]
+        b.tell("inject link disconnect")
+        seen["no_frame"] = b.exchange()
+        b.tell("clear link disconnect")
+        b.tell("inject link duplicate")
+        seen["duplicates"] = b.exchanges(20)[-1]
+        b.tell("clear link duplicate")
+        return seen
+
+
+def silence(_: float) -> dict[str, Any]:
+    """The watchdog without frames, the way back, emergencies, a mailbox without answers."""
+    with bench() as b:
+        b.reach_op()
+        master, seen = b.master, {}
+        drive = master.slaves[TORQUE]
         for slave in master.slaves[1:3]:
             slave.set_watchdog("processdata", 20.0)
         b.exchanges(10)
         time.sleep(0.3)
-        seen["watchdog"] = [[s, each.al_status] for s, each in zip(b.states(), master.slaves)]
+        seen["watchdog"] = [[state, each.al_status] for state, each in b.slave_states()]
         for slave in master.slaves:
             if slave.state & 0x10:
                 slave.state = pysoem.SAFEOP_STATE + 0x10
@@ -290,20 +308,12 @@ def faults(_: float) -> dict[str, Any]:
             slave.write_state()
         b.until(lambda: set(b.states()) == {pysoem.OP_STATE})
         seen["again"] = b.exchanges(5)[-1]
-        b.tell("inject torque_drive al_error 0x2D")
-        b.exchange()
-        seen["al_error"] = [b.states()[TORQUE], master.slaves[TORQUE].al_status]
-        b.tell("inject link disconnect")
-        seen["no_frame"] = b.exchange()
-        b.tell("clear link disconnect")
-        b.tell("inject link duplicate")
-        seen["duplicates"] = b.exchanges(20)[-1]
-        b.tell("clear link duplicate")
-        seen["emergencies"] = emergencies(master.slaves[TORQUE])
+        b.tell("inject torque_drive emergency 0xFF07")
+        seen["emergencies"] = emergencies(drive)
         b.tell("inject torque_drive mailbox_silent")
+        master.sdo_read_timeout = 50_000
         try:
-            master.sdo_read_timeout = 50_000
-            master.slaves[TORQUE].sdo_read(0x1018, 1)
+            drive.sdo_read(0x1018, 1)
         except (pysoem.MailboxError, pysoem.WkcError, pysoem.PacketError) as error:
             seen["mailbox"] = type(error).__name__
         return seen
@@ -340,14 +350,14 @@ def captured(_: float) -> dict[str, Any]:
         b.tell("inject torque_drive emergency 0xFF07")
         b.exchanges(2)
         seen = {"emergencies": emergencies(b.master.slaves[TORQUE])}
-        try:
+        with suppress(pysoem.SdoError):
             b.master.slaves[TORQUE].sdo_write(0x1018, 1, bytes(4))
-        except pysoem.SdoError:
-            pass
         return {**seen, "input": b.master.slaves[TORQUE].input.hex()}
 
 
-SCENARIOS = {each.__name__: each for each in (start, remap, cyclic, faults, wrong_line, captured)}
+SCENARIOS = {
+    each.__name__: each for each in (start, remap, cyclic, faults, silence, wrong_line, captured)
+}
 
 if __name__ == "__main__":
     scenario = SCENARIOS[sys.argv[1]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Protocol
 
@@ -60,13 +61,16 @@ class Application(Protocol):
 class AlMachine:
     """The AL state machine of one slave."""
 
-    def __init__(self, controller: SlaveController, application: Application) -> None:
+    def __init__(
+        self, controller: SlaveController, application: Application, clock: Callable[[], int]
+    ) -> None:
+        """`clock`: time in ns."""
         self._controller = controller
         self._application = application
         self.state = AlState.INIT
         self.has_error = False
         self._op_requested_at: int | None = None  # ns; waits for outputs
-        self._now = 0
+        self._clock = clock
         start = registers.AL_CONTROL
         controller.after_write.add(start, start + 2, self._on_control)
 
@@ -77,7 +81,6 @@ class AlMachine:
 
     def poll(self, now: int) -> None:
         """Finish or abandon a step to OP that waits for outputs; `now` in ns."""
-        self._now = now
         if self._op_requested_at is None:
             return
         if self._application.outputs_arrive():
@@ -116,7 +119,7 @@ class AlMachine:
         elif code := self._application.refusal(target):
             self._refuse(code)
         elif target is AlState.OP and not self._application.outputs_arrive():
-            self._op_requested_at = self._now
+            self._op_requested_at = self._clock()
         else:
             self._enter(target)
 

@@ -21,7 +21,7 @@ from sim_plant.emulators.object_device import ObjectDevice
 SYNC_TYPE, SYNC_CYCLE, SYNC_MISSED = (0x1C32, 1), (0x1C32, 2), (0x1C32, 0x0B)
 FOLLOWS_SYNC0 = 2  # 0x1C32:01
 SLOW_PERIOD = 5_000_000  # ns, of measuring slowly changing values
-FREE_RUN = 1_000_000  # ns, period of the application without frames
+FREE_RUN = 4_000_000  # ns, period of the application without frames
 
 
 class SlaveParams(NamedTuple):
@@ -46,7 +46,7 @@ class Slave:
         self.controller = SlaveController(has_dc=params.has_dc)
         self.eeprom = Eeprom(self.controller, sii.image(params.information))
         self.dc = DistributedClock(self.controller, clock)
-        self.al = AlMachine(self.controller, self)
+        self.al = AlMachine(self.controller, self, clock)
         self.process_data = ProcessData(self.objects, lambda: self.al.state is AlState.PREOP)
         managers = self.controller.sync_managers
         kinds = [setting.type for setting in params.information.sync_managers]

@@ -63,6 +63,7 @@ class Cia402Drive(ObjectDevice):
         self.fault_list.add(*DRIVE_FAULTS)
         self._self_test_end = clock() + drive.self_test
         self._mode_change_at: Second | None = None
+        self._requested_mode = 0  # 6060 as last written
         self._seen_resets = 0
         self._last_ticks = 0  # of the world at the last measurement
         self._slow_fault_code = 0  # EMCY code of voltage or temperature
@@ -164,6 +165,7 @@ class Cia402Drive(ObjectDevice):
         self.machine = StateMachine()
         self._seen_resets = 0
         self._mode_change_at = None
+        self._requested_mode = 0
         self._self_test_end = ready_at + self.drive.self_test
         self.objects.put(0x6061, 0)
         self.act(0.0)
@@ -249,7 +251,9 @@ class Cia402Drive(ObjectDevice):
         self.machine.apply_controlword(controlword)
 
     def _on_mode(self, mode: int) -> None:
-        self._mode_change_at = self.clock() + self.drive.mode_delay
+        if mode != self._requested_mode:  # in process data the same one comes every cycle
+            self._requested_mode = mode
+            self._mode_change_at = self.clock() + self.drive.mode_delay
 
     def _guard_mode(self, key: Key, value: int) -> None:
         if value != 0 and not self.objects.get(0x6502) & SUPPORTED.get(value, 0):

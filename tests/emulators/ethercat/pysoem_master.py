@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 import pysoem
+from pysoem_lines import COUNTER
 
 MASTER_END, SEGMENT_END = "ecmaster", "ecslaves"
 LINE = (
@@ -25,8 +26,8 @@ LINE = (
     "digital_out:2", "analog_in", "encoder:2",
 )  # fmt: skip
 TORQUE, POSITION, DIGITAL_IN, DIGITAL_OUT, ANALOG, ENCODER = 1, 2, 3, 5, 7, 8
-# 3 for a slave with both directions, 1 with inputs only, 2 with outputs only.
-WKC = 0 + 3 + 3 + 1 + 1 + 2 + 2 + 1 + 1
+
+
 ANSWER_US = 200_000  # timeout of a frame; a shared host stalls for some milliseconds
 
 
@@ -268,7 +269,7 @@ def faults(_: float) -> dict[str, Any]:
                 slave.is_lost = False
             slave.reconfig(10_000)
             b.exchange()
-        b.until(lambda: b.exchange() == WKC)
+        b.until(lambda: b.exchange() == COUNTER)
         master.state = pysoem.OP_STATE
         master.write_state()
         b.until(lambda: set(b.states()) == {pysoem.OP_STATE})

@@ -131,6 +131,8 @@ class Segment:
         for slave in self.slaves.values():
             if slave.is_powered:
                 slave.poll(now)
+            else:
+                slave.device.world.catch_up()  # it moves without power, too
 
     def _pass(self, datagram: Datagram) -> None:
         command, reachable = datagram.command, self._reachable

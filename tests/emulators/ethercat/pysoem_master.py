@@ -43,7 +43,7 @@ class Bench:
         self.master = pysoem.Master()
         self.master.open(MASTER_END)
 
-    def tell(self, command: str) -> dict[str, Any]:
+    def command(self, command: str) -> dict[str, Any]:
         assert self.emulator.stdin is not None
         assert self.emulator.stdout is not None
         self.emulator.stdin.write(command + "\n")
@@ -163,7 +163,7 @@ def start(_: float) -> dict[str, Any]:
         seen["objects"] = {f"{each.index:04X}": each.name.decode() for each in drive.od}
         statusword = next(each for each in drive.od if each.index == 0x6041)
         seen["statusword"] = [statusword.data_type, statusword.bit_length, statusword.obj_access]
-        seen["report"] = b.tell("report")
+        seen["report"] = b.command("report")
         return seen
 
 
@@ -216,7 +216,7 @@ def remap(_: float) -> dict[str, Any]:
         first = struct.unpack_from("<Q", b.master.slaves[ENCODER].input, 2)[0]
         b.exchanges(100)
         seen["turned"] = struct.unpack_from("<Q", b.master.slaves[ENCODER].input, 2)[0] - first
-        b.tell("inject torque_drive drive_fault 0x2310")
+        b.command("inject torque_drive drive_fault 0x2310")
         b.exchanges(20)
         seen["emergencies"] = emergencies(drive)
         seen["fault"] = struct.unpack_from("<H", drive.input)[0] & 0x4F
@@ -257,9 +257,9 @@ def faults(_: float) -> dict[str, Any]:
     with bench() as b:
         b.reach_op()
         master, seen = b.master, {}
-        b.tell("inject position_drive unplugged")
+        b.command("inject position_drive unplugged")
         seen["unplugged"] = b.exchanges(5)[-1]
-        b.tell("clear position_drive unplugged")
+        b.command("clear position_drive unplugged")
         seen["replugged"] = b.exchanges(5)[-1]
         seen["lost"] = [n for n, state in enumerate(b.states()) if state != pysoem.OP_STATE]
         for number in seen["lost"]:
@@ -274,17 +274,17 @@ def faults(_: float) -> dict[str, Any]:
         master.write_state()
         b.until(lambda: set(b.states()) == {pysoem.OP_STATE})
         seen["recovered"] = b.exchanges(5)
-        b.tell("inject torque_drive wkc_short_once 2")
+        b.command("inject torque_drive wkc_short_once 2")
         seen["short"] = b.exchanges(6)
-        b.tell("inject torque_drive al_error 0x2D")
+        b.command("inject torque_drive al_error 0x2D")
         b.exchange()
         seen["al_error"] = [b.states()[TORQUE], master.slaves[TORQUE].al_status]
-        b.tell("inject link disconnect")
+        b.command("inject link disconnect")
         seen["no_frame"] = b.exchange()
-        b.tell("clear link disconnect")
-        b.tell("inject link duplicate")
+        b.command("clear link disconnect")
+        b.command("inject link duplicate")
         seen["duplicates"] = b.exchanges(20)[-1]
-        b.tell("clear link duplicate")
+        b.command("clear link duplicate")
         return seen
 
 
@@ -309,9 +309,9 @@ def silence(_: float) -> dict[str, Any]:
             slave.write_state()
         b.until(lambda: set(b.states()) == {pysoem.OP_STATE})
         seen["again"] = b.exchanges(5)[-1]
-        b.tell("inject torque_drive emergency 0xFF07")
+        b.command("inject torque_drive emergency 0xFF07")
         seen["emergencies"] = emergencies(drive)
-        b.tell("inject torque_drive mailbox_silent")
+        b.command("inject torque_drive mailbox_silent")
         master.sdo_read_timeout = 50_000
         try:
             drive.sdo_read(0x1018, 1)
@@ -324,17 +324,17 @@ def wrong_line(_: float) -> dict[str, Any]:
     """Another device at a place, two places changed, a damaged EEPROM, a cut cable."""
     seen: dict[str, Any] = {}
     with bench() as b:
-        b.tell("inject torque_drive wrong_identity 0x99")
-        b.tell("inject segment order_swapped 3")
+        b.command("inject torque_drive wrong_identity 0x99")
+        b.command("inject segment order_swapped 3")
         b.master.config_init()
         seen["identity"] = [*map(identity, b.master.slaves)]
-        b.tell("clear torque_drive wrong_identity")
-        b.tell("clear segment order_swapped")
-        b.tell("inject encoder eeprom_damaged")
-        b.tell("inject encoder brown_out")
-        b.tell("inject digital_out cable_cut")
+        b.command("clear torque_drive wrong_identity")
+        b.command("clear segment order_swapped")
+        b.command("inject encoder eeprom_damaged")
+        b.command("inject encoder brown_out")
+        b.command("inject digital_out cable_cut")
         seen["cut"] = b.master.config_init()
-        b.tell("clear digital_out cable_cut")
+        b.command("clear digital_out cable_cut")
         seen["whole"] = b.master.config_init()
         seen["damaged"] = b.master.slaves[ENCODER].man
         seen["states"] = b.states()
@@ -348,7 +348,7 @@ def captured(_: float) -> dict[str, Any]:
         b.master.slaves[TORQUE].output = struct.pack("<Hhbx", 0x0006, 0x1234, 10)
         b.exchanges(20)
         b.master.slaves[TORQUE].sdo_read(0x1018, 1)
-        b.tell("inject torque_drive emergency 0xFF07")
+        b.command("inject torque_drive emergency 0xFF07")
         b.exchanges(2)
         seen = {"emergencies": emergencies(b.master.slaves[TORQUE])}
         with suppress(pysoem.SdoError):

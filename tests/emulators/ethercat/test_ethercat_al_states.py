@@ -147,7 +147,6 @@ class AnyRequests(RuleBasedStateMachine):
         self.master.reach_preop()
         self.master.reach_safeop()
         self.state, self.error = SAFEOP, False
-        self.asked = False  # OP was requested and waits
 
     @rule(state=st.sampled_from([INIT, PREOP, SAFEOP, OP, 3, 7]), acknowledge=st.booleans())
     def request(self, state: int, acknowledge: bool) -> None:

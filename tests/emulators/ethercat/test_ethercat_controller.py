@@ -14,10 +14,10 @@ from sim_plant.emulators.ethercat.controller import SlaveController
 
 
 def controller(*managers: bytes) -> SlaveController:
-    made = SlaveController(has_dc=False)
+    built = SlaveController(has_dc=False)
     for number, registers in enumerate(managers):
-        assert made.write(0x0800 + 8 * number, registers)
-    return made
+        assert built.write(0x0800 + 8 * number, registers)
+    return built
 
 
 OUT = bytes.fromhex("0010 0800 26 00 01 00")  # mailbox of 8 octets at 0x1000, written by the master

@@ -136,8 +136,8 @@ def test_any_octets_are_a_frame_or_an_error(data: bytes) -> None:
         return
     total = sum(12 + len(each.data) for each in parsed)
     assert total <= len(data) - 2
-    again = datagrams.build(parsed, b"\xff" * 6, b"\xff" * 6)
-    assert again[16 : 16 + total] == data[2 : 2 + total]
+    rebuilt = datagrams.build(parsed, b"\xff" * 6, b"\xff" * 6)
+    assert rebuilt[16 : 16 + total] == data[2 : 2 + total]
 
 
 def test_without_a_slave_no_frame_returns() -> None:

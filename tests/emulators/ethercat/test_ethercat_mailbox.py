@@ -14,9 +14,9 @@ ROOM = 128 - 6  # octets of a box behind its header
 
 @pytest.fixture
 def master() -> FrameMaster:
-    made = FrameMaster("torque_drive", "analog_in")
-    made.reach_preop()
-    return made
+    drive_line = FrameMaster("torque_drive", "analog_in")
+    drive_line.reach_preop()
+    return drive_line
 
 
 DRIVE, ANALOG = 0, 1

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from master_process import scenario
+from master_process import isolated, scenario
 from pysoem_lines import ALL_OP, COUNTER, IDENTITY, VENDOR
 
+pytest.importorskip("pysoem", reason="pysoem is not installed (extra `ethercat`)")
 pytestmark = pytest.mark.realtime
 
 SAFEOP_ERROR, OP = 0x14, 0x08
@@ -98,3 +99,8 @@ def test_wrong_devices_at_start() -> None:
     assert (seen["cut"], seen["whole"]) == (6, 9)
     assert seen["damaged"] == 0xFFFFFFFF
     assert seen["states"] == [2] * 8 + [0x11]
+
+
+def test_the_example_of_the_page() -> None:
+    seen = isolated("page_process.py", seconds=60.0)
+    assert seen["printed"] == seen["expected"]

@@ -28,7 +28,7 @@ from sim_plant.emulators.object_device import ObjectDevice
 from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.torque_drive import AnalogInput, Motor, Scaling, TorqueDriveParams
 from sim_plant.emulators.torque_drive import TorqueDrive as EmulatedDrive
 

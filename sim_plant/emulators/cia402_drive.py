@@ -11,7 +11,7 @@ from sim_plant.emulators.cia402 import Action, OptionCodes, State, StateMachine
 from sim_plant.emulators.device_objects import Key, ObjectEntry, SdoRefusedError
 from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.object_device import ObjectDevice
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Second, Volt
 
 PROFILE_POSITION, HOMING, CYCLIC_TORQUE = 1, 6, 10

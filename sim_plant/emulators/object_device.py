@@ -13,7 +13,7 @@ from sim_plant.emulators.device_errors import DeviceErrors
 from sim_plant.emulators.device_objects import ObjectEntry, Objects
 from sim_plant.emulators.device_storage import SIGNATURES, Storage
 from sim_plant.emulators.fault_list import Fault, FaultList
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Second
 
 DEVICE_FAULTS = (

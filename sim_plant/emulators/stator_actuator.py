@@ -26,7 +26,7 @@ from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
 from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.homing import Homing, HomingInputs, Phase
 from sim_plant.emulators.profile_motion import Motion, MotionLimits
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Flag, Percent, Second, Volt
 
 NEW_SET_POINT, AT_ONCE, RELATIVE, START_HOMING = 0x10, 0x20, 0x40, 0x10

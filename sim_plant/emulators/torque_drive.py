@@ -22,7 +22,7 @@ from sim_plant.emulators.cia402_drive import (
 )
 from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
 from sim_plant.emulators.fault_list import Fault
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Ampere, Code, Count, Flag, Second, Volt
 
 PER_VOLT = 819.2  # raw per volt of an analog input

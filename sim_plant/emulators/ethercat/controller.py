@@ -97,6 +97,13 @@ class SlaveController:
         mask = (1 << 8 * octets) - 1
         self.memory[address : address + octets] = (value & mask).to_bytes(octets, "little")
 
+    def is_station(self, address: int) -> bool:
+        """Return whether an address is the slave's, or its alias while that is enabled."""
+        at, alias = registers.STATION_ADDRESS, registers.STATION_ALIAS
+        if self.get(at, 2) == address:
+            return True
+        return bool(self.memory[registers.ALIAS_ENABLE] & 1) and self.get(alias, 2) == address
+
     # ---- memory as the master sees it ------------------------------------------------------------
 
     def read(self, address: int, length: int) -> bytes | None:

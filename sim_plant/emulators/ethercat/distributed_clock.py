@@ -85,6 +85,12 @@ class DistributedClock:
         since = self.system_time() - self._controller.get(registers.SYNC_START, 8)
         return max(0, since // cycle + 1)
 
+    def next_sync0(self) -> int:
+        """Return the time in ns until the next pulse of SYNC0, which must be on."""
+        cycle = self.sync0_cycle()
+        since = self.system_time() - self._controller.get(registers.SYNC_START, 8)
+        return cycle - since % cycle if since >= 0 else -since
+
     def _on_read(self) -> None:
         self._controller.set(registers.SYSTEM_TIME, self.system_time(), 8)
 

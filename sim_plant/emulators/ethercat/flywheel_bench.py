@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.stator_actuator import Carriage
 from sim_plant.emulators.torque_drive import Motor, MotorReading
 from sim_plant.units import Ampere, Flag, Percent, Second

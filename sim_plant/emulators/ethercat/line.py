@@ -26,7 +26,7 @@ from sim_plant.emulators.ethercat.flywheel_bench import (
 )
 from sim_plant.emulators.ethercat.segment import Segment
 from sim_plant.emulators.ethercat.slave import Slave
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.torque_drive import Scaling, TorqueDrive, TorqueDriveParams
 from sim_plant.units import Second, Volt

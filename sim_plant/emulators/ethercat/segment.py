@@ -134,6 +134,13 @@ class Segment:
             else:
                 slave.device.world.catch_up()  # it moves without power, too
 
+    def next_due(self) -> int | None:
+        """Return the time in ns until a slave needs a poll for SYNC0, None if none does."""
+        return min(
+            (due for slave in self.slaves.values() if (due := slave.next_due()) is not None),
+            default=None,
+        )
+
     def _pass(self, datagram: Datagram) -> None:
         command, reachable = datagram.command, self._reachable
         if command in _LOGICAL:
@@ -149,11 +156,7 @@ class Segment:
             addressed = reachable[place : place + 1]
         else:
             station = datagram.place
-            addressed = [
-                slave
-                for slave in reachable
-                if slave.controller.get(registers.STATION_ADDRESS, 2) == station
-            ]
+            addressed = [slave for slave in reachable if slave.controller.is_station(station)]
         if command in _MULTIPLE:
             for slave in reachable:
                 is_addressed = slave in addressed

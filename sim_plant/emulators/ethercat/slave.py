@@ -233,7 +233,7 @@ class Slave:
         if self._follows_sync0():
             pulses = self.dc.sync0_count()
             if pulses > self._pulses:
-                missed = 0 if self._event else 1
+                missed = pulses - self._pulses - int(self._event)
                 if self.al.state is AlState.OP and self._pulses:
                     index, sub = SYNC_MISSED
                     self.objects.put(index, self.objects.get(index, sub) + missed, sub)
@@ -242,6 +242,12 @@ class Slave:
                 return
         if now - self._last_step >= FREE_RUN:
             self._cycle(now)
+
+    def next_due(self) -> int | None:
+        """Return the time in ns until the slave needs a poll for SYNC0, None if it does not."""
+        if self.is_powered and self._follows_sync0() and self.dc.sync0_cycle():
+            return self.dc.next_sync0()
+        return None
 
     def _cycle(self, now: int) -> None:
         """Step the device, apply new outputs in OP, offer new inputs to the master."""

@@ -29,6 +29,7 @@ class SyncManager:
         self.on_repeat: Callable[[], None] = lambda: None
         self.blocked = False  # by the device: below SAFEOP, process data
         self._repeat = 0
+        self._area: tuple[int, int, int, bool] | None = None
         self.configure()
 
     def configure(self) -> None:
@@ -43,7 +44,7 @@ class SyncManager:
         self.is_mailbox = self.control & MODE_MASK == MAILBOX
         self.is_written_by_master = self.control & DIRECTION_MASK == WRITTEN_BY_MASTER
         area = (self.start, self.length, self.control, self.enabled)
-        if getattr(self, "_area", None) != area:
+        if self._area != area:
             self._area = area
             self._pending = bytearray(self.length)  # the buffer that the master writes
             self.latest = bytes(self.length)  # the complete one

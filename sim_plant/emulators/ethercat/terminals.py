@@ -27,7 +27,7 @@ from sim_plant.emulators.ethercat.process_data import (
 )
 from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.object_device import ObjectDevice
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Second, Volt
 
 Shared = SharedSimulation[Any, Any]

@@ -137,8 +137,10 @@ class Wire:
             if not direction.is_transparent(now / NS):
                 self._schedule(direction.due_arrivals(now / NS), to_host)
         if now >= self._next_poll:
-            self._next_poll += POLL_PERIOD * ((now - self._next_poll) // POLL_PERIOD + 1)
             self.segment.poll(now)
+            pulse = self.segment.next_due()
+            later = POLL_PERIOD if pulse is None else min(pulse, POLL_PERIOD)
+            self._next_poll = clock() + later
         if self.segment.stall_ns:
             self._resume_at = now + self.segment.stall_ns
             self.segment.stall_ns = 0

@@ -227,6 +227,8 @@ def cyclic(seconds: float) -> dict[str, Any]:
     """Process data at 1 kHz: working counters and round trips."""
     with bench() as b:
         b.reach_op()
+        for number in (TORQUE, POSITION, DIGITAL_OUT, DIGITAL_OUT + 1):  # the host may stall
+            b.master.slaves[number].set_watchdog("processdata", 5000.0)
         period, trips, counters = 0.001, [], {}
         begin = due = time.perf_counter()
         used = emulator_cpu(b.emulator.pid)
@@ -243,6 +245,42 @@ def cyclic(seconds: float) -> dict[str, Any]:
             "counters": counters, "p50_us": 1e6 * cuts[49], "p99_us": 1e6 * cuts[98],
             "worst_us": 1e6 * max(trips), "cpu": share, "states": b.states(),
         }  # fmt: skip
+
+
+def synchronous(_: float) -> dict[str, Any]:
+    """SYNC0 of 1 ms, clocks by the master's own set-up, inputs and outputs at one address."""
+    with bench() as b:
+        master = b.master
+        assert master.config_init() == len(LINE)
+        drive = master.slaves[TORQUE]
+
+        def configure(_: int) -> None:
+            drive.sdo_write(0x1C32, 1, struct.pack("<H", 2))
+            drive.dc_sync(True, 1_000_000)
+
+        seen: dict[str, Any] = {"dc": master.config_dc()}
+        drive.config_func = configure
+        seen["image"] = master.config_overlap_map()
+        assert master.state_check(pysoem.SAFEOP_STATE, 1_000_000) == pysoem.SAFEOP_STATE
+
+        def exchange() -> int:
+            master.send_overlap_processdata()
+            return int(master.receive_processdata(ANSWER_US))
+
+        b.exchange = exchange  # type: ignore[method-assign]
+        b.request_op()
+        statuswords = []
+        for controlword in (0x00, 0x06, 0x07, 0x0F):
+            drive.output = struct.pack("<Hhbx", controlword, 0, 10)
+            b.exchanges(60)
+            statuswords.append(struct.unpack_from("<H", drive.input)[0] & 0x6F)
+        seen["statuswords"] = statuswords
+        before, begin = master.dc_time, time.monotonic()
+        seen["counters"] = sorted(set(b.exchanges(500)))
+        seen["dc_rate"] = (master.dc_time - before) * 1.0e-9 / (time.monotonic() - begin)
+        seen["missed"] = struct.unpack("<H", drive.sdo_read(0x1C32, 0x0B))[0]
+        seen["states"] = b.states()
+        return seen
 
 
 def emulator_cpu(pid: int) -> float:
@@ -356,10 +394,8 @@ def captured(_: float) -> dict[str, Any]:
         return {**seen, "input": b.master.slaves[TORQUE].input.hex()}
 
 
-SCENARIOS = {
-    each.__name__: each for each in (start, remap, cyclic, faults, silence, wrong_line, captured)
-}
+SCENARIOS = (start, remap, cyclic, faults, silence, wrong_line, captured, synchronous)
 
 if __name__ == "__main__":
-    scenario = SCENARIOS[sys.argv[1]]
+    scenario = {each.__name__: each for each in SCENARIOS}[sys.argv[1]]
     print(json.dumps(scenario(float(sys.argv[2]) if len(sys.argv) > 2 else 0.0)))

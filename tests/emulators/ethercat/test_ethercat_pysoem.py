@@ -89,6 +89,17 @@ def test_watchdog_emergency_and_mute_mailbox() -> None:
     assert seen["mailbox"] == "WkcError"
 
 
+def test_sync0_and_overlapping_process_data() -> None:
+    """The drive follows SYNC0; the master reads system time; missed pulses depend on the host."""
+    seen = scenario("synchronous")
+    assert seen["dc"]
+    assert seen["statuswords"] == [0x60, 0x21, 0x23, 0x27]
+    assert seen["counters"] == [COUNTER]
+    assert seen["dc_rate"] == pytest.approx(1.0, abs=0.02)  # a frame is 1 ms of 500 ms
+    assert seen["missed"] < 1000
+    assert seen["states"] == ALL_OP
+
+
 def test_wrong_devices_at_start() -> None:
     seen = scenario("wrong_line")
     products = [each[2] for each in seen["identity"]]

@@ -126,6 +126,9 @@ def test_the_alias_is_read_at_power_on() -> None:
     slave.eeprom.image[14] = remainder(bytes(slave.eeprom.image[:14]))
     slave.inject("brown_out")
     assert slave.controller.get(0x0012, 2) == 0x0177
+    assert master.send(4, 0x0177 | 0x0012 << 16, bytes(2))[1] == 0
+    assert master.send(2, 0x0103 << 16, b"\x01")[1] == 1  # the alias is an address, too
+    assert master.send(4, 0x0177 | 0x0012 << 16, bytes(2)) == (b"\x77\x01", 1)
 
 
 def test_a_damaged_eeprom_is_reported_and_keeps_init() -> None:

@@ -64,6 +64,19 @@ def test_errors_of_the_command_line() -> None:
     assert "no slave 'toaster'; there are coupler, torque_drive" in done.stderr
 
 
+def test_the_segment_needs_the_standard_library_only() -> None:
+    """Device files are read with canopen; the segment itself and its slaves need no package."""
+    program = (
+        "import sys\nfrom sim_plant.emulators.ethercat import slaves, wire\n"
+        "print(sorted({name.partition('.')[0] for name in sys.modules}"
+        " & {'canopen', 'can', 'numpy', 'numba', 'scipy', 'drivers', 'controllers', 'rig'}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert done.stdout == "[]\n"
+
+
 def test_help_names_the_trade_mark() -> None:
     done = command("--help")
     assert " ".join(TRADE_MARK.split()) in " ".join(done.stdout.split())

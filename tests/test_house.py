@@ -41,6 +41,7 @@ CLOCK_USERS = {
     "rig/cli/": "progress for people",
     "rig/page/": "when to ask and to send; the speed of a replay; no loop runs there",
     "rig/host/": "measures clocks and disk; no loop runs there",
+    "sim_plant/emulators/ethercat/wire.py": "frames and time of the emulated segment",
     "drivers/": "the deadline of a conversation; links and their processes only",
 }
 ENUMS = {"IntEnum", "IntFlag"}

@@ -24,10 +24,11 @@ from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.net_ft import NetFt, NetFtSettings
+from sim_plant.emulators.object_device import ObjectDevice
 from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.torque_drive import AnalogInput, Motor, Scaling, TorqueDriveParams
 from sim_plant.emulators.torque_drive import TorqueDrive as EmulatedDrive
 
@@ -53,7 +54,7 @@ class EmulatedDevices(NamedTuple):
     wires: Mapping[str, Emulator]  # each with the faults of its link
     step: Callable[[], None]  # advance world and devices to the present
     restart: Callable[[], None]  # replace the present world by one at rest
-    nodes: Mapping[str, CanopenNode] = {}
+    nodes: Mapping[str, CanopenNode[ObjectDevice]] = {}
     units: Mapping[str, HasFaults] = {}  # devices other than nodes, by name
     powered: Mapping[str, Callable[[], bool]] = {}  # by motor: whether it has power
     report: Callable[[], dict[str, Any]] = dict  # for the control port's answer to "world"
@@ -67,7 +68,7 @@ class EmulatedBus:
         self.address = ""
         self.hub = CanHub(schedule)
         self.link = self.hub.link
-        self.nodes: dict[str, CanopenNode] = {}  # they have power while the bus runs
+        self.nodes: dict[str, CanopenNode[ObjectDevice]] = {}  # they have power while the bus runs
         self._endpoint = can.settings().endpoint
         self._world = world
         self._schedule = schedule
@@ -79,7 +80,7 @@ class EmulatedBus:
         motor: Motor,
         analog: tuple[AnalogInput, ...] = (),
         encoder_increments: int = 0,
-    ) -> EmulatedDrive:
+    ) -> CanopenNode[EmulatedDrive]:
         """Return the drive of a motor, a new node; ``analog``: the sensors on its inputs.
 
         ``encoder_increments`` 0: those of the drive's object dictionary.
@@ -88,11 +89,11 @@ class EmulatedBus:
         if wiring.scaling == "amc":
             eds, scaling = AMC_EDS, Scaling.AMC
         params = TorqueDriveParams(scaling, analog=analog, encoder_increments=encoder_increments)
-        drive = EmulatedDrive(
-            NodeParams(wiring.node, eds), params, self.hub, self._schedule, self._world, motor
-        )
-        self.nodes[name] = drive
-        return drive
+        address = NodeParams(wiring.node, eds)
+        drive = EmulatedDrive(address.entries(), params, self._world, self._schedule.time, motor)
+        node = CanopenNode(address, self.hub, self._schedule, drive)
+        self.nodes[name] = node
+        return node
 
     async def start(self) -> None:
         """Open the bus to other processes and switch its nodes on."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant.emulators.cia402_node import Cia402Params
-from sim_plant.emulators.node_objects import Objects
+from sim_plant.emulators.cia402_drive import Cia402Params
+from sim_plant.emulators.device_objects import Objects
 from sim_plant.units import Metre, Percent, Volt
 
 TURNS_PER_MINUTE = 0x00B44700  # 60A9

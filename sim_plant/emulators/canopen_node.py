@@ -1,4 +1,4 @@
-"""An emulated CANopen node: SDO, NMT, heartbeat, EMCY, SYNC and PDO by CiA 301.
+"""An emulated CANopen node: SDO, NMT, heartbeat, EMCY, SYNC and PDO by CiA 301, around a device.
 
 It has no threads: frames come from the hub, time from the schedule. Its parts are in node_*.py.
 """
@@ -7,22 +7,22 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
-from sim_plant.emulators import node_errors, node_guard
+from sim_plant.emulators import device_errors, node_guard
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.node_errors import NodeErrors
+from sim_plant.emulators.device_objects import ObjectEntry
+from sim_plant.emulators.eds_file import load_dictionary, load_entries
+from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.node_exchange import PdoExchange
-from sim_plant.emulators.node_faults import NODE_FAULTS, Fault, FaultList
+from sim_plant.emulators.node_faults import NODE_FAULTS
 from sim_plant.emulators.node_guard import Deadlines
 from sim_plant.emulators.node_local import LocalNodeAdapter
-from sim_plant.emulators.node_objects import Objects, load_dictionary
 from sim_plant.emulators.node_pdos import Pdos
 from sim_plant.emulators.node_port import NmtState, Port
-from sim_plant.emulators.node_storage import SIGNATURES, Storage
+from sim_plant.emulators.object_device import ObjectDevice
 from sim_plant.emulators.schedule import Schedule, ScheduledCall
-from sim_plant.emulators.shared_world import SharedSimulation
 from sim_plant.units import Second
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
@@ -39,25 +39,33 @@ class NodeParams(NamedTuple):
     cycle_time: Second = 0.0  # of the device's own loop; 0: with every SYNC
     tpdo_delay: Second = 0.0  # from SYNC to synchronous TPDOs; real drives take 50 to 500 us
 
+    def entries(self) -> tuple[ObjectEntry, ...]:
+        """Return the objects of the node's device file, for its device."""
+        return load_entries(self.eds, self.node_id)
 
-class CanopenNode:
-    """A node on the hub. Subclasses are devices: they override `step`, `apply_outputs` etc."""
 
-    def __init__(
-        self, params: NodeParams, hub: CanHub, schedule: Schedule, world: SharedSimulation[Any, Any]
-    ) -> None:
+D_co = TypeVar("D_co", bound=ObjectDevice, covariant=True)
+
+
+class CanopenNode(Generic[D_co]):
+    """A node on the hub with its device, whose objects are those of the node's device file."""
+
+    def __init__(self, params: NodeParams, hub: CanHub, schedule: Schedule, device: D_co) -> None:
         self.params = params
-        self.world = world
-        dictionary = load_dictionary(params.eds, params.node_id)
-        self.objects = objects = Objects(dictionary)
-        self.fault_list = FaultList()
-        self.fault_list.add(*NODE_FAULTS)
-        self.active = self.fault_list.active  # active faults with their values
-        self.port = Port(hub.join(self._receive), schedule, self.active)
-        self.errors = NodeErrors(objects, schedule, self.port.send_emergency)
+        self.device = device
+        self.objects = objects = device.objects
+        device.fault_list.add(*NODE_FAULTS)
+        self.active = device.active  # active faults of node and device, with their values
+        self.port = Port(hub.join(self._receive), schedule, self.active, objects)
+        self.errors = device.errors
+        self.errors.send = self.port.report_emergency
         self._schedule = schedule
         self._local = LocalNodeAdapter(
-            params.node_id, dictionary, objects, schedule, self.port.send_basic
+            params.node_id,
+            load_dictionary(params.eds, params.node_id),
+            objects,
+            schedule,
+            self.port.send_basic,
         )
         self.pdos = Pdos(objects, lambda: self.port.nmt is NmtState.OPERATIONAL)
         self.exchange = PdoExchange(self.pdos, self.errors, schedule, self.port.send_pdo)
@@ -69,35 +77,10 @@ class CanopenNode:
         for index, sub in objects.types:
             if index == 0x1016 and sub:
                 objects.hooks[index, sub] = lambda value: self._configure_heartbeats()
-        self.storage = Storage(objects)
         self._apply_faults()
         self._last_step = self._last_slow_measurement = schedule.time()
         self._timer: ScheduledCall | None = None
         self._boot_timer: ScheduledCall | None = None
-
-    # ---- methods that devices override -----------------------------------------------------------
-
-    def step(self, now: Second, elapsed: Second) -> None:
-        """Advance the device: read the world, set objects, write the world."""
-
-    def measure_slow(self) -> None:
-        """Measure slowly changing values: every 5 ms, and before an SDO request is answered."""
-
-    def apply_outputs(self) -> None:
-        """Apply the objects that were just written over the bus."""
-
-    def on_master_lost(self, code: int) -> None:
-        """React to a lost master, an NMT stop or a reset; `code` is the EMCY code, 0 if none."""
-
-    def in_fault(self) -> bool:
-        """Return whether errors stay until the master resets them."""
-        return False
-
-    def on_restart(self) -> None:
-        """Reset all state except objects, as after power-on."""
-
-    def on_fault(self, fault: Fault) -> None:
-        """Perform the one-time action of a device's own fault."""
 
     # ---- running ------------------------------------------------------------------------------
 
@@ -118,11 +101,11 @@ class CanopenNode:
 
     def faults(self) -> tuple[Fault, ...]:
         """Return all faults of this node."""
-        return self.fault_list.all()
+        return self.device.fault_list.all()
 
     def inject(self, name: str, value: float | None = None) -> None:
         """Activate a fault with its `value`. Raises ValueError for an unknown name."""
-        fault = self.fault_list.begin(name, value)
+        fault, given = self.device.fault_list.begin(name, value)
         if name == "node_reset":
             self._reset(application=True)
         elif name == "bus_off":
@@ -132,28 +115,23 @@ class CanopenNode:
         elif name == "babble":
             self.port.babble()
         self._apply_faults()
-        self.on_fault(fault)
+        self.device.on_fault(fault, given)
 
     def clear(self, name: str) -> None:
         """End a fault."""
-        if not self.fault_list.end(name):
+        if not self.device.fault_list.end(name):
             return
         if name == "powered_off":
             self._reset(application=True)
         elif name == "bus_off":
-            self.errors.report_transient(node_errors.BUS_OFF_RECOVERED)
+            self.errors.report_transient(device_errors.BUS_OFF_RECOVERED)
         self._apply_faults()
-
-    def ignored_objects(self) -> set[int]:
-        """Return the indices of objects whose writes are acknowledged and ignored."""
-        return {*SIGNATURES, int(self.active.get("write_ignored", 0.0))}
 
     def _apply_faults(self) -> None:
         active = self.active
         self.exchange.missing_octets = int(active.get("tpdo_length", 0.0))
         self.exchange.tpdo_delay = active.get("tpdo_delay", self.params.tpdo_delay)
-        ignored = self.ignored_objects()
-        self.objects.ignored = {key for key in self.objects.types if key[0] in ignored}
+        self.device.apply_faults()
 
     # ---- frames -------------------------------------------------------------------------------
 
@@ -173,21 +151,21 @@ class CanopenNode:
             map_ = self.pdos.receive.get(identifier)
             if map_ is not None:
                 self.exchange.receive(map_, data, self._schedule.time())
-                self._clear_timeout_error(node_errors.RPDO_TIMEOUT)
+                self.device.clear_error(device_errors.RPDO_TIMEOUT)
                 self._act()
                 return
         if identifier == 0:
             self._on_nmt(data)
         elif 0x700 < identifier < 0x780:
             self._heartbeats.record_activity(identifier - 0x700, self._schedule.time())
-            self._clear_timeout_error(node_errors.HEARTBEAT_LOST)
+            self.device.clear_error(device_errors.HEARTBEAT_LOST)
         elif identifier == self._local.request_id and nmt is not NmtState.STOPPED:
             self._tick(full=True)
             self._local.request(data)
             self._act()
 
     def _act(self) -> None:
-        self.apply_outputs()
+        self.device.apply_outputs()
         if self.exchange.has_event_tpdos and self.port.nmt is NmtState.OPERATIONAL:
             self.exchange.send_events(self._schedule.time())
 
@@ -196,7 +174,7 @@ class CanopenNode:
         self._tick()
         self.exchange.send_synchronous(self._schedule.time())
         if self.exchange.apply_pending():
-            self.apply_outputs()
+            self.device.apply_outputs()
 
     def _on_nmt(self, data: bytes) -> None:
         if len(data) < 2 or data[1] not in (0, self.params.node_id):
@@ -205,14 +183,14 @@ class CanopenNode:
         if command == START:
             self._enter(NmtState.OPERATIONAL)
         elif command == STOP:
-            self.on_master_lost(0)
+            self.device.on_master_lost(0)
             self._enter(NmtState.STOPPED)
         elif command == ENTER_PRE_OPERATIONAL:
             self._enter(NmtState.PRE_OPERATIONAL)
         elif command == RESET_NODE:
             self._reset(application=True)
         elif command == RESET_COMMUNICATION:
-            self.on_master_lost(0)
+            self.device.on_master_lost(0)
             self._reset(application=False)
 
     def _enter(self, state: NmtState) -> None:
@@ -242,49 +220,42 @@ class CanopenNode:
 
     def _tick(self, full: bool = False) -> None:
         now = self._schedule.time()
-        self.world.catch_up()
+        self.device.world.catch_up()
         if self._heartbeats.pop_expired(now):
-            self._handle_lost_master(node_errors.HEARTBEAT_LOST)
+            self._handle_lost_master(device_errors.HEARTBEAT_LOST)
         if self.port.nmt is NmtState.OPERATIONAL and self.exchange.deadlines.pop_expired(now):
-            self._handle_lost_master(node_errors.RPDO_TIMEOUT)
+            self._handle_lost_master(device_errors.RPDO_TIMEOUT)
         if full or now >= self._last_slow_measurement + SLOW_PERIOD:
             self._last_slow_measurement = now
-            self.measure_slow()
+            self.device.measure_slow()
         if full or now - self._last_step >= self.params.cycle_time:
-            self.step(now, now - self._last_step)
+            self.device.step(now, now - self._last_step)
             self._last_step = now
 
     def _handle_lost_master(self, code: int) -> None:
         """React to a silent master: by the device's option code (6007), and NMT by 0x1029:01."""
         if code:
             self.errors.raise_error(code)
-        self.on_master_lost(code)
+        self.device.on_master_lost(code)
         behaviour = self.objects.get(0x1029, 1)
         if behaviour == 2:
             self._enter(NmtState.STOPPED)
         elif behaviour == 0 and self.port.nmt is NmtState.OPERATIONAL:
             self._enter(NmtState.PRE_OPERATIONAL)
 
-    def _clear_timeout_error(self, code: int) -> None:
-        if code in self.errors.active and not self.in_fault():
-            self.errors.clear(code)
-
     def _reset(self, *, application: bool, boot: bool = True) -> None:
         self.port.nmt = NmtState.INITIALISING
         self._local.stop_heartbeat()
-        self.storage.restore(all_of_them=application)
-        self.errors.active.clear()
+        ready_at = self._schedule.time() + self.params.boot_delay
+        self.device.reset(application=application, ready_at=ready_at)
         self.pdos.invalidate()
         self._configure_heartbeats()
         self._heartbeats.clear()
         self._apply_faults()
-        if application:
-            self.on_restart()
         if self._boot_timer is not None:
             self._boot_timer.cancel()
         if boot:
-            when = self._schedule.time() + self.params.boot_delay
-            self._boot_timer = self._schedule.call_at(when, self._boot)
+            self._boot_timer = self._schedule.call_at(ready_at, self._boot)
 
     def _boot(self) -> None:
         self._local.boot()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import STOP
+from sim_plant.emulators.canopen_node import STOP, CanopenNode
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.node_pdos import PdoMap
 from sim_plant.emulators.schedule import Schedule
@@ -29,7 +29,7 @@ _PERIODS: dict[str, Second] = {"nmt": 0.1, "sync": 0.001, "tpdo": 0.001}
 class ForeignNode:
     """A node that is silent until a fault is switched on and then sends other nodes' frames."""
 
-    def __init__(self, drive: TorqueDrive, hub: CanHub, schedule: Schedule) -> None:
+    def __init__(self, drive: CanopenNode[TorqueDrive], hub: CanHub, schedule: Schedule) -> None:
         """`drive`: the drive whose frames it imitates."""
         self.faults = DeviceFaults(FAULTS)
         self._drive, self._schedule = drive, schedule
@@ -71,7 +71,11 @@ class ForeignNode:
         payload = 0
         for key, shift, mask, _ in map_.fields:
             is_target = key == (0x6071, 0)
-            value = self._drive.raw_target(CURRENT) if is_target else self._drive.objects.get(*key)
+            value = (
+                self._drive.device.raw_target(CURRENT)
+                if is_target
+                else self._drive.objects.get(*key)
+            )
             payload |= (value & mask) << shift
         return payload.to_bytes(map_.octets, "little")
 

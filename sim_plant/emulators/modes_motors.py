@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.torque_drive import Motor, MotorReading
 from sim_plant.modes.readings import READINGS_PER_AXIS
 from sim_plant.modes.world import Actuation, World

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim_plant.emulators import node_errors
-from sim_plant.emulators.node_errors import NodeErrors
+from sim_plant.emulators import device_errors
+from sim_plant.emulators.device_errors import DeviceErrors
 from sim_plant.emulators.node_guard import Deadlines
 from sim_plant.emulators.node_pdos import PdoMap, Pdos
 from sim_plant.emulators.schedule import Schedule
@@ -18,7 +18,11 @@ class PdoExchange:
     """PDO traffic of a node while it is OPERATIONAL."""
 
     def __init__(
-        self, pdos: Pdos, errors: NodeErrors, schedule: Schedule, send: Callable[[int, bytes], None]
+        self,
+        pdos: Pdos,
+        errors: DeviceErrors,
+        schedule: Schedule,
+        send: Callable[[int, bytes], None],
     ) -> None:
         self.tpdo_delay: Second = 0.0  # from SYNC to the TPDOs
         self.missing_octets = 0  # octets missing from every TPDO: a fault
@@ -49,10 +53,10 @@ class PdoExchange:
     def receive(self, map_: PdoMap, data: bytes, now: Second) -> None:
         """Apply an RPDO at once or with the next SYNC. A wrong length is an EMCY (CiA 301)."""
         if len(data) < map_.octets:
-            self._errors.report_transient(node_errors.PDO_TOO_SHORT)
+            self._errors.report_transient(device_errors.PDO_TOO_SHORT)
             return
         if len(data) > map_.octets:
-            self._errors.report_transient(node_errors.PDO_TOO_LONG)  # its first bytes are used
+            self._errors.report_transient(device_errors.PDO_TOO_LONG)  # its first bytes are used
         self.deadlines.record_activity(map_.number, now)
         if map_.type <= MAX_SYNCHRONOUS_TYPE:
             self._pending[map_.number] = map_, data[: map_.octets]

@@ -8,8 +8,8 @@ from typing import Any
 
 import canopen
 
+from sim_plant.emulators.device_objects import Objects, SdoRefusedError
 from sim_plant.emulators.node_network import NodeNetwork
-from sim_plant.emulators.node_objects import Objects
 from sim_plant.emulators.schedule import Schedule
 
 
@@ -63,5 +63,8 @@ class LocalNodeAdapter:
         type_ = self._objects.types.get(key)
         if type_ is not None:
             value = int.from_bytes(data, "little", signed=type_.signed)
-            self._objects.check(key, value)
+            try:
+                self._objects.check(key, value)
+            except SdoRefusedError as error:
+                raise canopen.SdoAbortedError(error.code) from error
             self._objects.write(key, value)

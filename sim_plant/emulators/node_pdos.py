@@ -9,22 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sim_plant.emulators import node_objects
-from sim_plant.emulators.node_objects import Key, Objects, SdoRefusedError
+from sim_plant.emulators import device_objects, mapped_fields
+from sim_plant.emulators.device_objects import Key, Objects, SdoRefusedError
+from sim_plant.emulators.mapped_fields import FIRST_OBJECT, MappedField, parse_mapping_entry
 from sim_plant.units import Second
 
 OFF = 1 << 31
 MAX_PDO_BITS = 64  # bits
-FIRST_OBJECT = 0x20  # smaller indices are data types: mapped, they are gaps
-
-
-class MappedField(NamedTuple):
-    """One mapped object in a PDO."""
-
-    key: Key
-    shift: int  # bits
-    mask: int
-    sign: int  # its sign bit, 0 if it has none
 
 
 class PdoMap(NamedTuple):
@@ -72,24 +63,11 @@ class Pdos:
 
     def pack(self, map_: PdoMap) -> bytes:
         """Return the data of a PDO from the objects' values."""
-        values, payload = self._objects.values, 0
-        for key, shift, mask, _ in map_.fields:
-            payload |= (values[key] & mask) << shift
-        return payload.to_bytes(map_.octets, "little")
+        return mapped_fields.pack(self._objects, map_.fields, map_.octets)
 
     def unpack(self, map_: PdoMap, data: bytes) -> None:
         """Write the values of a PDO; a value that the device refuses over SDO is skipped."""
-        payload = int.from_bytes(data, "little")
-        objects = self._objects
-        for key, shift, mask, sign in map_.fields:
-            value = (payload >> shift) & mask
-            if value & sign:
-                value -= mask + 1
-            try:
-                objects.check(key, value)
-            except SdoRefusedError:
-                continue
-            objects.write(key, value)
+        mapped_fields.unpack(self._objects, map_.fields, data)
 
     def _changed(self, value: int) -> None:
         self.stale = True
@@ -104,19 +82,13 @@ class Pdos:
         cob_id = objects.get(base + number, 1)
         if cob_id & OFF:
             return None
-        fields, shift = [], 0
-        for sub in range(1, objects.get(base + 0x200 + number) + 1):
-            key, width = parse_mapping_entry(objects.get(base + 0x200 + number, sub))
-            if key[0] >= FIRST_OBJECT and key in objects.types:
-                sign = 1 << (width - 1) if objects.types[key].signed else 0
-                fields.append(MappedField(key, shift, (1 << width) - 1, sign))
-            shift += width
+        fields, width = mapped_fields.mapped_fields(objects, [base + 0x200 + number])
         return PdoMap(
             number,
             cob_id & 0x7FF,
             objects.get(base + number, 2),
-            tuple(fields),
-            (shift + 7) // 8,
+            fields,
+            (width + 7) // 8,
             objects.get(base + number, 3) * 1.0e-4,
             objects.get(base + number, 5) * 1.0e-3,
         )
@@ -125,35 +97,30 @@ class Pdos:
         index, sub = key
         old_cob_id = self._objects.get(index, 1)
         if sub == 1 and not old_cob_id & OFF and not value & OFF and (old_cob_id ^ value) & 0x7FF:
-            raise SdoRefusedError(node_objects.BAD_VALUE)  # it must be disabled first
+            raise SdoRefusedError(device_objects.BAD_VALUE)  # it must be disabled first
         if sub == 2 and 240 < value < 254:
-            raise SdoRefusedError(node_objects.BAD_VALUE)
+            raise SdoRefusedError(device_objects.BAD_VALUE)
         if sub == 3 and not old_cob_id & OFF and value != self._objects.get(index, 3):
-            raise SdoRefusedError(node_objects.NOT_IN_THIS_STATE)
+            raise SdoRefusedError(device_objects.NOT_IN_THIS_STATE)
 
     def _guard_mapping(self, key: Key, value: int) -> None:
         """Allow mapping writes in PRE-OPERATIONAL, in the order disable, 0, entries, count."""
         index, sub = key
         objects = self._objects
         if self._operational() or not objects.get(index - 0x200, 1) & OFF:
-            raise SdoRefusedError(node_objects.NOT_IN_THIS_STATE)
+            raise SdoRefusedError(device_objects.NOT_IN_THIS_STATE)
         if sub == 0:
             entries = [parse_mapping_entry(objects.get(index, s)) for s in range(1, value + 1)]
             if sum(width for _, width in entries) > MAX_PDO_BITS:
-                raise SdoRefusedError(node_objects.TOO_LONG_FOR_PDO)
+                raise SdoRefusedError(device_objects.TOO_LONG_FOR_PDO)
             return
         if objects.get(index) != 0:
-            raise SdoRefusedError(node_objects.NOT_IN_THIS_STATE)
+            raise SdoRefusedError(device_objects.NOT_IN_THIS_STATE)
         mapped, width = parse_mapping_entry(value)
         type_ = objects.types.get(mapped)
         if value == 0 or 0 < mapped[0] < FIRST_OBJECT:
             return
-        if type_ is None or not type_.mappable or width != 8 * type_.octets:
-            raise SdoRefusedError(node_objects.NOT_MAPPABLE)
+        if type_ is None or not type_.mappable or width != type_.bits:
+            raise SdoRefusedError(device_objects.NOT_MAPPABLE)
         if index < 0x1800 and not type_.writable:
-            raise SdoRefusedError(node_objects.NOT_MAPPABLE)
-
-
-def parse_mapping_entry(value: int) -> tuple[Key, int]:
-    """Return the object and the bits of a mapping entry: index 16, subindex 8, length 8 bits."""
-    return (value >> 16, (value >> 8) & 0xFF), value & 0xFF
+            raise SdoRefusedError(device_objects.NOT_MAPPABLE)

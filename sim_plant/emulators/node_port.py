@@ -6,8 +6,10 @@ from enum import IntEnum
 
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import Station
+from sim_plant.emulators.device_objects import Objects
 from sim_plant.emulators.schedule import Schedule
 
+INVALID = 1 << 31  # of a COB-ID
 BABBLE_ID = 0x07F  # identifier of meaningless frames
 
 
@@ -23,11 +25,15 @@ class NmtState(IntEnum):
 class Port:
     """The sending side of a node."""
 
-    def __init__(self, station: Station, schedule: Schedule, active: dict[str, float]) -> None:
+    def __init__(
+        self, station: Station, schedule: Schedule, active: dict[str, float], objects: Objects
+    ) -> None:
         self.nmt = NmtState.INITIALISING
         self._station = station
         self._schedule = schedule
         self._active = active
+        self._objects = objects
+        self._inhibit_end = 0.0
 
     @property
     def is_off_bus(self) -> bool:
@@ -44,7 +50,21 @@ class Port:
         if not suppressed:
             self._put(can_id, data)
 
-    def send_emergency(self, can_id: int, data: bytes) -> None:
+    def report_emergency(self, data: bytes) -> None:
+        """Send an EMCY with the COB-ID of 0x1014, after the inhibit time of 0x1015."""
+        cob_id = self._objects.get(0x1014)
+        if cob_id & INVALID:
+            return
+        now = self._schedule.time()
+        inhibit = self._objects.get(0x1015) * 1.0e-4
+        if now >= self._inhibit_end:
+            self._inhibit_end = now + inhibit
+            self._send_emergency(cob_id & 0x7FF, data)
+        else:
+            self._schedule.call_at(self._inhibit_end, self._send_emergency, cob_id & 0x7FF, data)
+            self._inhibit_end += inhibit
+
+    def _send_emergency(self, can_id: int, data: bytes) -> None:
         """Send an EMCY, not while STOPPED or booting."""
         if (
             self.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)

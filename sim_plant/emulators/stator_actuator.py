@@ -7,27 +7,27 @@ as they were written.
 
 from __future__ import annotations
 
-from sim_plant.emulators import homing, node_errors, profile_motion
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from sim_plant.emulators import device_errors, homing, profile_motion
 from sim_plant.emulators.actuator_units import ActuatorParams, ActuatorUnits
-from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import NodeParams
 from sim_plant.emulators.cia402 import Action
-from sim_plant.emulators.cia402_node import (
+from sim_plant.emulators.cia402_drive import (
     HOMING,
     LIMITED,
     MODE_12,
     MODE_13,
     PROFILE_POSITION,
     REACHED,
-    Cia402Node,
+    Cia402Drive,
 )
+from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
+from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.homing import Homing, HomingInputs, Phase
-from sim_plant.emulators.node_faults import Fault
-from sim_plant.emulators.node_objects import round_or_zero
 from sim_plant.emulators.profile_motion import Motion, MotionLimits
-from sim_plant.emulators.schedule import Schedule
-from sim_plant.emulators.shared_world import SharedWorld
-from sim_plant.units import Percent, Second, Volt
+from sim_plant.emulators.shared_simulation import SharedSimulation
+from sim_plant.units import Flag, Percent, Second, Volt
 
 NEW_SET_POINT, AT_ONCE, RELATIVE, START_HOMING = 0x10, 0x20, 0x40, 0x10
 MAX_STEP: Second = 0.01  # longest step of the demand: time lost by a stalled host is not made up
@@ -42,16 +42,23 @@ ACTUATOR_FAULTS = (
 )
 
 
-class StatorActuator(Cia402Node):
+class Carriage(NamedTuple):
+    """The part of the world that the actuator moves."""
+
+    read: Callable[[], Percent]  # true position
+    actuate: Callable[[Percent, Flag], None]  # demanded position, power
+
+
+class StatorActuator(Cia402Drive):
     """The emulated stator actuator."""
 
     def __init__(
         self,
-        params: NodeParams,
+        entries: Iterable[ObjectEntry],
         actuator: ActuatorParams,
-        hub: CanHub,
-        schedule: Schedule,
-        world: SharedWorld,
+        world: SharedSimulation[Any, Any],
+        clock: Callable[[], Second],
+        carriage: Carriage,
     ) -> None:
         self.actuator = actuator
         self._origin = 0.0  # increments at position 0
@@ -67,8 +74,8 @@ class StatorActuator(Cia402Node):
         self._limited = False
         self._last_command: tuple[Percent, int] = (0.0, 0)
         self._controlword = 0
-        self._rig = world
-        super().__init__(params, actuator.drive, hub, schedule, world)
+        self._carriage = carriage
+        super().__init__(entries, actuator.drive, world, clock)
         self._units = ActuatorUnits(actuator, self.objects)
         self.fault_list.add(*ACTUATOR_FAULTS)
 
@@ -78,7 +85,7 @@ class StatorActuator(Cia402Node):
         """Write position, following error and switches to the objects."""
         put = self.objects.put
         unit = self._units.user_units_per_increment()
-        percent = self._rig.readings().stator_position
+        percent = self._carriage.read()
         position = (round(self._units.increments(percent)) - self._origin) * unit
         if elapsed > 0.0:
             self._is_moving = position != self._position
@@ -114,7 +121,7 @@ class StatorActuator(Cia402Node):
         command = (percent if driven else self._last_command[0], int(driven))
         if command != self._last_command:
             self._last_command = command
-            self._rig.actuate(stator_target=command[0], stator_enable=command[1])
+            self._carriage.actuate(*command)
 
     def at_rest(self) -> bool:
         """Return whether the demand is at rest."""
@@ -143,23 +150,23 @@ class StatorActuator(Cia402Node):
             bits |= MODE_13 if self._following_error_time > 0.0 else 0
         return bits
 
-    def on_restart(self) -> None:
+    def on_restart(self, ready_at: Second) -> None:
         """Reset to power-on: the present position is 0, not homed."""
-        self._origin = round(self._units.increments(self._rig.readings().stator_position))
+        self._origin = round(self._units.increments(self._carriage.read()))
         self._position = 0.0
         self._homing = Homing()
         self._acknowledged = False
         self._controlword = 0
         self._hold_position()
-        super().on_restart()
+        super().on_restart(ready_at)
 
     def ignored_objects(self) -> set[int]:
         """Return the ignored objects; with the fault `wrong_gear` also 6091."""
         deaf = super().ignored_objects()
         return deaf | {0x6091} if "wrong_gear" in self.active else deaf
 
-    def _apply_faults(self) -> None:
-        super()._apply_faults()
+    def apply_faults(self) -> None:
+        super().apply_faults()
         if "wrong_gear" in self.active:
             turns = 1000.0 * self.actuator.gear_ratio * self.active["wrong_gear"]
             self.objects.put(0x6091, round(turns), 1)
@@ -252,7 +259,7 @@ class StatorActuator(Cia402Node):
         outside = following and window != NO_WINDOW and abs(error) > window
         self._following_error_time = self._following_error_time + elapsed if outside else 0.0
         if self._following_error_time > 1.0e-3 * get(0x6066) and outside:
-            self.enter_fault(node_errors.FOLLOWING_ERROR)
+            self.enter_fault(device_errors.FOLLOWING_ERROR)
         at_target = self._motion == Motion(self._target, 0.0)
         in_window = at_target and abs(self._target - self._position) <= get(0x6067)
         self._in_window_time = self._in_window_time + elapsed if in_window else 0.0

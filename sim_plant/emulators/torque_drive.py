@@ -7,33 +7,30 @@ mille of rated torque (CiA 402: 6071, 6077 over 6076; rated torque corresponds t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
 from typing import Any, NamedTuple
 
-from sim_plant.emulators import node_errors
-from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import NodeParams
+from sim_plant.emulators import device_errors
 from sim_plant.emulators.cia402 import Action
-from sim_plant.emulators.cia402_node import (
+from sim_plant.emulators.cia402_drive import (
     CYCLIC_TORQUE,
     LIMITED,
     MODE_12,
-    Cia402Node,
+    Cia402Drive,
     Cia402Params,
 )
-from sim_plant.emulators.node_faults import Fault
-from sim_plant.emulators.node_objects import round_or_zero
-from sim_plant.emulators.schedule import Schedule
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
+from sim_plant.emulators.fault_list import Fault
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Ampere, Code, Count, Flag, Second, Volt
 
 PER_VOLT = 819.2  # raw per volt of an analog input
 FULL_SCALE = 8191  # raw: 10 V
 PLANT_FAULTS = {
-    1: node_errors.VENDOR,
-    2: node_errors.DC_LINK_UNDER_VOLTAGE,
-    3: node_errors.DC_LINK_OVER_VOLTAGE,
+    1: device_errors.VENDOR,
+    2: device_errors.DC_LINK_UNDER_VOLTAGE,
+    3: device_errors.DC_LINK_OVER_VOLTAGE,
 }
 NO_STATUS_BITS = (0, 0, 0, 0, 0, 0, 0)
 
@@ -95,16 +92,15 @@ TORQUE_FAULTS = (
 )
 
 
-class TorqueDrive(Cia402Node):
+class TorqueDrive(Cia402Drive):
     """A drive of one motor."""
 
     def __init__(
         self,
-        params: NodeParams,
+        entries: Iterable[ObjectEntry],
         torque: TorqueDriveParams,
-        hub: CanHub,
-        schedule: Schedule,
         world: SharedSimulation[Any, Any],
+        clock: Callable[[], Second],
         motor: Motor,
     ) -> None:
         self.torque = torque
@@ -115,7 +111,7 @@ class TorqueDrive(Cia402Node):
         self._last_counts: int | None = None
         self._reversal_counts = 0  # counts at which the encoder was reversed
         self._creep_start: Second = 0.0
-        super().__init__(params, torque.drive, hub, schedule, world)
+        super().__init__(entries, torque.drive, world, clock)
         if torque.encoder_increments:
             self.storage.defaults[0x608F, 1] = torque.encoder_increments
             self.objects.put(0x608F, torque.encoder_increments, 1)
@@ -225,22 +221,22 @@ class TorqueDrive(Cia402Node):
         code = self._motor.read().fault
         return PLANT_FAULTS[code] if code else 0
 
-    def on_fault(self, fault: Fault) -> None:
+    def on_fault(self, fault: Fault, value: float) -> None:
         """Store counts or time at the start of an encoder fault."""
-        super().on_fault(fault)
+        super().on_fault(fault, value)
         if fault.name == "encoder_reversed":
             self._reversal_counts = self._motor.read().counts
         elif fault.name == "encoder_creep":
             self._creep_start = self.world.time
 
-    def on_restart(self) -> None:
+    def on_restart(self, ready_at: Second) -> None:
         """Reset to power-on: no current."""
         self._last_counts = None
         self._is_limited = False
-        super().on_restart()
+        super().on_restart(ready_at)
 
-    def _apply_faults(self) -> None:
-        super()._apply_faults()
+    def apply_faults(self) -> None:
+        super().apply_faults()
         nominal = self.storage.defaults.get((0x20D8, 0xC), 0)
         self.objects.put(0x20D8, round(nominal * self.active.get("wrong_kp", 1.0)), 0xC)
 
@@ -282,13 +278,13 @@ class TorqueDrive(Cia402Node):
         """Return 2002:01..07. The words are the manufacturer's, the bits are assumed [NC]."""
         active = self.errors.active
         protection = (
-            (node_errors.OVER_CURRENT in active)
-            | (node_errors.DC_LINK_UNDER_VOLTAGE in active) << 1
-            | (node_errors.DC_LINK_OVER_VOLTAGE in active) << 2
-            | (node_errors.OVER_TEMPERATURE in active) << 3
+            (device_errors.OVER_CURRENT in active)
+            | (device_errors.DC_LINK_UNDER_VOLTAGE in active) << 1
+            | (device_errors.DC_LINK_OVER_VOLTAGE in active) << 2
+            | (device_errors.OVER_TEMPERATURE in active) << 3
         )
-        silent = {node_errors.HEARTBEAT_LOST, node_errors.RPDO_TIMEOUT} & active
-        return (0, protection, int(node_errors.SENSOR in active), int(bool(silent)), 0, 0, 0)
+        silent = {device_errors.HEARTBEAT_LOST, device_errors.RPDO_TIMEOUT} & active
+        return (0, protection, int(device_errors.SENSOR in active), int(bool(silent)), 0, 0, 0)
 
 
 def analog(value: float, per_volt: float) -> int:

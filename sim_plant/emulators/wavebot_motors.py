@@ -1,10 +1,11 @@
-"""The motors of the simulated WaveBot, for its emulated drives."""
+"""Motors and stator of the simulated WaveBot, for its emulated drives."""
 
 from __future__ import annotations
 
 from functools import partial
 
 from sim_plant.emulators.shared_world import SharedWorld
+from sim_plant.emulators.stator_actuator import Carriage
 from sim_plant.emulators.torque_drive import AnalogInput, Motor, MotorReading
 
 # Fields of the readings on the two analog inputs of each drive.
@@ -43,6 +44,14 @@ def surge_motor(world: SharedWorld) -> Motor:
 
 
 MOTORS = {"heave": heave_motor, "surge": surge_motor}
+
+
+def stator(world: SharedWorld) -> Carriage:
+    """Return the stator of the magnetic spring."""
+    return Carriage(
+        lambda: world.readings().stator_position,
+        lambda target, enable: world.actuate(stator_target=target, stator_enable=enable),
+    )
 
 
 def analog_inputs(

@@ -21,11 +21,12 @@ from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.cia402_drive import Cia402Drive
 from sim_plant.emulators.schedule import Schedule, precise_loop
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.torque_drive import Scaling, TorqueDrive, TorqueDriveParams
-from sim_plant.emulators.wavebot_motors import analog_inputs, heave_motor, surge_motor
+from sim_plant.emulators.wavebot_motors import analog_inputs, heave_motor, stator, surge_motor
 from sim_plant.world import World
 
 DEVICES = Path(__file__).resolve().parents[2] / "configs" / "devices"
@@ -91,26 +92,32 @@ class Rig:
         self.hub = CanHub(schedule)
         self.world = SharedWorld(still_world(), DT, schedule.time)
         cells = analog_inputs(self.world, "heave", (1000.0, 1000.0))  # N per volt
-        environment = self.hub, schedule, self.world
+        bus, environment = (self.hub, schedule), (self.world, schedule.time)
         eds = RATED if surge is Scaling.RATED else AMC
         self.heave, self.surge = (
-            TorqueDrive(
-                NodeParams(node, file),
-                TorqueDriveParams(scaling, analog=cells),
-                *environment,
-                motor(self.world),
+            CanopenNode(
+                address,
+                *bus,
+                TorqueDrive(
+                    address.entries(),
+                    TorqueDriveParams(scaling, analog=cells),
+                    *environment,
+                    motor(self.world),
+                ),
             )
-            for node, file, scaling, motor in (
-                (HEAVE, AMC, Scaling.AMC, heave_motor),
-                (SURGE, eds, surge, surge_motor),
+            for address, scaling, motor in (
+                (NodeParams(HEAVE, AMC), Scaling.AMC, heave_motor),
+                (NodeParams(SURGE, eds), surge, surge_motor),
             )
         )
-        self.stator = StatorActuator(
-            NodeParams(STATOR, ACTUATOR, cycle_time=0.004),
-            ActuatorParams(min_position=low),
-            *environment,
+        address = NodeParams(STATOR, ACTUATOR, cycle_time=0.004)
+        actuator = ActuatorParams(min_position=low)
+        self.stator = CanopenNode(
+            address,
+            *bus,
+            StatorActuator(address.entries(), actuator, *environment, stator(self.world)),
         )
-        self.nodes: tuple[CanopenNode, ...] = (self.heave, self.surge, self.stator)
+        self.nodes: tuple[CanopenNode[Cia402Drive], ...] = (self.heave, self.surge, self.stator)
         for node in self.nodes:
             node.power_on()
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import canopen
 import pytest
 from can_rig import ACTUATOR, AMC, HEAVE, RATED, STATOR, BusProbe, manual_rig, rpdo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_plant.emulators.node_objects import Objects
+from sim_plant.emulators.device_objects import Objects
+from sim_plant.emulators.eds_file import load_entries
 
 T1 = 0x180 + HEAVE
 STOPPED, OPERATIONAL, PRE_OPERATIONAL = 4, 5, 127
@@ -28,7 +28,7 @@ def map_tpdo(tap: BusProbe, node: int, number: int, entries: list[int], **parame
 
 @pytest.mark.parametrize("eds", [AMC, RATED, ACTUATOR])
 def test_device_files_are_read_completely(eds: str) -> None:
-    objects = Objects(canopen.import_od(str(eds), 5))
+    objects = Objects(load_entries(eds, 5))
     assert objects.get(0x1000) & 0xFFFF == 402
     assert objects.get(0x1014) == 0x85
     assert objects.get(0x1800, 1) == 0x185
@@ -38,11 +38,11 @@ def test_device_files_are_read_completely(eds: str) -> None:
                 entry = objects.get(base + number, sub)
                 object_type = objects.types[entry >> 16, entry >> 8 & 0xFF]
                 assert object_type.mappable
-                assert entry & 0xFF == 8 * object_type.octets
+                assert entry & 0xFF == object_type.bits
 
 
 def test_actuator_defaults_match_the_manual() -> None:
-    objects = Objects(canopen.import_od(str(ACTUATOR), 0x7F))
+    objects = Objects(load_entries(ACTUATOR, 0x7F))
     assert objects.get(0x6098) == 35
     defaults = {
         0x2030: 50, 0x2034: 49677, 0x2035: 10000, 0x6065: 256, 0x6066: 100, 0x6067: 10,

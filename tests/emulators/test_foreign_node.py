@@ -29,7 +29,7 @@ def test_each_fault_is_seen_and_ends() -> None:
     tap.nmt(1)
     enable(tap, HEAVE)
     follow(tap, foreign, 150)
-    assert rig.heave.machine.state is State.ENABLED
+    assert rig.heave.device.machine.state is State.ENABLED
     tap.received.clear()
     follow(tap, foreign, 20)
     ours = len(tap.of(0x180 + HEAVE))

@@ -9,8 +9,9 @@ import pytest
 from can_rig import HEAVE, STATOR, SURGE, BusProbe, ManualSchedule, Rig, manual_rig, rpdo
 from test_canopen_node import map_tpdo
 
+from sim_plant.emulators.canopen_node import CanopenNode
 from sim_plant.emulators.cia402 import State
-from sim_plant.emulators.cia402_node import Cia402Node
+from sim_plant.emulators.cia402_drive import Cia402Drive
 
 NAMES = {"heave": HEAVE, "surge": SURGE, "stator": STATOR}
 
@@ -21,7 +22,7 @@ class Bench(NamedTuple):
     rig: Rig
     tap: BusProbe
     schedule: ManualSchedule
-    node: Cia402Node
+    node: CanopenNode[Cia402Drive]
     number: int
 
     def listen(self, count: int = 120) -> dict[int, list[bytes]]:
@@ -77,7 +78,7 @@ def bench(name: str) -> Bench:
     schedule.run(0.02)
     bench_under_test.control(0x06, 0x07, 0x0F)
     schedule.run(0.15)
-    assert bench_under_test.node.machine.state is State.ENABLED
+    assert bench_under_test.node.device.machine.state is State.ENABLED
     return bench_under_test
 
 
@@ -117,7 +118,7 @@ def write_lost(b: Bench) -> bool:
 def stuck(b: Bench) -> bool:
     before = b.read(0x6041)
     b.control(0x00)
-    return b.node.machine.state is State.SWITCH_ON_DISABLED and b.read(0x6041) == before
+    return b.node.device.machine.state is State.SWITCH_ON_DISABLED and b.read(0x6041) == before
 
 
 def mode_stuck(b: Bench) -> bool:

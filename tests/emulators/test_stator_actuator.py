@@ -34,7 +34,7 @@ def enabled_actuator(mode: int = 1, **options: float) -> tuple[Rig, BusProbe, Ma
         assert tap.write(STATOR, *setting) == 0
     schedule.run(0.02)
     control(tap, 0x06, 0x07, 0x0F)
-    assert rig.stator.machine.state is State.ENABLED
+    assert rig.stator.device.machine.state is State.ENABLED
     return rig, tap, schedule
 
 
@@ -83,7 +83,7 @@ def test_set_points_are_queued_or_change_the_move() -> None:
     control(tap, 0x7F, 0x0F)  # relative, at once
     schedule.run(1.0)
     assert signed(tap, 0x6064) == 3 * PERCENT
-    assert rig.stator.machine.state is State.ENABLED
+    assert rig.stator.device.machine.state is State.ENABLED
 
 
 def test_halt_stops_and_releases() -> None:
@@ -138,7 +138,7 @@ def test_excessive_speed_is_a_following_error() -> None:
     tap.write(STATOR, 0x607A, 0, 30 * PERCENT, 4)
     control(tap, 0x3F, 0x0F)
     schedule.run(0.5)
-    assert rig.stator.machine.state is State.FAULT
+    assert rig.stator.device.machine.state is State.FAULT
     assert tap.last(0x83)[:3] == bytes.fromhex("1186 21")
     assert rig.world.actuation.stator_enable == 0
 
@@ -179,7 +179,7 @@ def test_homing_at_the_present_position_and_unsupported_method() -> None:
     tap.write(STATOR, 0x6098, 0, 3, 1)
     control(tap, 0x1F)
     assert status(tap) & 0x3400 == 0x2400
-    assert rig.stator.machine.state is State.ENABLED
+    assert rig.stator.device.machine.state is State.ENABLED
 
 
 def test_homing_is_interrupted_when_its_bit_falls() -> None:
@@ -204,7 +204,7 @@ def test_supply_and_its_warning_levels() -> None:
     assert status(tap) & 0x80
     rig.stator.inject("bus_overvoltage", 52.0)
     schedule.run(0.02)
-    assert rig.stator.machine.state is State.FAULT
+    assert rig.stator.device.machine.state is State.FAULT
 
 
 def test_a_profile_ends_at_its_target_and_never_exceeds_its_speed() -> None:

@@ -66,7 +66,7 @@ def test_torque_needs_state_mode_and_enabled_power_stage() -> None:
     tap.nmt(1)
     for word in (0x06, 0x07, RUN):
         tap.cycle((0x201, rpdo(word, 3000)), count=3)
-    assert rig.heave.machine.state is State.ENABLED
+    assert rig.heave.device.machine.state is State.ENABLED
     assert rig.world.actuation.heave_current == 0.0  # mode 0
     tap.write(HEAVE, 0x6060, 0, 10, 1)
     assert tap.read(HEAVE, 0x6061) == 0
@@ -94,7 +94,7 @@ def test_disabling_ramps_the_torque_by_6087() -> None:
     assert currents[0] == pytest.approx(10.0, abs=0.05)
     assert currents[124] == pytest.approx(5.0, abs=0.1)
     assert currents[-1] == 0.0
-    assert rig.surge.machine.state is State.SWITCHED_ON
+    assert rig.surge.device.machine.state is State.SWITCHED_ON
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_silent_master_removes_the_current(
         schedule.run(within)
         assert rig.world.actuation[:2] == (0.0, 0)
         assert rig.world.readings().heave_current == pytest.approx(0.0, abs=0.05)
-    assert rig.heave.machine.state is state
+    assert rig.heave.device.machine.state is state
     assert tap.last(0x81)[:2] == (b"\x30\x81" if by == "heartbeat" else b"\x50\x82")
     assert rig.heave.port.nmt == 127  # 0x1029:1 = 0
     tap.send(0x77F, "05")

@@ -22,7 +22,7 @@ from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.actuator_units import ActuatorParams
-from sim_plant.emulators.canopen_node import NodeParams
+from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
 from sim_plant.emulators.foreign_node import ForeignNode
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
@@ -37,7 +37,7 @@ from sim_plant.emulators.power_analyser import TerminalValues as Terminal
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
-from sim_plant.emulators.wavebot_motors import MOTORS, analog_inputs
+from sim_plant.emulators.wavebot_motors import MOTORS, analog_inputs, stator
 from sim_plant.parameters import Plant
 from sim_plant.signals import Readings
 from sim_plant.world import World
@@ -108,9 +108,9 @@ def _build_devices(
         )
         for name, drive in (("heave", wiring.heave), ("surge", wiring.surge))
     )
-    bus.nodes["stator"] = StatorActuator(
-        NodeParams(wiring.stator.node, ACTUATOR_EDS), ActuatorParams(), bus.hub, loop, world
-    )
+    address = NodeParams(wiring.stator.node, ACTUATOR_EDS)
+    actuator = StatorActuator(address.entries(), ActuatorParams(), world, loop.time, stator(world))
+    bus.nodes["stator"] = CanopenNode(address, bus.hub, loop, actuator)
     foreign = ForeignNode(heave, bus.hub, loop)
     units: dict[str, tuple[Registers, ModbusUnit]] = {
         "analyser": (wiring.analyser, _analyser(world)),

@@ -11,7 +11,7 @@ from rig.emulation.devices import EmulatedBus, EmulatedDevices
 from rig.emulation.process import emulation_process, serve_devices
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.torque_drive import Motor, MotorReading
 
 from wec_winch.config import PlantFile, RigFile

@@ -1,14 +1,11 @@
-"""Errors of an emulated node: EMCY messages, error register 0x1001, history 0x1003. CiA 301."""
+"""Errors of an emulated device: EMCY messages, error register 0x1001, history 0x1003. CiA 301."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim_plant.emulators import node_objects
-from sim_plant.emulators.node_objects import Key, Objects, SdoRefusedError
-from sim_plant.emulators.schedule import Schedule
-
-INVALID = 1 << 31
+from sim_plant.emulators import device_objects
+from sim_plant.emulators.device_objects import Key, Objects, SdoRefusedError
 
 # EMCY codes
 GENERAL = 0x1000
@@ -39,17 +36,13 @@ def register_bits(code: int) -> int:
     return 0x01 | REGISTER.get(code >> 12, 0)
 
 
-class NodeErrors:
-    """The active errors of a node, their EMCY messages and history."""
+class DeviceErrors:
+    """The active errors of a device, their EMCY messages and history."""
 
-    def __init__(
-        self, objects: Objects, schedule: Schedule, send: Callable[[int, bytes], None]
-    ) -> None:
+    def __init__(self, objects: Objects) -> None:
         self.active: set[int] = set()  # EMCY codes
+        self.send: Callable[[bytes], None] = lambda data: None  # sends 8 bytes: set by a transport
         self._objects = objects
-        self._schedule = schedule
-        self._send = send
-        self._inhibit_end = 0.0
         self._history_length = sum(1 for index, sub in objects.types if index == 0x1003 and sub > 0)
         objects.guards[0x1003] = self._guard_history
         objects.hooks[0x1003, 0] = lambda value: self.clear_history()
@@ -100,19 +93,8 @@ class NodeErrors:
 
     def _send_emcy(self, code: int, vendor: bytes) -> None:
         data = code.to_bytes(2, "little") + bytes([self._set_register()])
-        data += vendor[:5].ljust(5, b"\0")
-        cob_id = self._objects.get(0x1014)
-        if cob_id & INVALID:
-            return
-        now = self._schedule.time()
-        inhibit = self._objects.get(0x1015) * 1.0e-4
-        if now >= self._inhibit_end:
-            self._inhibit_end = now + inhibit
-            self._send(cob_id & 0x7FF, data)
-        else:
-            self._schedule.call_at(self._inhibit_end, self._send, cob_id & 0x7FF, data)
-            self._inhibit_end += inhibit
+        self.send(data + vendor[:5].ljust(5, b"\0"))
 
     def _guard_history(self, key: Key, value: int) -> None:
         if key[1] == 0 and value != 0:
-            raise SdoRefusedError(node_objects.BAD_VALUE)
+            raise SdoRefusedError(device_objects.BAD_VALUE)

@@ -1,18 +1,17 @@
-"""An emulated drive: a CANopen node with CiA 402 state machine, modes, option codes and faults."""
+"""An emulated drive without its bus: CiA 402 state machine, modes, option codes and faults."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from sim_plant.emulators import node_errors, node_objects
-from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators import device_errors, device_objects
 from sim_plant.emulators.cia402 import Action, OptionCodes, State, StateMachine
-from sim_plant.emulators.node_faults import Fault
-from sim_plant.emulators.node_objects import Key, SdoRefusedError
-from sim_plant.emulators.schedule import Schedule
-from sim_plant.emulators.shared_world import SharedSimulation
+from sim_plant.emulators.device_objects import Key, ObjectEntry, SdoRefusedError
+from sim_plant.emulators.fault_list import Fault
+from sim_plant.emulators.object_device import ObjectDevice
+from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Second, Volt
 
 PROFILE_POSITION, HOMING, CYCLIC_TORQUE = 1, 6, 10
@@ -48,23 +47,23 @@ DRIVE_FAULTS = (
 )
 
 
-class Cia402Node(CanopenNode):
+class Cia402Drive(ObjectDevice):
     """A drive; subclasses define its measurements and its power stage."""
 
     def __init__(
         self,
-        params: NodeParams,
+        entries: Iterable[ObjectEntry],
         drive: Cia402Params,
-        hub: CanHub,
-        schedule: Schedule,
         world: SharedSimulation[Any, Any],
+        clock: Callable[[], Second],
     ) -> None:
+        super().__init__(entries, world, clock)
         self.machine = StateMachine()
         self.drive = drive
-        super().__init__(params, hub, schedule, world)
         self.fault_list.add(*DRIVE_FAULTS)
-        self._self_test_end = schedule.time() + drive.self_test
+        self._self_test_end = clock() + drive.self_test
         self._mode_change_at: Second | None = None
+        self._requested_mode = 0  # 6060 as last written
         self._seen_resets = 0
         self._last_ticks = 0  # of the world at the last measurement
         self._slow_fault_code = 0  # EMCY code of voltage or temperature
@@ -117,7 +116,7 @@ class Cia402Node(CanopenNode):
         """Return whether the device itself has a reason to set bit 7 (warning)."""
         return False
 
-    # ---- overridden methods of the node ----------------------------------------------------------
+    # ---- overridden methods of the device --------------------------------------------------------
 
     def step(self, now: Second, elapsed: Second) -> None:
         """Measure, check for faults, end ramps, act, update the statusword."""
@@ -154,19 +153,20 @@ class Cia402Node(CanopenNode):
         """React by option code 6007."""
         self._read_options()
         if self.machine.abort_connection(self.objects.get(0x6007)):
-            self.enter_fault(code or node_errors.COMMUNICATION)
+            self.enter_fault(code or device_errors.COMMUNICATION)
         self.apply_outputs()
 
     def in_fault(self) -> bool:
         """Return True while a fault is present: its errors stay until the fault reset."""
         return self.machine.state in (State.FAULT, State.FAULT_REACTION)
 
-    def on_restart(self) -> None:
+    def on_restart(self, ready_at: Second) -> None:
         """Reset to power-on: NOT READY, mode 0, no current."""
         self.machine = StateMachine()
         self._seen_resets = 0
         self._mode_change_at = None
-        self._self_test_end = self._schedule.time() + self.params.boot_delay + self.drive.self_test
+        self._requested_mode = 0
+        self._self_test_end = ready_at + self.drive.self_test
         self.objects.put(0x6061, 0)
         self.act(0.0)
 
@@ -178,21 +178,14 @@ class Cia402Node(CanopenNode):
             self.machine.enter_fault(coast=coast)
         self.errors.raise_error(code)
 
-    def on_fault(self, fault: Fault) -> None:
-        """Store the values that a fault freezes or shifts."""
+    def on_fault(self, fault: Fault, value: float) -> None:
+        """Enter `drive_fault`, whose value is the EMCY code, or store what a fault freezes."""
         if fault.name == "drive_fault":
-            self.enter_fault(int(fault.default))
+            self.enter_fault(int(value))
         elif fault.name == "stuck_statusword":
             self._fault_values[fault.name] = self.objects.get(0x6041)
         elif fault.name in ("encoder_frozen", "encoder_wrapped"):
             self._fault_values[fault.name] = self.objects.get(0x6064)
-
-    def inject(self, name: str, value: float | None = None) -> None:
-        """Activate a fault; the value of `drive_fault` is its EMCY code."""
-        if name == "drive_fault" and value is not None:
-            self.enter_fault(int(value))
-        else:
-            super().inject(name, value)
 
     # ---- shared by drives -----------------------------------------------------------------------
 
@@ -224,11 +217,11 @@ class Cia402Node(CanopenNode):
         volts, temperature = self.sensed_voltage(), self.sensed_temperature()
         self._slow_fault_code = 0
         if volts < drive.min_voltage:
-            self._slow_fault_code = node_errors.DC_LINK_UNDER_VOLTAGE
+            self._slow_fault_code = device_errors.DC_LINK_UNDER_VOLTAGE
         elif volts > drive.max_voltage:
-            self._slow_fault_code = node_errors.DC_LINK_OVER_VOLTAGE
+            self._slow_fault_code = device_errors.DC_LINK_OVER_VOLTAGE
         elif temperature > drive.fault_temperature:
-            self._slow_fault_code = node_errors.OVER_TEMPERATURE
+            self._slow_fault_code = device_errors.OVER_TEMPERATURE
         self._slow_bits = REMOTE | (VOLTAGE if volts >= drive.min_voltage else 0)
         if self.has_warning() or temperature > drive.warning_temperature:
             self._slow_bits |= WARNING
@@ -258,8 +251,10 @@ class Cia402Node(CanopenNode):
         self.machine.apply_controlword(controlword)
 
     def _on_mode(self, mode: int) -> None:
-        self._mode_change_at = self._schedule.time() + self.drive.mode_delay
+        if mode != self._requested_mode:  # in process data the same one comes every cycle
+            self._requested_mode = mode
+            self._mode_change_at = self.clock() + self.drive.mode_delay
 
     def _guard_mode(self, key: Key, value: int) -> None:
         if value != 0 and not self.objects.get(0x6502) & SUPPORTED.get(value, 0):
-            raise SdoRefusedError(node_objects.BAD_VALUE)
+            raise SdoRefusedError(device_objects.BAD_VALUE)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sim_plant.emulators import node_objects
-from sim_plant.emulators.node_objects import Key, Objects, SdoRefusedError
+from sim_plant.emulators import device_objects
+from sim_plant.emulators.device_objects import Key, Objects, SdoRefusedError
 
 STORE, RESTORE = 0x1010, 0x1011
 SIGNATURES = {STORE: 0x65766173, RESTORE: 0x64616F6C}  # "save", "load"
@@ -29,5 +29,5 @@ class Storage:
     def _guard(self, key: Key, signature: int) -> None:
         """Store or restore: the written value must be the signature."""
         if signature != SIGNATURES[key[0]]:
-            raise SdoRefusedError(node_objects.NOT_STORED)
+            raise SdoRefusedError(device_objects.NOT_STORED)
         self._power_on = dict(self._objects.values if key[0] == STORE else self.defaults)

@@ -1,18 +1,13 @@
-"""The integer objects of one emulated CANopen node: values and access rules.
+"""The objects of one emulated device: values and access rules, for CANopen and for CoE.
 
-The device file (EDS) defines types, access, ranges and defaults; strings are not copied from it.
+Integers have values that change; texts keep their default.
 """
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
-
-import canopen
-from canopen.objectdictionary import ODVariable, datatypes
 
 Key = tuple[int, int]  # index, subindex
 
@@ -27,15 +22,41 @@ TOO_LOW = 0x06090032
 NOT_STORED = 0x08000020
 NOT_IN_THIS_STATE = 0x08000022
 
+# Data types (CiA 301): bits by code
+UNSIGNED = {0x01: 1, 0x05: 8, 0x06: 16, 0x07: 32, 0x16: 24, 0x18: 40, 0x19: 48, 0x1A: 56, 0x1B: 64}
+SIGNED = {0x02: 8, 0x03: 16, 0x04: 32, 0x10: 24, 0x12: 40, 0x13: 48, 0x14: 56, 0x15: 64}
+WIDTHS = {**UNSIGNED, **SIGNED}
+BOOLEAN, INT16, INT32 = 0x01, 0x03, 0x04
+UINT8, UINT16, UINT32, UINT64 = 0x05, 0x06, 0x07, 0x1B
+VISIBLE_STRING = 0x09
 
-class SdoRefusedError(canopen.SdoAbortedError):
+
+class SdoRefusedError(Exception):
     """A write that the device answers with an SDO abort code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"SDO abort 0x{code:08X}")
+        self.code = code
+
+
+class ObjectEntry(NamedTuple):
+    """One subindex of an object dictionary."""
+
+    key: Key
+    object_name: str  # of the index
+    name: str
+    data_type: int  # CiA 301
+    default: int | str = 0
+    writable: bool = False
+    mappable: bool = False
+    low: int | None = None  # None: that of its type
+    high: int | None = None
 
 
 class ObjectType(NamedTuple):
-    """Type of an object in the object dictionary."""
+    """Type of an integer object."""
 
-    octets: int
+    bits: int
     signed: bool
     writable: bool
     mappable: bool
@@ -46,7 +67,8 @@ class ObjectType(NamedTuple):
 class Objects:
     """Values by (index, subindex), with guards and hooks for writes over the bus."""
 
-    def __init__(self, dictionary: canopen.ObjectDictionary) -> None:
+    def __init__(self, entries: Iterable[ObjectEntry]) -> None:
+        self.entries = {entry.key: entry for entry in entries}
         self.types: dict[Key, ObjectType] = {}
         self.values: dict[Key, int] = {}
         self.guards: dict[
@@ -54,11 +76,10 @@ class Objects:
         ] = {}  # by index; may raise SdoRefusedError
         self.hooks: dict[Key, Callable[[int], None]] = {}  # after the value is stored
         self.ignored: set[Key] = set()  # writes are acknowledged and ignored
-        for variable in variables(dictionary):
-            if variable.data_type in datatypes.INTEGER_TYPES:
-                key = variable.index, variable.subindex
-                self.types[key] = object_type(variable)
-                self.values[key] = int(variable.default or 0)
+        for key, entry in self.entries.items():
+            if entry.data_type in WIDTHS:
+                self.types[key] = object_type(entry)
+                self.values[key] = int(entry.default or 0)
 
     def __getitem__(self, key: Key) -> int:
         return self.values[key]
@@ -104,33 +125,17 @@ class Objects:
                 self.values[key] = value
 
 
-@functools.cache
-def load_dictionary(eds: Path, node_id: int) -> canopen.ObjectDictionary:
-    """Return the object dictionary of a device file, read once; it must not be changed."""
-    return canopen.import_od(str(eds), node_id)
-
-
-def variables(dictionary: canopen.ObjectDictionary) -> Iterator[ODVariable]:
-    """Yield every variable of a dictionary, including subindices."""
-    for entry in dictionary.values():
-        if isinstance(entry, ODVariable):
-            yield entry
-        else:
-            yield from entry.values()
-
-
-def object_type(variable: ODVariable) -> ObjectType:
+def object_type(entry: ObjectEntry) -> ObjectType:
     """Return width, sign, access and range of an integer object."""
-    signed = variable.data_type in datatypes.SIGNED_TYPES
-    width = len(variable)
-    low, high = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
+    bits, signed = WIDTHS[entry.data_type], entry.data_type in SIGNED
+    low, high = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
     return ObjectType(
-        width // 8,
+        bits,
         signed,
-        variable.writable,
-        bool(variable.pdo_mappable),
-        low if variable.min is None else max(low, variable.min),
-        high if variable.max is None else min(high, variable.max),
+        entry.writable,
+        entry.mappable,
+        low if entry.low is None else max(low, entry.low),
+        high if entry.high is None else min(high, entry.high),
     )
 
 
@@ -141,7 +146,7 @@ def round_or_zero(value: float) -> int:
 
 def wrap_to_width(value: int, type_: ObjectType) -> int:
     """Return a value wrapped to the object's width, like a register."""
-    width = 8 * type_.octets
+    width = type_.bits
     value &= (1 << width) - 1
     if type_.signed and value >> (width - 1):
         value -= 1 << width

@@ -100,7 +100,7 @@ class Slave:
         fault, given = self.device.fault_list.begin(name, value)
         if name == "unplugged":
             self.power_off()
-        elif name == "brown_out":
+        elif name == "brown_out" and self.is_powered:
             self.power_off()
             self.power_on()
         elif name == "wkc_short_once":
@@ -145,6 +145,7 @@ class Slave:
         now = self._clock()
         self._last_step = self._last_slow = now
         self._event, self._pulses, self._last_outputs = False, 0, None
+        self._new_outputs = b""
         self.device.reset(application=True, ready_at=now / NS)
         self._apply_faults()
 

@@ -19,7 +19,7 @@ COMMANDS = (
 if __name__ == "__main__":
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     command = [sys.executable, "-m", "sim_plant.emulators.ethercat", "lo"]
-    command += ["--slaves", "coupler,torque_drive"]
+    command += ["--slaves", "coupler,torque_drive", *sys.argv[1:]]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

@@ -53,6 +53,7 @@ def check_cyclic(seconds: float) -> None:
     assert set(seen["counters"]) == {str(COUNTER)}, seen
     assert seen["counters"][str(COUNTER)] == pytest.approx(1000.0 * seconds, rel=0.01)
     assert seen["states"] == ALL_OP
+    assert (seen["malformed"], seen["lost"]) == (0, 0)
     print(seen)
 
 

@@ -84,8 +84,9 @@ def test_help_names_the_trade_mark() -> None:
 
 
 @pytest.mark.realtime
-def test_commands_on_the_standard_input() -> None:
-    seen: dict[str, Any] = isolated("console_process.py", seconds=30.0)
+@pytest.mark.parametrize("options", [(), ("--spin",)])
+def test_commands_on_the_standard_input(options: tuple[str, ...]) -> None:
+    seen: dict[str, Any] = isolated("console_process.py", *options, seconds=30.0)
     assert seen["ready"] == {"ready": "lo", "slaves": ["coupler", "torque_drive"]}
     assert seen["answers"][:2] == [
         {"done": "inject torque_drive unplugged"},

@@ -54,8 +54,8 @@ def _union(groups: Sequence[Sequence[Any]], noun: str) -> list[Any]:
         known = found.setdefault(each.key, each)
         if _meaning(known) != _meaning(each):
             raise ValueError(
-                f"the {noun} {each.key} of two laws differs in name, unit or range: "
-                f"{known.low:g} .. {known.high:g} {known.unit} and "
+                f"the {noun} {each.key} of two laws differs in name, unit, range, default or names "
+                f"of its values: {known.low:g} .. {known.high:g} {known.unit} and "
                 f"{each.low:g} .. {each.high:g} {each.unit}"
             )
     names = [getattr(each, "name", each.key) for each in found.values()]
@@ -70,8 +70,9 @@ def _name(entry: Column | Parameter) -> str:
 
 
 def _meaning(entry: Column | Parameter) -> tuple[Any, ...]:
-    listed = isinstance(entry, Parameter) and entry.listed
-    return (_name(entry), entry.unit, entry.low, entry.high, listed)
+    # One file gives both laws the same value, also where it leaves it out.
+    own = (entry.listed,) if isinstance(entry, Parameter) else entry.choices
+    return (_name(entry), entry.unit, entry.low, entry.high, entry.default, own)
 
 
 def _source(laws: Sequence[Any], names: Sequence[str]) -> str:

@@ -289,7 +289,7 @@ def _failed_text(law: str, error: Exception, path: str) -> str:
 def _checked(law: Law) -> Law:
     problems = list(interface_problems(law.module))
     if problems:
-        raise LawError(f"{law.path} is not a law: " + "; ".join(problems))
+        raise LawError(f"{law.path or law.name} is not a law: " + "; ".join(problems))
     return law
 
 

@@ -28,7 +28,7 @@ from drivers.cia402.arming import Mismatch, SetupStep
 from drivers.cia402.drive_objects import Access
 from drivers.cia402.process_data import BYTES
 from drivers.cia402.state_table import Goal
-from drivers.cia402.statusword import describe
+from drivers.cia402.statusword import DriveState, decode, describe
 
 # This module reports nodes that do not answer; the library would log them a second time.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -46,6 +46,13 @@ _ENABLED = int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two polls of a homing drive: over SDO, so slow
 _READER_TIMEOUT = 0.1  # s within which the library's reader thread notices the end
 _RESET_NODE = 0x81  # NMT command
+_POWER_OFF_S = 2.0  # s in which a drive must confirm that it is disabled
+_POWERED = (
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION_ACTIVE,
+    DriveState.UNKNOWN,
+)
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
@@ -133,15 +140,18 @@ class Service:
         with suppress(ServiceError):
             self._set_nmt_state(node, _PRE_OPERATIONAL)
 
-    def reset(self, node: int, timeout_s: float) -> None:
-        """Restart a node, which loses its zero; ServiceError if it does not boot in time."""
+    def reset(self, node: int, timeout_s: float, stopped: Callable[[], bool]) -> None:
+        """Restart a node, which loses its zero; ServiceError if it does not boot in time.
+
+        ``stopped``: returns True to give up waiting.
+        """
         self.watch(node)
         try:
             self._remote(node).nmt.send_command(_RESET_NODE)
         except (can.CanError, OSError, RuntimeError) as error:
             raise ServiceError(f"node {node}: cannot send NMT RESET: {error}") from error
         end = time.monotonic() + timeout_s
-        while self.health()[node].boots == 0:
+        while self.health()[node].boots == 0 and not stopped():
             if time.monotonic() > end:
                 raise ServiceError(f"node {node} did not boot within {timeout_s:g} s of a reset")
             time.sleep(_HOME_PERIOD)
@@ -152,22 +162,28 @@ class Service:
         machine: state_machine.Params,
         params: homing.Params,
         stopped: Callable[[], bool],
+        monitor: tuple[int, int] | None = None,
     ) -> bool:
         """Home a drive over SDO, then remove its power; return whether it homed now.
 
         A drive that reports having been homed since it was switched on, or since `reset`, is left
         unchanged: its zero is valid. Ticks of ``machine`` and ``params`` last 20 ms here.
-        ``stopped``: returns True to abort and remove the power. ServiceError names the failure.
+        ``stopped``: returns True to abort and remove the power. ``monitor``: our node, whose
+        heartbeat is sent meanwhile, and the drive's consumer of it (0x1016:1): if this process
+        dies, the drive stops by itself. ServiceError names the failure.
         """
         remote = self._remote(node)
         self._set_nmt_state(node, _PRE_OPERATIONAL)
         drive, handshake = state_machine.start(0, 0), homing.start(0)
-        failure, bits, acting = "no answer", 0, 0
-        self._write(remote, 0x6060, 0, "i8", homing.MODE)
-        if self._is_homed(node):
-            return False
+        failure, bits, acting, homed = "no answer", 0, 0, True
         try:
+            self._write(remote, 0x6060, 0, "i8", homing.MODE)
+            if self._is_homed(node):
+                return False
+            homed = False
             while True:
+                if monitor is not None:
+                    self._send_heartbeat(monitor[0])
                 statusword = self.read(node, 0x6041, 0, "u16")
                 mode_display = self.read(node, 0x6061, 0, "i8")
                 if statusword is None or mode_display is None:
@@ -188,6 +204,7 @@ class Service:
                 )
                 self._write(remote, 0x6040, 0, "u16", output.controlword)
                 if handshake.phase == _HOMED:
+                    homed = True
                     return True
                 if handshake.phase == _FAILED:
                     failure = homing.Failure(handshake.failure).name.lower().replace("_", " ")
@@ -197,8 +214,40 @@ class Service:
                     break
                 time.sleep(_HOME_PERIOD)
         finally:
-            self._write(remote, 0x6040, 0, "u16", 0)
+            powered = self._remove_power(node)
+            if powered:
+                powered += "" if homed else f"; it did not home: {failure}"
+                raise ServiceError(f"node {node} {powered}")
+            if monitor is not None:  # off and on: it waits for the first heartbeat of a run
+                self._write(remote, 0x1016, 1, "u32", 0)
+                self._write(remote, 0x1016, 1, "u32", monitor[1])
         raise ServiceError(f"node {node} did not home: {failure}")
+
+    def _send_heartbeat(self, own_node: int) -> None:
+        with suppress(can.CanError, OSError):  # the SDO that follows reports a lost bus
+            self._network.send_message(
+                heartbeat.BASE + own_node, heartbeat.encode(heartbeat.NmtState.OPERATIONAL)
+            )
+
+    def _remove_power(self, node: int) -> str:
+        """Disable a drive until it reports to be disabled; return a warning if it never does.
+
+        A node that does not obey is restarted at last: that ends its power stage, too.
+        """
+        remote = self._remote(node)
+        end = time.monotonic() + _POWER_OFF_S
+        while time.monotonic() < end:
+            self._write(remote, 0x6040, 0, "u16", 0)
+            statusword = self.read(node, 0x6041, 0, "u16")
+            if statusword is not None and decode(statusword) not in _POWERED:
+                return ""
+            time.sleep(_HOME_PERIOD)
+        with suppress(can.CanError, OSError, RuntimeError):
+            remote.nmt.send_command(_RESET_NODE)
+        return (
+            "may still be powered: it did not confirm that it was disabled within "
+            f"{_POWER_OFF_S:g} s, and was sent a reset; press the emergency stop"
+        )
 
     def _is_homed(self, node: int) -> bool:
         """Return True if the drive reports homed once it displays homing mode (after a delay)."""

@@ -112,9 +112,10 @@ def open_campaign(
     sea = valid_key(top, "sea", _SEA)
     elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
     if rig is not None and points is not None:
-        problems += kind.point_problems(file, rig, points, top.locate)
         if file is not None:
             problems += chosen_law_problems(file, points, top.locate)
+        problems += kind.point_problems(file, rig, points, top.locate)
+        if file is not None:
             problems += realisation_problems(file.reference, points, rig.rate_hz)
     rate_hz = valid_key(rig_source, "rate_hz", _RATE)
     problems += extra_check(

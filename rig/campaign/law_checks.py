@@ -85,7 +85,7 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
         key, given = law_key(axis_laws, axis), source.mapping.get("law", {})
         if len(axis_laws) > 1:
             given = given.get(axis, {}) if isinstance(given, dict) else {}
-        mapping = {"use": given} if isinstance(given, str) else given
+        mapping = {"use": given} if isinstance(given, str | list) else given
         with suppress(ValidationError):
             settings = law_model(axis_law).model_validate(mapping)
             try:

@@ -134,8 +134,30 @@ class ManualSetPoints:
             values[column.key] = column.choices[int(value)] if column.choices else value
         return LiveSet(values, set_points.no_signal())
 
-    def check(self, chosen: LiveSet) -> Checked:
-        """Return the numbers for the loop, or every reason why they are refused."""
+    @property
+    def moving_s(self) -> float:
+        """The time (s) for which a part may still move after a change of set points."""
+        file, rig, setting = self._campaign.file, self._campaign.rig, self._plan.rows[0].setting
+        return self._campaign.kind.prepare(file, rig, setting).timeout
+
+    def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
+        """Return why a row cannot go on after these set points: a part is not at its place."""
+        first = self._campaign.file.kind_columns.first
+        if first is None or first.actuator is None:
+            return ""
+        own = self.of_row(row).values[first.key]
+        if all(each.values[first.key] == own for each in before):
+            return ""
+        return (
+            f"{first.actuator.label} was moved: set {first.key}={own:g} first, and wait "
+            f"{self.moving_s:g} s, the longest time that it takes"
+        )
+
+    def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
+        """Return the numbers for the loop, or every reason why they are refused.
+
+        ``before``: set points from which parts may still be moving.
+        """
         problems = [
             *self._unknown(chosen),
             *set_points.unknown("signal", chosen.signal, (each["key"] for each in self._signal)),
@@ -150,10 +172,29 @@ class ManualSetPoints:
             if report.plan is None or report.problems:
                 return Checked((), tuple(_reason(each) for each in report.problems))
             plan = report.plan
+        if problems := [*self._while_moving(plan.rows[0].setting, before)]:
+            return Checked((), tuple(problems))
         at = plan.segments.setpoint[plan.segments.phase.index(MEASURE)]
         numbers = set_points.signal_numbers(chosen.signal, float(chosen.signal["amplitude"]))
         table = plan.setpoints._replace(signal=tuple((number,) * (at + 1) for number in numbers))
         return Checked(numbers_at(table, at))
+
+    def _while_moving(self, after: Any, before: Sequence[LiveSet]) -> Iterator[str]:
+        """Yield a problem for each value that must wait until a part has moved."""
+        kind, file, rig = self._campaign.kind, self._campaign.file, self._campaign.rig
+        named = {column.key: column for column in self._columns if not column.choices}
+        for each in before:
+            values = {named[key].name: value for key, value in each.values.items() if key in named}
+            wait = kind.move(file, rig, after._replace(**values), after, 0.0)
+            if wait is None:
+                continue
+            for key, column in named.items():
+                value, allowed = getattr(after, column.name), getattr(wait.setting, column.name)
+                if value != allowed:
+                    yield (
+                        f"{key}: {value:g} is allowed up to {allowed:g} until a part that moves "
+                        f"from the set point before is at its place, at most {self.moving_s:g} s"
+                    )
 
     def keep(self, chosen: LiveSet, comment: str) -> str:
         """Append a set point to the file of kept rows, a campaign; return its path."""
@@ -167,7 +208,10 @@ class ManualSetPoints:
         known = {column.key: column.choices for column in self._columns}
         yield from set_points.unknown("values", chosen.values, known)
         for key, value in chosen.values.items():
-            if not known.get(key, ("",)) and not set_points.is_number(value):
+            choices = known.get(key)
+            if choices and value not in choices:
+                yield f"{key}: {value!r}; allowed {', '.join(choices)}"
+            elif choices == () and not set_points.is_number(value):
                 yield f"{key}: {value!r} is not a finite number"
 
 

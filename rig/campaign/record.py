@@ -46,7 +46,8 @@ def resolved_config(campaign: AnyCampaign) -> str:
 
 def _law_record(law: Law) -> dict[str, Any]:
     choices = {"choices": [_law_record(each) for each in law.parts]} if law.parts else {}
-    return law.record() | {"path": display_path(Path(law.path))} | choices
+    path = display_path(Path(law.path)) if law.path else ""
+    return law.record() | {"path": path} | choices
 
 
 def law_source(campaign: AnyCampaign) -> str:

@@ -6,6 +6,7 @@ is in the run's journal, a set point before it acts, so that a replay always fin
 terminal's stop does not come this way and goes first.
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,13 +19,14 @@ from rig.realtime import safety
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_2
-from rig.realtime.sequence import MANUAL, NO_ROW, STANDBY, TARE, Segments
+from rig.realtime.sequence import MANUAL, MOVING, NO_ROW, STANDBY, TARE, Segments
 from rig.recording.journal import Entry, Journal
 
 ARMING_S = 10.0  # s from arming to its confirmation
 IN_FORCE_S = 2.0  # s in which the loop takes up a set point
 MAX_TEXT = 2000  # characters of an annotation
 STOP, ABORT = "stop", "abort"
+_MAX_HISTORY = 1000
 
 
 _STATE_FIELDS = ("tick", "plan.row", "plan.phase", "plan.attempt", "plan.live", "safety.mode")
@@ -60,8 +62,20 @@ class LiveColumns(Protocol):
         """Return the set point of a row of the plan."""
         ...
 
-    def check(self, chosen: LiveSet) -> Checked:
-        """Return the numbers for the loop, after all checks of ranges, limits and stability."""
+    @property
+    def moving_s(self) -> float:
+        """The time (s) for which a part may still move after a change of set points."""
+        ...
+
+    def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
+        """Return the numbers for the loop, after all checks of ranges, limits and stability.
+
+        ``before``: set points from which parts may still be moving.
+        """
+        ...
+
+    def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
+        """Return why a row cannot go on after these set points; empty if it can."""
         ...
 
     def keep(self, chosen: LiveSet, comment: str) -> str:
@@ -125,12 +139,15 @@ class Orders:
         self._number = 0  # of the last set point
         self._arming_since: float | None = None
         self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is chosen
+        self._history: list[tuple[float, LiveSet]] = []  # of manual mode, with the times
+        self._interrupted_row = 0
         self._staged: tuple[int, tuple[float, ...]] | None = None  # number, numbers: not posted yet
         self._posted: tuple[int, tuple[float, ...]] | None = None
         self._notices: list[dict[str, Any]] = []
         self._kept = ""
         if people.live is not None and people.manual:
             self._sets.append(people.live.first())
+            self._history.append((clock(), self._sets[0]))
 
     # --- the supervisor's side
 
@@ -389,6 +406,8 @@ class Orders:
             rows = list(dict.fromkeys(each for each in self._segments.row if each != NO_ROW))
             after = rows[rows.index(row) + 1 :]
             self._require(bool(after), "this is the last row; finish the run instead")
+            moving = int(self._row["plan.phase"]) == MOVING
+            self._require(not moving, "a part moves for this row; wait until it is at its place")
             self._jump(self._segments.row.index(after[0]))
         return Answer(True, f"row {row} is left out")
 
@@ -422,6 +441,7 @@ class Orders:
                 self._require(self._mode() == STOP_2, "hold the run first")
                 self._require(not self._sets, "the run is in manual mode already")
                 row = int(self._row["plan.row"])
+            self._interrupted_row = max(row, 0)
             chosen = live.of_row(row) if row != NO_ROW else live.first()
             return self._choose(asker, "manual", given, live, chosen, [])
 
@@ -430,8 +450,12 @@ class Orders:
             self._require(not self._people.manual, "this run has no rows")
             self._require(self._mode() == STOP_2, "hold the run first")
             self._require(bool(self._sets), "the run is not in manual mode")
+            live = self._live()
+            reason = live.left_behind(self._recent(live), self._interrupted_row)
+            self._require(not reason, reason)
             self._staged = None
             self._sets.clear()
+            self._history.clear()
             self._change(live=0)
         return Answer(True, "resume starts the interrupted row over")
 
@@ -510,7 +534,9 @@ class Orders:
         ``before``: the set points to return to. The caller holds `_choosing`, so that neither a
         check nor the journal's disk delays `update`.
         """
-        checked = live.check(chosen)
+        with self._lock:
+            recent = self._recent(live)
+        checked = live.check(chosen, recent)
         if checked.problems:
             raise RefusedError("; ".join(checked.problems))
         number = self._number + 1
@@ -521,6 +547,7 @@ class Orders:
         with self._in_force:
             self._number, self._staged = number, (number, checked.numbers)
             self._sets = [*before, chosen]
+            self._history = [*self._history[-_MAX_HISTORY:], (self._clock(), chosen)]
             self._post_staged()
             self._wake()
             staged = not self._takes_set_points()
@@ -529,6 +556,16 @@ class Orders:
             in_force = self._is_in_force(number)
         why = "" if in_force else "it comes into force when the law acts" if staged else "pending"
         return Answer(True, why, {"in_journal": True, "number": number, "in_force": in_force})
+
+    def _recent(self, live: LiveColumns) -> list[LiveSet]:
+        """Return the set points from which parts may still be moving, and the present one."""
+        begin, found = self._clock() - live.moving_s, []
+        replaced = math.inf
+        for time_, each in reversed(self._history):
+            if replaced > begin:
+                found.append(each)
+            replaced = time_
+        return found
 
     def _is_in_force(self, number: int) -> bool:
         return bool(self._row) and int(self._row["plan.live"]) == number

@@ -127,7 +127,8 @@ class KeptRows:
 
     def add(self, values: Mapping[str, float | str], comment: str) -> str:
         """Add a row and return the path; RefusedError if the file would have problems."""
-        text = " ".join(comment.split()) or f"kept as row {len(self._rows)}"
+        printable = "".join(each if each.isprintable() else " " for each in comment)
+        text = " ".join(printable.split()) or f"kept as row {len(self._rows)}"
         rows = [*self._rows, (values, text)]
         path = self._path if self._rows else _unused(self._path)
         new = path.with_name(f".{path.name}.new")

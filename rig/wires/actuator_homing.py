@@ -44,9 +44,9 @@ def home_actuators(
     """Set up and home actuators over the bus; return the outcome of each.
 
     With ``repeat`` the drives restart first and so forget that they are homed. ``stopped`` returns
-    True to abort: power is then removed, and the rest is left alone. ``on_begin`` gets each name
-    before it moves. Raises LinkError or ServiceError if the bus cannot be opened or a node does not
-    take its settings.
+    True to abort: power is then removed, and the rest is left alone, as after a failure.
+    ``on_begin`` gets each name before it moves. Raises LinkError or ServiceError if the bus cannot
+    be opened or a node does not take its settings.
     """
     (config,) = (p.config["bus"] for p in job.io_processes if p.module.endswith(".can_service"))
     bus = BusSettings.from_json(config)
@@ -55,11 +55,11 @@ def home_actuators(
     found: list[Homing] = []
     with closing(Service(bus)) as service:
         for node in nodes if repeat else ():
-            service.reset(node["node"], _BOOT_S)
+            service.reset(node["node"], _BOOT_S, stopped)
         set_up_nodes(service, list(nodes))
         for node in nodes:
-            if stopped():
-                break
+            if stopped() or (found and found[-1].problem):
+                break  # after a failure the bus or the operator may need attention first
             on_begin(node["name"])
             began, problem, moved = time.monotonic(), "", False
             try:

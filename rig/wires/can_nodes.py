@@ -135,6 +135,7 @@ def _node_setup(name: str, drive: Drive, can: CanBus) -> dict[str, Any]:
         "steps": steps,
         "facts": [[entry.name, entry.object, entry.sub, entry.type] for entry in facts],
         "homing": homing_settings,
+        "monitor": [can.own_node, objects["heartbeat_consumer"]],
         "homes": isinstance(drive, Actuator) and drive.homing,  # before every run
     }
 

@@ -107,6 +107,7 @@ def home_node(service: Service, node: dict[str, Any], stopped: Callable[[], bool
         handover.loads(state_machine.Params, json.dumps(machine)),
         handover.loads(homing.Params, json.dumps(deadlines)),
         stopped,
+        tuple(node["monitor"]),
     )
 
 

@@ -83,6 +83,24 @@ def test_a_stopped_homing_leaves_the_actuator_without_power(tmp_path: Path) -> N
         assert -1_395_000 < position < 0  # it was on the way to the switch
 
 
+def test_a_killed_homing_ends_by_the_drives_own_monitor(tmp_path: Path) -> None:
+    ports = free_ports()
+    objects = {"homing_method": 17, "homing_speed_switch": 5, "homing_speed_zero": 5}
+    stator = {"objects": objects | {"homing_acceleration": 500, "home_offset": -1395000}}
+    path = rig_file(tmp_path, ports, stator=stator)
+    with running(path):
+        process = rig("home", path, "--yes")
+        assert process.stderr is not None
+        assert process.stderr.readline() == "stator homes ...\n"
+        time.sleep(3.0)
+        process.kill()
+        process.communicate()
+        time.sleep(2.0)  # heartbeat_lost_ms is 500
+        status, position = read(ports.can, 0x6041, "u16"), read(ports.can, 0x6064, "i32")
+        assert status & POWER_ON != POWER_ON
+        assert -1_395_000 < position < 0
+
+
 def test_homing_needs_a_person_the_wires_and_a_device(tmp_path: Path) -> None:
     path = rig_file(tmp_path, free_ports())
     done = rig_here("home", path)

@@ -17,6 +17,7 @@ from controllers import impedance, latching, nonlinear_damping
 from controllers.signals import Estimate
 from rig import laws
 from rig.analysis.rows import row_table
+from rig.kinds.rig_file import kind_of_task
 
 DT = 1e-3  # s
 RAMP = 0.2  # s
@@ -219,3 +220,96 @@ def test_a_matrix_file_names_laws(tmp_path: Path) -> None:
     assert code == 2
     assert "rows.csv:2:19: law: 'owm' is not a number; allowed 0 .. 2, impedance, own" in out + err
     assert "rows.csv:3:19: law: 0.5 is not a whole number" in out + err
+
+
+def planned_ki(folder: Path, law: str) -> list[float]:
+    """Ki of each set point of a plan whose stator moves from a soft to a stiff spring and back."""
+    path = folder / "moves.yaml"
+    path.write_text(
+        f"extends: {CONFIGS / 'campaigns' / 'quick.yaml'}\nname: moves\nlaw: {law}\n"
+        "matrix:\n  list:\n"
+        "    - {spring_n_per_m: -10013, kp_n_s_per_m: -2000, ki_n_per_m: 9141}\n"
+        "    - {spring_n_per_m: 8340, kp_n_s_per_m: -2000, ki_n_per_m: 30000}\n"
+        "    - {spring_n_per_m: -10013, kp_n_s_per_m: -2000, ki_n_per_m: 9141}\n"
+    )
+    tasks = kind_of_task(path).room("tasks")
+    report = tasks.examine(path, predict=False)
+    assert report.ok, report.text()
+    names = report.checked.file.heave_law.module.SetPoint._fields
+    return list(report.plan.setpoints.law[names.index("ki")])
+
+
+def test_ki_is_limited_while_the_stator_moves_whatever_other_laws_there_are(
+    tmp_path: Path,
+) -> None:
+    alone = planned_ki(tmp_path, "impedance")
+    assert min(alone) == 0.0  # of the lead-in and the end
+    assert len(set(alone)) > 3
+    assert planned_ki(tmp_path, "[impedance, nonlinear damping]") == alone
+
+
+def test_a_row_that_lacks_a_column_of_its_law_is_reported(tmp_path: Path) -> None:
+    """Also where the missing one is that of the equilibrium's check."""
+    path = tmp_path / "missing.yaml"
+    path.write_text(
+        f"extends: {CONFIGS / 'campaigns' / 'quick.yaml'}\nname: missing\n"
+        "law: [nonlinear damping, impedance]\nmatrix:\n  list:\n"
+        "    - {spring_n_per_m: 490.9, quadratic_n_s2_per_m2: 10, coulomb_n: 0, law: impedance}\n"
+    )
+    code, out, err = rig_here("check", path)
+    assert code == 2
+    assert "the law impedance needs kp_n_s_per_m, ki_n_per_m" in out + err
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("DAMPING = 1.0", "DAMPING = 2.0"),
+        ('choices=("off", "on")', 'choices=("on", "off")'),
+        ("(4000.0,)", "(100.0,)"),
+    ],
+)
+def test_laws_with_different_defaults_are_no_choice(old: str, new: str, tmp_path: Path) -> None:
+    """A default or a name of one law must not hold for the other."""
+    text = LAW_WITH_DEFAULTS
+    assert old in text
+    found = []
+    for name, source in (("one", text), ("two", text.replace(old, new))):
+        path = tmp_path / f"{name}.py"
+        path.write_text(source)
+        found.append(laws.load_file(path))
+    with pytest.raises(laws.LawError, match="differs in name, unit, range, default or names"):
+        laws.choice(found)
+
+
+LAW_WITH_DEFAULTS = """
+from typing import NamedTuple
+from controllers.law import Column, Parameter
+from controllers.signals import Demand
+
+DAMPING = 1.0
+COLUMNS = (
+    Column("c_n_s_per_m", "c", "N*s/m", "c", 0.0, 10.0, "Damping.", default=DAMPING),
+    Column("mode", "mode", "1", "mode", 0.0, 1.0, "Mode.", default=0.0, choices=("off", "on")),
+)
+PARAMETERS = (Parameter("max_force_n", "N", 1.0, 1e5, "Greatest force.", (4000.0,)),)
+
+class SetPoint(NamedTuple):
+    c: float
+    mode: float
+
+class Params(NamedTuple):
+    max_force: float
+
+class State(NamedTuple):
+    last: float
+
+def params(settings, ramp, dt):
+    return Params(settings["max_force_n"][0])
+
+def start(params):
+    return State(0.0)
+
+def step(params, state, setpoint, motion, reference, deficit, dt):
+    return state, Demand(0.0, 0.0, 0.0, reference - setpoint.c * motion.velocity)
+"""

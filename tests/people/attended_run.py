@@ -70,7 +70,12 @@ class Gains:
     def of_row(self, row: int) -> LiveSet:
         return LiveSet({"kp": -100.0 * (row + 1), "ki": 0.0}, {})
 
-    def check(self, chosen: LiveSet) -> Checked:
+    moving_s = 0.0
+
+    def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
+        return ""
+
+    def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
         kp, ki = chosen.values["kp"], chosen.values["ki"]
         if kp > 0.0:
             return Checked((), (f"kp: {kp:g} is out of range",))

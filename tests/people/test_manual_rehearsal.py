@@ -118,3 +118,26 @@ def test_set_points_outside_the_limits_are_refused(
 def test_a_drive_with_one_loop_has_no_choice(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="leave --drive out"):
         write_task(WAVEBOT, tmp_path, "torque")
+
+
+def test_a_gain_waits_until_the_stator_has_moved(tmp_path: Path) -> None:
+    """A Ki that only the new spring allows is refused while the stator may be at the old one."""
+    live = manual_task(WAVEBOT, tmp_path, predict=False)[0].people.live
+    assert live is not None
+    first = live.first()
+
+    def at(spring: float, ki: float) -> LiveSet:
+        return LiveSet(
+            first.values | {"spring_n_per_m": spring, "ki_n_per_m": ki, "kp_n_s_per_m": -2000.0},
+            first.signal,
+        )
+
+    soft, stiff = at(-10013.0, 0.0), at(8340.0, 30000.0)
+    assert live.check(stiff).numbers
+    (problem,) = live.check(stiff, [soft]).problems
+    assert problem.startswith("ki_n_per_m: 30000 is allowed up to 9191.23 until a part that moves")
+    assert live.check(at(8340.0, 9000.0), [soft]).numbers
+    assert live.check(stiff, [at(8340.0, 9000.0)]).numbers
+    assert live.moving_s == 60.0
+    assert "set spring_n_per_m=" in live.left_behind([first, stiff], 0)
+    assert live.left_behind([first, first], 0) == ""

@@ -11,7 +11,7 @@ from attended_run import POLL_TICKS, AttendedRun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rig.people.orders import ARMING_S, REQUESTS, Asker
+from rig.people.orders import ARMING_S, REQUESTS, Asker, Checked, LiveSet
 from rig.people.seat import LEASE_S
 from rig.realtime import safety
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE
@@ -220,7 +220,7 @@ def test_a_check_without_a_disk_is_an_answer() -> None:
     run = AttendedRun(manual=True)
     run.power_on()
 
-    def check(chosen: Any) -> Any:
+    def check(chosen: Any, before: Any = ()) -> Any:
         raise OSError(28, "No space left on device")
 
     run.live.check = check  # type: ignore[method-assign]
@@ -462,3 +462,24 @@ def test_a_viewer_asks_in_vain() -> None:
     for name in sorted(set(REQUESTS) - {"stop"}):
         answer = run.orders.ask(Asker("v", "v", "command", viewer=True), name, {})
         assert answer.reason == "viewers can only look", name
+
+
+def test_set_points_count_while_a_part_may_move_from_them() -> None:
+    """A check gets those of the last seconds, and the one in force before."""
+    run = AttendedRun(manual=True)
+    live = run.live
+    live.moving_s = 10.0
+    seen: list[list[float]] = []
+
+    def check(chosen: LiveSet, before: Any = ()) -> Checked:
+        seen.append([each.values["kp"] for each in before])
+        return Checked((chosen.values["kp"], chosen.values["ki"]))
+
+    live.check = check  # type: ignore[method-assign]
+    run.power_on()
+    run.now += 30.0
+    for kp, seconds in ((-1.0, 4.0), (-2.0, 4.0), (-3.0, 4.0), (-4.0, 30.0), (-5.0, 0.0)):
+        assert run.ask("command", "set", values={"kp": kp}).accepted
+        run.now += seconds
+    first = live.first().values["kp"]
+    assert seen == [[first], [-1.0, first], [-2.0, -1.0, first], [-3.0, -2.0, -1.0], [-4.0]]

@@ -106,6 +106,11 @@ def live_columns(
 class BenchSetPoints:
     """The set points of a session's drive and brake, their checks, and the file of kept rows."""
 
+    moving_s = 0.0  # no part moves between set points but the shaft itself
+
+    def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
+        return ""  # a row begins with homing
+
     def __init__(
         self, file: Path, session: Session, plan: SessionPlan, examine: Examine, kept: Path
     ) -> None:
@@ -170,7 +175,7 @@ class BenchSetPoints:
         moving = LiveSet(values, first.signal | sine | {"frequency_hz": 1.0 / given["period_s"]})
         return still if self.check(moving).problems else moving
 
-    def check(self, chosen: LiveSet) -> Checked:
+    def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
         values, signal = chosen.values, chosen.signal
         problems = [
             *set_points.unknown("values", values, (each["key"] for each in self._values)),

@@ -2,6 +2,7 @@
 import {number} from "./dom.js";
 
 const FINEST_S = 60;  // s that the finest buckets reach back; those of a coarser level by its size more
+const PIXEL_MS = 1.5;  // ms of a pixel for a span of 1 s: drawing more often would show nothing new
 const WIDTHS = [[], [6, 3], [2, 2], [10, 3, 2, 3], [1, 3], [12, 4]];
 const SHADES = ["#111111", "#1b4f9c", "#5d3f00", "#6a6f73", "#1f5c3a", "#5b2a6b"];
 
@@ -16,6 +17,7 @@ export class Traces {
     this.span = 30;
     this.paused = false;
     this.due = false;
+    this.drawn = 0;  // ms, when new buckets were last drawn
     new ResizeObserver(() => this.resize()).observe(place);
   }
 
@@ -110,7 +112,10 @@ export class Traces {
       });
       this.drop(level);
     }
-    if (!this.paused) this.redraw();
+    const now = performance.now();
+    if (this.paused || now - this.drawn < Math.min(1000, Math.max(100, this.span * PIXEL_MS))) return;
+    this.drawn = now;
+    this.redraw();
   }
 
   // Forget what is older than the level's span, in large steps: moving long lists is slow.

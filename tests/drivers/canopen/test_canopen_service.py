@@ -270,7 +270,8 @@ def test_a_drive_silent_during_homing_is_reported_and_disabled(
     service: Service, node: Answers
 ) -> None:
     node.objects |= {(0x6041, 0): 0x0250}
-    with pytest.raises(ServiceError, match=r"^node 5 did not home: no answer$"):
+    why = r"^node 5 may still be powered: .*; it did not home: no answer$"
+    with pytest.raises(ServiceError, match=why):
         service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
     assert node.written[0] == (0x6060, 0, homing.MODE)
     assert node.written[-1] == (0x6040, 0, 0)
@@ -281,7 +282,17 @@ def test_a_homed_drive_is_left_unchanged(service: Service, node: Answers) -> Non
     node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
     node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
     service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
-    assert node.written == [(0x6060, 0, homing.MODE)]
+    assert node.written == [(0x6060, 0, homing.MODE), (0x6040, 0, 0)]  # homed, and without power
+
+
+def test_a_drive_that_stays_enabled_after_homing_is_reported(
+    service: Service, node: Answers
+) -> None:
+    node.objects |= {(0x6041, 0): 0x1637, (0x6061, 0): homing.MODE}
+    node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
+    with pytest.raises(ServiceError, match=r"^node 5 may still be powered: .* emergency stop$"):
+        service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
+    assert node.written.count((0x6040, 0, 0)) > 10
 
 
 def test_a_bus_that_is_not_there_is_named() -> None:

@@ -7,7 +7,7 @@ from controllers import magnetic_spring
 from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind, Wait, points_of_matrix
 from rig.campaign.plan import order_rows
-from rig.config.law_settings import DEFAULT_LAW, IMPEDANCE, find_law, inherit_law
+from rig.config.law_settings import DEFAULT_LAW, find_law, inherit_law
 from rig.config.limits_file import complete_limits
 from rig.config.problems import ConfigError, Problem, format_number
 from rig.config.yaml_source import KeyPath, SourceMap
@@ -125,8 +125,8 @@ def _point_problems(
     yield from outside_map
 
     def check(point: Point) -> NoEquilibrium | None:
-        known = file is None or file.heave_law.chosen(point).module is IMPEDANCE.module
-        return check_stiffness(rig.stability, point) if known else None  # known from Ki only
+        known = (file is None or file.has_known_ki(point)) and "ki" in point.values
+        return check_stiffness(rig.stability, point) if known else None
 
     yield from (each for each, _ in equilibrium_problems(points, check, locate))
     yield from drive_setting_problems(file, points, rig, locate)
@@ -148,9 +148,9 @@ def _lead_in(file: CampaignFile, first: RowSetting) -> list[tuple[float, RowSett
     """
     start, configured = file.start, file.start.set_point
     set_point = first
-    if file.zc_law is not None and configured is None:
+    if file.has_known_ki(first) and configured is None:
         set_point = first._replace(ki=0.0)
-    elif file.zc_law is not None and configured is not None:
+    elif file.has_known_ki(first) and configured is not None:
         set_point = first._replace(kp=configured.kp_n_s_per_m, ki=configured.ki_n_per_m)
     return [(start.set_point_s, set_point), (start.lead_in_s - start.set_point_s, first)]
 
@@ -183,7 +183,7 @@ def _with_stable_ki(
 
     Only the impedance law has a Ki of which this is known.
     """
-    if file.zc_law is None:
+    if not file.has_known_ki(setting):
         return setting
     return setting._replace(ki=max_stable_ki(rig.stability, spring_rates, setting.ki))
 
@@ -227,7 +227,7 @@ CAMPAIGNS = CampaignKind(
     lead_in=_lead_in,
     prepare=_prepare,
     move=_move,
-    last=lambda file, setting: setting if file.zc_law is None else setting._replace(ki=0.0),
+    last=lambda file, setting: setting._replace(ki=0.0) if file.has_known_ki(setting) else setting,
     validity_warnings=validity_warnings,
     report_lines=_report_lines,
     earlier_limits=lambda recorded: complete_limits(recorded, LATER_LIMITS),

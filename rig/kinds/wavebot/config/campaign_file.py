@@ -1,7 +1,7 @@
 """The WaveBot's campaign file: rig, sea, rows, surge and drive, or a hoist in place of the rows."""
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
@@ -230,6 +230,13 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
     def heave_law(self) -> Law:
         """The heave law."""
         return self.axis_laws["heave"].law
+
+    def has_known_ki(self, values: Any) -> bool:
+        """Return whether the impedance law, whose stability is known from Ki, acts at a set point.
+
+        ``values``: an object with an attribute for each column's name.
+        """
+        return self.heave_law.chosen(values).module is IMPEDANCE.module
 
     @property
     def zc_law(self) -> ImpedanceSettings | None:

@@ -162,7 +162,7 @@ class Service:
         self._master.read_state()
         for slave in self._master.slaves:
             if slave.state & 0xF > AlState.INIT:
-                with suppress(self._pysoem.Emergency, *self._mailbox_errors()):
+                with suppress(*self._mailbox_errors()):
                     slave.mbx_receive()
         return tuple(
             SlaveStatus(
@@ -209,7 +209,8 @@ class Service:
         return int.from_bytes(data, "little", signed=kind.startswith("i"))
 
     def _mailbox_errors(self) -> tuple[type[Exception], ...]:
-        names = ("SdoError", "MailboxError", "PacketError", "WkcError")
+        # An emergency in the mailbox comes in place of an answer.
+        names = ("SdoError", "MailboxError", "PacketError", "WkcError", "Emergency")
         return tuple(getattr(self._pysoem, name) for name in names)
 
     def _fmmus(self, slave: Any) -> "list[_Fmmu]":

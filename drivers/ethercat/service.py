@@ -11,8 +11,9 @@ import struct
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import IntEnum
+from functools import partial
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from drivers.cia402 import arming
 from drivers.cia402.arming import Mismatch, SetupStep
@@ -27,6 +28,9 @@ _FMMU_LAYOUT = struct.Struct("<IHBB3xBB3x")
 _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
 _TIMEOUT_US = 4000
 _STATE_TIMEOUT_US = 3_000_000
+_ATTEMPTS = 5
+
+T = TypeVar("T")
 
 
 class AlState(IntEnum):
@@ -99,7 +103,7 @@ class Service:
 
     def find(self) -> tuple[SlaveIdentity, ...]:
         """Bring all slaves to PRE_OPERATIONAL and return who they are, in the order of the line."""
-        if self._master.config_init() <= 0:
+        if not any(self._master.config_init() > 0 for _ in range(_ATTEMPTS)):
             raise ServiceError(f"EtherCAT on {self._interface}: no slave answers")
         return tuple(
             SlaveIdentity(each.man, each.id, each.rev, each.name) for each in self._master.slaves
@@ -126,10 +130,14 @@ class Service:
 
         for position in range(len(setups)):
             self._master.slaves[position].config_func = set_up(position)
-        try:
-            self._master.config_map()
-        except self._pysoem.ConfigMapError as error:
-            problems += [_text(each) for each in error.error_list]
+        for attempt in range(_ATTEMPTS):
+            problems.clear()
+            try:
+                self._master.config_map()
+            except self._pysoem.ConfigMapError as error:
+                problems += [_text(each) for each in error.error_list]
+            if not problems or attempt == _ATTEMPTS - 1:
+                break
         if problems:
             raise ServiceError("\n".join(problems))
         if self._master.state_check(AlState.SAFE_OPERATIONAL, _STATE_TIMEOUT_US) != (
@@ -141,7 +149,8 @@ class Service:
             slave = self._master.slaves[position]
             slave.add_emergency_callback(self._note_emergency(position))
             if setup.watchdog_ms > 0.0:
-                slave.set_watchdog("processdata", setup.watchdog_ms)
+                watchdog = partial(slave.set_watchdog, "processdata", setup.watchdog_ms)
+                self._retry(watchdog)
         return tuple(found)
 
     def areas(self) -> tuple[SlaveAreas, ...]:
@@ -208,6 +217,16 @@ class Service:
             return None
         return int.from_bytes(data, "little", signed=kind.startswith("i"))
 
+    def _retry(self, request: Callable[[], T]) -> T:
+        """Return the result of a request whose frame comes back in time at last.
+
+        pysoem waits 2 ms for an answer, and a busy host takes longer now and then.
+        """
+        for _ in range(_ATTEMPTS - 1):
+            with suppress(self._pysoem.WkcError, self._pysoem.PacketError):
+                return request()
+        return request()
+
     def _mailbox_errors(self) -> tuple[type[Exception], ...]:
         # An emergency in the mailbox comes in place of an answer.
         names = ("SdoError", "MailboxError", "PacketError", "WkcError", "Emergency")
@@ -215,7 +234,7 @@ class Service:
 
     def _fmmus(self, slave: Any) -> "list[_Fmmu]":
         data = b"".join(
-            slave._fprd(_FMMU + _FMMU_SIZE * place, _FMMU_SIZE, _TIMEOUT_US)
+            self._retry(partial(slave._fprd, _FMMU + _FMMU_SIZE * place, _FMMU_SIZE, _TIMEOUT_US))
             for place in range(_FMMUS)
         )
         fmmus = (_Fmmu(*fields) for fields in _FMMU_LAYOUT.iter_unpack(data))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -17,9 +18,10 @@ from rig.cli.manual import write_task
 from rig.config.problems import ConfigError
 from rig.execution.attended import attended_task
 from rig.kinds.oswec_bench import tasks
-from rig.kinds.oswec_bench.tick import manual
+from rig.kinds.oswec_bench.tick import manual, speed
 from rig.kinds.oswec_bench.tick.manual import ANGLE, TORQUE, VELOCITY
 from rig.people.orders import LiveColumns, LiveSet, RefusedError
+from rig.realtime.safety import RUN
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 RIGS = {
@@ -96,7 +98,7 @@ def test_set_points_by_chance(name: str, open_rig: Callable[[str], ManualRig]) -
 # --- the law
 
 DT = 0.001
-PARAMS = manual.Params(ramp=0.5, end=0.5, homing_rate=2.0, homing_change=4.0)
+PARAMS = manual.Params(ramp=0.5, end=0.5, homing_rate=2.0, homing_change=4.0, acceleration=200.0)
 REST = manual.AT_REST._replace(speed=0.3)
 
 
@@ -130,6 +132,33 @@ def test_a_jog_is_ramped_and_ends_before_the_range_does() -> None:
     motor.follow(REST._replace(velocity=0.4), 10.0)
     assert motor.angle == pytest.approx(PARAMS.end, abs=1e-6)
     assert motor.angle <= PARAMS.end
+
+
+@pytest.mark.parametrize("acceleration", [1.0, 3.0, 10.0, 200.0])
+@pytest.mark.parametrize("lag", [1e-4, 0.02, manual.LAG])
+@pytest.mark.parametrize("by_signal", [False, True])
+def test_a_fast_velocity_ends_there_with_a_drive_that_brakes_slowly_or_lags(
+    acceleration: float, lag: float, by_signal: bool
+) -> None:
+    """As the bench does: the command obeys the limit of acceleration, and the motor lags."""
+    params = PARAMS._replace(ramp=0.05, acceleration=acceleration)
+    chosen = REST._replace(velocity=2.5)
+    if by_signal:
+        chosen = REST._replace(quantity=float(VELOCITY), signal=signal(STEP, 2.5))
+    state, limiter = manual.start(), speed.start()
+    limits = speed.Params(1.0, 10.0, 2.5, acceleration)
+    angle, velocity, fastest = -0.45, 0.0, 0.0
+    angles = []
+    for _ in range(8000):
+        state, demand = manual.step(params, state, chosen, 0.0, angle, DT)
+        limiter, command = speed.limit_command(limits, limiter, demand.velocity, RUN, DT)
+        velocity += (command.velocity - velocity) * (1.0 - math.exp(-DT / lag))
+        fastest = max(fastest, velocity)
+        angle += velocity * DT
+        angles.append(angle)
+    assert max(angles) <= params.end + math.radians(0.05)
+    assert angle == pytest.approx(params.end, abs=1e-3)
+    assert fastest > 0.6 * min(2.5, math.sqrt(acceleration * 0.5))
 
 
 @pytest.mark.parametrize("start", [-0.3, 0.4, 0.7])

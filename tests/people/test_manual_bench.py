@@ -192,6 +192,32 @@ def test_a_velocity_that_is_asked_ends_homing() -> None:
     assert motor.angle == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("ramp", [0.05, 0.5, 3.0])
+@pytest.mark.parametrize("kind", [SINE, CHIRP])
+def test_a_signal_on_the_velocity_swings_to_one_side(kind: int, ramp: float) -> None:
+    """By twice its amplitude over the lowest angular frequency, with a fast ramp by most of that."""
+    chosen = REST._replace(quantity=float(VELOCITY), signal=signal(kind, 0.2, 0.5))
+    state, angle, angles = manual.start(), 0.0, []
+    for _ in range(10_000):  # a whole sweep
+        state, demand = manual.step(PARAMS._replace(ramp=ramp), state, chosen, 0.0, angle, DT)
+        angle += demand.velocity * DT
+        angles.append(angle)
+    swing = 2.0 * 0.2 / (2.0 * math.pi * 0.5)
+    assert np.abs(angles).max() <= 1.001 * swing
+    assert ramp > 0.1 or max(angles) > 0.85 * swing
+
+
+@pytest.mark.parametrize(("kind", "frequency"), [(STEP, 0.0), (SINE, 0.25), (SINE, 1.0)])
+def test_the_ramp_of_an_amplitude_of_the_angle_adds_to_the_velocity(
+    kind: int, frequency: float
+) -> None:
+    most = 0.1 * math.hypot(1.0 / PARAMS.ramp, 2.0 * math.pi * frequency)
+    chosen = REST._replace(speed=0.0, quantity=float(ANGLE), signal=signal(kind, 0.1, frequency))
+    fastest = np.abs(Motor().follow(chosen, 5.0).velocities()).max()
+    assert fastest <= 1.001 * most
+    assert kind == SINE or fastest == pytest.approx(most)
+
+
 def test_a_signal_on_another_quantity_waits_for_zero() -> None:
     first = REST._replace(quantity=float(VELOCITY), signal=signal(STEP, 0.2))
     motor = Motor().follow(first, 1.0)
@@ -230,6 +256,11 @@ def live(tmp_path: Path) -> Callable[[str], Any]:
 
 
 SINE_5 = {"kind": "sine", "amplitude_deg": 5.0}
+SWING_10 = {
+    "kind": "sine",
+    "amplitude_rad_per_s": math.radians(5.0) * 2.0 * math.pi,
+    "frequency_hz": 1.0,
+}
 STEP_1 = {"kind": "step", "amplitude_rad_per_s": 1.0}
 
 
@@ -251,11 +282,17 @@ STEP_1 = {"kind": "step", "amplitude_rad_per_s": 1.0}
         ("velocity", {"angle_deg": -24.0}, SINE_5, ("together 29; allowed up to 26 deg",)),
         ("velocity", {"velocity_rad_per_s": 0.1}, SINE_5, ("allowed 0 with a signal on the",)),
         ("velocity", {}, SINE_5 | {"amplitude_rad_per_s": 1.0}, ("allowed one of them above 0",)),
-        ("velocity", {}, SINE_5 | {"frequency_hz": 5.0}, ("turn with 3.04", "up to 2.5 rad/s")),
-        ("velocity", {"speed_rad_per_s": 2.0}, SINE_5 | {"frequency_hz": 1.0}, ("with 2.54",)),
+        ("velocity", {}, SINE_5 | {"frequency_hz": 5.0}, ("turn with 3.04711", "up to 2.5 rad/s")),
+        ("velocity", {"speed_rad_per_s": 2.0}, SINE_5 | {"frequency_hz": 1.0}, ("with 2.575",)),
         ("velocity", {"velocity_rad_per_s": -2.0}, STEP_1, ("turn with 3 rad/s",)),
         ("velocity", {}, STEP_1 | {"kind": "sine", "frequency_hz": 50.0}, ("314.159 rad/s^2",)),
-        ("velocity", {}, STEP_1 | {"kind": "sine", "frequency_hz": 0.1}, ("by 91.19 deg",)),
+        ("velocity", {}, STEP_1 | {"kind": "sine", "frequency_hz": 0.1}, ("by 182.4 deg",)),
+        ("velocity", {"angle_deg": -16.1}, SWING_10, ("angle_deg, signal.amplitude_rad_per_s",
+         "by 10 deg to one side; allowed up to 26 deg")),
+        ("velocity", {}, SWING_10 | {"kind": "chirp", "frequency_hz": 2, "end_frequency_hz": 0.38},
+         ("by 26.32 deg",)),
+        ("velocity", {"speed_rad_per_s": 2.0}, {"kind": "step", "amplitude_deg": 20.0},
+         ("turn with 2.69813 rad/s; allowed up to 2.5",)),
         ("velocity", {}, STEP_1 | {"kind": "chirp", "end_frequency_hz": 0.0}, ("without end",)),
         ("torque", {"torque_n_m": 121.0}, {}, ("allowed -120 .. 120 N*m",)),
         ("torque", {"torque_n_m": -120.0}, {}, ("together 120; allowed below 120 N*m",)),

@@ -9,7 +9,7 @@ row of a session is a sine of angle or torque around zero, so only such set poin
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from math import degrees, pi, radians
+from math import degrees, hypot, pi, radians
 from pathlib import Path
 from typing import Any
 
@@ -219,7 +219,9 @@ class BenchSetPoints:
                 f"angle_deg, signal.amplitude_deg: together {reach:g}; allowed up to "
                 f"{self._range_deg:g} deg (motor.angle_warn_deg)"
             )
-        peak = radians(angle) * high
+        # A ramp of the amplitude adds to the sine's velocity, a quarter period apart.
+        ramp = self._session.rig.manual_ramp_s
+        peak = radians(angle) * hypot(1.0 / ramp, high)
         for keys, fastest in (
             ("speed_rad_per_s, signal", values["speed_rad_per_s"] + peak if peak > 0.0 else 0.0),
             ("velocity_rad_per_s, signal", abs(jog) + velocity),
@@ -227,15 +229,19 @@ class BenchSetPoints:
             if fastest > self._fastest:
                 allowed = f"allowed up to {self._fastest:g} rad/s"
                 yield f"{keys}: the drive would turn with {fastest:g} rad/s; {allowed}"
-        acceleration = max(peak, velocity) * high
+        acceleration = max(radians(angle) * high, velocity) * high
         most = self._session.limits.motor.acceleration_rad_per_s2
         if acceleration > most:
             allowed = f"allowed up to {most:g} rad/s^2 (motor.acceleration_rad_per_s2)"
             yield f"signal: accelerates with {acceleration:g} rad/s^2; {allowed}"
-        if signal["kind"] in ("sine", "chirp") and velocity > low * radians(self._range_deg):
-            swing = f"by {degrees(velocity / low):.4g} deg" if low > 0.0 else "without end"
+        # From rest the first half period takes the shaft to one side by 2 v / w. No later one goes
+        # farther, nor does it while the amplitude ramps or the (first) sweep lasts.
+        left = radians(self._range_deg - abs(values["angle_deg"]))
+        if signal["kind"] in ("sine", "chirp") and 2.0 * velocity > low * left:
+            swing = f"by {degrees(2.0 * velocity / low):.4g} deg" if low > 0.0 else "without end"
             allowed = f"allowed up to {self._range_deg:g} deg (motor.angle_warn_deg)"
-            yield f"{turn}: {velocity:g} turns the shaft {swing} either way; {allowed}"
+            swing = f"{velocity:g} rad/s turns the shaft {swing} to one side"
+            yield f"angle_deg, {turn}: {swing}; {allowed}"
 
     def _torque_problems(self, values: dict[str, Any], signal: dict[str, Any]) -> Iterator[str]:
         peak = abs(values["torque_n_m"]) + self._amplitude(signal, "amplitude_n_m")

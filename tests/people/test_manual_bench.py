@@ -64,7 +64,8 @@ def open_rig(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Manual
     def find(name: str) -> ManualRig:
         if name not in rigs:
             file, drive = RIGS[name]
-            run = manual_task(CONFIGS / file, tmp_path_factory.mktemp("bench"), drive)
+            folder, clamped = tmp_path_factory.mktemp("bench"), drive == "torque"
+            run = manual_task(CONFIGS / file, folder, drive, clamped=clamped)
             rigs[name] = with_pool(*run, gently if name == "flap" else drawn, name)
         return rigs[name]
 
@@ -195,7 +196,7 @@ def test_a_velocity_that_is_asked_ends_homing() -> None:
 @pytest.mark.parametrize("ramp", [0.05, 0.5, 3.0])
 @pytest.mark.parametrize("kind", [SINE, CHIRP])
 def test_a_signal_on_the_velocity_swings_to_one_side(kind: int, ramp: float) -> None:
-    """By twice its amplitude over the lowest angular frequency, with a fast ramp by most of that."""
+    """By twice its amplitude over the lowest angular frequency; with a fast ramp by most of it."""
     chosen = REST._replace(quantity=float(VELOCITY), signal=signal(kind, 0.2, 0.5))
     state, angle, angles = manual.start(), 0.0, []
     for _ in range(10_000):  # a whole sweep
@@ -450,4 +451,9 @@ def test_the_torque_loop_needs_a_clamped_shaft(tmp_path: Path) -> None:
     (problem,) = tasks.examine(path).problems
     assert problem.key == "shaft"
     with pytest.raises(ConfigError, match="shaft: free: in the torque loop"):
-        write_task(path, tmp_path)
+        write_task(path, tmp_path, clamped=True)
+    bench = CONFIGS / "rigs" / "oswec_bench.yaml"
+    with pytest.raises(ConfigError, match=r"a free shaft .* say so with --clamped"):
+        write_task(bench, tmp_path, "torque")
+    assert "shaft: clamped" in write_task(bench, tmp_path, "torque", clamped=True).read_text()
+    assert write_task(CONFIGS / "sessions" / "torque_open_loop.yaml", tmp_path).exists()

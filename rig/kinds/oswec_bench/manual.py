@@ -15,7 +15,7 @@ from typing import Any
 
 from controllers.signal_generator import SetPoint
 from rig.campaign.derived_file import derived_name, row_text
-from rig.config.problems import ConfigError
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.config.session_file import FREE_SHAFT, SESSION_COLUMNS, SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.check import SessionReport
@@ -59,7 +59,7 @@ _SIGNAL_COLUMNS = {
 _FREE_FLAP = "its flap is free of the motor, which alone would turn; couple them for manual mode"
 
 
-def write_task(file: Path, path: Path, drive: str = "") -> None:
+def write_task(file: Path, path: Path, drive: str = "", *, clamped: bool = False) -> None:
     """Write the session for manual mode, as of `rig.kinds.interface.Manual`: a row at rest."""
     source = ConfigSource(*load_mapping(file))
     mapping, locate = source
@@ -87,7 +87,13 @@ def write_task(file: Path, path: Path, drive: str = "") -> None:
             plant = mapping.get("plant")
             raise ConfigError([locate.problem(("plant",), plant, f"{plant}: {_FREE_FLAP}")])
         kind = _SESSIONS[drive or "velocity", bool(flap)]
+        if SESSION_KINDS[kind].needs_clamp and not clamped:
+            message = f"{FREE_SHAFT}; clamp the shaft by hand, and say so with --clamped"
+            raise ConfigError([Problem(display_path(file), 1, "", drive, message)])
         name = file.stem
+    if clamped and not SESSION_KINDS[kind].needs_clamp:
+        message = f"a session {kind} moves the shaft; unclamp it, and leave --clamped out"
+        raise ConfigError([Problem(display_path(file), 1, "", "clamped", message)])
     row = {key: _least(key) for key in ("period_s", *_required(kind))}
     text = _session_text(file, path, derived_name(name, "-manual"), kind, [(row, "never run")])
     path.write_text(text)

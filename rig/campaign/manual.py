@@ -31,14 +31,19 @@ from rig.row_contents import Column
 Examine = Callable[[Path], CheckReport]
 
 
-def write_task(kinds: CampaignKind, file: Path, path: Path, drive: str = "") -> None:
+def write_task(
+    kinds: CampaignKind, file: Path, path: Path, drive: str = "", *, clamped: bool = False
+) -> None:
     """Write the campaign for manual mode of a rig or of a campaign: one row, all gains zero.
 
-    ``drive``: as of `rig.kinds.interface.Manual`. Raises ConfigError.
+    ``drive``, ``clamped``: as of `rig.kinds.interface.Manual`. Raises ConfigError.
     """
     if drive:
         message = "the drives of this kind of rig have one loop; leave --drive out"
         raise ConfigError([Problem(display_path(file), 1, "", drive, message)])
+    if clamped:
+        message = "this kind of rig has no shaft to clamp; leave --clamped out"
+        raise ConfigError([Problem(display_path(file), 1, "", "clamped", message)])
     mapping, _ = load_mapping(file, inline=("sea", "tank"))
     name = derived_name(str(mapping.get("name", "") if "rig" in mapping else file.stem), "-manual")
     path.write_text(text_of_rows(file, path, name, [({}, "")]))

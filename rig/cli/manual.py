@@ -46,6 +46,10 @@ def command(
         Drive | None,
         typer.Option("--drive", help="Loop of the drive, of a rig whose drive has several."),
     ] = None,
+    clamped: Annotated[
+        bool,
+        typer.Option("--clamped", help="The shaft is clamped: for the torque loop of a bench."),
+    ] = False,
     kept: Annotated[
         Path, typer.Option("--kept", help="File for the set points that you keep as rows.")
     ] = Path("kept_rows.yaml"),
@@ -64,7 +68,7 @@ def command(
     with TemporaryDirectory(prefix="wec-rig-") as folder:
         with input_errors("manual", as_json=as_json):
             origin = input_file(file, CAMPAIGNS, SESSIONS, RIGS)
-            path = write_task(origin, Path(folder), drive or "")
+            path = write_task(origin, Path(folder), drive or "", clamped=clamped)
         options = RunOptions(
             None,
             realtime,
@@ -79,7 +83,7 @@ def command(
         return run_named("manual", path, runs, options, as_json=as_json)
 
 
-def write_task(file: Path, folder: Path, drive: str = "") -> Path:
+def write_task(file: Path, folder: Path, drive: str = "", *, clamped: bool = False) -> Path:
     """Write the campaign or session for manual mode of a file; return its path.
 
     Raises ConfigError with all reasons why there is no manual mode.
@@ -95,5 +99,5 @@ def write_task(file: Path, folder: Path, drive: str = "") -> Path:
         message = f"rigs of this kind have no manual mode: {error}"
         raise ConfigError([rig.locate.problem(("kind",), rig.mapping["kind"], message)]) from None
     path = folder / "manual.yaml"
-    room.write_task(file, path, drive)
+    room.write_task(file, path, drive, clamped=clamped)
     return path

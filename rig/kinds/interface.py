@@ -272,12 +272,12 @@ class Campaigns(Protocol):
 class Manual(Protocol):
     """Room `manual`, optional: manual mode, and set points that people choose within a run."""
 
-    def write_task(self, file: Path, path: Path, drive: str = "") -> None:
+    def write_task(self, file: Path, path: Path, drive: str = "", *, clamped: bool = False) -> None:
         """Write the campaign or session for manual mode of a file, which is one, too, or a rig.
 
         Its rows are never run; its set point is the one to begin with. ``drive``: the loop of the
-        drive that a person chose, `velocity` or `torque`; empty: none. Raises ConfigError with all
-        reasons why there is no manual mode.
+        drive that a person chose, `velocity` or `torque`; empty: none. ``clamped``: a person says
+        that the shaft is clamped. Raises ConfigError with all reasons why there is no manual mode.
         """
         ...
 

@@ -53,10 +53,10 @@ class ManualRig(NamedTuple):
 
 
 def manual_task(
-    file: Path, folder: Path, drive: str = "", **check: bool
+    file: Path, folder: Path, drive: str = "", *, clamped: bool = False, **check: bool
 ) -> tuple[Task, ExecutionMode]:
     """Return a manual run of a file, and its mode; ``check``: keywords of all checks."""
-    path = write_task(file, folder, drive)
+    path = write_task(file, folder, drive, clamped=clamped)
     tasks = kind_of_task(path).room("tasks")
     report = tasks.examine(path)
     assert report.ok, report.text()

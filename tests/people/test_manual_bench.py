@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -17,9 +18,10 @@ from rig.cli.manual import write_task
 from rig.config.problems import ConfigError
 from rig.execution.attended import attended_task
 from rig.kinds.oswec_bench import tasks
-from rig.kinds.oswec_bench.tick import manual
+from rig.kinds.oswec_bench.tick import manual, speed
 from rig.kinds.oswec_bench.tick.manual import ANGLE, TORQUE, VELOCITY
 from rig.people.orders import LiveColumns, LiveSet, RefusedError
+from rig.realtime.safety import RUN
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 RIGS = {
@@ -62,7 +64,8 @@ def open_rig(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Manual
     def find(name: str) -> ManualRig:
         if name not in rigs:
             file, drive = RIGS[name]
-            run = manual_task(CONFIGS / file, tmp_path_factory.mktemp("bench"), drive)
+            folder, clamped = tmp_path_factory.mktemp("bench"), drive == "torque"
+            run = manual_task(CONFIGS / file, folder, drive, clamped=clamped)
             rigs[name] = with_pool(*run, gently if name == "flap" else drawn, name)
         return rigs[name]
 
@@ -96,7 +99,7 @@ def test_set_points_by_chance(name: str, open_rig: Callable[[str], ManualRig]) -
 # --- the law
 
 DT = 0.001
-PARAMS = manual.Params(ramp=0.5, end=0.5, homing_rate=2.0, homing_change=4.0)
+PARAMS = manual.Params(ramp=0.5, end=0.5, homing_rate=2.0, homing_change=4.0, acceleration=200.0)
 REST = manual.AT_REST._replace(speed=0.3)
 
 
@@ -132,6 +135,33 @@ def test_a_jog_is_ramped_and_ends_before_the_range_does() -> None:
     assert motor.angle <= PARAMS.end
 
 
+@pytest.mark.parametrize("acceleration", [1.0, 3.0, 10.0, 200.0])
+@pytest.mark.parametrize("lag", [1e-4, 0.02, manual.LAG])
+@pytest.mark.parametrize("by_signal", [False, True])
+def test_a_fast_velocity_ends_there_with_a_drive_that_brakes_slowly_or_lags(
+    acceleration: float, lag: float, by_signal: bool
+) -> None:
+    """As the bench does: the command obeys the limit of acceleration, and the motor lags."""
+    params = PARAMS._replace(ramp=0.05, acceleration=acceleration)
+    chosen = REST._replace(velocity=2.5)
+    if by_signal:
+        chosen = REST._replace(quantity=float(VELOCITY), signal=signal(STEP, 2.5))
+    state, limiter = manual.start(), speed.start()
+    limits = speed.Params(1.0, 10.0, 2.5, acceleration)
+    angle, velocity, fastest = -0.45, 0.0, 0.0
+    angles = []
+    for _ in range(8000):
+        state, demand = manual.step(params, state, chosen, 0.0, angle, DT)
+        limiter, command = speed.limit_command(limits, limiter, demand.velocity, RUN, DT)
+        velocity += (command.velocity - velocity) * (1.0 - math.exp(-DT / lag))
+        fastest = max(fastest, velocity)
+        angle += velocity * DT
+        angles.append(angle)
+    assert max(angles) <= params.end + math.radians(0.05)
+    assert angle == pytest.approx(params.end, abs=1e-3)
+    assert fastest > 0.6 * min(2.5, math.sqrt(acceleration * 0.5))
+
+
 @pytest.mark.parametrize("start", [-0.3, 0.4, 0.7])
 def test_the_motor_returns_to_its_goal_without_overshoot(start: float) -> None:
     """With at most its speed, at least from 3 time constants on within 5 % of the way."""
@@ -161,6 +191,32 @@ def test_a_velocity_that_is_asked_ends_homing() -> None:
     assert motor.velocities()[2300:] == pytest.approx(0.2 * np.sin(2.0 * np.pi * times), abs=2e-3)
     motor.follow(REST, 6.0)
     assert motor.angle == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("ramp", [0.05, 0.5, 3.0])
+@pytest.mark.parametrize("kind", [SINE, CHIRP])
+def test_a_signal_on_the_velocity_swings_to_one_side(kind: int, ramp: float) -> None:
+    """By twice its amplitude over the lowest angular frequency; with a fast ramp by most of it."""
+    chosen = REST._replace(quantity=float(VELOCITY), signal=signal(kind, 0.2, 0.5))
+    state, angle, angles = manual.start(), 0.0, []
+    for _ in range(10_000):  # a whole sweep
+        state, demand = manual.step(PARAMS._replace(ramp=ramp), state, chosen, 0.0, angle, DT)
+        angle += demand.velocity * DT
+        angles.append(angle)
+    swing = 2.0 * 0.2 / (2.0 * math.pi * 0.5)
+    assert np.abs(angles).max() <= 1.001 * swing
+    assert ramp > 0.1 or max(angles) > 0.85 * swing
+
+
+@pytest.mark.parametrize(("kind", "frequency"), [(STEP, 0.0), (SINE, 0.25), (SINE, 1.0)])
+def test_the_ramp_of_an_amplitude_of_the_angle_adds_to_the_velocity(
+    kind: int, frequency: float
+) -> None:
+    most = 0.1 * math.hypot(1.0 / PARAMS.ramp, 2.0 * math.pi * frequency)
+    chosen = REST._replace(speed=0.0, quantity=float(ANGLE), signal=signal(kind, 0.1, frequency))
+    fastest = np.abs(Motor().follow(chosen, 5.0).velocities()).max()
+    assert fastest <= 1.001 * most
+    assert kind == SINE or fastest == pytest.approx(most)
 
 
 def test_a_signal_on_another_quantity_waits_for_zero() -> None:
@@ -201,6 +257,11 @@ def live(tmp_path: Path) -> Callable[[str], Any]:
 
 
 SINE_5 = {"kind": "sine", "amplitude_deg": 5.0}
+SWING_10 = {
+    "kind": "sine",
+    "amplitude_rad_per_s": math.radians(5.0) * 2.0 * math.pi,
+    "frequency_hz": 1.0,
+}
 STEP_1 = {"kind": "step", "amplitude_rad_per_s": 1.0}
 
 
@@ -222,11 +283,17 @@ STEP_1 = {"kind": "step", "amplitude_rad_per_s": 1.0}
         ("velocity", {"angle_deg": -24.0}, SINE_5, ("together 29; allowed up to 26 deg",)),
         ("velocity", {"velocity_rad_per_s": 0.1}, SINE_5, ("allowed 0 with a signal on the",)),
         ("velocity", {}, SINE_5 | {"amplitude_rad_per_s": 1.0}, ("allowed one of them above 0",)),
-        ("velocity", {}, SINE_5 | {"frequency_hz": 5.0}, ("turn with 3.04", "up to 2.5 rad/s")),
-        ("velocity", {"speed_rad_per_s": 2.0}, SINE_5 | {"frequency_hz": 1.0}, ("with 2.54",)),
+        ("velocity", {}, SINE_5 | {"frequency_hz": 5.0}, ("turn with 3.04711", "up to 2.5 rad/s")),
+        ("velocity", {"speed_rad_per_s": 2.0}, SINE_5 | {"frequency_hz": 1.0}, ("with 2.575",)),
         ("velocity", {"velocity_rad_per_s": -2.0}, STEP_1, ("turn with 3 rad/s",)),
         ("velocity", {}, STEP_1 | {"kind": "sine", "frequency_hz": 50.0}, ("314.159 rad/s^2",)),
-        ("velocity", {}, STEP_1 | {"kind": "sine", "frequency_hz": 0.1}, ("by 91.19 deg",)),
+        ("velocity", {}, STEP_1 | {"kind": "sine", "frequency_hz": 0.1}, ("by 182.4 deg",)),
+        ("velocity", {"angle_deg": -16.1}, SWING_10, ("angle_deg, signal.amplitude_rad_per_s",
+         "by 10 deg to one side; allowed up to 26 deg")),
+        ("velocity", {}, SWING_10 | {"kind": "chirp", "frequency_hz": 2, "end_frequency_hz": 0.38},
+         ("by 26.32 deg",)),
+        ("velocity", {"speed_rad_per_s": 2.0}, {"kind": "step", "amplitude_deg": 20.0},
+         ("turn with 2.69813 rad/s; allowed up to 2.5",)),
         ("velocity", {}, STEP_1 | {"kind": "chirp", "end_frequency_hz": 0.0}, ("without end",)),
         ("torque", {"torque_n_m": 121.0}, {}, ("allowed -120 .. 120 N*m",)),
         ("torque", {"torque_n_m": -120.0}, {}, ("together 120; allowed below 120 N*m",)),
@@ -384,4 +451,9 @@ def test_the_torque_loop_needs_a_clamped_shaft(tmp_path: Path) -> None:
     (problem,) = tasks.examine(path).problems
     assert problem.key == "shaft"
     with pytest.raises(ConfigError, match="shaft: free: in the torque loop"):
-        write_task(path, tmp_path)
+        write_task(path, tmp_path, clamped=True)
+    bench = CONFIGS / "rigs" / "oswec_bench.yaml"
+    with pytest.raises(ConfigError, match=r"a free shaft .* say so with --clamped"):
+        write_task(bench, tmp_path, "torque")
+    assert "shaft: clamped" in write_task(bench, tmp_path, "torque", clamped=True).read_text()
+    assert write_task(CONFIGS / "sessions" / "torque_open_loop.yaml", tmp_path).exists()

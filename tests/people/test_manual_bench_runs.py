@@ -82,7 +82,7 @@ def test_a_manual_run_of_the_velocity_loop(tmp_path: Path) -> None:
 
 
 def test_a_manual_run_of_the_torque_loop(tmp_path: Path) -> None:
-    with started(tmp_path, *MANUAL_RUN, "--drive", "torque", campaign=BENCH) as run:
+    with started(tmp_path, *MANUAL_RUN, "--drive", "torque", "--clamped", campaign=BENCH) as run:
         to_manual(run)
         in_force(run, {"torque_n_m": 20.0})
         time.sleep(1.5)
@@ -188,6 +188,10 @@ def test_manual_mode_within_a_session(tmp_path: Path) -> None:
     [
         ("rigs/oswec_flap_free.yaml", (), ("oswec_flap_free.yaml", "free of the motor")),
         ("sessions/flap_rao.yaml", (), ("flap_rao.yaml:4: session: flap_rao", "free of the motor")),
+        ("rigs/oswec_bench.yaml", ("--drive", "torque"), ("a free shaft", "say so with --clamped")),
+        ("rigs/oswec_bench.yaml", ("--clamped",), ("driveline moves the shaft", "leave --clamped")),
+        ("sessions/flap_pto_sweep.yaml", ("--clamped",), ("moves the shaft", "leave --clamped")),
+        ("rigs/wavebot.yaml", ("--clamped",), ("no shaft to clamp",)),
         ("sessions/driveline.yaml", ("--drive", "torque"), ("uses the velocity loop",)),
     ],
 )

@@ -9,13 +9,13 @@ row of a session is a sine of angle or torque around zero, so only such set poin
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from math import degrees, pi, radians
+from math import degrees, hypot, pi, radians
 from pathlib import Path
 from typing import Any
 
 from controllers.signal_generator import SetPoint
 from rig.campaign.derived_file import derived_name, row_text
-from rig.config.problems import ConfigError
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.yaml_source import load_mapping
 from rig.kinds.oswec_bench.config.session_file import FREE_SHAFT, SESSION_COLUMNS, SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.check import SessionReport
@@ -59,7 +59,7 @@ _SIGNAL_COLUMNS = {
 _FREE_FLAP = "its flap is free of the motor, which alone would turn; couple them for manual mode"
 
 
-def write_task(file: Path, path: Path, drive: str = "") -> None:
+def write_task(file: Path, path: Path, drive: str = "", *, clamped: bool = False) -> None:
     """Write the session for manual mode, as of `rig.kinds.interface.Manual`: a row at rest."""
     source = ConfigSource(*load_mapping(file))
     mapping, locate = source
@@ -87,7 +87,13 @@ def write_task(file: Path, path: Path, drive: str = "") -> None:
             plant = mapping.get("plant")
             raise ConfigError([locate.problem(("plant",), plant, f"{plant}: {_FREE_FLAP}")])
         kind = _SESSIONS[drive or "velocity", bool(flap)]
+        if SESSION_KINDS[kind].needs_clamp and not clamped:
+            message = f"{FREE_SHAFT}; clamp the shaft by hand, and say so with --clamped"
+            raise ConfigError([Problem(display_path(file), 1, "", drive, message)])
         name = file.stem
+    if clamped and not SESSION_KINDS[kind].needs_clamp:
+        message = f"a session {kind} moves the shaft; unclamp it, and leave --clamped out"
+        raise ConfigError([Problem(display_path(file), 1, "", "clamped", message)])
     row = {key: _least(key) for key in ("period_s", *_required(kind))}
     text = _session_text(file, path, derived_name(name, "-manual"), kind, [(row, "never run")])
     path.write_text(text)
@@ -224,7 +230,9 @@ class BenchSetPoints:
                 f"angle_deg, signal.amplitude_deg: together {reach:g}; allowed up to "
                 f"{self._range_deg:g} deg (motor.angle_warn_deg)"
             )
-        peak = radians(angle) * high
+        # A ramp of the amplitude adds to the sine's velocity, a quarter period apart.
+        ramp = self._session.rig.manual_ramp_s
+        peak = radians(angle) * hypot(1.0 / ramp, high)
         for keys, fastest in (
             ("speed_rad_per_s, signal", values["speed_rad_per_s"] + peak if peak > 0.0 else 0.0),
             ("velocity_rad_per_s, signal", abs(jog) + velocity),
@@ -232,15 +240,19 @@ class BenchSetPoints:
             if fastest > self._fastest:
                 allowed = f"allowed up to {self._fastest:g} rad/s"
                 yield f"{keys}: the drive would turn with {fastest:g} rad/s; {allowed}"
-        acceleration = max(peak, velocity) * high
+        acceleration = max(radians(angle) * high, velocity) * high
         most = self._session.limits.motor.acceleration_rad_per_s2
         if acceleration > most:
             allowed = f"allowed up to {most:g} rad/s^2 (motor.acceleration_rad_per_s2)"
             yield f"signal: accelerates with {acceleration:g} rad/s^2; {allowed}"
-        if signal["kind"] in ("sine", "chirp") and velocity > low * radians(self._range_deg):
-            swing = f"by {degrees(velocity / low):.4g} deg" if low > 0.0 else "without end"
+        # From rest the first half period takes the shaft to one side by 2 v / w. No later one goes
+        # farther, nor does it while the amplitude ramps or the (first) sweep lasts.
+        left = radians(self._range_deg - abs(values["angle_deg"]))
+        if signal["kind"] in ("sine", "chirp") and 2.0 * velocity > low * left:
+            swing = f"by {degrees(2.0 * velocity / low):.4g} deg" if low > 0.0 else "without end"
             allowed = f"allowed up to {self._range_deg:g} deg (motor.angle_warn_deg)"
-            yield f"{turn}: {velocity:g} turns the shaft {swing} either way; {allowed}"
+            swing = f"{velocity:g} rad/s turns the shaft {swing} to one side"
+            yield f"angle_deg, {turn}: {swing}; {allowed}"
 
     def _torque_problems(self, values: dict[str, Any], signal: dict[str, Any]) -> Iterator[str]:
         peak = abs(values["torque_n_m"]) + self._amplitude(signal, "amplitude_n_m")

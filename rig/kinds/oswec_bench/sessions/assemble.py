@@ -91,7 +91,9 @@ def _manual(rig: BenchRigFile, limits_file: BenchLimitsFile) -> manual.Params:
     motor, rate = limits_file.motor, rig.homing.rate_per_s
     end = 0.5 * (motor.angle_warn_deg + motor.angle_stop_deg)
     quickness = max(1.0 / rig.manual_ramp_s, 2.0 * rate)
-    return manual.Params(rig.manual_ramp_s, math.radians(end), rate, quickness)
+    return manual.Params(
+        rig.manual_ramp_s, math.radians(end), rate, quickness, motor.acceleration_rad_per_s2
+    )
 
 
 def _estimator(encoder: Encoder, radians_per_count: float, dt: float) -> Any:

@@ -4,7 +4,12 @@ It needs no wave clock. In the velocity loop, with the motor's angle x, its goal
 the angle, a velocity u (a jog, and a signal on the velocity) and the end E of the range of motion:
 
     v = h + ds/dt + u        h = clamp(rate (g + s - x), -speed, speed)    (rad/s)
-    v <= END_RATE (E - x), and likewise below
+    v <= min(END_RATE d, sqrt(a d)),  d = E - x - LAG m    and likewise below
+
+a is the limit of acceleration: braking by the square root takes half of it, and by END_RATE, below
+the speed at which the two meet, at most all of it. While people choose a velocity, m is the one
+that a drive with the time constant LAG would have, which turns by LAG m after a demand of zero; so
+a drive that lags by less ends there, too. Else m is zero: a goal bounds the way.
 
 h returns the motor to its goal as homing does between rows, so that drift does not add up. (By the
 shaft's angle it would excite the resonance of the coupling with a heavy flap behind it.) While
@@ -17,6 +22,7 @@ the rate of change of h is bounded, so that h does not overshoot. A signal on an
 until the amplitude is zero.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 from controllers import signal_generator
@@ -25,6 +31,9 @@ from controllers.signals import Radian, RadianPerSecond, Second
 
 END_RATE = 15.0
 """Velocity over the angle that is left to the end of the range of motion, 1/s."""
+
+LAG = 0.1
+"""Time constant of the slowest drive that a velocity does not take past the end, s."""
 
 _LEAST_SPEED = 0.01  # rad/s
 
@@ -38,6 +47,7 @@ class Params(NamedTuple):
     end: Radian  # E, either way
     homing_rate: float  # 1/s, velocity over remaining angle
     homing_change: float  # 1/s, rate of change of h over its speed; twice the rate or more
+    acceleration: float  # rad/s^2, a
 
 
 class SetPoint(NamedTuple):
@@ -64,6 +74,7 @@ class State(NamedTuple):
     quantity: float  # of the signal that acts
     value: float  # of the signal, in the last tick
     homing: RadianPerSecond  # h
+    lagging: RadianPerSecond  # m
     velocity: Ramp
     torque: Ramp
     damping: Ramp
@@ -84,7 +95,7 @@ NO_DEMAND = Demand(0.0, 0.0, 0.0, 0.0)
 def start() -> State:
     """Return the state at rest."""
     at_rest = ramp_start(0.0)
-    return State(signal_generator.start(), 0.0, 0.0, 0.0, at_rest, at_rest, at_rest)
+    return State(signal_generator.start(), 0.0, 0.0, 0.0, 0.0, at_rest, at_rest, at_rest)
 
 
 def excites(state: State) -> bool:
@@ -109,8 +120,8 @@ def step(
     params: Params, state: State, chosen: SetPoint, damping: float, angle: Radian, dt: float
 ) -> tuple[State, Demand]:
     """Return the demand; ``damping``: R that people choose, N*m*s/rad; ``angle``: of the motor."""
-    generator, quantity, last, homing, jog, torque, damping_ramp = state
-    ramp, end, rate, quickness = params
+    generator, quantity, last, homing, lagging, jog, torque, damping_ramp = state
+    ramp, end, rate, quickness, acceleration = params
     signal, value = chosen.signal, 0.0
     if quantity != chosen.quantity:
         if generator.amplitude.value == 0.0:
@@ -141,10 +152,16 @@ def step(
     change = quickness * dt * max(chosen.speed, abs(homing), _LEAST_SPEED)
     homing = clamp(home, homing - change, homing + change)
     velocity = velocity + homing
-    above, below = end - angle, -end - angle
-    highest = END_RATE * above if above > 0.0 else 0.0
-    lowest = END_RATE * below if below < 0.0 else 0.0
+    ahead = angle + LAG * lagging if turns else angle
+    highest = _stopping_speed(end - ahead, acceleration)
+    lowest = -_stopping_speed(end + ahead, acceleration)
     velocity = clamp(velocity, lowest, highest)
+    lagging = lagging + (velocity - lagging) * dt / LAG
     total_torque = torque.value + value if quantity == TORQUE else torque.value
-    after = State(generator, quantity, value, homing, jog, torque, damping_ramp)
+    after = State(generator, quantity, value, homing, lagging, jog, torque, damping_ramp)
     return after, Demand(goal, velocity, total_torque, damping_ramp.value)
+
+
+def _stopping_speed(distance: Radian, acceleration: float) -> RadianPerSecond:
+    """Return the highest speed at a distance from an end, >= 0."""
+    return min(END_RATE * distance, sqrt(acceleration * distance)) if distance > 0.0 else 0.0

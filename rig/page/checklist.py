@@ -8,7 +8,7 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +26,7 @@ BY_HAND = {
 CHECK, CONFIRMED = "check", "confirmed"  # arguments of a note that confirms or withdraws an item
 _DOCTOR_S = 120.0  # s until the checks of the host are given up
 _MAX_FINDINGS = 5
+_SILENT_S = 1.0  # s without a row after which its ages say nothing about the devices any more
 
 
 class Item(NamedTuple):
@@ -47,6 +48,7 @@ class Conditions(NamedTuple):
     tare_samples: int | None  # averaged for the zeros; None: the rig measures none
     tare_age: float | None  # s since the zeros were measured; None: before this page began
     privileges: Mapping[str, Any]  # as the loop reports them: cause of a refusal, or empty
+    silent_s: float = 0.0  # s since the newest row came
 
 
 def note(key: str, *, confirmed: bool) -> dict[str, Any]:
@@ -83,7 +85,7 @@ class Checklist:
         return [
             self._host,
             self._privileges(present.privileges),
-            _devices(present.late),
+            _devices(present),
             Item(
                 "calibrations",
                 f"calibrations in use: {len(self._calibrations) or 'none, only the rig file'}",
@@ -172,11 +174,15 @@ def _validity(valid: Any) -> str:
     return "without a date"
 
 
-def _devices(late: Sequence[str] | None) -> Item:
+def _devices(present: Conditions) -> Item:
+    late = present.late
     if late is None:
         return Item("devices", "no rows of the run yet", False)
+    if present.silent_s > _SILENT_S:
+        text = f"no rows of the run for {present.silent_s:.0f} s: devices are unknown"
+        return Item("devices", text, False)
     if late:
-        return Item("devices", f"{len(late)} devices do not answer in time", False, tuple(late))
+        return Item("devices", f"{len(late)} devices do not answer in time", False, late)
     return Item("devices", "all devices answer: no value is older than its limit", True)
 
 

@@ -64,6 +64,13 @@ def test_values_that_are_too_old_are_named() -> None:
     assert not by_key(checklist_of(), READY._replace(late=None))["devices"].done
 
 
+@pytest.mark.parametrize(("silent", "done"), [(0.9, True), (1.1, False)])
+def test_devices_are_unknown_when_rows_have_stopped(silent: float, done: bool) -> None:
+    item = by_key(checklist_of(), READY._replace(silent_s=silent))["devices"]
+    assert item.done is done
+    assert ("no rows of the run for 1 s" in item.text) is not done
+
+
 @pytest.mark.parametrize(
     ("samples", "age", "done", "text"),
     [
@@ -127,6 +134,9 @@ def test_the_conditions_are_those_of_the_newest_row(recorded: Path) -> None:
         "panel age: 1500 ms, limit 1000 ms",
     )
     assert (found.tare_samples, found.tare_age) == (4000, 3.5)
+    assert found.silent_s < 60.0
+    watch._arrived -= 60.0
+    assert watch.conditions({}).silent_s > 60.0
 
 
 class Doctor:

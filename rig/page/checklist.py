@@ -74,7 +74,9 @@ class Checklist:
         """Take the confirmations in entries of the journal."""
         for entry in entries:
             key = entry.arguments.get(CHECK)
-            if entry.request != "annotate" or not entry.accepted or key not in BY_HAND:
+            if entry.request != "annotate" or not entry.accepted:
+                continue
+            if not isinstance(key, str) or key not in BY_HAND:  # anybody may annotate anything
                 continue
             self._confirmed.pop(key, None)
             if entry.arguments.get(CONFIRMED) is True:

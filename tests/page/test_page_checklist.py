@@ -57,6 +57,16 @@ def test_confirmations_are_those_of_the_journal() -> None:
         note("host", confirmed=True)
 
 
+@pytest.mark.parametrize("check", [[], ["people"], {}, {"people": 1}, None, 0, 1.5, True, ""])
+def test_a_note_about_no_item_leaves_the_others_of_its_batch(check: Any) -> None:
+    strange = entry("Eve", "people", confirmed=True)
+    strange = strange._replace(arguments=strange.arguments | {"check": check})
+    found = checklist_of()
+    found.take([strange, entry("Ada", "e_stop", confirmed=True)])
+    assert by_key(found)["e_stop"].done
+    assert not by_key(found)["people"].done
+
+
 def test_values_that_are_too_old_are_named() -> None:
     item = by_key(checklist_of(), READY._replace(late=("panel age: 1500 ms, limit 1000 ms",)))
     assert not item["devices"].done

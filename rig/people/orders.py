@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeGuard
 
 from rig.config.problems import error_text
 from rig.people.seat import Seat
@@ -97,6 +97,14 @@ class Answer(NamedTuple):
     facts: dict[str, Any] = {}  # noqa: RUF012
 
 
+class Arming(NamedTuple):
+    """The first of the two steps that switch the power on."""
+
+    since: float  # s
+    session: str  # that confirms it, too
+    changes: int  # of the operator until then
+
+
 class RefusedError(ValueError):
     """The request cannot be carried out; the message says why."""
 
@@ -123,7 +131,7 @@ class Orders:
         self._seat = Seat()
         self._manual_since: float | None = None
         self._number = 0  # of the last set point
-        self._arming_since: float | None = None
+        self._arming: Arming | None = None
         self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is chosen
         self._staged: tuple[int, tuple[float, ...]] | None = None  # number, numbers: not posted yet
         self._posted: tuple[int, tuple[float, ...]] | None = None
@@ -207,12 +215,11 @@ class Orders:
         with self._lock:
             now = self._clock()
             holder = self._seat.holder(now)
-            armed_by = self._arming_since
             return {
                 "operator": holder.person if holder else "",
                 "operator_session": holder.session if holder else "",
                 "armed": bool(self._request.armed),
-                "arming": armed_by is not None and now - armed_by <= ARMING_S,
+                "arming": self._confirmable(self._arming),
                 "must_arm": self._people.arming,
                 "manual": self._people.manual,
                 "live": self._people.live is not None,
@@ -351,15 +358,16 @@ class Orders:
             self._mode()
             self._require(self._people.arming, "this run does not wait for arming")
             self._require_standby("the run is not in standby")
-            self._arming_since = self._clock()
+            self._seat.holder(self._clock())  # a lease that has ended is a change before arming
+            self._arming = Arming(self._clock(), asker.session, self._seat.changes)
         return Answer(True, f"confirm within {ARMING_S:g} s")
 
     def confirm(self, asker: Asker, given: dict[str, Any]) -> Answer:
         with self._lock:
-            since, self._arming_since = self._arming_since, None
+            arming, self._arming = self._arming, None
             self._require(
-                since is not None and self._clock() - since <= ARMING_S,
-                f"arm first, then confirm within {ARMING_S:g} s",
+                self._confirmable(arming) and arming.session == asker.session,
+                f"arm first, then confirm within {ARMING_S:g} s, as the same operator",
             )
             self._require_standby("the run is not in standby")
             self._change(armed=1)
@@ -411,7 +419,7 @@ class Orders:
                 self._segments.phase[0] == TARE, "this run does not measure the sensor zeros"
             )
             self._require(self._request.armed == 0, "the run is armed")
-            self._arming_since = None
+            self._arming = None
             self._jump(0)
         return Answer(True, "the sensor zeros are measured")
 
@@ -483,6 +491,16 @@ class Orders:
     def _require_standby(self, message: str) -> None:
         in_standby = self._mode() == OFF and self._row["plan.phase"] == STANDBY
         self._require(in_standby and safety.stop_reason(self._request.code) == NO_REASON, message)
+
+    def _confirmable(self, arming: Arming | None) -> TypeGuard[Arming]:
+        """Return whether an arming is recent and the operator the same since then."""
+        now = self._clock()
+        self._seat.holder(now)  # which notices a lost operator
+        return (
+            arming is not None
+            and now - arming.since <= ARMING_S
+            and arming.changes == self._seat.changes
+        )
 
     def _present_sets(self, *, while_stopped: bool = False) -> list[LiveSet]:
         """Return the set points of manual mode, the one in force last."""

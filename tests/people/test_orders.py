@@ -48,6 +48,37 @@ def test_arming_is_confirmed_in_time(late: float, *, accepted: bool) -> None:
     assert (run.mode == OFF) is not accepted
 
 
+@pytest.mark.parametrize("other", ["command b", "page b"])
+def test_only_the_session_that_armed_confirms(other: str) -> None:
+    run = AttendedRun()
+    run.go_on(40)
+    assert run.ask("command a", "arm").accepted
+    if other == "page b":
+        assert run.ask(other, "take_seat").accepted
+        assert not run.orders.describe()["arming"]
+    assert "arm first" in run.ask(other, "confirm").reason
+    run.go_on(100)
+    assert run.mode == OFF
+
+
+@pytest.mark.parametrize("change", ["leave", "lose", "take over and back", "beat"])
+def test_the_arming_ends_when_the_seat_changes_hands_or_is_lost(change: str) -> None:
+    run = AttendedRun()
+    run.go_on(40)
+    run.ask("page a", "take_seat")
+    assert run.ask("page a", "arm").accepted
+    if change == "leave":
+        run.ask("page a", "leave_seat")
+    elif change == "lose":
+        run.now += LEASE_S + 0.1
+    elif change == "take over and back":
+        assert run.ask("page b", "take_seat", take_over=True).accepted
+    run.ask("page a", "beat")
+    run.ask("page a", "take_seat", take_over=True)
+    assert run.orders.describe()["arming"] is (change == "beat")
+    assert run.ask("page a", "confirm").accepted is (change == "beat")
+
+
 def test_a_tare_in_standby_ends_the_arming_and_measures_again() -> None:
     run = AttendedRun()
     run.go_on(40)

@@ -5,10 +5,11 @@ same ones. `rig doctor` runs in a process of its own when the operator wants it.
 """
 
 import json
+import math
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +27,8 @@ BY_HAND = {
 CHECK, CONFIRMED = "check", "confirmed"  # arguments of a note that confirms or withdraws an item
 _DOCTOR_S = 120.0  # s until the checks of the host are given up
 _MAX_FINDINGS = 5
+_VALID_S = {"people": 600.0}  # s until an item must be confirmed again; others last for the run
+_ENDS_VALIDITY = ("tare", "take_seat", "leave_seat")  # accepted requests that do so at once
 _SILENT_S = 1.0  # s without a row after which its ages say nothing about the devices any more
 
 
@@ -60,8 +63,15 @@ def note(key: str, *, confirmed: bool) -> dict[str, Any]:
 class Checklist:
     """The checklist of one run; its methods may be called from several threads."""
 
-    def __init__(self, mode: str, config: Mapping[str, Any], runs: Path) -> None:
+    def __init__(
+        self,
+        mode: str,
+        config: Mapping[str, Any],
+        runs: Path,
+        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
         """``mode``: name of the execution mode; ``runs``: folder of runs."""
+        self._clock = clock
         self._use = Use.REALTIME if mode == "hardware" else Use.REHEARSAL
         self._calibrations = list(calibrations(config))
         self._runs = runs
@@ -71,8 +81,14 @@ class Checklist:
         self._host = Item("host", "checks of this host (`rig doctor`): not run yet", False)
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Take the confirmations in entries of the journal."""
+        """Take the confirmations in entries of the journal.
+
+        A new tare or operator ends those that do not last: the people near the rig may be others.
+        """
         for entry in entries:
+            if entry.accepted and entry.request in _ENDS_VALIDITY:
+                for item in _VALID_S:
+                    self._confirmed.pop(item, None)
             key = entry.arguments.get(CHECK)
             if entry.request != "annotate" or not entry.accepted:
                 continue
@@ -95,13 +111,23 @@ class Checklist:
                 tuple(self._calibrations),
             ),
             _tare(present),
-            *(
-                Item(
-                    key, text, key in self._confirmed, (), *self._confirmed.get(key, ("", "")), True
-                )
-                for key, text in BY_HAND.items()
-            ),
+            *(self._by_hand(key, text) for key, text in BY_HAND.items()),
         ]
+
+    def _by_hand(self, key: str, text: str) -> Item:
+        person, utc = self._confirmed.get(key, ("", ""))
+        done, valid_s = key in self._confirmed, _VALID_S.get(key)
+        if done and valid_s is not None and not 0.0 <= self._age(utc) <= valid_s:
+            details = (f"confirmed more than {valid_s / 60:g} min ago: look again",)
+            return Item(key, text, False, details, person, utc, True)
+        return Item(key, text, done, (), person, utc, True)
+
+    def _age(self, utc: str) -> float:
+        """Return s since a time of the journal; infinity for a text that is none."""
+        try:
+            return (self._clock() - datetime.fromisoformat(utc)).total_seconds()
+        except (ValueError, TypeError):  # TypeError: without a time zone
+            return math.inf
 
     def check_host(self, person: str) -> str:
         """Run `rig doctor` beside the run and wait for it; return why not, or empty text.

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import threading
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,12 @@ from rig.recording.journal import Entry
 READY = Conditions((), 4996, 3.0, {"fifo": "", "core": ""})
 
 
+NOW = datetime(2026, 11, 26, 12, 0, 1, tzinfo=UTC)
+CONFIRMED = "2026-11-26T12:00:00.000+00:00"  # a second before
+
+
 def checklist_of(mode: str = "rehearsal", **config: Any) -> Checklist:
-    return Checklist(mode, config, Path("runs"))
+    return Checklist(mode, config, Path("runs"), lambda: NOW)
 
 
 def by_key(found: Checklist, present: Conditions = READY) -> dict[str, Item]:
@@ -31,7 +36,7 @@ def by_key(found: Checklist, present: Conditions = READY) -> dict[str, Item]:
 
 def entry(person: str, key: str, *, confirmed: bool, accepted: bool = True) -> Entry:
     arguments = note(key, confirmed=confirmed)
-    return Entry("2026-11-26T12:00:00.000", 1, person, "page", "annotate", arguments, accepted)
+    return Entry(CONFIRMED, 1, person, "page", "annotate", arguments, accepted)
 
 
 def test_two_items_are_confirmed_by_hand_and_no_more() -> None:
@@ -43,7 +48,7 @@ def test_two_items_are_confirmed_by_hand_and_no_more() -> None:
 def test_confirmations_are_those_of_the_journal() -> None:
     found = checklist_of()
     found.take([entry("Ada", "e_stop", confirmed=True), entry("Eve", "people", confirmed=False)])
-    assert by_key(found)["e_stop"][4:6] == ("Ada", "2026-11-26T12:00:00.000")
+    assert by_key(found)["e_stop"][4:6] == ("Ada", CONFIRMED)
     assert not by_key(found)["people"].done
     refused = entry("Eve", "people", confirmed=True, accepted=False)
     plain = entry("Eve", "people", confirmed=True)._replace(arguments={"text": "people"})
@@ -55,6 +60,39 @@ def test_confirmations_are_those_of_the_journal() -> None:
     assert not by_key(found)["e_stop"].done
     with pytest.raises(KeyError):
         note("host", confirmed=True)
+
+
+@pytest.mark.parametrize(
+    ("age", "done"), [(0.0, True), (599.0, True), (601.0, False), (-5.0, False)]
+)
+def test_nobody_within_reach_is_confirmed_again_after_ten_minutes(age: float, done: bool) -> None:
+    utc = (NOW - timedelta(seconds=age)).isoformat(timespec="milliseconds")
+    entries = [entry("Ada", key, confirmed=True)._replace(utc=utc) for key in BY_HAND]
+    found = checklist_of()
+    found.take(entries)
+    people = by_key(found)["people"]
+    assert (people.done, people.by) == (done, "Ada")
+    assert ("look again" in "".join(people.details)) is not done
+    assert by_key(found)["e_stop"].done, "a test of the emergency stop lasts for the run"
+
+
+@pytest.mark.parametrize("utc", ["", "yesterday", "2026-11-26T12:00:00"])
+def test_a_confirmation_without_a_time_does_not_last(utc: str) -> None:
+    found = checklist_of()
+    found.take([entry("Ada", "people", confirmed=True)._replace(utc=utc)])
+    assert not by_key(found)["people"].done
+
+
+@pytest.mark.parametrize("request_", ["tare", "take_seat", "leave_seat", "hold"])
+@pytest.mark.parametrize("accepted", [True, False])
+def test_a_new_tare_or_operator_ends_nobody_within_reach(request_: str, accepted: bool) -> None:
+    found, ends = checklist_of(), accepted and request_ != "hold"
+    found.take([entry("Ada", key, confirmed=True) for key in BY_HAND])
+    found.take([Entry(CONFIRMED, 1, "Bob", "page", request_, {}, accepted)])
+    assert by_key(found)["people"].done is not ends
+    assert by_key(found)["e_stop"].done
+    found.take([entry("Bob", "people", confirmed=True)])
+    assert by_key(found)["people"].done
 
 
 @pytest.mark.parametrize("check", [[], ["people"], {}, {"people": 1}, None, 0, 1.5, True, ""])

@@ -68,10 +68,14 @@ class Checklist:
         mode: str,
         config: Mapping[str, Any],
         runs: Path,
+        loop_core: int | None = None,
         clock: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        """``mode``: name of the execution mode; ``runs``: folder of runs."""
-        self._clock = clock
+        """``mode``: name of the execution mode; ``runs``: folder of runs.
+
+        ``loop_core``: that the checks of the host judge; None: as a new process finds it.
+        """
+        self._clock, self._core = clock, loop_core
         self._use = Use.REALTIME if mode == "hardware" else Use.REHEARSAL
         self._calibrations = list(calibrations(config))
         self._runs = runs
@@ -140,6 +144,8 @@ class Checklist:
             self._running = True
         self._host = Item("host", "checks of this host (`rig doctor`): running", False)
         command = [sys.executable, "-m", "rig", "doctor", "--during-run", "--json"]
+        if self._core is not None:  # doctor inherits the cores of the page, without this one
+            command += ["--core", str(self._core)]
         try:
             ran = subprocess.run(
                 [*command, "--runs", str(self._runs)],

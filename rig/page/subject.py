@@ -33,8 +33,9 @@ class Subject:
     """A run for the page; `close` it at the end."""
 
     def __init__(
-        self, folder: Path, tap: Tap, schema: RowSchema, facts: dict[str, Any], *, live: bool
-    ) -> None:
+        self, folder: Path, tap: Tap, schema: RowSchema, facts: dict[str, Any], *, live: bool,
+        loop_core: int | None = None,
+    ) -> None:  # fmt: skip
         self.folder, self.tap, self.live = folder, tap, live
         self._schema = schema
         info = None if live else run_info(folder)
@@ -55,7 +56,7 @@ class Subject:
             "title": self.title
         }
         self._privileges: dict[str, Any] = {}  # as the loop reports them, soon after its start
-        self.checklist = Checklist(facts["mode"], self._config, folder.parent)
+        self.checklist = Checklist(facts["mode"], self._config, folder.parent, loop_core)
         self.columns: list[dict[str, Any]] = []  # of set points that people may choose
         self.orders: dict[str, Any] = {}  # their newest state
         self._closed = threading.Event()
@@ -186,8 +187,11 @@ class Subject:
             self.watch.powers.setdefault(row, powers)
 
 
-def attach(folder: Path) -> Subject:
-    """Return the run that runs in a folder; RequestError or ValueError if that is impossible."""
+def attach(folder: Path, loop_core: int | None = None) -> Subject:
+    """Return the run that runs in a folder; RequestError or ValueError if that is impossible.
+
+    ``loop_core``: for the checks of the host; None: as a new process finds it.
+    """
     client = RequestClient(folder, origin="page")
     try:
         facts, descriptor = client.hello()
@@ -195,7 +199,7 @@ def attach(folder: Path) -> Subject:
         client.close()
     schema = RowSchema(*facts["schema"])
     tap = RingTap(descriptor, schema.leaves, float(facts["dt"]))
-    return Subject(folder, tap, schema, facts, live=True)
+    return Subject(folder, tap, schema, facts, live=True, loop_core=loop_core)
 
 
 def replay(run: Path) -> Subject:

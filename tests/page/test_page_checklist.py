@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -13,9 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rig.host import processor
+from rig.host.examination import DoctorOptions, examine
 from rig.page import checklist
 from rig.page.checklist import BY_HAND, Checklist, Conditions, Item, calibrations, note
 from rig.page.subject import replay
+from rig.realtime.scheduling import loop_core
 from rig.realtime.sequence import STANDBY, TARE
 from rig.recording.journal import Entry
 
@@ -27,7 +31,7 @@ CONFIRMED = "2026-11-26T12:00:00.000+00:00"  # a second before
 
 
 def checklist_of(mode: str = "rehearsal", **config: Any) -> Checklist:
-    return Checklist(mode, config, Path("runs"), lambda: NOW)
+    return Checklist(mode, config, Path("runs"), 7, lambda: NOW)
 
 
 def by_key(found: Checklist, present: Conditions = READY) -> dict[str, Item]:
@@ -227,6 +231,7 @@ def test_the_verdict_of_the_host_is_that_of_doctor(
     assert (item.done, item.by) == (fit, "Ada")
     assert len(item.details) == (0 if fit else 6)
     assert "--during-run" in doctor.command, "it measures nothing on the loop's core"
+    assert doctor.command[doctor.command.index("--core") + 1] == "7", "that of the loop"
     assert found.check_host("Eve") == "", "it may run again"
 
 
@@ -239,6 +244,30 @@ def test_checks_that_fail_leave_the_item_open(monkeypatch: pytest.MonkeyPatch, o
     assert found.check_host("Ada") == ""
     assert not by_key(found)["host"].done
     assert "failed" in by_key(found)["host"].text
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core")
+def test_the_page_leaves_the_loops_core_and_names_it() -> None:
+    code = """
+import os
+from rig.page.process import leave_the_loops_core
+from rig.realtime.scheduling import loop_core
+first = loop_core()
+assert leave_the_loops_core() == first
+assert first not in os.sched_getaffinity(0)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_doctor_judges_the_core_that_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged: list[int] = []
+    monkeypatch.setattr(
+        processor, "findings", lambda host, core, *others: judged.append(core) or []
+    )
+    options = DoctorOptions(Path("."), 0.0, 1000.0, 0.0)
+    examine(options._replace(core=7))
+    examine(options)
+    assert judged == [7, loop_core()]
 
 
 def test_doctor_leaves_out_wake_ups_during_a_run() -> None:

@@ -81,8 +81,28 @@ class Checklist:
         self._runs = runs
         self._confirmed: dict[str, tuple[str, str]] = {}  # by whom and when
         self._lock = threading.Lock()
-        self._running = False
+        self._running = self._closed = False
+        self._doctor: subprocess.Popen[bytes] | None = None
+        self._stopped = ""  # why the checks were stopped
         self._host = Item("host", "checks of this host (`rig doctor`): not run yet", False)
+
+    @property
+    def checking(self) -> bool:
+        """Whether `rig doctor` runs."""
+        return self._running
+
+    def stop_checks(self, why: str) -> None:
+        """Kill `rig doctor` if it runs."""
+        with self._lock:
+            if self._running:
+                self._stopped = why
+            if self._doctor is not None:
+                self._doctor.kill()
+
+    def close(self) -> None:
+        """Kill `rig doctor` if it runs, and start it no more."""
+        self._closed = True
+        self.stop_checks("the page ends")
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Take the confirmations in entries of the journal.
@@ -139,28 +159,44 @@ class Checklist:
         It inherits the page's priority and cores, which leave the loop alone.
         """
         with self._lock:
-            if self._running:
-                return "the checks run already"
-            self._running = True
+            if self._running or self._closed:
+                return "the checks run already" if self._running else "the page ends"
+            self._running, self._stopped = True, ""
         self._host = Item("host", "checks of this host (`rig doctor`): running", False)
         command = [sys.executable, "-m", "rig", "doctor", "--during-run", "--json"]
         if self._core is not None:  # doctor inherits the cores of the page, without this one
             command += ["--core", str(self._core)]
         try:
-            ran = subprocess.run(
-                [*command, "--runs", str(self._runs)],
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=_DOCTOR_S,
-                check=False,
-            )
-            self._host = self._verdict(json.loads(ran.stdout), person)
+            found = json.loads(self._run([*command, "--runs", str(self._runs)]))
+            self._host = self._verdict(found, person)
         except (OSError, ValueError, KeyError, TypeError, subprocess.TimeoutExpired) as error:
             text = f"checks of this host failed: {type(error).__name__}"
             self._host = Item("host", text, False, (str(error)[:200],))
         finally:
-            self._running = False
-        return ""
+            with self._lock:
+                self._running, stopped = False, self._stopped
+        if stopped:
+            self._host = Item("host", f"checks of this host were stopped: {stopped}", False)
+        return stopped
+
+    def _run(self, command: list[str]) -> bytes:
+        """Return the output of a command, which `stop_checks` may kill."""
+        with self._lock:
+            if self._stopped:
+                return b""
+            self._doctor = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+        try:
+            return self._doctor.communicate(timeout=_DOCTOR_S)[0]
+        finally:
+            with self._lock:
+                self._doctor.kill()
+                self._doctor.communicate()
+                self._doctor = None
 
     def _verdict(self, examination: Mapping[str, Any], person: str) -> Item:
         findings = [each for each in examination["findings"] if each["verdict"] == "bad"]

@@ -395,10 +395,12 @@ class Page:
             return {"accepted": False, "reason": why}
         items = subject.checklist_items(orders)
         if name == CHECK_HOST:
-            if subject.watch.powered:
-                return {"accepted": False, "reason": "only while the power is off"}
+            if subject.watch.powered or orders.get("armed") or orders.get("arming"):
+                return {"accepted": False, "reason": "only while the power is off and not armed"}
             why = subject.checklist.check_host(str(orders.get("operator", "")))
             return {"accepted": not why, "reason": why or "the host was checked"}
+        if subject.checklist.checking:
+            return {"accepted": False, "reason": "the checks of the host run: wait for their end"}
         waiting = [each.text for each in items if not each.done]
         if waiting and arguments.get("all_the_same") is not True:
             return {"accepted": False, "reason": f"open on the checklist: {'; '.join(waiting)}"}

@@ -69,6 +69,7 @@ class Subject:
     def close(self) -> None:
         """Ask the run no more."""
         self._closed.set()
+        self.checklist.close()
         for stream in self.watch.streams:
             stream.close()
 
@@ -105,7 +106,9 @@ class Subject:
         return self.checklist.items(self.watch.conditions(self._privileges))
 
     def state(self) -> dict[str, Any]:
-        """Return the state of run and orders for the page."""
+        """Return the state of run and orders for the page; with the power on no checks run."""
+        if self.watch.powered:
+            self.checklist.stop_checks("the power came on")
         status = _json(self.folder / STATUS)
         keys = ("status", "reason", "reason_text", "record", "ended_utc")
         return self.watch.state() | {

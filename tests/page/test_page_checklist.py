@@ -17,7 +17,9 @@ import pytest
 from rig.host import processor
 from rig.host.examination import DoctorOptions, examine
 from rig.page import checklist
+from rig.page.access import Access
 from rig.page.checklist import BY_HAND, Checklist, Conditions, Item, calibrations, note
+from rig.page.server import Browser, Page
 from rig.page.subject import replay
 from rig.realtime.scheduling import loop_core
 from rig.realtime.sequence import STANDBY, TARE
@@ -192,15 +194,23 @@ def test_the_conditions_are_those_of_the_newest_row(recorded: Path) -> None:
 
 
 class Doctor:
-    """Stands for `rig doctor`; it runs until it may end."""
+    """Stands for `rig doctor` and its process; it runs until it may end, or is killed."""
 
     def __init__(self, output: str) -> None:
         self.output, self.may_end, self.command = output, threading.Event(), list[str]()
+        self.killed = False
 
-    def __call__(self, command: list[str], **options: Any) -> subprocess.CompletedProcess[bytes]:
+    def __call__(self, command: list[str], **options: Any) -> Doctor:
         self.command = command
+        return self
+
+    def communicate(self, timeout: float | None = None) -> tuple[bytes, None]:
         assert self.may_end.wait(20)
-        return subprocess.CompletedProcess(command, 0, self.output.encode())
+        return b"" if self.killed else self.output.encode(), None
+
+    def kill(self) -> None:
+        self.killed = self.killed or not self.may_end.is_set()
+        self.may_end.set()
 
 
 def examination(*, fit: bool) -> str:
@@ -215,7 +225,7 @@ def test_the_verdict_of_the_host_is_that_of_doctor(
     monkeypatch: pytest.MonkeyPatch, mode: str, fit: bool
 ) -> None:
     doctor = Doctor(examination(fit=fit))
-    monkeypatch.setattr(checklist.subprocess, "run", doctor)
+    monkeypatch.setattr(checklist.subprocess, "Popen", doctor)
     found = checklist_of(mode)
     thread = threading.Thread(target=found.check_host, args=("Ada",))
     thread.start()
@@ -235,11 +245,64 @@ def test_the_verdict_of_the_host_is_that_of_doctor(
     assert found.check_host("Eve") == "", "it may run again"
 
 
+@pytest.mark.parametrize("end", ["power", "close"])
+def test_checks_are_killed_when_power_comes_on_or_the_page_ends(
+    monkeypatch: pytest.MonkeyPatch, recorded: Path, end: str
+) -> None:
+    doctor = Doctor(examination(fit=True))
+    monkeypatch.setattr(checklist.subprocess, "Popen", doctor)
+    subject, answers = replay(recorded), list[str]()
+    found = subject.checklist
+    thread = threading.Thread(target=lambda: answers.append(found.check_host("Ada")))
+    thread.start()
+    while not doctor.command:
+        pass
+    assert found.checking
+    if end == "power":
+        monkeypatch.setattr(type(subject.watch), "powered", True)
+        subject.state()
+    else:
+        subject.close()
+    thread.join()
+    assert doctor.killed
+    assert not found.checking
+    assert answers == ["the power came on" if end == "power" else "the page ends"]
+    assert not by_key(found)["host"].done
+    doctor.killed = False
+    assert bool(found.check_host("Eve")) is (end == "close"), "a page that ends starts no checks"
+
+
+def test_a_run_is_not_armed_while_the_checks_run(
+    monkeypatch: pytest.MonkeyPatch, recorded: Path
+) -> None:
+    subject, asked = replay(recorded), list[str]()
+    page, browser = Page(subject, Access()), Browser(None, "operator", ())  # type: ignore[arg-type]
+    browser.session = "page a"
+    orders = {"operator_session": "page a", "operator": "Ada", "accepted": True}
+
+    class Run:
+        def ask(self, name: str, **others: Any) -> dict[str, Any]:
+            asked.append(name)
+            return orders
+
+    monkeypatch.setattr(page, "_client", lambda *_, **__: Run())
+    subject.checklist._running = True
+    refused = page._before_power(browser, "arm", {"all_the_same": True})
+    assert refused["reason"] == "the checks of the host run: wait for their end"
+    assert asked == ["state"]
+    subject.checklist._running = False
+    assert page._before_power(browser, "arm", {"all_the_same": True})["accepted"]
+    for state in ("arming", "armed"):
+        monkeypatch.setitem(orders, state, True)
+        assert "not armed" in page._before_power(browser, "check_host", {})["reason"]
+        monkeypatch.delitem(orders, state)
+
+
 @pytest.mark.parametrize("output", ["", "[]", '{"fit": {}}', "{"])
 def test_checks_that_fail_leave_the_item_open(monkeypatch: pytest.MonkeyPatch, output: str) -> None:
     doctor = Doctor(output)
     doctor.may_end.set()
-    monkeypatch.setattr(checklist.subprocess, "run", doctor)
+    monkeypatch.setattr(checklist.subprocess, "Popen", doctor)
     found = checklist_of()
     assert found.check_host("Ada") == ""
     assert not by_key(found)["host"].done

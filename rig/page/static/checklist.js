@@ -24,8 +24,9 @@ export function showArming(contents, state, seated, ask) {
   }
   const open = items.filter(item => !item.done).length, left = (confirmUntil - performance.now()) / 1000;
   if (!open) refused = false;
-  $("arm").disabled = !seated || !standby;
-  $("arm-anyway").hidden = !refused || !seated || !standby;
+  const checking = items.some(item => item.key === "host" && item.text.endsWith("running"));
+  $("arm").disabled = !seated || !standby || checking;
+  $("arm-anyway").hidden = !refused || !seated || !standby || checking;
   $("tare").disabled = !seated || !standby;
   $("confirm").disabled = !seated || !(left > 0) || !orders.arming;
   setText($("arming-time"), left > 0 && orders.arming ? "confirm within " + left.toFixed(0) + " s" :

@@ -59,6 +59,7 @@ class Subject:
         self.checklist = Checklist(facts["mode"], self._config, folder.parent, loop_core)
         self.columns: list[dict[str, Any]] = []  # of set points that people may choose
         self.orders: dict[str, Any] = {}  # their newest state
+        self._earlier: dict[int, RowPower] = {}  # of rows before the page began; set as a whole
         self._closed = threading.Event()
         self._journal_size = 0
         self.journal: list[dict[str, Any]] = []
@@ -114,7 +115,7 @@ class Subject:
         return self.watch.state() | {
             "orders": self.orders,
             "end": {key: str(status.get(key, "")) for key in keys},
-            "rows": {str(row): each for row, each in self.watch.powers.items()},
+            "rows": {str(row): each for row, each in (self._earlier | self.watch.powers).items()},
             "products": self.products(),
             "checklist": [each._asdict() for each in self.checklist_items(self.orders)],
         }
@@ -186,8 +187,7 @@ class Subject:
                 earlier |= self.watch.powers_in(rows)
                 if self._closed.is_set():
                     return
-        for row, powers in earlier.items():
-            self.watch.powers.setdefault(row, powers)
+        self._earlier = earlier  # the server's thread may be reading the rows now
 
 
 def attach(folder: Path, loop_core: int | None = None) -> Subject:

@@ -10,6 +10,7 @@ from rig.page import contents
 from rig.page.alarms import _ADVICE, Alarms
 from rig.page.recorded import RecordedTap
 from rig.page.subject import replay
+from rig.page.watch import RowPower
 from rig.realtime.reasons import Reason, reason_table
 from rig.realtime.safety import Mode
 from rig.recording.journal import Entry
@@ -43,6 +44,19 @@ def test_powers_of_a_hold_are_those_of_no_row(recorded: Path) -> None:
     (powers,) = watch.powers_in(rows).values()
     assert powers.means[-1] == -2.0
     assert not powers.whole
+
+
+def test_rows_before_the_page_do_not_change_those_that_it_saw(recorded: Path) -> None:
+    """They are read in a thread of their own, while the server goes through the rows."""
+    subject = replay(recorded)
+    shown = subject.watch.powers
+    shown[1] = RowPower((1.0,), False)
+    subject._read_earlier_rows()
+    assert subject.watch.powers is shown
+    assert list(shown) == [1]
+    rows = subject.state()["rows"]
+    assert sorted(rows) == ["0", "1", "2", "3"]
+    assert rows["1"] == RowPower((1.0,), False), "newer values count"
 
 
 def test_every_reason_of_the_core_has_advice() -> None:

@@ -22,7 +22,7 @@ from rig.recording.row_layout import RowSchema
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.folder import CONFIG, STATUS, recorded_reasons
 from rig.recording.runs.reader import blocks, open_files
-from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 PRODUCTS = {".png": "image/png", ".pdf": "application/pdf", ".csv": "text/csv"}
 STATE_INTERVAL_S = 0.2
@@ -145,12 +145,14 @@ class Subject:
         try:
             if path.stat().st_size == self._journal_size:
                 return []
-            data = read_regular(path, MAX_TABLE_BYTES)
+            with open_regular(path) as file:
+                file.seek(self._journal_size)
+                data = file.read(MAX_TABLE_BYTES)
         except OSError:
             return []
         whole = data[: data.rfind(b"\n") + 1]
-        entries = list(read_journal(whole[self._journal_size :]))
-        self._journal_size = len(whole)
+        entries = list(read_journal(whole))
+        self._journal_size += len(whole)
         self.watch.alarms.acknowledge(entries)
         self.checklist.take(entries)
         found = [_entry(each) for each in entries]

@@ -24,6 +24,8 @@ from rig.recording.journal import Entry, Journal
 ARMING_S = 10.0  # s from arming to its confirmation
 IN_FORCE_S = 2.0  # s in which the loop takes up a set point
 MAX_TEXT = 2000  # characters of an annotation
+VIEWER_NOTE_S = 1.0  # s from one refusal of a viewer in the journal to the next
+_MAX_VIEWERS = 20  # whose refusals the journal has in that time
 STOP, ABORT = "stop", "abort"
 
 
@@ -132,6 +134,7 @@ class Orders:
         self._manual_since: float | None = None
         self._number = 0  # of the last set point
         self._arming: Arming | None = None
+        self._viewers: dict[str, float] = {}  # when the journal had a refusal last, by session
         self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is chosen
         self._staged: tuple[int, tuple[float, ...]] | None = None  # number, numbers: not posted yet
         self._posted: tuple[int, tuple[float, ...]] | None = None
@@ -248,8 +251,11 @@ class Orders:
                 return self._seated(act, asker, request, given)
         with self._lock:
             refused = self._forbidden(asker, request)
+            quiet = bool(refused) and asker.viewer and not self._notes_viewer(asker)
         if refused:
-            return self._answer(asker, request, given, Answer(False, refused))
+            answer = Answer(False, refused)
+            kept = {} if asker.viewer else given  # viewers must not fill the disk
+            return answer if quiet else self._answer(asker, request, kept, answer)
         try:
             answer = act(self, asker, given)
         except (OSError, ValueError) as error:  # `RefusedError`; a check that finds no disk space
@@ -268,6 +274,15 @@ class Orders:
         ):
             return self._answer(asker, request, given, answer)
         return answer
+
+    def _notes_viewer(self, asker: Asker) -> bool:
+        """Return whether a viewer's refusal is for the journal: one a second of each session."""
+        now = self._clock()
+        self._viewers = {k: at for k, at in self._viewers.items() if now - at < VIEWER_NOTE_S}
+        if asker.session in self._viewers or len(self._viewers) >= _MAX_VIEWERS:
+            return False
+        self._viewers[asker.session] = now
+        return True
 
     def _forbidden(self, asker: Asker, request: str) -> str:
         """Return why a person must not make a request; empty if it is allowed."""

@@ -487,6 +487,23 @@ def test_whatever_people_ask_a_thousand_times(steps: Any, manual: bool, powered:
     check_sequence(steps, manual=manual, powered=powered)
 
 
+def test_viewers_do_not_fill_the_journal() -> None:
+    run = AttendedRun()
+    before = len(run.journal.entries)
+    for k in range(30):
+        assert not run.ask("v", "annotate", viewer=True, text="x" * 60_000).accepted
+        assert not run.ask(f"v {k}", "hold", viewer=True).accepted
+    entries = run.journal.entries[before:]
+    assert len(entries) == 20
+    assert [each.request for each in entries if each.person == "v"] == ["annotate"]
+    assert all(each.arguments == {} and not each.accepted for each in entries)
+    run.now += 1.1
+    run.ask("v", "hold", viewer=True)
+    assert run.journal.entries[-1].request == "hold"
+    assert not run.ask("page a", "annotate", text="y").accepted
+    assert run.journal.entries[-1].arguments == {"text": "y"}, "others have theirs in full"
+
+
 def test_a_viewer_asks_in_vain() -> None:
     run = AttendedRun()
     run.power_on()

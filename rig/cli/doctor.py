@@ -39,6 +39,10 @@ def command(
         bool,
         typer.Option("--during-run", help="Leave out wake-ups: those of the loop that runs count."),
     ] = False,
+    core: Annotated[
+        int | None,
+        typer.Option("--core", min=0, help="Core of the loop (default: the one it would take)."),
+    ] = None,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Judge fitness for rehearsals only (exit code).")
     ] = False,
@@ -65,7 +69,7 @@ def command(
             rig_config, _, _ = load_rig(input_file(rig, RIGS))
     rate = rate or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
     seconds = 0.0 if during_run else seconds
-    options = DoctorOptions(runs, seconds, rate, hours, rig_config)
+    options = DoctorOptions(runs, seconds, rate, hours, rig_config, core)
     duration = seconds + min(seconds, UNPRIVILEGED_S)
     wakeups = f"measuring wake-ups for {duration:g} s, then the other checks ..."
     text = "checking ..." if during_run else wakeups

@@ -71,7 +71,7 @@ def command(
     from rig.page.access import LOOPBACK, Access, local_names, new_tokens
     from rig.page.subject import attach, replay
 
-    process.leave_the_loops_core()
+    core = process.leave_the_loops_core()
     try:
         if of_process:
             folder, running = process.wait_for_run(sys.stdin.buffer), True
@@ -84,7 +84,7 @@ def command(
     access = Access({*local_names(host), *(names or ())}, tokens)
     try:
         socket_ = socket.socket(fileno=listener) if listener >= 0 else process.listen(host, port)
-        subject = attach(folder) if running else replay(folder)
+        subject = attach(folder, core) if running else replay(folder)
         streams = subject.stream_to(plotjuggler, stream_rate, foxglove)
     except (RunError, OSError, ValueError) as error:
         return fail("page", error, as_json=as_json, code=FAILED)

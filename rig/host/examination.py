@@ -24,6 +24,7 @@ class DoctorOptions(NamedTuple):
     rate_hz: float  # of the loop
     hours: float  # of logging that must fit on the disk
     rig: BaseRigFile | None = None  # also check the wires of this rig
+    core: int | None = None  # of the loop if no wake-ups are measured; None: find it
 
 
 class Examination(NamedTuple):
@@ -80,7 +81,8 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
     measured = timing.measure(dt, options.seconds) if options.seconds else None
     clock_after, cpu_after = clocks.ClockReading.now(), processor.CpuTime.read(host)
     wakeups = None if measured is None else measured.privileged
-    core = scheduling.loop_core() if wakeups is None else int(wakeups["core"])
+    core = scheduling.loop_core() if options.core is None else options.core
+    core = core if wakeups is None else int(wakeups["core"])
     latest = None if wakeups is None else float(wakeups["max_us"]) * 1e-6 / dt
     rig_checks: list[AreaCheck] = []
     if options.rig is not None:

@@ -7,7 +7,6 @@ A request goes to the run's socket in a thread, by two connections: one for what
 
 import asyncio
 import hashlib
-import json
 import logging
 import threading
 from collections.abc import AsyncIterator, Mapping, Sequence
@@ -24,6 +23,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from rig import finite_json
 from rig.page.access import COOKIE, VIEWER, Access, RateLimit
 from rig.page.buckets import COARSER, Bucket, merged
 from rig.page.checklist import BY_HAND, note
@@ -196,9 +196,9 @@ class Page:
             return
         entries = subject.new_entries()
         if entries:
-            self._send(json.dumps({"type": "journal", "entries": entries}))
+            self._send(finite_json.dumps({"type": "journal", "entries": entries}))
         self._send_contents()
-        self._state = json.dumps({"type": "state"} | subject.state())
+        self._state = finite_json.dumps({"type": "state"} | subject.state())
         self._send(self._state)
 
     def _send_contents(self) -> None:
@@ -206,7 +206,7 @@ class Page:
         found = self._subject.describe()
         if found != self._contents:
             self._contents = found
-            self._send(json.dumps({"type": "contents", "contents": found}))
+            self._send(finite_json.dumps({"type": "contents", "contents": found}))
 
     def _send(self, message: str) -> None:
         for browser in self.browsers:
@@ -220,7 +220,7 @@ class Page:
             if browser.session and browser.fields:
                 if browser.fields not in messages:
                     values = {"type": "traces"} | self._traces(browser.fields, buckets)
-                    messages[browser.fields] = json.dumps(values)
+                    messages[browser.fields] = finite_json.dumps(values)
                 browser.put(messages[browser.fields])
 
     def _traces(self, fields: tuple[str, ...], buckets: Sequence[Bucket]) -> dict[str, Any]:
@@ -271,7 +271,7 @@ class Page:
                 text = await browser.socket.receive_text()
                 if len(text) > MAX_MESSAGE:
                     return
-                message = json.loads(text)
+                message = finite_json.loads(text)
                 if not isinstance(message, dict):
                     return
                 name = message.get("ask")
@@ -308,9 +308,11 @@ class Page:
             browser.person = f"{browser.person} {address}".strip()
         viewer = browser.role == VIEWER
         welcome = {"type": "welcome", "session": browser.session, "viewer": viewer}
-        browser.put(json.dumps(welcome))
-        browser.put(json.dumps({"type": "contents", "contents": self._subject.describe()}))
-        browser.put(json.dumps({"type": "journal", "entries": self._subject.journal, "all": True}))
+        browser.put(finite_json.dumps(welcome))
+        browser.put(finite_json.dumps({"type": "contents", "contents": self._subject.describe()}))
+        browser.put(
+            finite_json.dumps({"type": "journal", "entries": self._subject.journal, "all": True})
+        )
         self._put_history(browser)
         if self._state:
             browser.put(self._state)
@@ -322,7 +324,7 @@ class Page:
             for size, level in zip((1, *COARSER), (buckets.recent, *buckets.coarser), strict=True)
         ]
         history = {"type": "history", "fields": browser.fields, "levels": levels}
-        browser.put(json.dumps(history | {"bucket_s": buckets.span_s}))
+        browser.put(finite_json.dumps(history | {"bucket_s": buckets.span_s}))
 
     def _choose_fields(self, browser: Browser, fields: Any) -> None:
         if isinstance(fields, list) and len(fields) <= MAX_FIELDS:
@@ -393,10 +395,12 @@ class Page:
             return {"accepted": False, "reason": why}
         items = subject.checklist_items(orders)
         if name == CHECK_HOST:
-            if subject.watch.powered:
-                return {"accepted": False, "reason": "only while the power is off"}
+            if subject.watch.powered or orders.get("armed") or orders.get("arming"):
+                return {"accepted": False, "reason": "only while the power is off and not armed"}
             why = subject.checklist.check_host(str(orders.get("operator", "")))
             return {"accepted": not why, "reason": why or "the host was checked"}
+        if subject.checklist.checking:
+            return {"accepted": False, "reason": "the checks of the host run: wait for their end"}
         waiting = [each.text for each in items if not each.done]
         if waiting and arguments.get("all_the_same") is not True:
             return {"accepted": False, "reason": f"open on the checklist: {'; '.join(waiting)}"}
@@ -420,7 +424,7 @@ class Page:
     def _answer(self, browser: Browser, message: dict[str, Any], answer: Mapping[str, Any]) -> None:
         shown = {key: answer.get(key) for key in ("accepted", "reason", "facts")}
         reply = {"type": "answer", "ask": str(message.get("ask", "")), "id": message.get("id")}
-        browser.put(json.dumps(reply | shown))
+        browser.put(finite_json.dumps(reply | shown))
 
 
 def _short(value: Any) -> float | None:

@@ -22,7 +22,7 @@ from rig.recording.row_layout import RowSchema
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.folder import CONFIG, STATUS, recorded_reasons
 from rig.recording.runs.reader import blocks, open_files
-from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 PRODUCTS = {".png": "image/png", ".pdf": "application/pdf", ".csv": "text/csv"}
 STATE_INTERVAL_S = 0.2
@@ -33,8 +33,9 @@ class Subject:
     """A run for the page; `close` it at the end."""
 
     def __init__(
-        self, folder: Path, tap: Tap, schema: RowSchema, facts: dict[str, Any], *, live: bool
-    ) -> None:
+        self, folder: Path, tap: Tap, schema: RowSchema, facts: dict[str, Any], *, live: bool,
+        loop_core: int | None = None,
+    ) -> None:  # fmt: skip
         self.folder, self.tap, self.live = folder, tap, live
         self._schema = schema
         info = None if live else run_info(folder)
@@ -55,9 +56,10 @@ class Subject:
             "title": self.title
         }
         self._privileges: dict[str, Any] = {}  # as the loop reports them, soon after its start
-        self.checklist = Checklist(facts["mode"], self._config, folder.parent)
+        self.checklist = Checklist(facts["mode"], self._config, folder.parent, loop_core)
         self.columns: list[dict[str, Any]] = []  # of set points that people may choose
         self.orders: dict[str, Any] = {}  # their newest state
+        self._earlier: dict[int, RowPower] = {}  # of rows before the page began; set as a whole
         self._closed = threading.Event()
         self._journal_size = 0
         self.journal: list[dict[str, Any]] = []
@@ -68,6 +70,7 @@ class Subject:
     def close(self) -> None:
         """Ask the run no more."""
         self._closed.set()
+        self.checklist.close()
         for stream in self.watch.streams:
             stream.close()
 
@@ -104,13 +107,15 @@ class Subject:
         return self.checklist.items(self.watch.conditions(self._privileges))
 
     def state(self) -> dict[str, Any]:
-        """Return the state of run and orders for the page."""
+        """Return the state of run and orders for the page; with the power on no checks run."""
+        if self.watch.powered:
+            self.checklist.stop_checks("the power came on")
         status = _json(self.folder / STATUS)
         keys = ("status", "reason", "reason_text", "record", "ended_utc")
         return self.watch.state() | {
             "orders": self.orders,
             "end": {key: str(status.get(key, "")) for key in keys},
-            "rows": {str(row): each for row, each in self.watch.powers.items()},
+            "rows": {str(row): each for row, each in (self._earlier | self.watch.powers).items()},
             "products": self.products(),
             "checklist": [each._asdict() for each in self.checklist_items(self.orders)],
         }
@@ -140,12 +145,14 @@ class Subject:
         try:
             if path.stat().st_size == self._journal_size:
                 return []
-            data = read_regular(path, MAX_TABLE_BYTES)
+            with open_regular(path) as file:
+                file.seek(self._journal_size)
+                data = file.read(MAX_TABLE_BYTES)
         except OSError:
             return []
         whole = data[: data.rfind(b"\n") + 1]
-        entries = list(read_journal(whole[self._journal_size :]))
-        self._journal_size = len(whole)
+        entries = list(read_journal(whole))
+        self._journal_size += len(whole)
         self.watch.alarms.acknowledge(entries)
         self.checklist.take(entries)
         found = [_entry(each) for each in entries]
@@ -182,12 +189,14 @@ class Subject:
                 earlier |= self.watch.powers_in(rows)
                 if self._closed.is_set():
                     return
-        for row, powers in earlier.items():
-            self.watch.powers.setdefault(row, powers)
+        self._earlier = earlier  # the server's thread may be reading the rows now
 
 
-def attach(folder: Path) -> Subject:
-    """Return the run that runs in a folder; RequestError or ValueError if that is impossible."""
+def attach(folder: Path, loop_core: int | None = None) -> Subject:
+    """Return the run that runs in a folder; RequestError or ValueError if that is impossible.
+
+    ``loop_core``: for the checks of the host; None: as a new process finds it.
+    """
     client = RequestClient(folder, origin="page")
     try:
         facts, descriptor = client.hello()
@@ -195,7 +204,7 @@ def attach(folder: Path) -> Subject:
         client.close()
     schema = RowSchema(*facts["schema"])
     tap = RingTap(descriptor, schema.leaves, float(facts["dt"]))
-    return Subject(folder, tap, schema, facts, live=True)
+    return Subject(folder, tap, schema, facts, live=True, loop_core=loop_core)
 
 
 def replay(run: Path) -> Subject:

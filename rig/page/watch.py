@@ -213,7 +213,7 @@ class Watch:
 
     def conditions(self, privileges: Mapping[str, Any]) -> Conditions:
         """Return the conditions for the checklist; ``privileges``: as the loop reports them."""
-        row = self._row
+        row, silent = self._row, time.monotonic() - self._arrived
         if row is None:
             return Conditions(None, None, None, privileges)
         late = tuple(
@@ -223,7 +223,8 @@ class Watch:
         )
         tared_at, now = self._tared_at, float(row[self._at["time"]])
         samples = self._whole(self._tare_samples) if self._tare_samples else None
-        return Conditions(late, samples, None if tared_at is None else now - tared_at, privileges)
+        tare_age = None if tared_at is None else now - tared_at
+        return Conditions(late, samples, tare_age, privileges, silent)
 
     def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:
         """Return the present value, and the extremes of the last 10 s."""

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeGuard
 
 from rig.config.problems import error_text
 from rig.people.seat import Seat
@@ -25,6 +25,8 @@ from rig.recording.journal import Entry, Journal
 ARMING_S = 10.0  # s from arming to its confirmation
 IN_FORCE_S = 2.0  # s in which the loop takes up a set point
 MAX_TEXT = 2000  # characters of an annotation
+VIEWER_NOTE_S = 1.0  # s from one refusal of a viewer in the journal to the next
+_MAX_VIEWERS = 20  # whose refusals the journal has in that time
 STOP, ABORT = "stop", "abort"
 _MAX_HISTORY = 1000
 
@@ -111,6 +113,14 @@ class Answer(NamedTuple):
     facts: dict[str, Any] = {}  # noqa: RUF012
 
 
+class Arming(NamedTuple):
+    """The first of the two steps that switch the power on."""
+
+    since: float  # s
+    session: str  # that confirms it, too
+    changes: int  # of the operator until then
+
+
 class RefusedError(ValueError):
     """The request cannot be carried out; the message says why."""
 
@@ -137,7 +147,8 @@ class Orders:
         self._seat = Seat()
         self._manual_since: float | None = None
         self._number = 0  # of the last set point
-        self._arming_since: float | None = None
+        self._arming: Arming | None = None
+        self._viewers: dict[str, float] = {}  # when the journal had a refusal last, by session
         self._sets: list[LiveSet] = []  # in the order of acceptance; the last one is chosen
         self._history: list[tuple[float, LiveSet]] = []  # of manual mode, with the times
         self._interrupted_row = 0
@@ -224,12 +235,11 @@ class Orders:
         with self._lock:
             now = self._clock()
             holder = self._seat.holder(now)
-            armed_by = self._arming_since
             return {
                 "operator": holder.person if holder else "",
                 "operator_session": holder.session if holder else "",
                 "armed": bool(self._request.armed),
-                "arming": armed_by is not None and now - armed_by <= ARMING_S,
+                "arming": self._confirmable(self._arming),
                 "must_arm": self._people.arming,
                 "manual": self._people.manual,
                 "live": self._people.live is not None,
@@ -258,8 +268,11 @@ class Orders:
                 return self._seated(act, asker, request, given)
         with self._lock:
             refused = self._forbidden(asker, request)
+            quiet = bool(refused) and asker.viewer and not self._notes_viewer(asker)
         if refused:
-            return self._answer(asker, request, given, Answer(False, refused))
+            answer = Answer(False, refused)
+            kept = {} if asker.viewer else given  # viewers must not fill the disk
+            return answer if quiet else self._answer(asker, request, kept, answer)
         try:
             answer = act(self, asker, given)
         except (OSError, ValueError) as error:  # `RefusedError`; a check that finds no disk space
@@ -278,6 +291,15 @@ class Orders:
         ):
             return self._answer(asker, request, given, answer)
         return answer
+
+    def _notes_viewer(self, asker: Asker) -> bool:
+        """Return whether a viewer's refusal is for the journal: one a second of each session."""
+        now = self._clock()
+        self._viewers = {k: at for k, at in self._viewers.items() if now - at < VIEWER_NOTE_S}
+        if asker.session in self._viewers or len(self._viewers) >= _MAX_VIEWERS:
+            return False
+        self._viewers[asker.session] = now
+        return True
 
     def _forbidden(self, asker: Asker, request: str) -> str:
         """Return why a person must not make a request; empty if it is allowed."""
@@ -368,15 +390,16 @@ class Orders:
             self._mode()
             self._require(self._people.arming, "this run does not wait for arming")
             self._require_standby("the run is not in standby")
-            self._arming_since = self._clock()
+            self._seat.holder(self._clock())  # a lease that has ended is a change before arming
+            self._arming = Arming(self._clock(), asker.session, self._seat.changes)
         return Answer(True, f"confirm within {ARMING_S:g} s")
 
     def confirm(self, asker: Asker, given: dict[str, Any]) -> Answer:
         with self._lock:
-            since, self._arming_since = self._arming_since, None
+            arming, self._arming = self._arming, None
             self._require(
-                since is not None and self._clock() - since <= ARMING_S,
-                f"arm first, then confirm within {ARMING_S:g} s",
+                self._confirmable(arming) and arming.session == asker.session,
+                f"arm first, then confirm within {ARMING_S:g} s, as the same operator",
             )
             self._require_standby("the run is not in standby")
             self._change(armed=1)
@@ -430,7 +453,7 @@ class Orders:
                 self._segments.phase[0] == TARE, "this run does not measure the sensor zeros"
             )
             self._require(self._request.armed == 0, "the run is armed")
-            self._arming_since = None
+            self._arming = None
             self._jump(0)
         return Answer(True, "the sensor zeros are measured")
 
@@ -507,6 +530,16 @@ class Orders:
     def _require_standby(self, message: str) -> None:
         in_standby = self._mode() == OFF and self._row["plan.phase"] == STANDBY
         self._require(in_standby and safety.stop_reason(self._request.code) == NO_REASON, message)
+
+    def _confirmable(self, arming: Arming | None) -> TypeGuard[Arming]:
+        """Return whether an arming is recent and the operator the same since then."""
+        now = self._clock()
+        self._seat.holder(now)  # which notices a lost operator
+        return (
+            arming is not None
+            and now - arming.since <= ARMING_S
+            and arming.changes == self._seat.changes
+        )
 
     def _present_sets(self, *, while_stopped: bool = False) -> list[LiveSet]:
         """Return the set points of manual mode, the one in force last."""

@@ -12,7 +12,6 @@ A client that sends nonsense, too much at once, or does not read its answers is 
 """
 
 import array
-import json
 import os
 import socket
 import threading
@@ -23,6 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from rig import finite_json
 from rig.people.orders import Answer, Asker, Orders
 from rig.recording.runs.folder import SOCKET
 from rig.user_names import peer, user_name
@@ -122,8 +122,10 @@ class RequestServer:
         for line in _lines(client):
             if client in self._clients:
                 self._clients[client] = time.monotonic()
-            message = json.loads(line)
-            answer, ring = self._reply(message, person, recent)
+            try:
+                answer, ring = self._reply(finite_json.loads(line), person, recent)
+            except finite_json.NotFiniteError as error:
+                answer, ring = _refusal(str(error)), False
             data = _line(answer)
             if ring:
                 descriptors = array.array("i", [self._ring])
@@ -167,7 +169,7 @@ def _refusal(reason: str) -> dict[str, Any]:
 
 
 def _line(answer: dict[str, Any]) -> bytes:
-    return (json.dumps(answer) + "\n").encode()
+    return (finite_json.dumps(answer) + "\n").encode()
 
 
 def _name(given: Any, person: str) -> str:

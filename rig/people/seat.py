@@ -23,6 +23,7 @@ class Seat:
     def __init__(self) -> None:
         self._holder: Holder | None = None
         self._renewed = 0.0
+        self.changes = 0  # of the operator: seated, left or lost
         self.vacated: float | None = None  # when the last operator left or was lost; None: seated
 
     def holder(self, now: float) -> Holder | None:
@@ -36,6 +37,7 @@ class Seat:
         present = self.holder(now)
         if present is not None and present.session != session and not take_over:
             return f"{present.person} is the operator; take over to act instead"
+        self.changes += self._holder != (session, person)
         self._holder, self._renewed, self.vacated = Holder(session, person), now, None
         return ""
 
@@ -55,3 +57,4 @@ class Seat:
 
     def _vacate(self, at: float) -> None:
         self._holder, self.vacated = None, at
+        self.changes += 1

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig import finite_json
+
 JOURNAL = "requests.jsonl"
 
 
@@ -40,7 +42,7 @@ class Journal:
 
     def add(self, entry: Entry) -> bool:
         """Append an entry and wait until it is on disk; return False if that failed."""
-        line = json.dumps(entry._asdict(), ensure_ascii=False) + "\n"
+        line = finite_json.dumps(entry._asdict(), ensure_ascii=False) + "\n"
         text = line.encode("utf-8", "backslashreplace")  # which for half a character is JSON, too
         try:
             descriptor = os.open(
@@ -64,7 +66,10 @@ class Journal:
 
 
 def read_journal(text: bytes) -> Iterator[Entry]:
-    """Yield the entries of a journal; lines that are not whole (a full disk) are left out."""
+    """Yield the entries of a journal; lines that are not whole (a full disk) are left out.
+
+    Earlier journals may have NaN in the arguments of a refused request.
+    """
     for line in text.splitlines():
         try:
             yield Entry(**json.loads(line))

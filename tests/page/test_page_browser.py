@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import os
 import re
@@ -425,6 +426,42 @@ def test_no_text_of_a_record_becomes_markup(
             == 0
         )
         assert browser.run("typeof window.hit") == "undefined"
+        assert browser.failed == []
+
+
+def test_the_checklist_keeps_its_elements_while_its_texts_change(
+    browser: Chromium, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A click on an element that is replaced between press and release is lost."""
+    subject, sent = replay(recorded), itertools.count()
+    plain, state = subject.describe(), subject.state
+    monkeypatch.setattr(
+        subject, "describe", lambda: plain | {"title": plain["title"] | {"live": True}}
+    )
+
+    def changing() -> dict[str, Any]:
+        n = next(sent)
+        items = [
+            Item("host", f"host {n}", bool(n % 2), (f"detail {n}",) * (n % 3), "Ada", f"{n}"),
+            Item("people", f"people {n}", bool(n % 2), (), by_hand=True),
+        ]
+        orders = {"must_arm": True, "operator": "Ada", "operator_session": "x"}
+        listed = [each._asdict() for each in items]
+        return state() | {"checklist": listed, "orders": orders, "mode": 0, "reason": "", "end": {}}
+
+    monkeypatch.setattr(subject, "state", changing)
+    with served(subject, Access()) as (_, port):
+        browser.open(f"http://127.0.0.1:{port}/")
+        browser.wait("document.getElementById('item-people') !== null")
+        browser.run(
+            "window.kept = [...document.querySelectorAll('#checks :is(li, input, button)')]; 0"
+        )
+        assert browser.run("kept.length") == 4
+        for _ in range(3):
+            text = "document.querySelector('#checks li').textContent"
+            browser.run(f"window.first = {text}; 0")
+            browser.wait(f"{text} !== window.first")
+        assert browser.run("kept.every(each => each.isConnected)")
         assert browser.failed == []
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from rig.page import contents
 from rig.page.alarms import _ADVICE, Alarms
 from rig.page.recorded import RecordedTap
 from rig.page.subject import replay
+from rig.page.watch import RowPower
 from rig.realtime.reasons import Reason, reason_table
 from rig.realtime.safety import Mode
-from rig.recording.journal import Entry
+from rig.recording.journal import JOURNAL, Entry
 from rig.recording.runs import run_info
 
 
@@ -43,6 +46,39 @@ def test_powers_of_a_hold_are_those_of_no_row(recorded: Path) -> None:
     (powers,) = watch.powers_in(rows).values()
     assert powers.means[-1] == -2.0
     assert not powers.whole
+
+
+def test_rows_before_the_page_do_not_change_those_that_it_saw(recorded: Path) -> None:
+    """They are read in a thread of their own, while the server goes through the rows."""
+    subject = replay(recorded)
+    shown = subject.watch.powers
+    shown[1] = RowPower((1.0,), False)
+    subject._read_earlier_rows()
+    assert subject.watch.powers is shown
+    assert list(shown) == [1]
+    rows = subject.state()["rows"]
+    assert sorted(rows) == ["0", "1", "2", "3"]
+    assert rows["1"] == RowPower((1.0,), False), "newer values count"
+
+
+def test_the_journal_is_read_on_from_where_it_was(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    subject = replay(recorded)
+    monkeypatch.setattr(subject, "folder", tmp_path)
+    lines = [json.dumps(Entry("now", k, "Ada", "page", "hold")._asdict()) + "\n" for k in range(4)]
+    path = tmp_path / JOURNAL
+    assert subject.new_entries() == []
+    path.write_text(lines[0] + lines[1][:20])
+    assert [each["tick"] for each in subject.new_entries()] == [0]
+    assert subject.new_entries() == []
+    # What was read is not read again, so that a long journal costs nothing.
+    path.write_text(" " * len(lines[0]) + lines[1] + lines[2] + lines[3][:-1])
+    assert [each["tick"] for each in subject.new_entries()] == [1, 2]
+    with path.open("a") as file:
+        file.write("\n")
+    assert [each["tick"] for each in subject.new_entries()] == [3]
+    assert [each["tick"] for each in subject.journal] == [0, 1, 2, 3]
 
 
 def test_every_reason_of_the_core_has_advice() -> None:

@@ -6,12 +6,14 @@ import asyncio
 import csv
 import json
 import re
+import shutil
 import signal
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -20,9 +22,11 @@ from websockets import Origin
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from rig import finite_json
 from rig.page.access import COOKIE, OPERATOR, VIEWER, Access, Token
 from rig.page.server import _FILES, MAX_FIELDS, Page
 from rig.page.subject import replay
+from rig.recording.journal import JOURNAL, Entry
 
 STATIC = Path(__file__).parents[2] / "rig" / "page" / "static"
 
@@ -179,6 +183,23 @@ def test_nonsense_ends_the_connection_or_changes_nothing(
             receive(browser, "state")
     with browse(page[1]) as other:
         assert receive(other, "state")
+
+
+def test_a_journal_with_nan_is_shown(recorded: Path, tmp_path: Path) -> None:
+    """An earlier run kept NaN in the arguments of a refused request."""
+    run = Path(shutil.copytree(recorded, tmp_path / recorded.name))
+    entry = Entry("2026-11-26T12:00:00.000", 1, "Ada", "command", "set", {"values": {"kp": nan}})
+    (run / JOURNAL).write_text(json.dumps(entry._asdict()) + "\n")
+    with served(replay(run), Access()) as (_, port), browse(port) as browser:
+        while True:
+            text = str(browser.recv(timeout=20))
+            message = finite_json.loads(text)  # as `JSON.parse` reads it
+            if message["type"] == "journal" and message["entries"]:
+                break
+        assert message["entries"][0]["arguments"] == {"values": {"kp": "NaN"}}
+        browser.send('{"ask": "set", "arguments": {"values": {"kp": NaN}}}')
+        with pytest.raises(ConnectionClosed):
+            receive(browser, "answer")
 
 
 def test_too_many_messages_are_refused(page: tuple[Page, int]) -> None:

@@ -48,6 +48,37 @@ def test_arming_is_confirmed_in_time(late: float, *, accepted: bool) -> None:
     assert (run.mode == OFF) is not accepted
 
 
+@pytest.mark.parametrize("other", ["command b", "page b"])
+def test_only_the_session_that_armed_confirms(other: str) -> None:
+    run = AttendedRun()
+    run.go_on(40)
+    assert run.ask("command a", "arm").accepted
+    if other == "page b":
+        assert run.ask(other, "take_seat").accepted
+        assert not run.orders.describe()["arming"]
+    assert "arm first" in run.ask(other, "confirm").reason
+    run.go_on(100)
+    assert run.mode == OFF
+
+
+@pytest.mark.parametrize("change", ["leave", "lose", "take over and back", "beat"])
+def test_the_arming_ends_when_the_seat_changes_hands_or_is_lost(change: str) -> None:
+    run = AttendedRun()
+    run.go_on(40)
+    run.ask("page a", "take_seat")
+    assert run.ask("page a", "arm").accepted
+    if change == "leave":
+        run.ask("page a", "leave_seat")
+    elif change == "lose":
+        run.now += LEASE_S + 0.1
+    elif change == "take over and back":
+        assert run.ask("page b", "take_seat", take_over=True).accepted
+    run.ask("page a", "beat")
+    run.ask("page a", "take_seat", take_over=True)
+    assert run.orders.describe()["arming"] is (change == "beat")
+    assert run.ask("page a", "confirm").accepted is (change == "beat")
+
+
 def test_a_tare_in_standby_ends_the_arming_and_measures_again() -> None:
     run = AttendedRun()
     run.go_on(40)
@@ -454,6 +485,23 @@ def test_whatever_people_ask(steps: Any, manual: bool, powered: bool) -> None:
 @_sequences
 def test_whatever_people_ask_a_thousand_times(steps: Any, manual: bool, powered: bool) -> None:
     check_sequence(steps, manual=manual, powered=powered)
+
+
+def test_viewers_do_not_fill_the_journal() -> None:
+    run = AttendedRun()
+    before = len(run.journal.entries)
+    for k in range(30):
+        assert not run.ask("v", "annotate", viewer=True, text="x" * 60_000).accepted
+        assert not run.ask(f"v {k}", "hold", viewer=True).accepted
+    entries = run.journal.entries[before:]
+    assert len(entries) == 20
+    assert [each.request for each in entries if each.person == "v"] == ["annotate"]
+    assert all(each.arguments == {} and not each.accepted for each in entries)
+    run.now += 1.1
+    run.ask("v", "hold", viewer=True)
+    assert run.journal.entries[-1].request == "hold"
+    assert not run.ask("page a", "annotate", text="y").accepted
+    assert run.journal.entries[-1].arguments == {"text": "y"}, "others have theirs in full"
 
 
 def test_a_viewer_asks_in_vain() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import mmap
 import os
 import socket
@@ -31,6 +32,7 @@ from rig.people.request_socket import (
     short_path,
 )
 from rig.recording import ring
+from rig.recording.journal import JOURNAL, Entry, Journal, read_journal
 from rig.recording.runs.folder import SOCKET
 
 
@@ -143,6 +145,35 @@ def test_messages_that_are_no_request_are_refused(
         assert not found["accepted"]
         assert found["reason"]
         assert answer(client, message("state"))["accepted"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_number_that_is_not_finite_is_refused(
+    served: tuple[Path, AttendedRun], value: float
+) -> None:
+    folder, run = served
+    before = len(run.journal.entries)
+    with closing(RequestClient(folder)) as client:
+        found = client.ask("set", values={"kp": value})
+        assert not found["accepted"]
+        assert "not a finite number" in found["reason"]
+        assert client.ask("state")["accepted"]
+    with closing(connect(folder)) as other:
+        line = message("set", arguments={"values": {"kp": 1}}).replace(b"1}}", b"-1e999}}")
+        assert answer(other, line)["reason"] == "-1e999: not a finite number"
+    assert len(run.journal.entries) == before
+
+
+def test_a_journal_has_texts_for_numbers_that_are_not_finite(tmp_path: Path) -> None:
+    journal = Journal(lambda: tmp_path)
+    values = {"values": {"kp": math.nan, "ki": [1.5, -math.inf]}}
+    assert journal.add(Entry("now", 1, "Ada", "page", "set", values, False, "refused ü"))
+    written = (tmp_path / JOURNAL).read_bytes()
+    assert "ü".encode() in written
+    (found,) = read_journal(written)
+    assert found.arguments == {"values": {"kp": "NaN", "ki": [1.5, "-Infinity"]}}
+    (earlier,) = read_journal(written.replace(b'"NaN"', b"NaN"))
+    assert math.isnan(earlier.arguments["values"]["kp"])
 
 
 def test_half_a_character_reaches_the_journal_as_text(served: tuple[Path, AttendedRun]) -> None:

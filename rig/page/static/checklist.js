@@ -2,7 +2,7 @@
 import {$, element, setText} from "./dom.js";
 
 const OFF = 0;
-let confirmUntil = 0, refused = false;
+let confirmUntil = 0, refused = false, lines = [];
 
 export function armingAnswered(answer) {
   if (answer.ask === "arm" && answer.accepted) confirmUntil = performance.now() + 10000;
@@ -15,47 +15,68 @@ export function showArming(contents, state, seated, ask) {
   const standby = contents.phases[state.phase] === "standby" && state.mode === OFF && !state.reason;
   $("arming").hidden = !(orders.must_arm && !orders.armed && contents.title.live && state.mode === OFF && !state.reason);
   if ($("arming").hidden) return;
-  const key = JSON.stringify(items) + seated;
+  const key = JSON.stringify(items.map(item => [item.key, item.by_hand]));
   if ($("checks").dataset.key !== key) {
     $("checks").dataset.key = key;
-    const focused = document.activeElement.dataset ? document.activeElement.dataset.item : undefined;
-    $("checks").replaceChildren(...items.map(item => line(item, seated, ask)));
-    if (focused) $("checks").querySelector(`[data-item="${CSS.escape(focused)}"]`)?.focus();
+    lines = items.map(item => new Line(item, ask));
+    $("checks").replaceChildren(...lines.map(line => line.node));
   }
+  lines.forEach((line, at) => line.show(items[at], seated));
   const open = items.filter(item => !item.done).length, left = (confirmUntil - performance.now()) / 1000;
   if (!open) refused = false;
-  $("arm").disabled = !seated || !standby;
-  $("arm-anyway").hidden = !refused || !seated || !standby;
+  const checking = items.some(item => item.key === "host" && item.text.endsWith("running"));
+  $("arm").disabled = !seated || !standby || checking;
+  $("arm-anyway").hidden = !refused || !seated || !standby || checking;
   $("tare").disabled = !seated || !standby;
   $("confirm").disabled = !seated || !(left > 0) || !orders.arming;
   setText($("arming-time"), left > 0 && orders.arming ? "confirm within " + left.toFixed(0) + " s" :
     !seated ? "take the seat first" : open ? open + " open" : "all done");
 }
 
-function line(item, seated, ask) {
-  const found = element("li", undefined, item.done ? "" : "open"), label = element(item.by_hand ? "label" : "span", undefined, "item");
-  if (item.by_hand) {
-    const box = document.createElement("input");
-    box.type = "checkbox";
-    box.id = "item-" + item.key;
-    box.dataset.item = item.key;
-    box.checked = item.done;
-    box.disabled = !seated;
-    // It is ticked when the journal has it, not before.
-    box.addEventListener("click", event => { event.preventDefault(); ask("confirm_item", {item: item.key, confirmed: !item.done}); });
-    label.append(box);
-  } else label.append(element("span", item.done ? "✓" : "✗", "mark"));
-  label.append(element("span", item.text));
-  found.append(label);
-  if (item.key === "host") {
-    const button = element("button", "Run checks");
-    button.id = "run-checks";
-    button.dataset.item = item.key;
-    button.disabled = !seated || item.text.endsWith("running");
-    button.addEventListener("click", () => ask("check_host"));
-    found.append(button);
+// Its elements stay while its texts change, several times a second: a click on one that is replaced
+// between press and release is lost.
+class Line {
+  constructor(item, ask) {
+    this.item = item;
+    this.node = element("li");
+    const label = element(item.by_hand ? "label" : "span", undefined, "item");
+    if (item.by_hand) {
+      this.box = document.createElement("input");
+      this.box.type = "checkbox";
+      this.box.id = "item-" + item.key;
+      // It is ticked when the journal has it, not before.
+      this.box.addEventListener("click", event => { event.preventDefault(); ask("confirm_item", {item: this.item.key, confirmed: !this.item.done}); });
+    } else this.mark = element("span", "", "mark");
+    this.text = element("span");
+    label.append(this.box || this.mark, this.text);
+    this.node.append(label);
+    if (item.key === "host") {
+      this.button = element("button", "Run checks");
+      this.button.id = "run-checks";
+      this.button.addEventListener("click", () => ask("check_host"));
+      this.node.append(this.button);
+    }
+    this.by = element("span", "", "quiet");
+    this.details = element("div", undefined, "detail");
+    this.node.append(this.by, this.details);
   }
-  if (item.by || item.utc) found.append(element("span", [item.by, item.utc.slice(11, 19) && item.utc.slice(11, 19) + " UTC"].filter(Boolean).join(", "), "quiet"));
-  if (item.details.length) found.append(...item.details.map(text => element("div", text, "detail")));
-  return found;
+
+  show(item, seated) {
+    this.item = item;
+    this.node.className = item.done ? "" : "open";
+    if (this.box) {
+      // After a click the browser sets the box itself, so it is set anew even if nothing changed.
+      this.box.checked = item.done;
+      this.box.disabled = !seated;
+    } else setText(this.mark, item.done ? "✓" : "✗");
+    setText(this.text, item.text);
+    if (this.button) this.button.disabled = !seated || item.text.endsWith("running");
+    const time = item.utc.slice(11, 19);
+    setText(this.by, [item.by, time && time + " UTC"].filter(Boolean).join(", "));
+    this.by.hidden = !this.by.textContent;
+    while (this.details.childElementCount > item.details.length) this.details.lastChild.remove();
+    while (this.details.childElementCount < item.details.length) this.details.append(element("div"));
+    item.details.forEach((text, at) => setText(this.details.children[at], text));
+    this.details.hidden = !item.details.length;
+  }
 }

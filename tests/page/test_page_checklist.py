@@ -275,21 +275,21 @@ def test_checks_are_killed_when_power_comes_on_or_the_page_ends(
 def test_a_run_is_not_armed_while_the_checks_run(
     monkeypatch: pytest.MonkeyPatch, recorded: Path
 ) -> None:
-    subject, asked = replay(recorded), list[str]()
+    subject, requests = replay(recorded), list[str]()
     page, browser = Page(subject, Access()), Browser(None, "operator", ())  # type: ignore[arg-type]
     browser.session = "page a"
     orders = {"operator_session": "page a", "operator": "Ada", "accepted": True}
 
     class Run:
         def ask(self, name: str, **others: Any) -> dict[str, Any]:
-            asked.append(name)
+            requests.append(name)
             return orders
 
     monkeypatch.setattr(page, "_client", lambda *_, **__: Run())
     subject.checklist._running = True
     refused = page._before_power(browser, "arm", {"all_the_same": True})
     assert refused["reason"] == "the checks of the host run: wait for their end"
-    assert asked == ["state"]
+    assert requests == ["state"]
     subject.checklist._running = False
     assert page._before_power(browser, "arm", {"all_the_same": True})["accepted"]
     for state in ("arming", "armed"):
@@ -322,7 +322,7 @@ assert first not in os.sched_getaffinity(0)
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_doctor_judges_the_core_that_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_judges_the_given_core(monkeypatch: pytest.MonkeyPatch) -> None:
     judged: list[int] = []
     monkeypatch.setattr(
         processor, "findings", lambda host, core, *others: judged.append(core) or []

@@ -19,8 +19,7 @@ from rig.config.matrix import law_column_type
 from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.yaml_source import load_mapping
 from rig.people import set_points
-from rig.people.orders import Checked, LiveSet
-from rig.people.set_points import Amplitude, KeptRows, Row, field_range
+from rig.people.set_points import Amplitude, Checked, KeptRows, LiveSet, Row, field_range
 from rig.planning.input_files import ConfigSource, load_named_source
 from rig.processes.run_types import Task
 from rig.realtime import axis

@@ -6,7 +6,8 @@ from typing import Any
 
 from rig.kinds import registry
 from rig.people.attendance import Attendance, attended, record
-from rig.people.orders import LiveColumns, People, RefusedError
+from rig.people.orders import People
+from rig.people.set_points import LiveColumns, RefusedError
 from rig.processes.run_types import Task
 
 

@@ -19,7 +19,7 @@ from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
 from rig.kinds.registry import Command
-from rig.people.orders import LiveColumns
+from rig.people.set_points import LiveColumns
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import ExecutionMode, Outcome, RecordedTask, Task
 from rig.realtime import cycle

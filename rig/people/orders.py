@@ -11,10 +11,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, NamedTuple, Protocol, TypeGuard
+from typing import Any, NamedTuple, TypeGuard
 
 from rig.config.problems import error_text
 from rig.people.seat import Seat
+from rig.people.set_points import LiveColumns, LiveSet, RefusedError
 from rig.realtime import safety
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.requests import NO_REQUEST, Request
@@ -33,56 +34,6 @@ _MAX_HISTORY = 1000
 
 _STATE_FIELDS = ("tick", "plan.row", "plan.phase", "plan.attempt", "plan.live", "safety.mode")
 """Fields of the newest row that displays of the orders get."""
-
-
-class LiveSet(NamedTuple):
-    """A whole set point that people chose."""
-
-    values: dict[str, Any]  # by key of the column: a number, or a name where it has names
-    signal: dict[str, Any]  # of the signal generator
-
-
-class Checked(NamedTuple):
-    """The numbers of a set point, or the reasons why it was refused."""
-
-    numbers: tuple[float, ...]
-    problems: tuple[str, ...] = ()
-
-
-class LiveColumns(Protocol):
-    """The set points that people may choose, of a kind of rig."""
-
-    def describe(self) -> list[dict[str, Any]]:
-        """Return key, label, unit and allowed range of each column."""
-        ...
-
-    def first(self) -> LiveSet:
-        """Return the set point to begin with."""
-        ...
-
-    def of_row(self, row: int) -> LiveSet:
-        """Return the set point of a row of the plan."""
-        ...
-
-    @property
-    def moving_s(self) -> float:
-        """The time (s) for which a part may still move after a change of set points."""
-        ...
-
-    def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
-        """Return the numbers for the loop, after all checks of ranges, limits and stability.
-
-        ``before``: set points from which parts may still be moving.
-        """
-        ...
-
-    def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
-        """Return why a row cannot go on after these set points; empty if it can."""
-        ...
-
-    def keep(self, chosen: LiveSet, comment: str) -> str:
-        """Append a set point to the campaign file of kept rows; return its path."""
-        ...
 
 
 class People(NamedTuple):
@@ -119,10 +70,6 @@ class Arming(NamedTuple):
     since: float  # s
     session: str  # that confirms it, too
     changes: int  # of the operator until then
-
-
-class RefusedError(ValueError):
-    """The request cannot be carried out; the message says why."""
 
 
 class Orders:

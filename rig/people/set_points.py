@@ -1,16 +1,16 @@
-"""Parts of the set points that people choose, for every kind of rig.
+"""The set points that people choose, for every kind of rig.
 
-The signal generator's keys, checks of values against described ranges, and the file of kept rows.
+`LiveColumns` is what a kind provides. Its parts: the signal generator's keys, checks of values
+against described ranges, and the file of kept rows.
 """
 
 import itertools
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from controllers import signal_generator
-from rig.people.orders import RefusedError
 
 Row = tuple[Mapping[str, float | str], str]  # values by key of the column, and a comment
 Description = dict[str, Any]
@@ -19,6 +19,60 @@ Description = dict[str, Any]
 _MAX_FREQUENCY_SHARE = 0.1  # of the tick rate: ten samples a period
 _MAX_SWEEP_S = 3600.0
 _TIMES: dict[str, float] = {"frequency_hz": 0.5, "end_frequency_hz": 1.0, "sweep_s": 60.0}
+
+
+class RefusedError(ValueError):
+    """The request cannot be carried out; the message says why."""
+
+
+class LiveSet(NamedTuple):
+    """A whole set point that people chose."""
+
+    values: dict[str, Any]  # by key of the column: a number, or a name where it has names
+    signal: dict[str, Any]  # of the signal generator
+
+
+class Checked(NamedTuple):
+    """The numbers of a set point, or the reasons why it was refused."""
+
+    numbers: tuple[float, ...]
+    problems: tuple[str, ...] = ()
+
+
+class LiveColumns(Protocol):
+    """The set points that people may choose, of a kind of rig."""
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Return key, label, unit and allowed range of each column."""
+        ...
+
+    def first(self) -> LiveSet:
+        """Return the set point to begin with."""
+        ...
+
+    def of_row(self, row: int) -> LiveSet:
+        """Return the set point of a row of the plan."""
+        ...
+
+    @property
+    def moving_s(self) -> float:
+        """The time (s) for which a part may still move after a change of set points."""
+        ...
+
+    def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
+        """Return the numbers for the loop, after all checks of ranges, limits and stability.
+
+        ``before``: set points from which parts may still be moving.
+        """
+        ...
+
+    def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
+        """Return why a row cannot go on after these set points; empty if it can."""
+        ...
+
+    def keep(self, chosen: LiveSet, comment: str) -> str:
+        """Append a set point to the campaign file of kept rows; return its path."""
+        ...
 
 
 class Amplitude(NamedTuple):

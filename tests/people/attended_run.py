@@ -13,7 +13,8 @@ from core_kinds import BENCH, DT
 from core_runs import bench, bench_params, plan
 
 from rig.people.attendance import Attendance, attended
-from rig.people.orders import Answer, Asker, Checked, LiveSet, Orders, People
+from rig.people.orders import Answer, Asker, Orders, People
+from rig.people.set_points import Checked, LiveSet
 from rig.realtime import safety
 from rig.realtime.cycle import Timing
 from rig.realtime.loop import _RequestReader

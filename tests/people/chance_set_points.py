@@ -20,7 +20,7 @@ from rig.cli.manual import write_task
 from rig.compilation.tick_code import compile_tick
 from rig.execution.attended import attended_task
 from rig.kinds.rig_file import kind_of_task
-from rig.people.orders import LiveColumns, LiveSet
+from rig.people.set_points import LiveColumns, LiveSet
 from rig.processes.run_types import ExecutionMode, Task
 from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import coupled_ticks, loop, tick

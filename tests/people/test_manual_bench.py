@@ -20,7 +20,7 @@ from rig.execution.attended import attended_task
 from rig.kinds.oswec_bench import tasks
 from rig.kinds.oswec_bench.tick import manual, speed
 from rig.kinds.oswec_bench.tick.manual import ANGLE, TORQUE, VELOCITY
-from rig.people.orders import LiveColumns, LiveSet, RefusedError
+from rig.people.set_points import LiveColumns, LiveSet, RefusedError
 from rig.realtime.safety import RUN
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"

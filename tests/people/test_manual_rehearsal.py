@@ -14,7 +14,7 @@ from golden_modular import make_campaign
 from rig.cli.manual import write_task
 from rig.config.problems import ConfigError
 from rig.kinds.rig_file import kind_of_task
-from rig.people.orders import LiveSet
+from rig.people.set_points import LiveSet
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 WAVEBOT = CONFIGS / "rigs" / "wavebot.yaml"

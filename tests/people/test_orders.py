@@ -11,8 +11,9 @@ from attended_run import POLL_TICKS, AttendedRun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rig.people.orders import ARMING_S, REQUESTS, Asker, Checked, LiveSet
+from rig.people.orders import ARMING_S, REQUESTS, Asker
 from rig.people.seat import LEASE_S
+from rig.people.set_points import Checked, LiveSet
 from rig.realtime import safety
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE
 from rig.realtime.sequence import MANUAL, STANDBY

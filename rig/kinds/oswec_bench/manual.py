@@ -23,8 +23,16 @@ from rig.kinds.oswec_bench.sessions.files import Session
 from rig.kinds.oswec_bench.sessions.plan import NO_FLUME, REST, SessionPlan, setpoint_table
 from rig.kinds.oswec_bench.tick import manual
 from rig.people import set_points
-from rig.people.orders import Checked, LiveSet, RefusedError
-from rig.people.set_points import Amplitude, Description, KeptRows, Row, field_range
+from rig.people.set_points import (
+    Amplitude,
+    Checked,
+    Description,
+    KeptRows,
+    LiveSet,
+    RefusedError,
+    Row,
+    field_range,
+)
 from rig.planning.input_files import ConfigSource, load_named_source
 from rig.processes.run_types import Task
 from rig.realtime.live_setpoints import numbers_at

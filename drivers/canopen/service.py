@@ -162,15 +162,15 @@ class Service:
         machine: state_machine.Params,
         params: homing.Params,
         stopped: Callable[[], bool],
-        monitor: tuple[int, int] | None = None,
+        own_node: int = 0,
     ) -> bool:
         """Home a drive over SDO, then remove its power; return whether it homed now.
 
         A drive that reports having been homed since it was switched on, or since `reset`, is left
         unchanged: its zero is valid. Ticks of ``machine`` and ``params`` last 20 ms here.
-        ``stopped``: returns True to abort and remove the power. ``monitor``: our node, whose
-        heartbeat is sent meanwhile, and the drive's consumer of it (0x1016:1): if this process
-        dies, the drive stops by itself. ServiceError names the failure.
+        ``stopped``: returns True to abort and remove the power. ``own_node``: our node, whose
+        heartbeat is sent meanwhile (0: none), so that drives which monitor it stop by themselves
+        if this process dies; `restart_monitor` afterwards. ServiceError names the failure.
         """
         remote = self._remote(node)
         self._set_nmt_state(node, _PRE_OPERATIONAL)
@@ -182,8 +182,8 @@ class Service:
                 return False
             homed = False
             while True:
-                if monitor is not None:
-                    self._send_heartbeat(monitor[0])
+                if own_node:
+                    self._send_heartbeat(own_node)
                 statusword = self.read(node, 0x6041, 0, "u16")
                 mode_display = self.read(node, 0x6061, 0, "i8")
                 if statusword is None or mode_display is None:
@@ -218,10 +218,12 @@ class Service:
             if powered:
                 powered += "" if homed else f"; it did not home: {failure}"
                 raise ServiceError(f"node {node} {powered}")
-            if monitor is not None:  # off and on: it waits for the first heartbeat of a run
-                self._write(remote, 0x1016, 1, "u32", 0)
-                self._write(remote, 0x1016, 1, "u32", monitor[1])
         raise ServiceError(f"node {node} did not home: {failure}")
+
+    def restart_monitor(self, node: int, consumer: int) -> None:
+        """Let a node wait for the first heartbeat again; ``consumer``: value of its 0x1016:1."""
+        for value in (0, consumer):
+            self._write(self._remote(node), 0x1016, 1, "u32", value)
 
     def _send_heartbeat(self, own_node: int) -> None:
         with suppress(can.CanError, OSError):  # the SDO that follows reports a lost bus

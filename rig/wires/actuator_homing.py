@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
-from rig.wires.can_service import home_node, set_up_nodes
+from rig.wires.can_service import home_node, restart_monitors, set_up_nodes
 from rig.wires.job import WiredJob
 from rig.wires.wire_check import bus_problem
 
@@ -68,4 +68,7 @@ def home_actuators(
                 problem = str(error)
             duration = time.monotonic() - began
             found.append(Homing(node["name"], node["node"], not problem, moved, duration, problem))
+        # A drive with a problem keeps its monitor: it trips when our heartbeat ends.
+        failed = [each.name for each in found if each.problem]
+        restart_monitors(service, [node for node in nodes if node["name"] not in failed])
     return tuple(found)

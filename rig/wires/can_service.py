@@ -8,7 +8,7 @@ drive's current.
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from drivers.canopen.bus_settings import BusSettings
@@ -43,9 +43,10 @@ def serve(job: IoJob) -> None:
     try:
         try:
             facts = set_up_nodes(service, nodes)
-            for node in nodes:
-                if node["homes"]:
-                    home_node(service, node, ended)
+            homing_nodes = [node for node in nodes if node["homes"]]
+            for node in homing_nodes:
+                home_node(service, node, ended)
+            restart_monitors(service, nodes if homing_nodes else [])
             service.ignore_process_data()
             for node in nodes:
                 service.start(node["node"])
@@ -107,8 +108,14 @@ def home_node(service: Service, node: dict[str, Any], stopped: Callable[[], bool
         handover.loads(state_machine.Params, json.dumps(machine)),
         handover.loads(homing.Params, json.dumps(deadlines)),
         stopped,
-        tuple(node["monitor"]),
+        node["monitor"][0],
     )
+
+
+def restart_monitors(service: Service, nodes: Sequence[dict[str, Any]]) -> None:
+    """Let nodes wait for the loop's first heartbeat: those of the homing have ended."""
+    for node in nodes:
+        service.restart_monitor(node["node"], node["monitor"][1])
 
 
 def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailbox]) -> None:

@@ -156,6 +156,7 @@ def start(_: float) -> dict[str, Any]:
         seen["normal"] = drive.sdo_read(0x1008, 0).decode()
         b.master.slaves[DIGITAL_OUT].output = b"\x05"
         b.exchanges(20)
+        seen["report"] = b.command("report")  # before SDOs, during which no frames keep OP
         seen["digital"] = [b.master.slaves[each].input.hex() for each in (DIGITAL_IN, 4)]
         analog.sdo_write(0x8000, 1, struct.pack("<I", 5000))
         seen["written"] = struct.unpack("<I", analog.sdo_read(0x8000, 1))[0]
@@ -172,7 +173,7 @@ def start(_: float) -> dict[str, Any]:
         seen["objects"] = {f"{each.index:04X}": each.name.decode() for each in drive.od}
         statusword = next(each for each in drive.od if each.index == 0x6041)
         seen["statusword"] = [statusword.data_type, statusword.bit_length, statusword.obj_access]
-        seen["report"] = b.command("report")
+        seen["malformed"] = b.command("report")["malformed"]
         return seen
 
 

@@ -32,7 +32,7 @@ def test_start_sdo_and_process_data() -> None:
     assert seen["statusword"] == [6, 16, 0x87]
     states = {slave["state"] for slave in seen["report"]["slaves"].values()}
     assert states == {"OP"}
-    assert seen["report"]["malformed"] == 0
+    assert seen["malformed"] == 0
 
 
 def test_remap_segments_and_torque() -> None:

@@ -33,6 +33,11 @@ def interpolate(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> float
     return ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1])
 
 
+def fade_step(share: float, duration: float, dt: float) -> float:
+    """Return the share, 1 to 0, of what fades out in ``duration`` (s), one tick later."""
+    return clamp(share - dt / duration if duration > dt else 0.0, 0.0, 1.0)
+
+
 class Ramp(NamedTuple):
     """A value that moves to a target at a constant rate."""
 

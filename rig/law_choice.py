@@ -58,9 +58,9 @@ def _union(groups: Sequence[Sequence[Any]], noun: str) -> list[Any]:
                 f"of its values: {known.low:g} .. {known.high:g} {known.unit} and "
                 f"{each.low:g} .. {each.high:g} {each.unit}"
             )
-    names = [getattr(each, "name", each.key) for each in found.values()]
+    names = [_name(each) for each in found.values()]
     for each in found.values():
-        if CHOICE in (each.key, getattr(each, "name", "")) or names.count(_name(each)) > 1:
+        if CHOICE in (each.key, _name(each)) or names.count(_name(each)) > 1:
             raise ValueError(f"the {noun} {each.key} has a name that another one has")
     return list(found.values())
 
@@ -84,7 +84,7 @@ def _source(laws: Sequence[Any], names: Sequence[str]) -> str:
         "",
         "from typing import NamedTuple",
         "",
-        "from controllers.blocks import clamp",
+        "from controllers.blocks import fade_step",
         "from controllers.signals import Demand",
         "",
         "",
@@ -139,8 +139,7 @@ def _source(laws: Sequence[Any], names: Sequence[str]) -> str:
         ]
     lines += [
         "    if fade > 0.0:",
-        "        fade = fade - dt / params.ramp if params.ramp > dt else 0.0",
-        "        fade = clamp(fade, 0.0, 1.0)",
+        "        fade = fade_step(fade, params.ramp, dt)",
         "        kp, ki, km, force = demand",
         "        demand = Demand(kp, ki, km, force + fade * (fade_force - force))",
         f"    return State(law, demand.force, fade_force, fade, {states}), demand",

@@ -69,6 +69,11 @@ class Law(NamedTuple):
         parameters: tuple[Parameter, ...] = self.module.PARAMETERS
         return parameters
 
+    @property
+    def members(self) -> tuple["Law", ...]:
+        """The laws of a choice, or this one alone."""
+        return self.parts or (self,)
+
     def chosen(self, values: Any) -> "Law":
         """Return the law that acts at a set point: this one, or one of a choice."""
         return self.parts[int(getattr(values, CHOICE, 0.0))] if self.parts else self
@@ -191,7 +196,7 @@ def registered() -> tuple[RegisteredLaw, ...]:
 
 def to_request(law: Law) -> str:
     """Return a law as text for another process of this host: reference and sha256 of each part."""
-    return json.dumps([[each.reference, each.sha256] for each in law.parts or (law,)])
+    return json.dumps([[each.reference, each.sha256] for each in law.members])
 
 
 def from_request(text: str) -> Law:

@@ -1,9 +1,8 @@
 """Steps that map the process data of a CANopen node, and its heartbeat consumer (CiA 301)."""
 
 from drivers.canopen.pdo import Layout
-from drivers.cia402.arming import SetupError, SetupStep, in_range
+from drivers.cia402.arming import SetupError, SetupStep, in_range, mapping_steps
 from drivers.cia402.drive_objects import Access
-from drivers.cia402.process_data import mapping_entries
 
 _OFF = 1 << 31  # of a PDO's COB-ID: the PDO does not exist
 _PDO_ID = 0xA000_07FF  # that bit, 29-bit frame, identifier; the drive owns bit 30 (remote requests)
@@ -69,7 +68,6 @@ def _remap(
         _communication_index(kind, map_base, number),
     )
     name = f"{kind}{number}"
-    mapped = mapping_entries(pdo.entries)
 
     def step(index: int, sub: int, of: str, what: str, value: int, access: Access) -> SetupStep:
         what = f"{name} {what}"
@@ -78,12 +76,7 @@ def _remap(
 
     steps = [
         step(comm, 1, "u32", "COB-ID", pdo.cob_id | _OFF, Access.TRANSIENT),
-        step(mapping, 0, "u8", "map count", 0, Access.TRANSIENT),
-        *(
-            step(mapping, sub, "u32", f"map {sub}", word, Access.SET)
-            for sub, word in enumerate(mapped, start=1)
-        ),
-        step(mapping, 0, "u8", "map count", len(mapped), Access.SET),
+        *mapping_steps(name, mapping, pdo.entries),
         step(comm, 2, "u8", "transmission type", transmission, Access.SET),
     ]
     if deadline is not None:

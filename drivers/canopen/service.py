@@ -25,8 +25,7 @@ from drivers.canopen.link import LinkError, open_bus, set_receive_filter
 from drivers.canopen.pdo import MAX_NODE
 from drivers.cia402 import arming, homing, state_machine
 from drivers.cia402.arming import Mismatch, SetupStep
-from drivers.cia402.drive_objects import Access
-from drivers.cia402.process_data import BYTES
+from drivers.cia402.process_data import from_bytes, to_bytes
 from drivers.cia402.state_table import Goal
 from drivers.cia402.statusword import DriveState, decode, describe
 
@@ -122,14 +121,11 @@ class Service:
         self._set_nmt_state(node, _PRE_OPERATIONAL)
         if self.read(node, 0x1000, 0, "u32") is None:
             raise ServiceError(f"node {node} does not answer")
-        for step in steps:
-            if step.access != Access.VERIFY:
-                self._write(remote, step.object, step.sub, step.type, step.value)
-        answers = {
-            (step.object, step.sub): self.read(node, step.object, step.sub, step.type)
-            for step in arming.read_back(steps)
-        }
-        return arming.compare(steps, answers)
+        return arming.set_up(
+            steps,
+            lambda step: self._write(remote, step.object, step.sub, step.type, step.value),
+            lambda step: self.read(node, step.object, step.sub, step.type),
+        )
 
     def start(self, node: int) -> None:
         """Set the node OPERATIONAL, which starts process data; ServiceError if sending fails."""
@@ -267,8 +263,7 @@ class Service:
             data = self._remote(node).sdo.upload(index, sub)
         except _NO_ANSWER:
             return None
-        has_expected_size = len(data) == BYTES[kind]
-        return int.from_bytes(data, "little", signed=kind[0] == "i") if has_expected_size else None
+        return from_bytes(kind, data)
 
     def identity(self, node: int) -> NodeIdentity:
         """Return the identity of a node."""
@@ -339,7 +334,7 @@ class Service:
 
     def _write(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
         """Write an object; reading it back shows a refusal."""
-        data = value.to_bytes(BYTES[kind], "little", signed=kind[0] == "i")
+        data = to_bytes(kind, value)
         try:
             remote.sdo.download(index, sub, data)
         except _NO_ANSWER:

@@ -4,11 +4,11 @@ The caller writes the steps in order while the drive is without power, reads bac
 `read_back`, and arms only if `compare` returns no mismatch. The functions are pure: no bus here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from drivers.cia402.drive_objects import BY_NAME, REQUIRED, Access
-from drivers.cia402.process_data import BYTES
+from drivers.cia402.process_data import BYTES, Entry, mapping_entries
 
 
 class SetupStep(NamedTuple):
@@ -78,6 +78,41 @@ def parameter_steps(
         access = Access.VERIFY if name in read_only else item.access
         steps.append(SetupStep(item.object, item.sub, item.type, name, value, access, item.mask))
     return tuple(steps)
+
+
+def mapping_steps(name: str, index: int, entries: tuple[Entry, ...]) -> tuple[SetupStep, ...]:
+    """Return the steps that map entries in the object ``index`` of the PDO ``name``.
+
+    The order is that of CiA 301: no entries, entries, their count.
+    """
+
+    def step(sub: int, kind: str, what: str, value: int, access: Access) -> SetupStep:
+        what = f"{name} {what}"
+        return SetupStep(index, sub, kind, what, in_range(what, kind, value), access, -1)
+
+    return (
+        step(0, "u8", "map count", 0, Access.TRANSIENT),
+        *(
+            step(sub, "u32", f"map {sub}", word, Access.SET)
+            for sub, word in enumerate(mapping_entries(entries), start=1)
+        ),
+        step(0, "u8", "map count", len(entries), Access.SET),
+    )
+
+
+def set_up(
+    steps: tuple[SetupStep, ...],
+    write: Callable[[SetupStep], object],
+    read: Callable[[SetupStep], int | None],
+) -> tuple[Mismatch, ...]:
+    """Write the steps, read all back, and return the mismatches.
+
+    ``write`` may fail in silence: reading back shows it. ``read`` returns None for no answer.
+    """
+    for step in steps:
+        if step.access != Access.VERIFY:
+            write(step)
+    return compare(steps, {(each.object, each.sub): read(each) for each in read_back(steps)})
 
 
 def read_back(steps: tuple[SetupStep, ...]) -> tuple[SetupStep, ...]:

@@ -30,6 +30,17 @@ ERROR_CODE = Entry(0x603F, 0, "u16", "error code")
 ANALOG_INPUTS = tuple(Entry(0x201A, sub, "i16", f"analog input {sub}") for sub in (1, 2, 3, 4))
 
 
+def to_bytes(kind: str, value: int) -> bytes:
+    """Return the bytes of an integer of a type, low byte first."""
+    return value.to_bytes(BYTES[kind], "little", signed=kind[0] == "i")
+
+
+def from_bytes(kind: str, data: bytes) -> int | None:
+    """Return the integer of a type; None for another number of bytes."""
+    whole = len(data) == BYTES[kind]
+    return int.from_bytes(data, "little", signed=kind[0] == "i") if whole else None
+
+
 def mapping_entries(entries: tuple[Entry, ...]) -> tuple[int, ...]:
     """Return the u32 of each sub-index of a mapping object (0x1600, 0x1A00): index, sub, bits."""
     return tuple(e.object << 16 | e.sub << 8 | 8 * BYTES[e.type] for e in entries)

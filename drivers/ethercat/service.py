@@ -17,10 +17,10 @@ from typing import Any, NamedTuple, TypeVar
 
 from drivers.cia402 import arming
 from drivers.cia402.arming import Mismatch, SetupStep
-from drivers.cia402.drive_objects import Access
+from drivers.cia402.process_data import from_bytes, to_bytes
 from drivers.errors import LinkError
 from drivers.ethercat.link import filter_indices
-from drivers.ethercat.process_image import SIZES, Area
+from drivers.ethercat.process_image import Area
 
 SERVICE_INDICES = range(16)  # pysoem uses no others
 _FMMU, _FMMU_SIZE, _FMMUS = 0x0600, 16, 4  # register, bytes, number of those that are used
@@ -195,27 +195,22 @@ class Service:
             self._master.close()
 
     def _set_up(self, slave: Any, setup: SlaveSetup) -> tuple[Mismatch, ...]:
-        for step in setup.steps:
-            if step.access != Access.VERIFY:
-                data = step.value.to_bytes(
-                    SIZES[step.type], "little", signed=step.type.startswith("i")
-                )
-                with suppress(self._pysoem.SdoError):  # reading it back shows the refusal
-                    slave.sdo_write(step.object, step.sub, data)
-        answers = {
-            (step.object, step.sub): self._read(slave, step.object, step.sub, step.type)
-            for step in arming.read_back(setup.steps)
-        }
-        return arming.compare(setup.steps, answers)
+        def write(step: SetupStep) -> None:
+            with suppress(self._pysoem.SdoError):
+                slave.sdo_write(step.object, step.sub, to_bytes(step.type, step.value))
+
+        return arming.set_up(
+            setup.steps,
+            write,
+            lambda step: self._read(slave, step.object, step.sub, step.type),
+        )
 
     def _read(self, slave: Any, index: int, sub: int, kind: str) -> int | None:
         try:
             data = slave.sdo_read(index, sub)
         except self._mailbox_errors():
             return None
-        if len(data) != SIZES[kind]:
-            return None
-        return int.from_bytes(data, "little", signed=kind.startswith("i"))
+        return from_bytes(kind, data)
 
     def _retry(self, request: Callable[[], T]) -> T:
         """Return the result of a request whose frame comes back in time at last.

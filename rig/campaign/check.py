@@ -289,7 +289,7 @@ def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
     lines = []
     for axis, axis_law in campaign.axis_laws.items():
         whole = axis_law.law
-        for place, law in enumerate(whole.parts or (whole,)):
+        for place, law in enumerate(whole.members):
             if not whole.parts and law.name == DEFAULT_LAW and not law.is_file:
                 continue
             origin = display_path(Path(law.path)) if law.is_file else law.origin

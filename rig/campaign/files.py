@@ -100,8 +100,8 @@ def open_campaign(
     limits = reader.validated(limits_source, kind.limits_file)
     points = record = None
     if file is not None:
-        axis_laws = (each.law for each in file.axis_laws.values())
-        used = dict.fromkeys(part for law in axis_laws for part in law.parts or (law,))
+        axis_laws = file.axis_laws.values()
+        used = dict.fromkeys(law for each in axis_laws for law in each.law.members)
         files += [InputFile("law", Path(law.path), law.sha256) for law in used if law.is_file]
         points = attempt(lambda: kind.points(file, rig, top.locate))
         problems += _campaign_problems(kind, file, points, top.locate)

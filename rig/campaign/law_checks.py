@@ -65,7 +65,7 @@ def compilation_problems(campaign: AnyCampaign, dt: float, consequence: str) -> 
     """
     for axis, axis_law in campaign.axis_laws.items():
         law = axis_law.law
-        if all(not each.is_file and each.name in laws.OWN_MODULES for each in law.parts or (law,)):
+        if all(not each.is_file and each.name in laws.OWN_MODULES for each in law.members):
             continue
         from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
 

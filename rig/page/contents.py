@@ -5,7 +5,7 @@ from typing import Any
 
 from rig import log_fields, stations
 from rig.log_fields import LogFields, label_of
-from rig.page.limits import Bound, find_bounds, is_age
+from rig.page.limits import Bound, as_mapping, find_bounds, is_age
 from rig.presentation.phrases import phase_text, unit_text
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import Leaf
@@ -155,7 +155,7 @@ def describe(
         "points": [row.get("point", at) for at, row in enumerate(_rows(plan))],
         "phases": [phase_text(phase) for phase in Phase],
         "duration_s": plan.get("duration_s"),
-        "sea": str(_mapping(plan.get("sea")).get("words") or ""),
+        "sea": str(as_mapping(plan.get("sea")).get("words") or ""),
     }
 
 
@@ -184,7 +184,3 @@ def _rank(leaf: Leaf, axis: str, stations: Sequence[str]) -> tuple[int, int]:
     if "command" in leaf.path and leaf.path[-1] in ("force", "torque", "current"):
         place = 0
     return (0 if leaf.path[0] == axis else 1, place)
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, dict) else {}

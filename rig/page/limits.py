@@ -109,7 +109,7 @@ def _label(limit: FieldLimit, labels: Mapping[str, str]) -> str:
 
 def _usual_limits(leaves: Mapping[str, Leaf], config: Mapping[str, Any]) -> Iterator[FieldLimit]:
     """Yield the limits of the axes that have a section of their name."""
-    limits = _mapping(config.get("limits"))
+    limits = as_mapping(config.get("limits"))
     end = ".estimate.position"
     for axis in (name.removesuffix(end) for name in leaves if name.endswith(end)):
         yield from axis_limits(axis, f"axes.{axis}" if "axes" in limits else axis)
@@ -119,8 +119,8 @@ def _sensor_ranges(
     leaves: Mapping[str, Leaf], config: Mapping[str, Any], labels: Mapping[str, str]
 ) -> Iterator[Bound]:
     """Yield the ranges and the ages of the sensors in the rig file."""
-    for name, sensor in _mapping(_mapping(config.get("rig")).get("sensors")).items():
-        span, field = _mapping(sensor).get("range"), f"{name}.value"
+    for name, sensor in as_mapping(as_mapping(config.get("rig")).get("sensors")).items():
+        span, field = as_mapping(sensor).get("range"), f"{name}.value"
         if field in leaves and isinstance(span, list) and len(span) == 2:
             limit = FieldLimit(f"rig.sensors.{name}.range", field)
             low, high = map(float, span)
@@ -194,11 +194,12 @@ def _number(limits: Any, key: str) -> float | None:
     """Return the number at a key like `AXIS.current_peak_a`; None if there is none."""
     value: Any = limits
     for part in key.split("."):
-        value = _mapping(value).get(part)
+        value = as_mapping(value).get(part)
     if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
         return None
     return float(value)
 
 
-def _mapping(value: Any) -> Mapping[str, Any]:
+def as_mapping(value: Any) -> Mapping[str, Any]:
+    """Return a part of a record if it is a mapping, else an empty one."""
     return value if isinstance(value, dict) else {}

@@ -7,7 +7,7 @@ rotary axis read rad for m and N*m for N.
 from typing import NamedTuple
 
 from controllers import estimator
-from controllers.blocks import clamp
+from controllers.blocks import fade_step
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag
 from rig.realtime import limits
 from rig.realtime.safety import OFF, RUN, STOP_1, STOP_2
@@ -173,8 +173,7 @@ def control(
     elif source != RUN:
         demand, fade = NO_DEMAND, 0.0
     if fade > 0.0:
-        fade = fade - dt / params.stop_ramp if params.stop_ramp > dt else 0.0
-        fade = clamp(fade, 0.0, 1.0)
+        fade = fade_step(fade, params.stop_ramp, dt)
         kp, ki, km, force = demand
         demand = Demand(kp, ki, km, force + fade * (fade_force - force))
     granted, command = limits.grant(params.limits, limited, demand.force, conducting, mode, dt)

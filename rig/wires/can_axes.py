@@ -4,13 +4,13 @@ The answers to the last SYNC are received first, and all commands are sent with 
 `rig.wires.can_nodes.can_axes` returns the configuration.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from drivers.canopen.bus_cycle import BusCycle, FrameLink, Node
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import Link
-from drivers.canopen.position_actuator import ActuatorSettings, PositionActuator
+from drivers.canopen.position_actuator import ActuatorSettings, Frames, PositionActuator
 from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
@@ -61,15 +61,16 @@ class CanAxes(DriveAxes):
         self._sent += 1
 
     def command_nothing(self) -> None:
-        frames = [axis.command(0.0, 0, self.time) for axis in self._axes.values()]
-        for actuator in self._actuators.values():
-            frames += actuator.command(0.0, 0, self.time)
-        self._bus.send(frames)
+        self._send_rest(lambda actuator: actuator.command(0.0, 0, self.time))
 
     def release(self) -> None:
+        self._send_rest(lambda actuator: actuator.release(self.time))
+
+    def _send_rest(self, rest: Callable[[PositionActuator], Frames]) -> None:
+        """Send no current to the axes, and to each actuator what ``rest`` returns."""
         frames = [axis.command(0.0, 0, self.time) for axis in self._axes.values()]
         for actuator in self._actuators.values():
-            frames += actuator.release(self.time)
+            frames += rest(actuator)
         self._bus.send(frames)
 
     def close(self) -> None:

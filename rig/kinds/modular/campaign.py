@@ -105,8 +105,7 @@ def _model(motions: _Motions, axis_laws: tuple[Law, ...]) -> type[CampaignFile]:
     }
     details: dict[str, Any] = {}
     for place, (name, each) in enumerate(by_axis.items()):
-        parts = each.law.parts or (each.law,)
-        if not any(part.module is IMPEDANCE.module for part in parts):
+        if not any(law.module is IMPEDANCE.module for law in each.law.members):
             continue
         by_key = dict(zip((c.key for c in each.law.columns), each.columns, strict=True))
         kp, ki, km = (by_key[column.key] for column in IMPEDANCE.columns)

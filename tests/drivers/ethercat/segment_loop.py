@@ -25,7 +25,7 @@ from drivers.ethercat.pdo_steps import (
     FIRST_OUTPUT_PDO,
     INPUTS,
     OUTPUTS,
-    mapping_steps,
+    only_pdo_steps,
 )
 from drivers.ethercat.process_image import Area, expected_wkc, read_bit, write_bit
 from drivers.ethercat.service import AlState, Service, SlaveSetup
@@ -52,8 +52,8 @@ class Bench:
         self.service = Service(MASTER_END)
         self.identities = self.service.find()
         drive = (
-            *mapping_steps(OUTPUTS, FIRST_OUTPUT_PDO, DRIVE_OUTPUTS),
-            *mapping_steps(INPUTS, FIRST_INPUT_PDO, drive_inputs(0)),
+            *only_pdo_steps(OUTPUTS, FIRST_OUTPUT_PDO, DRIVE_OUTPUTS),
+            *only_pdo_steps(INPUTS, FIRST_INPUT_PDO, drive_inputs(0)),
             SetupStep(0x6060, 0, "i8", "mode_of_operation", TORQUE_MODE, 0, -1),
             SetupStep(0x6007, 0, "i16", "abort_connection", 1, 0, -1),
         )

@@ -111,6 +111,10 @@ class BusCycle:
             return _NEVER
         return self._sync_times[number % sync_count.MAX_OPEN]
 
+    def now(self) -> float:
+        """Return the time of the link's clock, s."""
+        return self._link.now()
+
     def send(self, frames: Iterable[tuple[int, bytes]]) -> None:
         """Send the commands, then the SYNC on which they act, then the heartbeat when due."""
         # The time before the call, so that no status looks younger than it is.

@@ -23,11 +23,9 @@ from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.link import LinkError, open_bus, set_receive_filter
 from drivers.canopen.pdo import MAX_NODE
-from drivers.cia402 import arming, homing, state_machine
+from drivers.cia402 import arming, homing, homing_run, state_machine
 from drivers.cia402.arming import Mismatch, SetupStep
 from drivers.cia402.process_data import from_bytes, to_bytes
-from drivers.cia402.state_table import Goal
-from drivers.cia402.statusword import DriveState, decode, describe
 
 # This module reports nodes that do not answer; the library would log them a second time.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -41,18 +39,9 @@ _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index her
 _READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 _SPACING, _RETRY_PAUSE = 0.5e-3, 0.01  # s between two requests of a scan, and after a refused one
 _SERVICE_BASES = (emcy.BASE, 0x580, heartbeat.BASE)  # COB-IDs of a node other than process data
-_ENABLED = int(Goal.ENABLED)
-_HOME_PERIOD = 0.02  # s between two polls of a homing drive: over SDO, so slow
+_POLL_PERIOD_S = 0.02  # s between two looks for a boot message
 _READER_TIMEOUT = 0.1  # s within which the library's reader thread notices the end
 _RESET_NODE = 0x81  # NMT command
-_POWER_OFF_S = 2.0  # s in which a drive must confirm that it is disabled
-_POWERED = (
-    DriveState.OPERATION_ENABLED,
-    DriveState.QUICK_STOP_ACTIVE,
-    DriveState.FAULT_REACTION_ACTIVE,
-    DriveState.UNKNOWN,
-)
-_HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
 class ServiceError(OSError):
@@ -117,13 +106,12 @@ class Service:
 
         ServiceError if the node does not answer at all, or the bus accepts no frames.
         """
-        remote = self._remote(node)
         self._set_nmt_state(node, _PRE_OPERATIONAL)
         if self.read(node, 0x1000, 0, "u32") is None:
             raise ServiceError(f"node {node} does not answer")
         return arming.set_up(
             steps,
-            lambda step: self._write(remote, step.object, step.sub, step.type, step.value),
+            lambda step: self.write(node, step.object, step.sub, step.type, step.value),
             lambda step: self.read(node, step.object, step.sub, step.type),
         )
 
@@ -150,7 +138,7 @@ class Service:
         while self.health()[node].boots == 0 and not stopped():
             if time.monotonic() > end:
                 raise ServiceError(f"node {node} did not boot within {timeout_s:g} s of a reset")
-            time.sleep(_HOME_PERIOD)
+            time.sleep(_POLL_PERIOD_S)
 
     def home(
         self,
@@ -168,94 +156,44 @@ class Service:
         heartbeat is sent meanwhile (0: none), so that drives which monitor it stop by themselves
         if this process dies; `restart_monitor` afterwards. ServiceError names the failure.
         """
-        remote = self._remote(node)
         self._set_nmt_state(node, _PRE_OPERATIONAL)
-        drive, handshake = state_machine.start(0, 0), homing.start(0)
-        failure, bits, acting, homed = "no answer", 0, 0, True
+        access = _SdoAccess(self, node, own_node)
+        failure = "it did not begin"
         try:
-            self._write(remote, 0x6060, 0, "i8", homing.MODE)
-            if self._is_homed(node):
+            access.select_mode()
+            if homing_run.is_homed(access):
+                failure = ""
                 return False
-            homed = False
-            while True:
-                if own_node:
-                    self._send_heartbeat(own_node)
-                statusword = self.read(node, 0x6041, 0, "u16")
-                mode_display = self.read(node, 0x6061, 0, "i8")
-                if statusword is None or mode_display is None:
-                    break
-                drive, output = state_machine.step(
-                    machine,
-                    drive,
-                    state_machine.Inputs(
-                        statusword, 0.0, mode_display, homing.MODE, _ENABLED, 1, 0, bits, 0
-                    ),
-                )
-                acting = output.acting
-                if drive.armed == 0:
-                    failure = f"{describe(statusword)}; {state_machine.explain(drive)}"
-                    break
-                handshake, bits = homing.step(
-                    params, handshake, homing.Inputs(statusword, acting, acting, 0)
-                )
-                self._write(remote, 0x6040, 0, "u16", output.controlword)
-                if handshake.phase == _HOMED:
-                    homed = True
-                    return True
-                if handshake.phase == _FAILED:
-                    failure = homing.Failure(handshake.failure).name.lower().replace("_", " ")
-                    break
-                if stopped():
-                    failure = "aborted"
-                    break
-                time.sleep(_HOME_PERIOD)
+            failure = homing_run.home(access, machine, params, stopped)
         finally:
-            powered = self._remove_power(node)
-            if powered:
-                powered += "" if homed else f"; it did not home: {failure}"
-                raise ServiceError(f"node {node} {powered}")
-        raise ServiceError(f"node {node} did not home: {failure}")
+            if not homing_run.remove_power(access):
+                with suppress(can.CanError, OSError, RuntimeError):
+                    self._remote(node).nmt.send_command(_RESET_NODE)  # ends its power, too
+                raise ServiceError(
+                    f"node {node} may still be powered: it did not confirm that it was disabled "
+                    f"within {homing_run.POWER_OFF_S:g} s, and was sent a reset; press the "
+                    "emergency stop" + (f"; it did not home: {failure}" if failure else "")
+                )
+        if failure:
+            raise ServiceError(f"node {node} did not home: {failure}")
+        return True
 
     def restart_monitor(self, node: int, consumer: int) -> None:
         """Let a node wait for the first heartbeat again; ``consumer``: value of its 0x1016:1."""
         for value in (0, consumer):
-            self._write(self._remote(node), 0x1016, 1, "u32", value)
+            self.write(node, 0x1016, 1, "u32", value)
 
-    def _send_heartbeat(self, own_node: int) -> None:
-        with suppress(can.CanError, OSError):  # the SDO that follows reports a lost bus
+    def send_heartbeat(self, own_node: int) -> None:
+        """Send our heartbeat; a lost bus shows by the SDO that follows."""
+        with suppress(can.CanError, OSError):
             self._network.send_message(
                 heartbeat.BASE + own_node, heartbeat.encode(heartbeat.NmtState.OPERATIONAL)
             )
 
-    def _remove_power(self, node: int) -> str:
-        """Disable a drive until it reports to be disabled; return a warning if it never does.
-
-        A node that does not obey is restarted at last: that ends its power stage, too.
-        """
-        remote = self._remote(node)
-        end = time.monotonic() + _POWER_OFF_S
-        while time.monotonic() < end:
-            self._write(remote, 0x6040, 0, "u16", 0)
-            statusword = self.read(node, 0x6041, 0, "u16")
-            if statusword is not None and decode(statusword) not in _POWERED:
-                return ""
-            time.sleep(_HOME_PERIOD)
-        with suppress(can.CanError, OSError, RuntimeError):
-            remote.nmt.send_command(_RESET_NODE)
-        return (
-            "may still be powered: it did not confirm that it was disabled within "
-            f"{_POWER_OFF_S:g} s, and was sent a reset; press the emergency stop"
-        )
-
-    def _is_homed(self, node: int) -> bool:
-        """Return True if the drive reports homed once it displays homing mode (after a delay)."""
-        end = time.monotonic() + _SDO_TIMEOUT_S
-        while time.monotonic() < end:
-            if self.read(node, 0x6061, 0, "i8") == homing.MODE:
-                word = self.read(node, 0x6041, 0, "u16")
-                return word is not None and homing.outcome(word) == homing.Outcome.HOMED
-            time.sleep(_HOME_PERIOD)
-        return False
+    def write(self, node: int, index: int, sub: int, kind: str, value: int) -> None:
+        """Write an object; reading it back shows a refusal."""
+        with suppress(*_NO_ANSWER):
+            self._remote(node).sdo.download(index, sub, to_bytes(kind, value))
 
     def read(self, node: int, index: int, sub: int, kind: str) -> int | None:
         """Return an object's value; None for no answer, a missing object or a wrong size."""
@@ -332,15 +270,6 @@ class Service:
         except (can.CanError, OSError, RuntimeError) as error:
             raise ServiceError(f"node {node}: cannot send NMT {state}: {error}") from error
 
-    def _write(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
-        """Write an object; reading it back shows a refusal."""
-        data = to_bytes(kind, value)
-        try:
-            remote.sdo.download(index, sub, data)
-        except _NO_ANSWER:
-            return False
-        return True
-
     def _on_heartbeat(self, cob_id: int, data: bytearray, stamp: float) -> None:
         now = time.monotonic()
         try:
@@ -363,3 +292,26 @@ class Service:
             self._health[emergency.node] = before._replace(
                 code=emergency.code, register=emergency.register, emergencies=before.emergencies + 1
             )
+
+
+class _SdoAccess:
+    """A drive as `homing_run` needs it, over SDO."""
+
+    def __init__(self, service: Service, node: int, own_node: int) -> None:
+        self._service, self._node, self._own_node = service, node, own_node
+
+    def select_mode(self) -> None:
+        self._service.write(self._node, 0x6060, 0, "i8", homing.MODE)
+
+    def status(self) -> tuple[int, int] | None:
+        if self._own_node:
+            self._service.send_heartbeat(self._own_node)
+        statusword = self._service.read(self._node, 0x6041, 0, "u16")
+        mode_display = self._service.read(self._node, 0x6061, 0, "i8")
+        return None if statusword is None or mode_display is None else (statusword, mode_display)
+
+    def command(self, controlword: int) -> None:
+        self._service.write(self._node, 0x6040, 0, "u16", controlword)
+
+    def wait(self) -> None:
+        time.sleep(homing_run.PERIOD_S)

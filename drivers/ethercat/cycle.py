@@ -95,6 +95,10 @@ class SegmentCycle:
             self.sampled = sent
         return link.now()
 
+    def now(self) -> float:
+        """Return the time of the link's clock, s."""
+        return self._link.now()
+
     def send(self) -> None:
         """Send the outputs in a new frame."""
         link, number = self._link, self._sent + 1

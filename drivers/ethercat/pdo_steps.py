@@ -14,10 +14,21 @@ def only_pdo_steps(assigned: int, pdo: int, entries: tuple[Entry, ...]) -> tuple
     ``assigned``: `OUTPUTS` or `INPUTS`; ``pdo``: index of its mapping. The order: no PDO, the
     mapping, the PDO, the count of PDOs.
     """
+    empty, *rest = pdo_list_steps(assigned, (pdo,))
+    return (empty, *mapping_steps(f"PDO {pdo:#06x}", pdo, entries), *rest)
+
+
+def pdo_list_steps(assigned: int, pdos: tuple[int, ...]) -> tuple[SetupStep, ...]:
+    """Return the steps that make these PDOs, as the slave has them, those of a sync manager.
+
+    ``assigned``: `OUTPUTS` or `INPUTS`; ``pdos``: indices of their mappings.
+    """
     name = f"{assigned:#06x}"
     return (
         SetupStep(assigned, 0, "u8", f"{name} count", 0, Access.TRANSIENT, -1),
-        *mapping_steps(f"PDO {pdo:#06x}", pdo, entries),
-        SetupStep(assigned, 1, "u16", f"{name} PDO", pdo, Access.SET, -1),
-        SetupStep(assigned, 0, "u8", f"{name} count", 1, Access.SET, -1),
+        *(
+            SetupStep(assigned, place, "u16", f"{name} PDO {place}", pdo, Access.SET, -1)
+            for place, pdo in enumerate(pdos, 1)
+        ),
+        SetupStep(assigned, 0, "u8", f"{name} count", len(pdos), Access.SET, -1),
     )

@@ -26,6 +26,7 @@ SERVICE_INDICES = range(16)  # pysoem uses no others
 _FMMU, _FMMU_SIZE, _FMMUS = 0x0600, 16, 4  # register, bytes, number of those that are used
 _FMMU_LAYOUT = struct.Struct("<IHBB3xBB3x")
 _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
+_ERROR = 0x10  # bit of a state: an error; of a request: it is acknowledged
 _TIMEOUT_US = 4000
 _STATE_TIMEOUT_US = 3_000_000
 _ATTEMPTS = 5
@@ -95,8 +96,7 @@ class Service:
         try:
             self._master.open(interface)
         except ConnectionError as error:
-            why = "no such interface, or CAP_NET_RAW and CAP_NET_ADMIN are missing"
-            raise LinkError(f"EtherCAT on {interface}: {why}") from error
+            raise LinkError(f"EtherCAT on {interface}: {_open_problem(interface)}") from error
         new = {int(fd) for fd in set(os.listdir("/proc/self/fd")) - before}
         for descriptor in new:
             _restrict(descriptor)
@@ -162,9 +162,20 @@ class Service:
         return tuple(0x1001 + place for place in range(len(self._master.slaves)))
 
     def request(self, state: AlState) -> None:
-        """Ask all slaves for a state, and acknowledge their errors; do not wait."""
+        """Ask all slaves for a state; do not wait."""
         self._master.state = state
         self._master.write_state()
+
+    def request_operational(self) -> None:
+        """Acknowledge the errors of slaves in SAFE_OPERATIONAL and ask those without for OP.
+
+        The states are those of the last `status`. A slave takes OP only while frames pass.
+        """
+        for slave in self._master.slaves:
+            if slave.state & 0xF == AlState.SAFE_OPERATIONAL:
+                faulty = slave.state & _ERROR
+                slave.state = AlState.SAFE_OPERATIONAL | _ERROR if faulty else AlState.OPERATIONAL
+                slave.write_state()
 
     def status(self) -> tuple[SlaveStatus, ...]:
         """Read the states, and the emergencies that wait in the mailboxes."""
@@ -176,7 +187,7 @@ class Service:
         return tuple(
             SlaveStatus(
                 slave.state & 0xF,
-                slave.al_status if slave.state & 0x10 else 0,
+                slave.al_status if slave.state & _ERROR else 0,
                 *self._codes.get(place, (0, 0, 0)),
             )
             for place, slave in enumerate(self._master.slaves)
@@ -264,6 +275,15 @@ def _pysoem() -> ModuleType:
     return module
 
 
+def _open_problem(interface: str) -> str:
+    """Return the likely reason why pysoem, which names none, cannot open an interface."""
+    try:
+        socket.if_nametoindex(interface)
+    except OSError:
+        return "the kernel has no such interface"
+    return "raw sockets need CAP_NET_RAW, and pysoem CAP_NET_ADMIN as well"
+
+
 def _restrict(descriptor: int) -> None:
     """Make pysoem's socket obey its timeouts, and deaf to the answers to the tick's frames."""
     with suppress(OSError):
@@ -306,7 +326,7 @@ def _areas(fmmus: list[_Fmmu]) -> SlaveAreas:
 
 def _state_name(state: int) -> str:
     name = AlState(state & 0xF).name if state & 0xF in set(AlState) else f"state {state & 0xF}"
-    return f"{name} with an error" if state & 0x10 else name
+    return f"{name} with an error" if state & _ERROR else name
 
 
 def _text(error: object) -> str:

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from drivers.canopen.heartbeat import NmtState
 from drivers.cia402 import error_codes, statusword
+from drivers.cia402.arming import Mismatch
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
 from rig.cli.output import FAILED, OK, fail, input_errors, print_json, waiting
@@ -20,6 +21,7 @@ from rig.presentation.json_values import json_value
 from rig.processes import wire_locks
 from rig.recording.runs.create import BusyError
 from rig.wires.scan import BusActivity, listen
+from rig.wires.segment_survey import SegmentSurvey, SlaveSurvey
 from rig.wires.survey import (
     BusSurvey,
     LineSurvey,
@@ -121,12 +123,24 @@ def render(rig: str, survey: RigSurvey, *, all_objects: bool) -> Group:
         if not survey.can.trouble:
             parts += [_node_table(nodes), *_unlisted_text(survey.can.unlisted_nodes)]
         parts.append(Text(""))
+    if survey.ethercat is not None:
+        parts += _render_segment(survey.ethercat)
     for stream in survey.streams:
         parts += _render_stream(stream)
     for line in survey.lines:
         parts += _render_line(line)
     if all_objects:
-        parts += [_unset_objects_text(node) for node in nodes if node.unset]
+        parts += [
+            _unset_objects_text(f"{node.name} (node {node.node})", node.unset)
+            for node in nodes
+            if node.unset
+        ]
+        slaves = survey.ethercat.slaves if survey.ethercat is not None else ()
+        parts += [
+            _unset_objects_text(f"{slave.name} (slave {slave.place})", slave.unset)
+            for slave in slaves
+            if slave.unset
+        ]
     return Group(*parts, _render_verdict(survey.trouble))
 
 
@@ -202,8 +216,12 @@ def _heartbeat_text(node: NodeSurvey) -> Text:
 def _status_text(node: NodeSurvey) -> Text:
     if node.statusword is None:
         return Text("-", BAD_STYLE)
-    bad = statusword.decode(node.statusword) in (statusword.FAULT, statusword.FAULT_REACTION)
-    return Text(statusword.describe(node.statusword), BAD_STYLE if bad else "")
+    return _statusword_text(node.statusword)
+
+
+def _statusword_text(status: int) -> Text:
+    bad = statusword.decode(status) in (statusword.FAULT, statusword.FAULT_REACTION)
+    return Text(statusword.describe(status), BAD_STYLE if bad else "")
 
 
 def _error_register_text(node: NodeSurvey) -> Text:
@@ -252,10 +270,9 @@ _ROWS: tuple[tuple[str, Callable[[NodeSurvey], Text]], ...] = (
 )
 
 
-def _unset_objects_text(node: NodeSurvey) -> Text:
-    heading = f"{node.name} (node {node.node}): objects that a run will set before it arms\n"
-    text = Text.assemble((heading, "bold"))
-    for each in node.unset:
+def _unset_objects_text(device: str, unset: tuple[Mismatch, ...]) -> Text:
+    text = Text.assemble((f"{device}: objects that a run will set before it arms\n", "bold"))
+    for each in unset:
         actual = "no answer" if each.actual is None else f"is {_count_text(each.actual)}"
         index, expected = f"{each.object:#06x}:{each.sub:02x}", _count_text(each.expected)
         text.append(f"  {index} {each.name}: set to {expected}, {actual}\n")
@@ -264,6 +281,39 @@ def _unset_objects_text(node: NodeSurvey) -> Text:
 
 def _count_text(value: int) -> str:
     return f"{value}" if -1000 < value < 1000 else f"{value} ({value:#x})"
+
+
+def _render_segment(segment: SegmentSurvey) -> list[Table | Text]:
+    """Draw a segment with a row per slave, in the order of the line."""
+    head = Text.assemble(("EtherCAT  ", "bold cyan"), f"on {segment.interface}")
+    for line in (text for each in segment.trouble for text in each.splitlines()):
+        head.append(f"\n  {line}", BAD_STYLE)
+    if not segment.slaves:
+        return [head, Text("")]
+    headings = (">slave", "", "device", "vendor", "product", "revision", "settings", "state…")
+    table = plain_table(*headings, header_style=NOTE_STYLE, padding=(0, 2, 0, 0))
+    table.columns[1].style = "bold"
+    for one in segment.slaves:
+        state = Text("") if one.statusword is None else _statusword_text(one.statusword)
+        numbers = (one.vendor, one.product, one.revision)
+        table.add_row(
+            str(one.place),
+            one.name,
+            Text(one.device),
+            *(f"{number:#x}" for number in numbers),
+            _slave_settings_text(one),
+            state,
+        )
+    return [head, table, Text("")]
+
+
+def _slave_settings_text(slave: SlaveSurvey) -> Text:
+    if slave.wrong:
+        return Text("\n".join(f"not {mismatch.name}" for mismatch in slave.wrong), BAD_STYLE)
+    if not slave.checked:
+        return Text("-", NOTE_STYLE)
+    unset = f"; {len(slave.unset)} of {slave.checked} set by a run" if slave.unset else ""
+    return Text.assemble(("correct", "green"), (unset, NOTE_STYLE))
 
 
 def _render_stream(stream: StreamSurvey) -> list[Table | Text]:

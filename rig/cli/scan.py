@@ -1,4 +1,4 @@
-"""`rig scan can|modbus`."""
+"""`rig scan can|ethercat|modbus`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,9 +15,17 @@ from drivers.modbus.line import RtuSettings, TcpSettings
 from rig.cli.options import Json
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.presentation.console import plain_table, table_console
-from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire, serial_wire
+from rig.processes.wire_locks import (
+    Wire,
+    acquire,
+    can_wire,
+    network_wire,
+    segment_wire,
+    serial_wire,
+)
 from rig.recording.runs.create import BusyError
 from rig.wires import scan
+from rig.wires.segment_survey import find_slaves
 
 _EXIT_CODES = """\
 Exit codes: 0 a device answers; 1 no device answers, the wire cannot be opened, or it is in use; \
@@ -80,6 +88,32 @@ def can(
     else:
         print(f"no node answers on {interface} {channel} within {timeout:g} s")
     return OK if nodes else FAILED
+
+
+@command.command(epilog=_EXIT_CODES)
+def ethercat(
+    interface: Annotated[str, typer.Argument(metavar="IFACE", help="Network interface: eth1.")],
+    as_json: Json = False,
+) -> int:
+    """List the EtherCAT slaves in the order of the line, with their identities.
+
+    They are brought to PRE-OP for it, and left in INIT: not while another master runs them.
+    """
+    try:
+        with acquire((segment_wire(interface),), "rig scan ethercat"):
+            found = find_slaves(interface)
+    except (BusyError, OSError) as error:
+        return fail("scan ethercat", error, as_json=as_json, code=FAILED)
+    if as_json:
+        slaves = [{"place": at, **each._asdict()} for at, each in enumerate(found, 1)]
+        print_json({"status": "complete", "slaves": slaves})
+        return OK
+    table = plain_table(">slave", "vendor", "product", "revision", "name…")
+    for at, each in enumerate(found, 1):
+        numbers = map(_hex_text, (each.vendor, each.product, each.revision))
+        table.add_row(str(at), *numbers, Text(each.name or "-"))
+    table_console().print(table)
+    return OK
 
 
 @command.command(epilog=_EXIT_CODES)

@@ -18,6 +18,7 @@ from rig.cli.options import WIRED_RIG_HELP
 from rig.cli.output import FAILED, OK, fail, input_errors
 from rig.cli.stop_signals import stop_signals
 from rig.config.rig_file import BaseRigFile
+from rig.config.segment import Segment
 from rig.config.shipped_files import PLANTS
 from rig.config.wiring import (
     CanBus,
@@ -148,7 +149,11 @@ def _devices_on(wire: Wire, wiring: Wiring) -> Iterator[EmulatedDevice]:
     if isinstance(part, CanBus):
         protocol, address = f"socketcand {part.channel}", "{}:{}".format(*part.settings().endpoint)
         for drive_name, drive in wiring.drives().items():
-            yield EmulatedDevice(name, protocol, address, drive.node, drive_name, drive.description)
+            node = drive.can_node.node
+            yield EmulatedDevice(name, protocol, address, node, drive_name, drive.description)
+    elif isinstance(part, Segment):
+        for place, slave in enumerate(part.line, 1):
+            yield EmulatedDevice(name, name, address, place, slave.name, slave.device.title)
     elif isinstance(part, SerialPort | UdpDevice):
         protocol = part.protocol if isinstance(part, UdpDevice) else f"serial, {_mode(part)}"
         number = getattr(part, "address", None) or 0
@@ -185,15 +190,14 @@ def show(rig: str, devices: list[EmulatedDevice], setting: str, *, as_json: bool
     ):
         modbus = wire[1].startswith("Modbus")
         heading = f"line {wire[0]}  " if modbus else f"{wire[0]}  "
-        console.print(
-            Text.assemble((heading, "bold cyan"), f"{wire[1]} at {wire[2]}"), soft_wrap=True
-        )
+        where = f"on {wire[2]}" if wire[0] == wire[1] else f"{wire[1]} at {wire[2]}"
+        console.print(Text.assemble((heading, "bold cyan"), where), soft_wrap=True)
         table = Table.grid(padding=(0, 2, 0, 0))
         table.add_column(width=9)
         table.add_column(width=16)
         table.add_column()
         for device in group:
-            kind = "node" if wire[0] == "CAN" else "unit"
+            kind = {"CAN": "node", "EtherCAT": "slave"}.get(wire[0], "unit")
             number = f"  {kind} {device.number}" if device.number else ""
             table.add_row(number, Text(device.name, "bold"), Text(device.description))
         console.print(table, "")

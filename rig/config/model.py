@@ -64,6 +64,13 @@ class FileModel(BaseModel):
         elif None not in (getattr(self, first), getattr(self, second)):
             yield self.violation(second, f"{first} is given already; allowed one of the two")
 
+    def check_below(self, low: str, high: str) -> Iterator[RuleViolation]:
+        """Check that the value of key ``low`` is below that of key ``high``."""
+        low_value, high_value = getattr(self, low), getattr(self, high)
+        if not low_value < high_value:
+            text = f"{format_number(low_value)} is not below {high} = {format_number(high_value)}"
+            yield RuleViolation((low,), text, low_value)
+
     @staticmethod
     def check_rising(
         values: Sequence[float], key: KeyPath, *column: str, of: str = ""

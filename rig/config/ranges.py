@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel
+from pydantic import BaseModel, Tag
 from pydantic.fields import FieldInfo
 
 from rig.config.model import Reason
@@ -100,7 +100,7 @@ def _descend(candidates: Iterable[AllowedValues], part: str | int) -> Iterable[A
         if matches:
             yield from (AllowedValues(f.annotation, tuple(f.metadata)) for f in matches)
             continue
-        tagged = [m for m, _ in members if _is_model(m) and part in _tags(m)]
+        tagged = [m for m, meta in members if _is_model(m) and part in (*_tags(m), *_given(meta))]
         if tagged:
             yield from (AllowedValues(m, ()) for m in tagged)
             continue
@@ -158,6 +158,11 @@ def _tags(model: Any) -> tuple[object, ...]:
         if get_origin(info.annotation) is Literal and len(get_args(info.annotation)) == 1
         for tag in get_args(info.annotation)
     )
+
+
+def _given(metadata: Iterable[object]) -> tuple[object, ...]:
+    """Return the tags that a union gives to one of its models."""
+    return tuple(item.tag for item in metadata if isinstance(item, Tag))
 
 
 def _literals(annotation: Any) -> tuple[str, ...]:

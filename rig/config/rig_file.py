@@ -1,7 +1,7 @@
 """Models that the rig files of all kinds share."""
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
@@ -111,6 +111,8 @@ class BaseRigFile(FileModel):
 
     The model of a kind narrows `kind`, `rate_hz` and `wiring`.
     """
+
+    inline: ClassVar[tuple[str, ...]] = ("wiring.ethercat.line.*.device",)
 
     name: str = Field(min_length=1, max_length=64)
     kind: str

@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 CAMPAIGNS, SESSIONS, RIGS, PLANTS = "campaigns", "sessions", "rigs", "plants"
-LIMITS, SEAS = "limits", "seas"
+LIMITS, SEAS, DEVICES = "limits", "seas", "devices"
 KINDS = {
     CAMPAIGNS: "campaign",
     SESSIONS: "session",
@@ -24,10 +24,11 @@ KINDS = {
     PLANTS: "plant",
     LIMITS: "limits file",
     SEAS: "sea",
+    DEVICES: "device file",
 }
 """Folders whose files have names, and the noun for one such file."""
 
-FILE_KEYS = {"rig": RIGS, "plant": PLANTS, "limits": LIMITS, "sea": SEAS}
+FILE_KEYS = {"rig": RIGS, "plant": PLANTS, "limits": LIMITS, "sea": SEAS, "device": DEVICES}
 """Keys of files that name another file, and the folder of the shipped files they may name."""
 
 _SUFFIX = ".yaml"

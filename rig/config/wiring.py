@@ -8,12 +8,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from drivers.canopen.bus_settings import BusSettings
 from drivers.modbus.registers import BIT_TABLES, MAX_SIZE, REGISTER_COUNT
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
+from rig.config.segment import POSITION_DRIVE, TORQUE_DRIVE, Segment, TerminalBlock
+from rig.config.yaml_source import KeyPath
 
 Node = Annotated[WholeNumber, Field(ge=1, le=127)]
 """CANopen node number."""
@@ -23,14 +25,6 @@ Period = Annotated[float, Field(ge=0.002, le=60)]
 _RELATIVE_TOLERANCE = 1e-6
 Divider = Annotated[WholeNumber, Field(ge=1, le=240)]
 """Number of SYNCs per frame."""
-
-
-def check_below(model: FileModel, low: str, high: str) -> Iterator[RuleViolation]:
-    """Yield a violation unless the value of key ``low`` is below that of key ``high``."""
-    low_value, high_value = getattr(model, low), getattr(model, high)
-    if not low_value < high_value:
-        message = f"{format_number(low_value)} is not below {high} = {format_number(high_value)}"
-        yield RuleViolation((low,), message, low_value)
 
 
 class CanBus(FileModel):
@@ -60,13 +54,27 @@ class Deadlines(FileModel):
     stale_s: float = Field(gt=0, le=5)  # age at which a statusword becomes invalid
 
 
-class Drive(FileModel, ABC):
-    """Settings that drives and actuators of CiA 402 have in common."""
+class CanNode(NamedTuple):
+    """The settings of a drive as a node of a CAN bus."""
 
-    node: Node
-    command_deadline_ms: WholeNumber = Field(ge=1, le=65_535)  # without a command, the drive stops
-    heartbeat_lost_ms: WholeNumber = Field(ge=10, le=65_535)  # without our heartbeat, it stops
-    heartbeat_ms: WholeNumber = Field(ge=10, le=65_535)  # of the drive itself
+    node: int
+    command_deadline_ms: int
+    heartbeat_lost_ms: int
+    heartbeat_ms: int
+
+
+class Drive(FileModel, ABC):
+    """Settings that drives and actuators of CiA 402 have in common.
+
+    On a CAN bus a drive is a node. On an EtherCAT segment it is the slave of its name.
+    """
+
+    node: Node | None = None
+    # Without a command, and without our heartbeat, the drive stops.
+    command_deadline_ms: Annotated[WholeNumber, Field(ge=1, le=65_535)] | None = None
+    heartbeat_lost_ms: Annotated[WholeNumber, Field(ge=10, le=65_535)] | None = None
+    heartbeat_ms: Annotated[WholeNumber, Field(ge=10, le=65_535)] | None = None  # of the drive
+    slave_type: ClassVar[str]  # of its slave on a segment
     deadlines: Deadlines
     follows: bool  # statusword bit 12 reports that the drive follows a cyclic command
     mode_first: bool  # 0x6061 shows the mode before the drive is enabled
@@ -78,9 +86,18 @@ class Drive(FileModel, ABC):
     def description(self) -> str:
         """The description of the device for people."""
 
+    @property
+    def can_node(self) -> CanNode:
+        """The settings of a drive on a CAN bus, which has them all."""
+        values = [getattr(self, key) for key in CanNode._fields]
+        assert None not in values
+        return CanNode(*values)
+
 
 class TorqueDrive(Drive):
     """A drive in cyclic synchronous torque mode."""
+
+    slave_type: ClassVar[str] = TORQUE_DRIVE
 
     scaling: Literal["amc", "rated_torque", "rated_current"]
     current_limit_a: float = Field(gt=0, le=500)  # clips the command, in addition to all limits
@@ -107,6 +124,7 @@ class Actuator(Drive):
     """An actuator that moves a part of the rig between rows, in profile position mode."""
 
     description: ClassVar[str] = "actuator: profile position, homing"
+    slave_type: ClassVar[str] = POSITION_DRIVE
 
     counts_per_percent: float = Field(ge=-1e7, le=1e7)
     zero_counts: Int32  # position at 0 %
@@ -123,7 +141,7 @@ class Actuator(Drive):
         """Check that the scale is not 0 and that the low limit is below the high limit."""
         if self.counts_per_percent == 0.0:
             yield RuleViolation(("counts_per_percent",), "0 gives no position", 0.0)
-        yield from check_below(self, "low_percent", "high_percent")
+        yield from self.check_below("low_percent", "high_percent")
 
 
 class SerialPort(FileModel):
@@ -205,7 +223,7 @@ class RegisterValue(FileModel):
         """Check that the scale is not 0 and that the range is not empty."""
         if self.scale == 0.0:
             yield RuleViolation(("scale",), "0 gives no value", 0.0)
-        yield from check_below(self, "low", "high")
+        yield from self.check_below("low", "high")
 
 
 class RegisterSetup(FileModel):
@@ -271,6 +289,16 @@ class Registers(FileModel):
 
 _ADDRESSES = 0x10000
 
+AnyBlock = Annotated[
+    Annotated[Registers, Tag("registers")] | Annotated[TerminalBlock, Tag("terminals")],
+    Discriminator(lambda block: "registers" if _has_line(block) else "terminals"),
+]
+"""Values of a device: registers of a Modbus unit, or values of EtherCAT terminals."""
+
+
+def _has_line(block: Any) -> bool:
+    return isinstance(block, Registers) or (isinstance(block, dict) and "line" in block)
+
 
 class BlockContent(NamedTuple):
     """Annotation of a field that is a register block: its device and the values expected in it."""
@@ -287,14 +315,14 @@ PANEL_INPUTS = BlockContent(
 WAVE_TRIGGER = BlockContent("I/O coupler: digital outputs", {"wave_trigger": "flag"}, written=True)
 """The output that starts the wave maker."""
 
-WirePart = CanBus | TcpLine | RtuLine | SerialPort | UdpDevice
+WirePart = CanBus | Segment | TcpLine | RtuLine | SerialPort | UdpDevice
 
 
 class Wire(NamedTuple):
     """One wire of a rig."""
 
-    name: str  # CAN, line io, servo, ...
-    kind: Literal["can", "tcp", "udp", "serial"]
+    name: str  # CAN, EtherCAT, line io, servo, ...
+    kind: Literal["can", "ethercat", "tcp", "udp", "serial"]
     part: WirePart
 
     @property
@@ -302,6 +330,8 @@ class Wire(NamedTuple):
         """The wire's address, for people."""
         if isinstance(self.part, CanBus):
             return f"{self.part.interface} {self.part.channel}"
+        if isinstance(self.part, Segment):
+            return self.part.interface
         if isinstance(self.part, TcpLine | UdpDevice):
             return f"{self.part.host}:{self.part.port}"
         return self.part.port
@@ -323,17 +353,21 @@ class Wiring(FileModel):
         """
         parts = tuple(self._parts())
         for key, block in parts:
-            if not isinstance(block, Registers):
+            if not isinstance(block, Registers | TerminalBlock):
                 continue
             expected = tuple(self.block_content(key[-1]).signals)
             names = tuple(value.name for value in block.values)
             if names != expected:
                 message = f"must be {', '.join(expected)} in this order"
                 yield RuleViolation((*key, "values"), message, names)
-            if block.line not in self.lines:
+            if isinstance(block, TerminalBlock):
+                yield from self._terminal_rules(key, block)
+            elif block.line not in self.lines:
                 known = ", ".join(self.lines) or "none"
                 yield RuleViolation((*key, "line"), f"no such line; there are {known}", block.line)
-        nodes = [((*key, "node"), part.node) for key, part in parts if isinstance(part, Drive)]
+        yield from self._drive_rules()
+        nodes = [((*key, "node"), part.node) for key, part in parts
+                 if isinstance(part, Drive) and part.node is not None]  # fmt: skip
         nodes += [
             ((*key, "own_node"), part.own_node) for key, part in parts if isinstance(part, CanBus)
         ]
@@ -343,6 +377,64 @@ class Wiring(FileModel):
                 message = f"{node} is the number of {taken[node]}, too; two nodes need two numbers"
                 yield RuleViolation(key, message, node)
             taken[node] = ".".join(key)
+
+    def _drive_rules(self) -> Iterator[RuleViolation]:
+        """Check that all drives are nodes of the one bus, or slaves of the one segment."""
+        can, segment = self.can_bus(), self.segment()
+        drives = [(key, part) for key, part in self._parts() if isinstance(part, Drive)]
+        if can is not None and segment is not None:
+            yield RuleViolation(("ethercat",), "a rig has one bus for its drives; here is can, too")
+        elif drives and can is None and segment is None:
+            yield RuleViolation((), "the drives need a bus; allowed can or ethercat")
+        elif segment is not None:
+            for key, drive in drives:
+                given = [each for each in CanNode._fields if getattr(drive, each) is not None]
+                for each in given:
+                    message = "belongs to a CAN bus; a slave of a segment has watchdog_ms instead"
+                    yield RuleViolation((*key, each), message, getattr(drive, each))
+                yield from self._slave_rules(segment, key, drive)
+        else:
+            for key, drive in drives:
+                for each in CanNode._fields:
+                    if getattr(drive, each) is None:
+                        yield RuleViolation((*key, each), "missing; a node of a CAN bus has it")
+
+    def _slave_rules(
+        self, segment: Segment, key: tuple[str, ...], drive: Drive
+    ) -> Iterator[RuleViolation]:
+        """Check that a drive is the slave of its name."""
+        found = next((slave for slave in segment.line if slave.name == key[-1]), None)
+        if found is None:
+            names = ", ".join(segment.places())
+            yield RuleViolation(key, f"no slave has this name; the line has {names}")
+        elif found.device.type != drive.slave_type:
+            message = (
+                f"the slave of this name is a {found.device.type}; allowed a {drive.slave_type}"
+            )
+            yield RuleViolation(key, message)
+
+    def _terminal_rules(
+        self, key: tuple[str, ...], block: TerminalBlock
+    ) -> Iterator[RuleViolation]:
+        """Check that each value is one of a slave of the line, in the block's direction."""
+        segment = self.segment()
+        slaves = {each.name: each.device for each in segment.line} if segment else {}
+        written = self.block_content(key[-1]).written
+        for at, value in enumerate(block.values):
+            place: KeyPath = (*key, "values", at)
+            if value.slave not in slaves:
+                known = ", ".join(slaves) or "none: there is no ethercat"
+                yield RuleViolation(
+                    (*place, "slave"), f"no such slave; the line has {known}", value.slave
+                )
+                continue
+            device = slaves[value.slave]
+            pdos = device.outputs if written else device.inputs
+            names = [each.name for pdo in pdos for each in pdo.values if each.name]
+            if value.value not in names:
+                direction = "output" if written else "input"
+                message = f"{value.slave} has no such {direction}; allowed {', '.join(names)}"
+                yield RuleViolation((*place, "value"), message, value.value)
 
     def interpolation_rules(self, rate: int) -> Iterator[RuleViolation]:
         """Yield a violation for each drive whose interpolation time (0x60C2) is not the tick.
@@ -370,6 +462,8 @@ class Wiring(FileModel):
         for (*_, name), part in self._parts():
             if isinstance(part, CanBus):
                 found.append(Wire("CAN", "can", part))
+            elif isinstance(part, Segment):
+                found.append(Wire("EtherCAT", "ethercat", part))
             elif isinstance(part, SerialPort):
                 found.append(Wire(name.replace("_", " "), "serial", part))
             elif isinstance(part, UdpDevice):
@@ -383,16 +477,24 @@ class Wiring(FileModel):
         """Return the CAN bus; None without one."""
         return next((part for _, part in self._parts() if isinstance(part, CanBus)), None)
 
+    def segment(self) -> Segment | None:
+        """Return the EtherCAT segment; None without one."""
+        return next((part for _, part in self._parts() if isinstance(part, Segment)), None)
+
     def drives(self) -> dict[str, Drive]:
-        """Return the drives and actuators on the CAN bus by name."""
+        """Return the drives and actuators on the bus by name."""
         return {key[-1]: part for key, part in self._parts() if isinstance(part, Drive)}
 
     def blocks(self) -> dict[str, Registers]:
         """Return the register blocks by name."""
         return {key[-1]: part for key, part in self._parts() if isinstance(part, Registers)}
 
+    def terminal_blocks(self) -> dict[str, TerminalBlock]:
+        """Return the blocks of terminals by name."""
+        return {key[-1]: part for key, part in self._parts() if isinstance(part, TerminalBlock)}
+
     def block_content(self, name: str) -> BlockContent:
-        """Return the annotation of a register block."""
+        """Return the annotation of a block."""
         metadata = type(self).model_fields[name].metadata
         return next(each for each in metadata if isinstance(each, BlockContent))
 

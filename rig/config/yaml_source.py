@@ -6,13 +6,13 @@ of its own sort. Mappings are then merged key by key, and every other value is r
 value (`key:`) removes an inherited key. A mapping whose `kind` changes is replaced as a whole,
 because the keys of one kind have no meaning in another. Keys listed in ``inline`` may name a file
 that holds their mapping: the mapping replaces the name, and its values keep their own file and
-line.
+line. Such a key may be deeper in the file: `line.*.device` is that of every entry of a list.
 """
 
 import errno
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -202,17 +202,31 @@ def _inline_files(
     tree: dict[str, Any], locate: SourceMap, inline: tuple[str, ...], chain: tuple[Path, ...]
 ) -> set[str]:
     """Replace file names by the mappings in those files; return the keys that named a file."""
-    file_keys = {name for name in inline if isinstance(tree.get(name), str)}
-    for name in sorted(file_keys):
-        at = (name,)
+    places = [place for pattern in inline for place in _places(tree, tuple(pattern.split(".")))]
+    for key, holder in sorted(places, key=lambda place: str(place[0])):
+        name = str(key[-1])
         kinds = kinds_of(name)
-        path = locate.existing_path(at, tree[name], *kinds, allowed="a mapping")
-        mapping, origin = _load(path, locate(at), name, chain, kinds=kinds)
-        tree[name] = mapping
-        locate.locations.update({(name, *key): place for key, place in origin.locations.items()})
+        path = locate.existing_path(key, holder[name], *kinds, allowed="a mapping")
+        mapping, origin = _load(path, locate(key), name, chain, kinds=kinds)
+        holder[name] = mapping
+        locate.locations.update({(*key, *each): place for each, place in origin.locations.items()})
         locate.files += origin.files
         locate.inlined |= dict.fromkeys(origin.files, name)
-    return file_keys
+    return {str(key[0]) for key, _ in places if len(key) == 1}
+
+
+def _places(
+    tree: Any, pattern: tuple[str, ...], at: KeyPath = ()
+) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+    """Yield each key that has a file name, and the mapping with the key; `*`: of any list."""
+    first, *rest = pattern
+    if first == "*":
+        for number, item in enumerate(tree if isinstance(tree, list) else ()):
+            yield from _places(item, tuple(rest), (*at, number))
+    elif isinstance(tree, dict) and rest:
+        yield from _places(tree.get(first), tuple(rest), (*at, first))
+    elif isinstance(tree, dict) and isinstance(tree.get(first), str):
+        yield (*at, first), tree
 
 
 def _merge(

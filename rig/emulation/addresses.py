@@ -7,7 +7,9 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
+from rig.config.segment import Segment
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, WirePart, Wiring
+from rig.emulation.cable import cable_problem
 from rig.wires.wire_check import is_loopback
 
 _FIRST_PTS_MAJOR = 136  # first major number of pseudo-terminals
@@ -37,6 +39,8 @@ def _unreachable(part: WirePart) -> str:
     if endpoint := _endpoint(part):
         host, _ = endpoint
         return "" if is_loopback(host) else f"{host} is not this host's loopback"
+    if isinstance(part, Segment):
+        return cable_problem(part.interface)
     if isinstance(part, CanBus):
         return (
             f"emulated nodes are reached over socketcand only, not {part.interface} {part.channel}"

@@ -143,8 +143,7 @@ class ControlServer:
         self.clear()
         self._devices.restart()
         for node in self._devices.nodes.values():
-            node.inject("powered_off")
-            node.clear("powered_off")
+            node.restart()
         return {}
 
     def _power(self, request: dict[str, Any]) -> dict[str, Any]:
@@ -161,7 +160,7 @@ class ControlServer:
             "dropped": world.dropped_ticks,
             "actuation": world.actuation._asdict(),
             "nodes": {
-                name: {"state": node.port.nmt, "errors": sorted(map(int, node.errors.active))}
+                name: {"state": node.state, "errors": sorted(map(int, node.errors.active))}
                 for name, node in self._devices.nodes.items()
             },
             "requests": {name: one.requests for name, one in units if isinstance(one, ModbusUnit)},

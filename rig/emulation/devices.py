@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from rig.config.shipped_files import shipped_folder
 from rig.config.wiring import (
+    Actuator,
     AnyLine,
     CanBus,
     LoadCell,
@@ -14,10 +14,16 @@ from rig.config.wiring import (
     SerialPort,
     TcpLine,
     TorqueDrive,
+    Wiring,
 )
+from rig.emulation.device_files import ACTUATOR_EDS, drive_parts
+from rig.emulation.segment import EmulatedSegment, Reads, Writes
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.device_errors import DeviceErrors
 from sim_plant.emulators.device_faults import DeviceFaults
+from sim_plant.emulators.device_objects import ObjectEntry
+from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.ft_calibration import Calibration, SixAxes, Wrench
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
@@ -29,13 +35,43 @@ from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 from sim_plant.emulators.shared_simulation import SharedSimulation
-from sim_plant.emulators.torque_drive import AnalogInput, Motor, Scaling, TorqueDriveParams
+from sim_plant.emulators.torque_drive import AnalogInput, Motor
 from sim_plant.emulators.torque_drive import TorqueDrive as EmulatedDrive
 
-AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
-    shipped_folder() / "devices" / f"{name}.eds"
-    for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
-)
+
+class FaultyNode(Protocol):
+    """A drive or terminal on a bus, with its faults."""
+
+    @property
+    def active(self) -> Mapping[str, float]:
+        """The active faults with their values."""
+        ...
+
+    @property
+    def errors(self) -> DeviceErrors:
+        """The errors that the device reports."""
+        ...
+
+    @property
+    def state(self) -> int:
+        """The state on the bus: NMT or AL."""
+        ...
+
+    def faults(self) -> tuple[Fault, ...]:
+        """Return all faults."""
+        ...
+
+    def inject(self, name: str, value: float | None = None) -> None:
+        """Activate a fault; ValueError for an unknown name."""
+        ...
+
+    def clear(self, name: str) -> None:
+        """End a fault."""
+        ...
+
+    def restart(self) -> None:
+        """Switch the device off and on."""
+        ...
 
 
 class HasFaults(Protocol):
@@ -54,7 +90,7 @@ class EmulatedDevices(NamedTuple):
     wires: Mapping[str, Emulator]  # each with the faults of its link
     step: Callable[[], None]  # advance world and devices to the present
     restart: Callable[[], None]  # replace the present world by one at rest
-    nodes: Mapping[str, CanopenNode[ObjectDevice]] = {}
+    nodes: Mapping[str, FaultyNode] = {}
     units: Mapping[str, HasFaults] = {}  # devices other than nodes, by name
     powered: Mapping[str, Callable[[], bool]] = {}  # by motor: whether it has power
     report: Callable[[], dict[str, Any]] = dict  # for the control port's answer to "world"
@@ -63,6 +99,8 @@ class EmulatedDevices(NamedTuple):
 
 class EmulatedBus:
     """A CAN bus behind socketcand with its nodes, as one of a rig's wires."""
+
+    name = "can"
 
     def __init__(self, can: CanBus, world: SharedSimulation[Any, Any], schedule: Schedule) -> None:
         self.address = ""
@@ -85,15 +123,30 @@ class EmulatedBus:
 
         ``encoder_increments`` 0: those of the drive's object dictionary.
         """
-        eds, scaling = RATED_EDS, Scaling.RATED
-        if wiring.scaling == "amc":
-            eds, scaling = AMC_EDS, Scaling.AMC
-        params = TorqueDriveParams(scaling, analog=analog, encoder_increments=encoder_increments)
-        address = NodeParams(wiring.node, eds)
+        eds, params = drive_parts(wiring, analog, encoder_increments)
+        address = NodeParams(wiring.can_node.node, eds)
         drive = EmulatedDrive(address.entries(), params, self._world, self._schedule.time, motor)
         node = CanopenNode(address, self.hub, self._schedule, drive)
         self.nodes[name] = node
         return node
+
+    def add_actuator(
+        self,
+        name: str,
+        wiring: Actuator,
+        create: Callable[[tuple[ObjectEntry, ...]], ObjectDevice],
+    ) -> None:
+        """Add an actuator, which ``create`` returns for its objects."""
+        address = NodeParams(wiring.can_node.node, ACTUATOR_EDS)
+        self.nodes[name] = CanopenNode(address, self.hub, self._schedule, create(address.entries()))
+
+    def add_terminals(self, reads: Reads, writes: Writes) -> None:
+        """Connect nothing: a CAN bus has no terminals."""
+
+    @property
+    def frame_count(self) -> int:
+        """The number of frames so far."""
+        return self.hub.frame_count
 
     async def start(self) -> None:
         """Open the bus to other processes and switch its nodes on."""
@@ -112,6 +165,17 @@ class EmulatedBus:
         for node in self.nodes.values():
             node.power_off()
         await self.hub.close()
+
+
+def emulated_bus(
+    wiring: Wiring, world: SharedSimulation[Any, Any], schedule: Schedule
+) -> EmulatedBus | EmulatedSegment:
+    """Return the bus of a rig's drives."""
+    segment, can = wiring.segment(), wiring.can_bus()
+    if segment is not None:
+        return EmulatedSegment(wiring, segment, world, schedule)
+    assert can is not None
+    return EmulatedBus(can, world, schedule)
 
 
 def modbus_lines(

@@ -10,7 +10,9 @@ from ctypes.util import find_library
 from pathlib import Path
 
 from rig.config.rig_file import BaseRigFile
+from rig.config.segment import Segment
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, Wire, WiringError
+from rig.host import network_card
 from rig.host.finding import REALTIME, Check, Finding, Host, Verdict, grade
 from rig.host.software import REINSTALL
 from rig.kinds.registry import find
@@ -257,6 +259,8 @@ def rig_findings(host: Host, rig: BaseRigFile) -> list[Finding]:
         part = wire.part
         if isinstance(part, CanBus):
             found += [_backend(place, part.interface), _can(place, host, wire, part)]
+        elif isinstance(part, Segment):
+            found += network_card.findings(place, host, part.interface)
         elif isinstance(part, TcpLine):
             found.append(_tcp(place, wire, part))
         elif isinstance(part, SerialPort | RtuLine):

@@ -22,9 +22,10 @@ class LoadedRig(NamedTuple):
 
 def load_rig(path: Path) -> LoadedRig:
     """Return a rig file as the model of its kind; raises `ConfigError` with every problem found."""
-    mapping, locate = load_mapping(path, kinds=(RIGS,))
-    kind = kind_of(mapping, locate)
-    return LoadedRig(validate(mapping, locate, kind.room("config").RigFile), locate, kind)
+    kind = kind_of(*load_mapping(path, kinds=(RIGS,)))
+    model = kind.room("config").RigFile
+    mapping, locate = load_mapping(path, inline=model.inline, kinds=(RIGS,))
+    return LoadedRig(validate(mapping, locate, model), locate, kind)
 
 
 def kind_of(mapping: dict[str, Any], locate: SourceMap) -> RigKind:

@@ -26,6 +26,7 @@ from drivers.canopen.bus_settings import BusSettings
 from rig import module_process
 from rig.config import wiring
 from rig.config.rig_file import BaseRigFile
+from rig.config.segment import Segment
 from rig.recording.runs.create import BusyError
 from rig.user_names import peer, user_name
 
@@ -104,6 +105,8 @@ def lockable(wire: wiring.Wire) -> Wire:
     part = wire.part
     if isinstance(part, wiring.CanBus):
         return can_wire(part.settings())
+    if isinstance(part, Segment):
+        return segment_wire(part.interface)
     if isinstance(part, wiring.TcpLine | wiring.UdpDevice):
         return network_wire(wire.name, wire.kind, part.host, part.port)
     return serial_wire(wire.name, part.port)
@@ -130,6 +133,12 @@ def can_wire(bus: BusSettings) -> Wire:
             identities.add(f"can/socketcan/{_kernel_interface_name(channel)}")
         return Wire(name, f"{address} at {host}:{port_number}", frozenset(identities))
     return Wire(name, address, frozenset({f"can/{interface}/{channel}"}))
+
+
+def segment_wire(interface: str) -> Wire:
+    """Return the wire of an EtherCAT segment: its network interface."""
+    identity = f"ethercat/{_kernel_interface_name(interface)}"
+    return Wire("EtherCAT", interface, frozenset({identity}))
 
 
 def serial_wire(name: str, port: str) -> Wire:

@@ -48,6 +48,10 @@ class CanAxes(DriveAxes):
         self.time = self._bus.receive()
         return self.time
 
+    def take_time(self) -> float:
+        self.time = self._bus.now()
+        return self.time
+
     def send(self, axes: Sequence[AxisRequest], actuators: Sequence[AxisRequest] = ()) -> None:
         now = self.time
         frames = [

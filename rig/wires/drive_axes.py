@@ -1,7 +1,8 @@
 """The axes and actuators of a rig's bus in the loop: one exchange of process data a tick.
 
 The devices of a kind of rig receive the newest statuses, read each axis as `AxisSense`, and send
-all commands for the next cycle. `rig.wires.can_axes` exchanges them on a CAN bus.
+all commands for the next cycle. `rig.wires.can_axes` exchanges them on a CAN bus,
+`rig.wires.segment_axes` on an EtherCAT segment.
 """
 
 import time
@@ -58,6 +59,10 @@ class DriveAxes(ABC):
     @abstractmethod
     def receive(self) -> float:
         """Take what has arrived; return the time (s) afterwards, which is `time`, too."""
+
+    @abstractmethod
+    def take_time(self) -> float:
+        """Set `time` to the present and return it."""
 
     @abstractmethod
     def send(self, axes: Sequence[AxisRequest], actuators: Sequence[AxisRequest] = ()) -> None:

@@ -21,6 +21,7 @@ from rig.wires.messages import (
     message_fields,
 )
 from rig.wires.modbus_poller import PolledBlock, RegisterPreset
+from rig.wires.segment_slaves import segment_axes, segment_service
 
 # Fields of `TcpSettings` and `RtuSettings` (drivers.modbus.line) whose keys in the rig file differ.
 _LINE_FIELDS = {"timeout_s": "timeout", "slowest_s": "max_response_time"}
@@ -58,14 +59,14 @@ def wired_job(
     loop_streams: Mapping[str, dict[str, Any]] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> WiredJob:
-    """Return the job of a wiring: the service of its CAN bus, pollers of streams and Modbus lines.
+    """Return the job of a wiring: the service of its bus, pollers of streams and Modbus lines.
 
     ``rate`` of the loop, Hz. ``devices``: settings for `connect` of the kind's devices, to which
-    `can` (`rig.wires.can_axes.connect`) and `streams` are added. ``torque_constants`` (N m/A) of
-    the motors by drive, for drives that are scaled by their rated torque. ``polled_streams``: the
-    devices with a poller each, by the name of their mailbox; ``loop_streams``: those that the loop
-    reads itself, settings by type. ``units``: of values by BLOCK.VALUE, instead of those of the
-    wiring. WiringError lists all reasons against the wiring.
+    `can` or `ethercat` (`rig.wires.bus_axes.connect`) and `streams` are added.
+    ``torque_constants`` (N m/A) of the motors by drive, for drives that are scaled by their rated
+    torque. ``polled_streams``: the devices with a poller each, by the name of their mailbox;
+    ``loop_streams``: those that the loop reads itself, settings by type. ``units``: of values by
+    BLOCK.VALUE, instead of those of the wiring. WiringError lists all reasons against the wiring.
     """
     processes: list[IoProcess] = []
     loop_streams, load = loop_streams or {}, None
@@ -77,6 +78,18 @@ def wired_job(
             service, load = can_service(can, drives, rate)
             processes.append(service)
             devices = devices | {"can": can_axes(can, drives, rate, torque_constants or {})}
+        except SetupError as error:
+            problems.append(str(error))
+    segment = wiring.segment()
+    if segment is not None:
+        blocks = {
+            name: (block, wiring.block_content(name))
+            for name, block in wiring.terminal_blocks().items()
+        }
+        try:
+            processes.append(segment_service(segment, drives))
+            settings = segment_axes(segment, drives, blocks, rate, torque_constants or {})
+            devices = devices | {"ethercat": settings}
         except SetupError as error:
             problems.append(str(error))
     if problems:

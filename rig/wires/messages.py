@@ -102,10 +102,10 @@ def open_mailboxes(slots: Mapping[str, Sequence[Any]]) -> dict[str, Mailbox]:
 
     ``slots``: `rig.processes.messages.Slot` of each, or its JSON values.
     """
-    return {name: Mailbox(fd, _message_type(fields)) for name, (fd, fields) in slots.items()}
+    return {name: Mailbox(fd, message_type(fields)) for name, (fd, fields) in slots.items()}
 
 
-def _message_type(fields: Sequence[Sequence[str]]) -> type:
+def message_type(fields: Sequence[Sequence[str]]) -> type:
     hints = [
         (name, Annotated[int if unit in WHOLE_NUMBERS else float, unit]) for name, unit in fields
     ]

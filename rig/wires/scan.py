@@ -135,7 +135,7 @@ def listen(rig: BaseRigFile) -> BusActivity:
     bus = can.settings()
     if why := listening_problem(bus) or bus_problem(bus):
         return BusActivity((), (), (f"CAN: {why}",))
-    nodes = {name: drive.node for name, drive in wiring.drives().items()}
+    nodes = {name: drive.can_node.node for name, drive in wiring.drives().items()}
     try:
         with closing(Service(bus)) as service:
             for node in nodes.values():

@@ -35,6 +35,7 @@ from rig.wires.modbus_poller import (
     parse_blocks,
     retry_while_busy,
 )
+from rig.wires.segment_survey import SegmentSurvey, survey_segment
 from rig.wires.wire_check import bus_problem, port_problem, tcp_problem
 
 
@@ -461,6 +462,7 @@ class RigSurvey(NamedTuple):
     """The survey of all wires of a rig."""
 
     can: BusSurvey | None  # None: the rig has no CAN bus
+    ethercat: SegmentSurvey | None  # None: the rig has no segment
     streams: tuple[StreamSurvey, ...]
     lines: tuple[LineSurvey, ...]
 
@@ -475,6 +477,10 @@ class RigSurvey(NamedTuple):
         elif self.can is not None:
             for node in self.can.nodes:
                 yield from (f"{node.name} (node {node.node}) {text}" for text in node.trouble)
+        if self.ethercat is not None:
+            yield from self.ethercat.trouble
+            for slave in self.ethercat.slaves:
+                yield from (f"{slave.name} (slave {slave.place}) {text}" for text in slave.trouble)
         for stream in self.streams:
             if stream.trouble:
                 yield f"{stream.name} at {stream.address}: {stream.trouble}"
@@ -489,17 +495,19 @@ class RigSurvey(NamedTuple):
 
 def survey(job: WiredJob) -> RigSurvey:
     """Survey every wire of a job; a wire out of reach is reported, no error is raised."""
-    can = None
+    can = segment = None
     streams = [survey_stream(kind, settings) for kind, settings in job.loop_streams.items()]
     lines = []
     for process in job.io_processes:
         match process.module.rpartition(".")[2]:
             case "can_service":
                 can = survey_bus(process.config, job.bus_load.total if job.bus_load else 0.0)
+            case "segment_service":
+                segment = survey_segment(process.config)
             case "stream_poller":
                 config = process.config
                 found = survey_stream(config["kind"], config["settings"])
                 streams.append(found._replace(name=config["name"]))
             case "modbus_poller":
                 lines.append(survey_line(process.name.removeprefix("line "), process.config))
-    return RigSurvey(can, tuple(streams), tuple(lines))
+    return RigSurvey(can, segment, tuple(streams), tuple(lines))

@@ -99,6 +99,16 @@ class CanopenNode(Generic[D_co]):
         self._timer = None
         self.port.leave()
 
+    @property
+    def state(self) -> int:
+        """The NMT state."""
+        return self.port.nmt
+
+    def restart(self) -> None:
+        """Switch the node off and on."""
+        self.inject("powered_off")
+        self.clear("powered_off")
+
     def faults(self) -> tuple[Fault, ...]:
         """Return all faults of this node."""
         return self.device.fault_list.all()

@@ -173,7 +173,7 @@ def test_no_drive_is_enabled(config: CanAxesSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
     devices = create_devices(config, bus)
     devices.warm_up(DT)
-    assert [axis.explain() for axis in devices._can._axes.values()] == ["NOT_REQUESTED"] * 2
+    assert [axis.explain() for axis in devices._drives._axes.values()] == ["NOT_REQUESTED"] * 2
     assert math.isclose(devices.read(0.0).heave.current, 0.0)
 
 

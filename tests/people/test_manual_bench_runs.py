@@ -180,7 +180,8 @@ def test_manual_mode_within_a_session(tmp_path: Path) -> None:
     assert without.returncode == OK, without.stderr
     (reference,) = (tmp_path / "without").glob("*")
     for interrupted, each in zip(points(folder), points(reference), strict=True):
-        assert interrupted == pytest.approx(each, rel=0.03)  # scatter of three periods
+        # Scatter of three periods; a difference of two amplitudes of 10 deg has that of both.
+        assert interrupted == pytest.approx(each, rel=0.03, abs=0.005)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sim_plant.emulators import device_errors
+from sim_plant.emulators.device_errors import DeviceErrors
 from sim_plant.emulators.ethercat import coe, registers, sii
 from sim_plant.emulators.ethercat.al_states import AlCode, AlMachine, AlState
 from sim_plant.emulators.ethercat.controller import SlaveController
@@ -90,6 +91,20 @@ class Slave:
         self.is_powered = False
         self.al.power_on()
         self._restart_device()
+
+    @property
+    def state(self) -> int:
+        """The AL state."""
+        return self.al.state
+
+    @property
+    def errors(self) -> DeviceErrors:
+        """The errors of the device."""
+        return self.device.errors
+
+    def restart(self) -> None:
+        """Switch the slave off and on."""
+        self.inject("brown_out")
 
     def faults(self) -> tuple[Fault, ...]:
         """Return all faults of slave and device."""

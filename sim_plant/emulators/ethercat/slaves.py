@@ -5,11 +5,15 @@ Vendor and product numbers are invented; no maker has them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from sim_plant.emulators.device_objects import ObjectEntry
 from sim_plant.emulators.ethercat import process_data, sii, terminals
 from sim_plant.emulators.ethercat.coe_objects import Mappings, drive_objects, slave_objects
+from sim_plant.emulators.ethercat.described_terminal import (
+    DescribedTerminal,
+    TerminalDescription,
+)
 from sim_plant.emulators.ethercat.distributed_clock import NS
 from sim_plant.emulators.ethercat.process_data import mapping_entry
 from sim_plant.emulators.ethercat.sii import (
@@ -27,7 +31,7 @@ from sim_plant.emulators.ethercat.sii import (
     SyncManagerSetting,
 )
 from sim_plant.emulators.ethercat.slave import Slave, SlaveParams
-from sim_plant.emulators.mapped_fields import parse_mapping_entry
+from sim_plant.emulators.mapped_fields import mapping_entries
 from sim_plant.emulators.object_device import ObjectDevice
 from sim_plant.units import Second, Volt
 
@@ -79,6 +83,9 @@ def identity(product: int, serial: int = 0) -> Identity:
     return Identity(VENDOR, product, 1, serial)
 
 
+TORQUE_PRODUCT, POSITION_PRODUCT = identity(TORQUE_DRIVE), identity(POSITION_DRIVE)
+
+
 def coe_slave(
     name: str, product: Identity, title: str, device: ObjectDevice, clock: ClockNs
 ) -> Slave:
@@ -103,28 +110,39 @@ def simple_slave(
     name: str, product: Identity, title: str, device: ObjectDevice, clock: ClockNs
 ) -> Slave:
     """Return a slave without a mailbox; its process data is in the SII."""
-    rx = _pdos(device, process_data.RX_ASSIGNMENT)
-    tx = _pdos(device, process_data.TX_ASSIGNMENT)
-    managers: tuple[SyncManagerSetting, ...] = ()
-    if rx:
-        octets = (len(rx) + 7) // 8
-        managers = (SyncManagerSetting(OUTPUTS_AT, octets, WRITTEN_WATCHED, OUTPUTS_TYPE),)
-    elif tx:
-        octets = (len(tx) + 7) // 8
-        managers = (SyncManagerSetting(OUTPUTS_AT, octets, READ, INPUTS_TYPE),)
-    fmmus = (FMMU_OUTPUTS,) if rx else (FMMU_INPUTS,) if tx else ()
-    information = Information(product, title, managers, fmmus, tx, rx, ebus_current=100)
+    managers: list[SyncManagerSetting] = []
+    fmmus: list[int] = []
+    pdos: dict[int, tuple[Pdo, ...]] = {}
+    for assignment, at, control, kind, fmmu in (
+        (process_data.RX_ASSIGNMENT, OUTPUTS_AT, WRITTEN_WATCHED, OUTPUTS_TYPE, FMMU_OUTPUTS),
+        (process_data.TX_ASSIGNMENT, INPUTS_AT, READ, INPUTS_TYPE, FMMU_INPUTS),
+    ):
+        pdos[assignment] = _pdos(device, assignment, len(managers))
+        bits = sum(entry.bits for pdo in pdos[assignment] for entry in pdo.entries)
+        if bits:
+            managers.append(SyncManagerSetting(at, (bits + 7) // 8, control, kind))
+            fmmus.append(fmmu)
+    rx, tx = pdos[process_data.RX_ASSIGNMENT], pdos[process_data.TX_ASSIGNMENT]
+    information = Information(
+        product, title, tuple(managers), tuple(fmmus), tx, rx, ebus_current=100
+    )
     return Slave(name, SlaveParams(information, has_dc=False), device, clock)
 
 
-def _pdos(device: ObjectDevice, assignment: int) -> tuple[Pdo, ...]:
+def _pdos(device: ObjectDevice, assignment: int, manager: int) -> tuple[Pdo, ...]:
     get, entries = device.objects.get, device.objects.entries
     pdos = []
-    for sub in range(1, get(assignment) + 1):
+    for sub in range(1, get(assignment) + 1 if (assignment, 0) in entries else 1):
         index = get(assignment, sub)
-        key, bits = parse_mapping_entry(get(index, 1))
-        entry = PdoEntry(key, bits, entries[key].data_type, entries[key].name)
-        pdos.append(Pdo(index, 0, (entry,), entries[key].object_name))
+        found: list[PdoEntry] = []
+        name = ""
+        for key, bits in mapping_entries(device.objects, index):
+            entry = entries.get(key)
+            found.append(
+                PdoEntry(key, bits, entry.data_type, entry.name) if entry else PdoEntry(key, bits)
+            )
+            name = name or (entry.object_name if entry else "")
+        pdos.append(Pdo(index, manager, tuple(found), name))
     return tuple(pdos)
 
 
@@ -179,24 +197,50 @@ def encoder(
 
 
 def torque_drive_objects(
-    eds: Iterable[ObjectEntry], mappings: Mappings = TORQUE_MAPPINGS
+    eds: Iterable[ObjectEntry],
+    mappings: Mappings = TORQUE_MAPPINGS,
+    product: Identity = TORQUE_PRODUCT,
 ) -> tuple[ObjectEntry, ...]:
     """Return the objects of a CoE torque drive from those of a CANopen device file."""
-    return tuple(drive_objects(eds, identity(TORQUE_DRIVE), "Torque drive", mappings))
+    return tuple(drive_objects(eds, product, "Torque drive", mappings))
 
 
 def position_drive_objects(
-    eds: Iterable[ObjectEntry], mappings: Mappings = POSITION_MAPPINGS
+    eds: Iterable[ObjectEntry],
+    mappings: Mappings = POSITION_MAPPINGS,
+    product: Identity = POSITION_PRODUCT,
 ) -> tuple[ObjectEntry, ...]:
     """Return the objects of a CoE position drive from those of a CANopen device file."""
-    return tuple(drive_objects(eds, identity(POSITION_DRIVE), "Position drive", mappings))
+    return tuple(drive_objects(eds, product, "Position drive", mappings))
 
 
-def torque_drive(name: str, device: ObjectDevice, clock: ClockNs) -> Slave:
+def torque_drive(
+    name: str, device: ObjectDevice, clock: ClockNs, product: Identity = TORQUE_PRODUCT
+) -> Slave:
     """Return the slave of a `TorqueDrive` with `torque_drive_objects`."""
-    return coe_slave(name, identity(TORQUE_DRIVE), "Torque drive", device, clock)
+    return coe_slave(name, product, "Torque drive", device, clock)
 
 
-def position_drive(name: str, device: ObjectDevice, clock: ClockNs) -> Slave:
+def position_drive(
+    name: str, device: ObjectDevice, clock: ClockNs, product: Identity = POSITION_PRODUCT
+) -> Slave:
     """Return the slave of a `StatorActuator` with `position_drive_objects`."""
-    return coe_slave(name, identity(POSITION_DRIVE), "Position drive", device, clock)
+    return coe_slave(name, product, "Position drive", device, clock)
+
+
+def described_terminal(
+    name: str,
+    product: Identity,
+    title: str,
+    description: TerminalDescription,
+    reads: Mapping[str, Callable[[], float]],
+    writes: Mapping[str, Callable[[float], None]],
+    world: terminals.Shared,
+    clock: ClockNs,
+    *,
+    mailbox: bool,
+) -> Slave:
+    """Return a terminal as described; `reads` and `writes` as of `DescribedTerminal`."""
+    entries = tuple(slave_objects(product, title)) if mailbox else ()
+    device = DescribedTerminal(entries, description, reads, writes, world, seconds(clock))
+    return (coe_slave if mailbox else simple_slave)(name, product, title, device, clock)

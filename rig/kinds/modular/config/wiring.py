@@ -12,13 +12,14 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from rig.config.model import RuleViolation
+from rig.config.segment import Segment
 from rig.config.wiring import (
     PANEL_INPUTS,
     WAVE_TRIGGER,
+    AnyBlock,
     BlockContent,
     CanBus,
     LoadCell,
-    Registers,
     TorqueDrive,
     Wiring,
 )
@@ -43,17 +44,18 @@ class Source(NamedTuple):
 class ModularWiring(Wiring):
     """The wiring of a modular rig."""
 
-    can: CanBus
+    can: CanBus | None = None
+    ethercat: Segment | None = None  # either this or `can`
     axes: dict[str, TorqueDrive] = Field(min_length=1)  # the drive of each axis
-    registers: dict[str, Registers] = Field(default={}, max_length=64)  # polled, for sensors
+    registers: dict[str, AnyBlock] = Field(default={}, max_length=64)  # polled, for sensors
     load_cells: dict[str, LoadCell] = Field(default={}, max_length=16)
-    inputs: Annotated[Registers, PANEL_INPUTS]
-    outputs: Annotated[Registers | None, WAVE_TRIGGER] = None
+    inputs: Annotated[AnyBlock, PANEL_INPUTS]
+    outputs: Annotated[AnyBlock | None, WAVE_TRIGGER] = None
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check blocks and nodes, and that names can be those of mailboxes and of their fields."""
         yield from super().check_rules()
-        own = ("can", "inputs", "outputs", f"outputs{ACKNOWLEDGEMENT_SUFFIX}")
+        own = ("can", "ethercat", "inputs", "outputs", f"outputs{ACKNOWLEDGEMENT_SUFFIX}")
         taken = dict.fromkeys(own, "of every rig")
         taken |= {f"{axis}{HEALTH_SUFFIX}": f"of the drive of {axis}" for axis in self.axes}
         for field in ("axes", "registers", "load_cells"):
@@ -64,16 +66,16 @@ class ModularWiring(Wiring):
             if len(block.values) > _MAX_VALUES:
                 message = f"{len(block.values)} values; allowed up to {_MAX_VALUES}"
                 yield RuleViolation(("registers", name, "values"), message)
-            for at, value in enumerate(block.values):
+            for at, value in enumerate(_names(block)):
                 key = ("registers", name, "values", at, "name")
-                yield from _name_rules(key, value.name, {_STAMP: "the time of every message"})
+                yield from _name_rules(key, value, {_STAMP: "the time of every message"})
 
     def block_content(self, name: str) -> BlockContent:
         """Return the content of a register block; that of sensors has no units of its own."""
         if name not in self.registers:
             return super().block_content(name)
-        values = self.registers[name].values
-        return BlockContent("registers of sensors", {value.name: "1" for value in values})
+        names = _names(self.registers[name])
+        return BlockContent("values of sensors", dict.fromkeys(names, "1"))
 
     def sources(self) -> dict[str, Source]:
         """Return every value that can be the source of a sensor, by its name."""
@@ -83,9 +85,9 @@ class ModularWiring(Wiring):
             for at in range(len(drive.analog_per_v))
         }
         polled = {
-            f"{name}.{value.name}": Source(name, at, ("registers", name, "values", at))
+            f"{name}.{value}": Source(name, at, ("registers", name, "values", at))
             for name, block in self.registers.items()
-            for at, value in enumerate(block.values)
+            for at, value in enumerate(_names(block))
         }
         components = {
             f"{name}.{component}": Source(name, at, ("load_cells", name))
@@ -113,6 +115,11 @@ class ModularWiring(Wiring):
             for name, source in sources.items()
             if (source.device, source.place) not in needed
         }
+
+
+def _names(block: AnyBlock) -> tuple[str, ...]:
+    """Return the names of the values of a block."""
+    return tuple(value.name for value in block.values)
 
 
 def _name_rules(key: KeyPath, name: str, taken: Mapping[str, str]) -> Iterator[RuleViolation]:

@@ -1,6 +1,6 @@
 """A modular rig's real devices behind the loop's device interface.
 
-The tick exchanges CAN process data itself; slow lines and load cells go through mailboxes. The
+The tick exchanges process data itself; slow lines and load cells go through mailboxes. The
 messages of the drivers become the composed `Sense`, by tables that are written once at the start.
 """
 
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from rig.kinds.modular.tick import Composition, compose
 from rig.processes.mailbox import Mailbox
 from rig.realtime.devices import FlatDevices
-from rig.wires import can_axes
+from rig.wires import bus_axes
 from rig.wires.drive_axes import DriveAxes
 from rig.wires.messages import open_mailboxes, wait_for_values
 
@@ -31,14 +31,14 @@ class ModularDevices(FlatDevices):
 
     def __init__(
         self,
-        can: DriveAxes,
+        drives: DriveAxes,
         slots: Mapping[str, Mailbox],
         composition: Composition,
         sources: Sequence[SensorSource],
         trigger_divider: int,
     ) -> None:
         """``sources``: one of each sensor; ``trigger_divider``: ticks between two posts of it."""
-        self._can = can
+        self._drives = drives
         self._axes = [axis.name for axis in composition.axes]
         by_name = {source.name: source for source in sources}
         given = [by_name[part.name] for part in composition.sensors]
@@ -61,30 +61,31 @@ class ModularDevices(FlatDevices):
         self._put_axes = [(name, getattr(sense, name)) for name in self._axes]
         self._put_sensors = [(getattr(sense, name), *source) for name, *source in self._sensors]
         self._put_panel = sense.panel
-        self._commands = [getattr(command, name) for name in self._can.names]
+        self._commands = [getattr(command, name) for name in self._drives.names]
         self._get_waves = command.waves
         sense.wave(math.nan)  # only a simulated basin knows the undisturbed elevation
 
     def warm_up(self, dt: float) -> None:
-        """Wait for a value of every device and for an answer of every drive to every SYNC.
+        """Wait for a value of every device and for an answer of every drive in every tick.
 
         OSError names those without one.
         """
         wait_for_values(self._inputs, dt)
-        self._can.warm_up(dt)
+        self._drives.warm_up(dt)
 
     def read_in_place(self, now: float) -> None:
         """Store the composed `Sense`."""
-        # Mailboxes before the time, or a value posted later would have a negative age.
+        drives = self._drives
+        drives.receive()  # before the mailboxes: those of terminals have its values
         messages = [slot.read() for slot in self._polled]
         panel = self._panel.read()
-        can = self._can
-        time_now = can.receive()
-        drives = [can.read(name) for name in self._axes]
-        values = [(drive.analog, drive.analog_age) for drive in drives]
+        # After the mailboxes, or a value posted meanwhile would have a negative age.
+        time_now = drives.take_time()
+        readings = [drives.read(name) for name in self._axes]
+        values = [(reading.analog, reading.analog_age) for reading in readings]
         values += [(message, time_now - message.stamp) for message in messages]
-        for (name, put), drive in zip(self._put_axes, drives, strict=True):
-            put(*can.sense(name, drive))
+        for (name, put), reading in zip(self._put_axes, readings, strict=True):
+            put(*drives.sense(name, reading))
         for put, device, place, scale, offset in self._put_sensors:
             reading, age = values[device]
             put(scale * reading[place] + offset, age)
@@ -93,7 +94,7 @@ class ModularDevices(FlatDevices):
     def write_in_place(self) -> None:
         """Send the composed `Command`: one command of each axis, then the wave trigger."""
         commands = [get() for get in self._commands]
-        self._can.send([(current, enable) for _, current, enable, _ in commands])
+        self._drives.send([(current, enable) for _, current, enable, _ in commands])
         if self._writes % self._trigger_divider == 0:
             (waves,) = self._get_waves()
             self._post_trigger(waves)
@@ -101,16 +102,16 @@ class ModularDevices(FlatDevices):
 
     def stop(self, reason: int) -> None:
         """Command no current and no waves."""
-        self._can.release()
+        self._drives.release()
         self._post_trigger(0)
 
     def close(self) -> None:
         """Give the bus back."""
-        self._can.close()
+        self._drives.close()
 
     def _post_trigger(self, on: int) -> None:
         if self._trigger is not None:
-            self._trigger.post((on, self._can.time))
+            self._trigger.post((on, self._drives.time))
 
 
 def connect(config: dict[str, Any], dt: float) -> ModularDevices:
@@ -118,9 +119,9 @@ def connect(config: dict[str, Any], dt: float) -> ModularDevices:
 
     It also has "composition", the composition's text. LinkError if the bus cannot be opened.
     """
-    slots = open_mailboxes(config["mailboxes"])
+    drives, slots = bus_axes.connect(config, open_mailboxes(config["mailboxes"]))
     return ModularDevices(
-        can_axes.connect(config["can"], config["facts"]["can"], slots),
+        drives,
         slots,
         Composition.from_text(config["composition"]),
         [SensorSource(*each) for each in config["sensors"]],

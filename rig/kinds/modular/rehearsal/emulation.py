@@ -11,7 +11,7 @@ from rig.config.problems import ConfigError
 from rig.config.wiring import Registers, TorqueDrive, WiringError, wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.campaign_sea import campaign_sea
-from rig.emulation.devices import EmulatedBus, EmulatedDevices, load_cell, modbus_lines
+from rig.emulation.devices import EmulatedDevices, emulated_bus, load_cell, modbus_lines
 from rig.emulation.process import emulation_process, serve_devices
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.config import ModularWiring, RigFile
@@ -101,15 +101,16 @@ def _build_devices(
     reads = {
         str(sensor.source): sensor_reading(world, name) for name, sensor in rig.sensors.items()
     }
-    bus = EmulatedBus(wiring.can, world, loop)
+    bus = emulated_bus(wiring, world, loop)
     for name, drive in wiring.axes.items():
         increments = first.model.plant.axes[name].counts_per_revolution
         motor, analog = axis_motor(world, name), _analog(name, drive, reads)
         bus.add_torque_drive(name, drive, motor, analog, increments)
+    bus.add_terminals(reads, {"outputs.wave_trigger": partial(_set_trigger, world)})
     units = _modbus_units(wiring, world, reads)
     cells = {name: load_cell(cell, partial(_wrench, name, reads))
              for name, cell in wiring.load_cells.items()}  # fmt: skip
-    wires: dict[str, Emulator] = {"can": bus}
+    wires: dict[str, Emulator] = {bus.name: bus}
     wires |= {f"network {name}": cell for name, cell in cells.items()}
     return EmulatedDevices(
         world,
@@ -119,7 +120,7 @@ def _build_devices(
         bus.nodes,
         {**cells, **units},
         {name: axis_power(world, name) for name in wiring.axes},
-        lambda: {"frames": bus.hub.frame_count, "readings": world.world.readings()},
+        lambda: {"frames": bus.frame_count, "readings": world.world.readings()},
         _TICKS_PER_STEP,
     )
 

@@ -9,13 +9,14 @@ from pydantic import Field, ValidationInfo, field_validator
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
 from rig.config.rig_file import Axis, BaseRigFile, Rate, StopTiming
+from rig.config.segment import Segment
 from rig.config.wiring import (
     PANEL_INPUTS,
     WAVE_TRIGGER,
     Actuator,
+    AnyBlock,
     BlockContent,
     CanBus,
-    Registers,
     TorqueDrive,
     Wiring,
 )
@@ -40,27 +41,28 @@ class WaveBotWiring(Wiring):
     cells, wave probes, power analyser and digital inputs are read over Modbus.
     """
 
-    can: CanBus
+    can: CanBus | None = None
+    ethercat: Segment | None = None  # either this or `can`
     heave: TorqueDrive
     surge: TorqueDrive
     stator: Actuator
     analyser: Annotated[
-        Registers, BlockContent("power analyser", {"ac": "W", "dc": "W", "bus_voltage": "V"})
+        AnyBlock, BlockContent("power analyser", {"ac": "W", "dc": "W", "bus_voltage": "V"})
     ]
     cells: Annotated[
-        Registers,
+        AnyBlock,
         BlockContent(
             "strain-gauge amplifier: load cells", {"slew": "N", "stator_a": "N", "stator_b": "N"}
         ),
     ]
     probes: Annotated[
-        Registers,
+        AnyBlock,
         BlockContent(
             "strain-gauge amplifier: wave probes", {"probe_1": "m", "probe_2": "m", "probe_3": "m"}
         ),
     ]
-    inputs: Annotated[Registers, PANEL_INPUTS]
-    outputs: Annotated[Registers, WAVE_TRIGGER]
+    inputs: Annotated[AnyBlock, PANEL_INPUTS]
+    outputs: Annotated[AnyBlock, WAVE_TRIGGER]
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the register blocks, the node numbers and the numbers of analog inputs."""
@@ -185,7 +187,7 @@ class Stop(StopTiming):
 class RigFile(BaseRigFile):
     """A rig of kind `wavebot`."""
 
-    inline: ClassVar[tuple[str, ...]] = ("spring_map",)
+    inline: ClassVar[tuple[str, ...]] = (*BaseRigFile.inline, "spring_map")
 
     kind: Literal["wavebot"]
     rate_hz: Rate

@@ -1,6 +1,6 @@
 """A WaveBot's real devices behind the loop's device interface.
 
-The tick exchanges CAN process data itself; slow lines go through mailboxes. This module alone
+The tick exchanges process data itself; slow lines go through mailboxes. This module alone
 translates between the messages of the drivers and the signals of the loop.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 from rig.kinds.wavebot.tick import Command, Sense
 from rig.processes.mailbox import Mailbox
 from rig.realtime.devices import FlatDevices
-from rig.wires import can_axes
+from rig.wires import bus_axes
 from rig.wires.drive_axes import DriveAxes
 from rig.wires.messages import open_mailboxes, wait_for_values
 
@@ -23,9 +23,11 @@ _NEVER_AGE_S = 1e9  # s, age of a value that never came
 class WaveBotDevices(FlatDevices):
     """All devices of a WaveBot on their wires."""
 
-    def __init__(self, can: DriveAxes, slots: Mapping[str, Mailbox], trigger_divider: int) -> None:
+    def __init__(
+        self, drives: DriveAxes, slots: Mapping[str, Mailbox], trigger_divider: int
+    ) -> None:
         """``trigger_divider``: ticks between two posts of the outputs."""
-        self._can = can
+        self._drives = drives
         self._polled = {name: slots[name] for name in _POLLED}
         self._analyser, self._cells, self._probes, self._panel = self._polled.values()
         self._outputs = slots["outputs"]
@@ -34,37 +36,38 @@ class WaveBotDevices(FlatDevices):
         super().__init__(Sense, Command)
 
     def warm_up(self, dt: float) -> None:
-        """Wait for a value of every unit and for an answer of every node to every SYNC.
+        """Wait for a value of every unit and for an answer of every drive in every tick.
 
         OSError names those without one.
         """
         wait_for_values(self._polled, dt)
-        self._can.warm_up(dt)
+        self._drives.warm_up(dt)
 
     def attach(self, sense: Any, command: Any) -> None:
         self._sense, self._command = sense, command
         sense.wave(math.nan)  # only a simulated basin knows the undisturbed elevation
 
     def read_in_place(self, now: float) -> None:
-        # Mailboxes before the time, or a value posted later would have a negative age.
+        drives, sense = self._drives, self._sense
+        drives.receive()  # before the mailboxes: those of terminals have its values
         analyser, cells = self._analyser.read(), self._cells.read()
         probes, panel = self._probes.read(), self._panel.read()
-        can, sense = self._can, self._sense
-        time_now = can.receive()
-        heave, surge = can.read("heave"), can.read("surge")
-        stator = can.read_actuator("stator")
+        # After the mailboxes, or a value posted meanwhile would have a negative age.
+        time_now = drives.take_time()
+        heave, surge = drives.read("heave"), drives.read("surge")
+        stator = drives.read_actuator("stator")
         lcb, trs = heave.analog
         string_pot, rotor_angle = surge.analog
         load_age = max(time_now - cells.stamp, heave.analog_age, surge.analog_age)
-        sense.heave(*can.sense("heave", heave))
-        sense.surge(*can.sense("surge", surge))
+        sense.heave(*drives.sense("heave", heave))
+        sense.surge(*drives.sense("surge", surge))
         sense.load(
             lcb, trs, cells.slew, cells.stator_a, cells.stator_b, string_pot, rotor_angle, load_age
         )
         # A failed move counts as not arrived: the plan's own time-out names it.
         sense.spring(stator.position, stator.arrived, _NEVER_AGE_S if stator.fault else stator.age)
         sense.power(analyser.ac, analyser.dc, analyser.bus_voltage, time_now - analyser.stamp)
-        sense.drive(heave.acting, 1 if can.limit_flags("heave") else 0, _NO_DUMP)
+        sense.drive(heave.acting, 1 if drives.limit_flags("heave") else 0, _NO_DUMP)
         sense.probes(probes.probe_1, probes.probe_2, probes.probe_3, time_now - probes.stamp)
         sense.panel(panel.e_stop, panel.limit_switch, time_now - panel.stamp)
 
@@ -73,20 +76,20 @@ class WaveBotDevices(FlatDevices):
         _, heave_current, heave_enable, _ = command.heave()
         _, surge_current, surge_enable, _ = command.surge()
         _, target, move = command.spring()
-        self._can.send(
+        self._drives.send(
             ((heave_current, heave_enable), (surge_current, surge_enable)), ((target, move),)
         )
         if self._writes % self._trigger_divider == 0:
             (trigger,) = command.wave_trigger()
-            self._outputs.post((trigger, self._can.time))
+            self._outputs.post((trigger, self._drives.time))
         self._writes += 1
 
     def stop(self, reason: int) -> None:
-        self._can.release()
-        self._outputs.post((0, self._can.time))
+        self._drives.release()
+        self._outputs.post((0, self._drives.time))
 
     def close(self) -> None:
-        self._can.close()
+        self._drives.close()
 
 
 def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
@@ -94,6 +97,5 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
 
     LinkError if the bus cannot be opened.
     """
-    slots = open_mailboxes(config["mailboxes"])
-    can = can_axes.connect(config["can"], config["facts"]["can"], slots)
-    return WaveBotDevices(can, slots, config["trigger_divider"])
+    drives, slots = bus_axes.connect(config, open_mailboxes(config["mailboxes"]))
+    return WaveBotDevices(drives, slots, config["trigger_divider"])

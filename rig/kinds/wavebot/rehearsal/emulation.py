@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.config.pydantic_errors import validate
-from rig.config.wiring import Registers, wiring_of
+from rig.config.wiring import AnyBlock, Registers, wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.devices import (
-    ACTUATOR_EDS,
     EmulatedBus,
     EmulatedDevices,
+    emulated_bus,
     modbus_lines,
 )
 from rig.emulation.process import emulation_process, serve_devices, without_delay
@@ -22,7 +22,7 @@ from rig.kinds.wavebot.rehearsal.devices import build_world
 from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.actuator_units import ActuatorParams
-from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.canopen_node import CanopenNode
 from sim_plant.emulators.foreign_node import ForeignNode
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
 from sim_plant.emulators.modbus_unit import ModbusUnit
@@ -101,27 +101,38 @@ def _build_devices(
         return build_world(plant, dt)
 
     world = SharedWorld(create_world(), dt, loop.time)
-    bus = EmulatedBus(wiring.can, world, loop)
+    bus = emulated_bus(wiring, world, loop)
     heave, _ = (
         bus.add_torque_drive(
             name, drive, MOTORS[name](world), analog_inputs(world, name, drive.analog_per_v)
         )
         for name, drive in (("heave", wiring.heave), ("surge", wiring.surge))
     )
-    address = NodeParams(wiring.stator.node, ACTUATOR_EDS)
-    actuator = StatorActuator(address.entries(), ActuatorParams(), world, loop.time, stator(world))
-    bus.nodes["stator"] = CanopenNode(address, bus.hub, loop, actuator)
-    foreign = ForeignNode(heave, bus.hub, loop)
-    units: dict[str, tuple[Registers, ModbusUnit]] = {
+    bus.add_actuator(
+        "stator",
+        wiring.stator,
+        lambda entries: StatorActuator(entries, ActuatorParams(), world, loop.time, stator(world)),
+    )
+    bus.add_terminals(_terminal_reads(world), {"outputs.wave_trigger": partial(_trigger, world)})
+    devices: dict[str, tuple[AnyBlock, ModbusUnit]] = {
         "analyser": (wiring.analyser, _analyser(world)),
         "cells": (wiring.cells, _amplifier(world, _cell_forces, _CELL_RATING)),
         "probes": (wiring.probes, _amplifier(world, _probe_elevations, _PROBE_RATING)),
         "io": (wiring.inputs, _coupler(world, wiring.inputs)),
     }
+    units = {
+        name: (block, unit)
+        for name, (block, unit) in devices.items()
+        if isinstance(block, Registers)
+    }
+    foreign = {}
+    if isinstance(bus, EmulatedBus) and isinstance(heave, CanopenNode):
+        foreign["foreign node"] = ForeignNode(heave, bus.hub, loop)
 
     def step() -> None:
         bus.step()
-        foreign.poll()
+        for each in foreign.values():
+            each.poll()
 
     def powered(axis: str) -> bool:
         return bool(getattr(world.actuation, f"{axis}_enable"))
@@ -129,15 +140,15 @@ def _build_devices(
     def report() -> dict[str, Any]:
         now = world.readings()
         currents = {axis: getattr(now, f"{axis}_current") for axis in MOTORS}
-        return {"frames": bus.hub.frame_count, "currents": currents}
+        return {"frames": bus.frame_count, "currents": currents}
 
     return EmulatedDevices(
         world,
-        {"can": bus, **modbus_lines(wiring.lines, units.values())},
+        {bus.name: bus, **modbus_lines(wiring.lines, units.values())},
         step,
         lambda: world.replace_world(create_world()),
         bus.nodes,
-        {**{name: unit for name, (_, unit) in units.items()}, "foreign node": foreign},
+        {**{name: unit for name, (_, unit) in units.items()}, **foreign},
         {axis: partial(powered, axis) for axis in MOTORS},
         report,
         _TICKS_PER_STEP,
@@ -160,9 +171,31 @@ def _amplifier(
     return StrainAmplifier(lambda: channels(world.readings()), AmplifierSettings(rating))
 
 
-def _coupler(world: SharedWorld, block: Registers) -> IoCoupler:
+def _trigger(world: SharedWorld, value: float) -> None:
+    world.actuate(wave_trigger=int(value))
+
+
+def _terminal_reads(world: SharedWorld) -> dict[str, Callable[[], float]]:
+    """Return the values that EtherCAT terminals may measure, by block and name."""
+
+    def reading(field: str) -> float:
+        value: float = getattr(world.readings(), field)
+        return value
+
+    fields = {
+        "cells.slew": "force_slew",
+        "cells.stator_a": "force_stator_a",
+        "cells.stator_b": "force_stator_b",
+        "probes.probe_1": "probe_1",
+        "probes.probe_2": "probe_2",
+        "probes.probe_3": "probe_3",
+    }
+    return {name: partial(reading, field) for name, field in fields.items()}
+
+
+def _coupler(world: SharedWorld, block: AnyBlock) -> IoCoupler:
     def write(channel: str, value: float) -> None:
-        world.actuate(wave_trigger=int(value))
+        _trigger(world, value)
 
     inputs = tuple(DigitalInput(value.name, f"{value.name}_on", 1) for value in block.values)
     return IoCoupler(CouplerSettings(inputs=inputs, outputs=("wave_trigger",)), write=write)

@@ -1,0 +1,155 @@
+"""The parts of an EtherCAT segment in a rig file: the line of slaves, and the values of terminals.
+
+EtherCAT is a registered trade mark and patented technology, licensed by Beckhoff Automation GmbH.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
+
+Object = Annotated[WholeNumber, Field(ge=0, le=0xFFFF)]
+"""Index of an object, or of a mapping."""
+Sub = Annotated[WholeNumber, Field(ge=0, le=0xFF)]
+"""Sub-index of an object."""
+Unsigned32 = Annotated[WholeNumber, Field(ge=0, le=2**32 - 1)]
+ObjectType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
+ValueType = Literal["bit", "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
+
+TORQUE_DRIVE, POSITION_DRIVE = "torque drive", "position drive"
+"""Types of devices whose process data are those of the drivers."""
+
+
+class ProcessValue(FileModel):
+    """A value in the process data, or several of one type in a row."""
+
+    name: str = ""  # empty: a gap
+    object: Object = 0
+    sub: Sub = 0  # of the first
+    type: ValueType
+    count: WholeNumber = Field(default=1, ge=1, le=256)  # their mean is the value
+    invalid_mask: Unsigned32 = 0  # bits of a status: with one of them the slave's inputs are wrong
+
+
+class Pdo(FileModel):
+    """A process data object with its values, in their order."""
+
+    pdo: Object = 0  # index of its mapping; 0: fixed in the slave
+    values: TupleOf[ProcessValue] = Field(min_length=1)
+
+
+class ObjectSetting(FileModel):
+    """An object that is written and read back before a run."""
+
+    object: Object
+    sub: Sub
+    type: ObjectType
+    value: WholeNumber = Field(ge=-(2**31), le=2**32 - 1)
+
+
+class SlaveDevice(FileModel):
+    """Identity, process data and settings of a slave; a file of `configs/devices`."""
+
+    title: str = Field(min_length=1)
+    type: Literal["coupler", "terminal", "torque drive", "position drive"]
+    vendor: Unsigned32
+    product: Unsigned32
+    revision: Unsigned32 | None = None  # None: any
+    mailbox: bool  # CoE: it has objects
+    outputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C12
+    inputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C13
+    objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that names are unique, and that what has no mailbox has nothing to set."""
+        names = Counter(value.name for value in self.values() if value.name)
+        for name, number in names.items():
+            if number > 1:
+                yield RuleViolation(("inputs",), f"{number} values have the name {name}", name)
+        if self.objects and not self.mailbox:
+            yield RuleViolation(("objects",), "a slave without mailbox has no objects to write")
+
+    def values(self) -> Iterator[ProcessValue]:
+        """Yield all values of both directions."""
+        for pdo in (*self.outputs, *self.inputs):
+            yield from pdo.values
+
+
+class Slave(FileModel):
+    """A slave of the line; identity here replaces that of its device file."""
+
+    name: str = Field(min_length=1, max_length=32)
+    device: SlaveDevice
+    vendor: Unsigned32 | None = None
+    product: Unsigned32 | None = None
+    revision: Unsigned32 | None = None
+    objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)  # besides its device's
+
+    @property
+    def identity(self) -> tuple[int, int, int | None]:
+        """Vendor, product and revision that the slave must report; None: any revision."""
+        own = self.device
+        return (
+            own.vendor if self.vendor is None else self.vendor,
+            own.product if self.product is None else self.product,
+            own.revision if self.revision is None else self.revision,
+        )
+
+
+class Segment(FileModel):
+    """An EtherCAT segment: the network interface and its slaves in the order of the cable."""
+
+    interface: str = Field(min_length=1, max_length=15)  # 15: the longest name in Linux
+    line: TupleOf[Slave] = Field(min_length=1, max_length=256)
+    watchdog_ms: float = Field(ge=1, le=6000)  # without frames for longer, outputs fall
+    lost_ms: float = Field(ge=2, le=5000)  # inputs of this age mean a lost segment
+    clock: Literal["free run", "distributed"] = "free run"
+    actuator_divider: WholeNumber = Field(default=10, ge=1, le=240)  # ticks between two commands
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the names of the slaves are unique."""
+        seen: set[str] = set()
+        for place, slave in enumerate(self.line):
+            if slave.name in seen:
+                message = f"{slave.name} is the name of an earlier slave; allowed any other"
+                yield RuleViolation(("line", place, "name"), message, slave.name)
+            seen.add(slave.name)
+
+    def places(self) -> dict[str, int]:
+        """Return the place of each slave by its name, 0 next to the computer."""
+        return {slave.name: place for place, slave in enumerate(self.line)}
+
+
+class TerminalValue(FileModel):
+    """A value of a rig that a terminal has: ``scale`` times that of the process data."""
+
+    name: str
+    slave: str  # of the line
+    value: str  # of its device
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)
+    low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside low .. high is invalid
+    high: float = Field(default=1e12, ge=-1e12, le=1e12)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the scale is not 0 and that the range is not empty."""
+        if self.scale == 0.0:
+            yield RuleViolation(("scale",), "0 gives no value", 0.0)
+        yield from self.check_below("low", "high")
+
+
+class TerminalBlock(FileModel):
+    """Values of terminals that belong together; all are read in every tick, or written."""
+
+    description: ClassVar[str] = "values of terminals"
+
+    values: TupleOf[TerminalValue] = Field(min_length=1)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that names are unique."""
+        for at, value in enumerate(self.values):
+            if value.name in [each.name for each in self.values[:at]]:
+                message = f"{value.name} is the name of an earlier value; allowed any other"
+                yield RuleViolation(("values", at, "name"), message, value.name)

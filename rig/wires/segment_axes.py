@@ -1,0 +1,294 @@
+"""The drives and terminals of a rig's EtherCAT segment in the loop: one frame a tick.
+
+The newest answer is taken first, and all outputs are sent with the next frame.
+`rig.wires.segment_slaves.segment_axes` returns the configuration.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from controllers.signals import AxisSense, DriveFault
+from drivers.cia402.positioning_drive import PositioningSettings
+from drivers.cia402.torque_drive import TorqueDriveReading, TorqueDriveSettings
+from drivers.ethercat import terminal
+from drivers.ethercat.cycle import OPERATIONAL, FrameLink, SegmentCycle
+from drivers.ethercat.frames import CyclicFrame
+from drivers.ethercat.link import Link
+from drivers.ethercat.position_actuator import ActuatorSettings, PositionActuator
+from drivers.ethercat.process_image import Area, expected_wkc
+from drivers.ethercat.terminal import TerminalEntry
+from drivers.ethercat.torque_axis import TorqueAxis, TorqueAxisSettings
+from rig.processes import handover
+from rig.processes.mailbox import Mailbox
+from rig.wires.drive_axes import AxisRequest, DriveAxes, HealthLimits, current_scale
+from rig.wires.messages import WHOLE_NUMBERS, block_message, message_type
+
+_GENERAL_FAULT = DriveFault.GENERAL.value
+_NEVER = -1e9  # s, earlier than any clock reading
+
+
+class TerminalSettings(NamedTuple):
+    """The process data of a slave that is no drive."""
+
+    outputs: tuple[TerminalEntry, ...]
+    inputs: tuple[TerminalEntry, ...]
+
+
+class TerminalSource(NamedTuple):
+    """A value of a block, and where it is in the process data."""
+
+    name: str
+    unit: str
+    slave: int  # its place in the line
+    value: str
+    scale: float
+    low: float
+    high: float
+
+
+class SegmentSettings(NamedTuple):
+    """Constants of the segment; current scales and places are known after its set-up."""
+
+    interface: str
+    slaves: tuple[str, ...]  # names, in the order of the line
+    limits: HealthLimits
+    lost: float  # s, age of inputs that means a lost segment
+    actuator_divider: int  # ticks per command to an actuator
+    axes: dict[str, TorqueDriveSettings]
+    actuators: dict[str, PositioningSettings]
+    terminals: tuple[TerminalSettings, ...]  # of each slave; drives have none
+    blocks: dict[str, tuple[TerminalSource, ...]]
+    written: tuple[str, ...]  # names of the blocks that the loop writes
+
+
+class SegmentFacts(NamedTuple):
+    """Findings of the service: areas of each slave as `Area`, or empty, and the clock."""
+
+    outputs: tuple[tuple[int, ...], ...]
+    inputs: tuple[tuple[int, ...], ...]
+    reference_clock: int  # station whose clock all follow, 0: none
+
+    def areas(self) -> tuple[tuple[Area | None, Area | None], ...]:
+        """Return outputs and inputs of each slave."""
+        pairs = zip(self.outputs, self.inputs, strict=True)
+        return tuple(
+            (Area(*out) if out else None, Area(*into) if into else None) for out, into in pairs
+        )
+
+
+class TerminalInputs:
+    """The newest valid values of a block of terminals, as a mailbox has them."""
+
+    def __init__(
+        self,
+        sources: Sequence[TerminalSource],
+        readers: Sequence[Callable[[memoryview], float]],
+        checks: Sequence[tuple[Callable[[memoryview], float], int]],
+    ) -> None:
+        """``checks``: status and the bits of it with which the values are wrong."""
+        self._type: Any = message_type(block_message((one.name, one.unit) for one in sources))
+        self._sources = tuple(
+            (read, one.scale, one.low, one.high, one.unit in WHOLE_NUMBERS)
+            for one, read in zip(sources, readers, strict=True)
+        )
+        self._checks = tuple(checks)
+        never = [0 if one.unit in WHOLE_NUMBERS else float("nan") for one in sources]
+        self._message = self._type(*never, _NEVER)
+
+    def take(self, image: memoryview, sampled: float) -> None:
+        """Take the values of an image, sampled at a time (s), unless one is wrong."""
+        for status, mask in self._checks:
+            if int(status(image)) & mask:
+                return
+        values: list[float] = []
+        for read, scale, low, high, whole in self._sources:
+            value = scale * read(image)
+            if not low <= value <= high:
+                return
+            values.append(int(value) if whole else value)
+        self._message = self._type(*values, sampled)
+
+    def read(self) -> Any:
+        """Return the newest valid message."""
+        return self._message
+
+
+class TerminalOutputs:
+    """The outputs of a block of terminals, which go with every frame."""
+
+    def __init__(
+        self,
+        image: memoryview,
+        sources: Sequence[TerminalSource],
+        writers: Sequence[Callable[[memoryview, float], None]],
+    ) -> None:
+        self._image = image
+        self._writers = tuple(
+            (write, one.scale) for one, write in zip(sources, writers, strict=True)
+        )
+
+    def post(self, message: Sequence[float]) -> None:
+        """Store the values of a message, whose last field is its time."""
+        for (write, scale), value in zip(self._writers, message, strict=False):
+            write(self._image, value / scale)
+
+
+class SegmentAxes(DriveAxes):
+    """All slaves of a segment."""
+
+    def __init__(
+        self,
+        settings: SegmentSettings,
+        facts: SegmentFacts,
+        link: FrameLink,
+        slots: Mapping[str, Mailbox],
+    ) -> None:
+        """``slots``: the mailboxes of the drives' health, among others."""
+        areas = facts.areas()
+        size = max(-(-(area.first_bit + area.bits) // 8) for pair in areas for area in pair if area)
+        frame = CyclicFrame(size, facts.reference_clock or None)
+        self._cycle = SegmentCycle(link, frame, expected_wkc(areas))
+        by_name = dict(zip(settings.slaves, areas, strict=True))
+        self._axes = {
+            name: TorqueAxis(TorqueAxisSettings(each, *_both(by_name[name])))
+            for name, each in settings.axes.items()
+        }
+        self._actuators = {
+            name: PositionActuator(ActuatorSettings(each, *_both(by_name[name])))
+            for name, each in settings.actuators.items()
+        }
+        self._settings = settings
+        self._sent, self._taken, self._was_operational = 0, _NEVER, False
+        drives = {*settings.axes, *settings.actuators}
+        places = [
+            ({}, {}) if name in drives else _places(each, area)
+            for name, each, area in zip(settings.slaves, settings.terminals, areas, strict=True)
+        ]
+        self.terminals: dict[str, Any] = {}
+        self._inputs: list[TerminalInputs] = []
+        for name, sources in settings.blocks.items():
+            if name in settings.written:
+                writers = [terminal.writer(places[one.slave][0][one.value]) for one in sources]
+                self.terminals[name] = TerminalOutputs(self._cycle.outputs, sources, writers)
+                continue
+            readers = [terminal.reader(places[one.slave][1][one.value]) for one in sources]
+            checks = [
+                (terminal.reader(places[slave][1][entry.name]), entry.invalid_mask)
+                for slave in dict.fromkeys(one.slave for one in sources)
+                for entry in settings.terminals[slave].inputs
+                if entry.invalid_mask
+            ]
+            block = TerminalInputs(sources, readers, checks)
+            self.terminals[name] = block
+            self._inputs.append(block)
+        super().__init__(
+            self._axes, self._actuators, settings.actuator_divider, settings.limits, slots
+        )
+
+    def receive(self) -> float:
+        cycle = self._cycle
+        self.time = cycle.receive()
+        if cycle.sampled != self._taken:
+            self._taken = sampled = cycle.sampled
+            inputs = cycle.inputs
+            for axis in self._axes.values():
+                axis.take(inputs, sampled)
+            for actuator in self._actuators.values():
+                actuator.take(inputs, sampled)
+            for block in self._inputs:
+                block.take(inputs, sampled)
+        return self.time
+
+    def take_time(self) -> float:
+        self.time = self._cycle.now()
+        return self.time
+
+    def send(self, axes: Sequence[AxisRequest], actuators: Sequence[AxisRequest] = ()) -> None:
+        now, outputs = self.time, self._cycle.outputs
+        for axis, (current, enable) in zip(self._axes.values(), axes, strict=True):
+            axis.command(outputs, current, enable, now)
+        if actuators and self._sent % self._actuator_divider == 0:
+            for actuator, (target, enable) in zip(self._actuators.values(), actuators, strict=True):
+                actuator.command(outputs, target, enable, now)
+        self._cycle.send()
+        self._sent += 1
+
+    def command_nothing(self) -> None:
+        self._send_rest(lambda actuator: actuator.command(self._cycle.outputs, 0.0, 0, self.time))
+
+    def release(self) -> None:
+        self._send_rest(lambda actuator: actuator.release(self._cycle.outputs, self.time))
+
+    def _send_rest(self, rest: Callable[[PositionActuator], None]) -> None:
+        """Send no current to the axes, and to each actuator what ``rest`` stores."""
+        for axis in self._axes.values():
+            axis.command(self._cycle.outputs, 0.0, 0, self.time)
+        for actuator in self._actuators.values():
+            rest(actuator)
+        self._cycle.send()
+
+    def trouble(self) -> str:
+        if self._is_operational():
+            self._was_operational = True
+            return ""
+        state, names = self._cycle.state, self._settings.slaves
+        if state.slaves == 0:
+            return f"EtherCAT on {self._settings.interface}: no frame comes back"
+        if state.slaves != len(names):
+            return (
+                f"EtherCAT on {self._settings.interface}: {state.slaves} of {len(names)} slaves "
+                "answer; the cable is cut or a slave has no power"
+            )
+        return (
+            f"EtherCAT on {self._settings.interface}: not all slaves reach OP "
+            f"(AL status {state.al_status:#06x}, by bitwise or)"
+        )
+
+    def sense(self, name: str, reading: TorqueDriveReading) -> AxisSense:
+        """Return an axis' status; a segment that left OP or is silent is a fault of all axes."""
+        sense = super().sense(name, reading)
+        if sense.fault or not self._was_operational:
+            return sense
+        lost = self.time - self._cycle.sampled > self._settings.lost
+        return sense._replace(fault=0 if self._is_operational() and not lost else _GENERAL_FAULT)
+
+    def close(self) -> None:
+        self._cycle.close()
+
+    def _is_operational(self) -> bool:
+        state = self._cycle.state
+        return state.al_status == OPERATIONAL and state.slaves == len(self._settings.slaves)
+
+
+def _both(areas: tuple[Area | None, Area | None]) -> tuple[Area, Area]:
+    outputs, inputs = areas
+    assert outputs is not None
+    assert inputs is not None
+    return outputs, inputs
+
+
+Places = dict[str, terminal.Place]
+
+
+def _places(
+    settings: TerminalSettings, areas: tuple[Area | None, Area | None]
+) -> tuple[Places, Places]:
+    outputs, inputs = areas
+    return terminal.places(settings.outputs, outputs), terminal.places(settings.inputs, inputs)
+
+
+def connect(
+    config: dict[str, Any], facts: dict[str, Any], slots: Mapping[str, Mailbox]
+) -> SegmentAxes:
+    """Return the slaves for a configuration of `segment_slaves.segment_axes`.
+
+    ``facts``: those of the segment's service. LinkError if the interface cannot be opened.
+    """
+    settings: SegmentSettings = handover.loads(SegmentSettings, config["settings"])
+    axes = {
+        name: each._replace(scale=current_scale(config["scales"][name], facts["drives"][name]))
+        for name, each in settings.axes.items()
+    }
+    settings = settings._replace(axes=axes)
+    found: SegmentFacts = handover.build(SegmentFacts, facts["segment"], "facts", {})
+    return SegmentAxes(settings, found, Link(settings.interface), slots)

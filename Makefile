@@ -76,7 +76,7 @@ lint: setup
 PYTEST := $(BIN)/python -m pytest
 LONG := part
 WITHOUT_CLOCK := -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
-WITH_CLOCK := $$(grep -rl --include="test_*.py" mark.realtime tests) -m realtime --long $(LONG) -o cache_dir=.pytest_cache/with_clock
+WITH_CLOCK := $$(grep -rl --include="test_*.py" mark.realtime tests examples) -m realtime --long $(LONG) -o cache_dir=.pytest_cache/with_clock
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
 LOG := .pytest_cache/without_clock.log

@@ -1,7 +1,8 @@
 """The WaveBot's emulated devices, and a short campaign on their wires for injected faults."""
 
+import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -82,11 +83,25 @@ def write_rig_file(folder: Path) -> Path:
     return write_yaml(folder / "rig.yaml", rig)
 
 
-def write_campaign_file(folder: Path, **keys: Any) -> Path:
-    """Write a campaign of a few seconds on that rig; ``keys`` replace keys of the file."""
+def write_ethercat_rig_file(folder: Path) -> Path:
+    """Write the WaveBot on EtherCAT with an interface of its own and free ports."""
+    rig = {
+        "extends": str(ROOT / "configs" / "rigs" / "wavebot_ethercat.yaml"),
+        "wiring": {
+            "ethercat": {"interface": f"wec{os.getpid()}"},
+            "lines": {"analyser": {"port": free_port()}},
+        },
+    }
+    return write_yaml(folder / "rig.yaml", rig)
+
+
+def write_campaign_file(
+    folder: Path, write_rig: Callable[[Path], Path] = write_rig_file, **keys: Any
+) -> Path:
+    """Write a campaign of a few seconds on a rig; ``keys`` replace keys of the file."""
     campaign = {
         "name": "fault",
-        "rig": str(write_rig_file(folder)),
+        "rig": str(write_rig(folder)),
         "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         "tare": {"duration_s": 1},
         "start": {"set_point_s": 0, "lead_in_s": 1},
@@ -98,9 +113,11 @@ def write_campaign_file(folder: Path, **keys: Any) -> Path:
 
 
 @contextmanager
-def emulated_wavebot(folder: Path, **keys: Any) -> Iterator[EmulatedWaveBot]:
+def emulated_wavebot(
+    folder: Path, write_rig: Callable[[Path], Path] = write_rig_file, **keys: Any
+) -> Iterator[EmulatedWaveBot]:
     """Run emulated devices while the context is open; ``keys`` replace keys of the campaign."""
-    path = write_campaign_file(folder, **keys)
+    path = write_campaign_file(folder, write_rig, **keys)
     campaign, plan = open_checked(path)
     long_keys = {"extends": str(path), "timing": {"settle_s": 1, "interval_s": LONG_INTERVAL_S}}
     long = open_checked(write_yaml(folder / "long.yaml", long_keys))

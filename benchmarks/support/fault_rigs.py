@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.support.emulated_bench import emulated_bench
-from benchmarks.support.emulated_wavebot import emulated_wavebot
+from benchmarks.support.emulated_wavebot import emulated_wavebot, write_ethercat_rig_file
 from benchmarks.support.fault_runs import EmulatedRig
 from benchmarks.support.fault_table import TABLES, FaultRow, read_rows
 from benchmarks.support.recorded import ROOT
@@ -51,6 +52,16 @@ RIGS = {
         stop_action="damps the body for 2 s",
         motion="Faults come 1.5 s after power on, in waves.",
         test_file="test_hil_faults.py",
+    ),
+    "wavebot_ethercat": _rig(
+        "wavebot_ethercat",
+        "ethercat_faults.md",
+        title="Faults of an EtherCAT segment: reactions of the rig",
+        emulate=partial(emulated_wavebot, write_rig=write_ethercat_rig_file),
+        safe_state="neither motor has power, at the drives",
+        stop_action="damps the body for 2 s",
+        motion="Faults come 1.5 s after power on, in waves.",
+        test_file="test_hil_ethercat_faults.py",
     ),
     "oswec_bench": _rig(
         "oswec_bench",

@@ -17,6 +17,8 @@ OPERATIONAL = 8  # AL status of all slaves in this state, without an error
 _MAX_FRAMES = 256  # of one look; a wire that held back more is looked at again in the next tick
 _NEVER = -1e9  # s, earlier than any clock reading
 _OPEN = 1024  # frames whose time of sending is kept
+AGE_STEP_S = 1e-4  # width of a class of ages
+AGE_CLASSES = 500  # the last one has all older ones, too
 
 
 class FrameLink(Protocol):
@@ -64,6 +66,7 @@ class SegmentCycle:
         self.lost = 0  # frames without an answer when a later one came
         self.late = 0  # answers that came after a later one
         self.foreign = 0  # frames that are not ours
+        self.ages = [0] * AGE_CLASSES  # looks by the age of the inputs, in steps of `AGE_STEP_S`
         self._link, self._frame, self._expected = link, frame, wkc
         self._sent_at = [_NEVER] * _OPEN
         self._sent = self._answered = 0  # numbers of frames
@@ -93,7 +96,9 @@ class SegmentCycle:
                 continue
             self.inputs[:] = frame.process_data(link.frame)
             self.sampled = sent
-        return link.now()
+        now = link.now()
+        self.ages[min(int((now - self.sampled) / AGE_STEP_S), AGE_CLASSES - 1)] += 1
+        return now
 
     def now(self) -> float:
         """Return the time of the link's clock, s."""
@@ -107,6 +112,26 @@ class SegmentCycle:
         if link.send(self._frame.bytes):
             self._sent = number
             self._sent_at[number % _OPEN] = now
+
+    def statistics(self) -> dict[str, int | float]:
+        """Return the numbers of frames so far, and ages of the inputs (s) at three ranks."""
+        total, passed = sum(self.ages), 0
+        ranks = {"age_p50_s": 0.5, "age_p99_s": 0.99, "age_p99_9_s": 0.999}
+        found: dict[str, float] = {}
+        for place, number in enumerate(self.ages):
+            passed += number
+            for name, share in ranks.items():
+                if name not in found and total and passed >= share * total:
+                    found[name] = (place + 1) * AGE_STEP_S
+        return {
+            "sent": self._sent,
+            "lost": self.lost,
+            "late": self.late,
+            "wrong_working_counter": self.wrong_wkc,
+            "foreign": self.foreign,
+            "looks": total,
+            **found,
+        }
 
     def close(self) -> None:
         """Give the interface back; cannot raise."""

@@ -26,6 +26,8 @@ SERVICE_INDICES = range(16)  # pysoem uses no others
 _FMMU, _FMMU_SIZE, _FMMUS = 0x0600, 16, 4  # register, bytes, number of those that are used
 _FMMU_LAYOUT = struct.Struct("<IHBB3xBB3x")
 _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
+_FIRST_STATION = 0x1001  # as pysoem counts them
+_FEATURES, _HAS_CLOCK = 0x0008, 0x04  # register and bit
 _ERROR = 0x10  # bit of a state: an error; of a request: it is acknowledged
 _TIMEOUT_US = 4000
 _STATE_TIMEOUT_US = 3_000_000
@@ -64,6 +66,7 @@ class SlaveSetup(NamedTuple):
     name: str  # of the rig's, for people
     steps: tuple[SetupStep, ...]  # objects, written in PRE_OPERATIONAL
     watchdog_ms: float  # without process data for longer, its outputs fall; 0: as it is
+    sync0_ns: int = 0  # cycle of its SYNC0; 0: without
 
 
 class SlaveAreas(NamedTuple):
@@ -109,11 +112,14 @@ class Service:
             SlaveIdentity(each.man, each.id, each.rev, each.name) for each in self._master.slaves
         )
 
-    def configure(self, setups: Sequence[SlaveSetup]) -> tuple[tuple[Mismatch, ...], ...]:
+    def configure(
+        self, setups: Sequence[SlaveSetup], *, distributed: bool = False
+    ) -> tuple[tuple[Mismatch, ...], ...]:
         """Write and read back the objects of each slave, and map the process data.
 
-        Return the mismatches of each slave. ServiceError names slaves whose mailbox fails, or that
-        do not reach SAFE_OPERATIONAL.
+        ``distributed``: the clocks follow that of the first slave that has one. Return the
+        mismatches of each slave. ServiceError names slaves whose mailbox fails, or that do not
+        reach SAFE_OPERATIONAL.
         """
         found: list[tuple[Mismatch, ...]] = [()] * len(setups)
         problems: list[str] = []
@@ -130,6 +136,8 @@ class Service:
 
         for position in range(len(setups)):
             self._master.slaves[position].config_func = set_up(position)
+        if distributed and not self._master.config_dc():
+            raise ServiceError(f"EtherCAT on {self._interface}: no slave has a distributed clock")
         for attempt in range(_ATTEMPTS):
             problems.clear()
             try:
@@ -157,9 +165,13 @@ class Service:
         """Return where each slave's process data are, from its own FMMUs."""
         return tuple(_areas(self._fmmus(slave)) for slave in self._master.slaves)
 
-    def stations(self) -> tuple[int, ...]:
-        """Return the station address of each slave."""
-        return tuple(0x1001 + place for place in range(len(self._master.slaves)))
+    def reference_clock(self) -> int:
+        """Return the station of the first slave with a distributed clock; 0 without one."""
+        for place, slave in enumerate(self._master.slaves):
+            features = self._retry(partial(slave._fprd, _FEATURES, 2, _TIMEOUT_US))
+            if int.from_bytes(features, "little") & _HAS_CLOCK:
+                return _FIRST_STATION + place
+        return 0
 
     def request(self, state: AlState) -> None:
         """Ask all slaves for a state; do not wait."""
@@ -206,6 +218,9 @@ class Service:
             self._master.close()
 
     def _set_up(self, slave: Any, setup: SlaveSetup) -> tuple[Mismatch, ...]:
+        if setup.sync0_ns:
+            slave.dc_sync(act=True, sync0_cycle_time=setup.sync0_ns)
+
         def write(step: SetupStep) -> None:
             with suppress(self._pysoem.SdoError):
                 slave.sdo_write(step.object, step.sub, to_bytes(step.type, step.value))

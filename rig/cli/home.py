@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from drivers.canopen.link import LinkError
-from drivers.canopen.service import ServiceError
 from rig.cli.input_files import RIGS, input_file
 from rig.cli.options import WIRED_RIG_HELP, Json
 from rig.cli.output import BAD_INPUT, FAILED, OK, STOPPED, fail, input_errors, print_json
@@ -57,7 +55,7 @@ def command(
                     job, nodes, repeat=repeat, stopped=stopped,
                     on_begin=lambda name: _note(f"{name} homes ...", quiet=as_json),
                 )  # fmt: skip
-        except (BusyError, LinkError, ServiceError) as error:
+        except (BusyError, OSError) as error:
             return fail("home", error, as_json=as_json, code=FAILED)
         was_stopped = stopped()
     if as_json:

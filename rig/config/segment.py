@@ -19,6 +19,8 @@ Unsigned32 = Annotated[WholeNumber, Field(ge=0, le=2**32 - 1)]
 ObjectType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
 ValueType = Literal["bit", "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
 
+RESERVED = ("segment", "ethercat")
+"""Names of faults of the whole line, and of its cable, at emulated devices."""
 TORQUE_DRIVE, POSITION_DRIVE = "torque drive", "position drive"
 """Types of devices whose process data are those of the drivers."""
 
@@ -87,6 +89,7 @@ class Slave(FileModel):
     product: Unsigned32 | None = None
     revision: Unsigned32 | None = None
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)  # besides its device's
+    sync0: bool = False  # it works with SYNC0, a pulse in each cycle of the segment's clock
 
     @property
     def identity(self) -> tuple[int, int, int | None]:
@@ -106,30 +109,48 @@ class Segment(FileModel):
     line: TupleOf[Slave] = Field(min_length=1, max_length=256)
     watchdog_ms: float = Field(ge=1, le=6000)  # without frames for longer, outputs fall
     lost_ms: float = Field(ge=2, le=5000)  # inputs of this age mean a lost segment
+    # distributed: the loop follows the clock of the first slave that has one
     clock: Literal["free run", "distributed"] = "free run"
+    frame_at: float = Field(default=0.5, ge=0, le=0.9)  # of a cycle of that clock, before SYNC0
     actuator_divider: WholeNumber = Field(default=10, ge=1, le=240)  # ticks between two commands
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the names of the slaves are unique."""
         seen: set[str] = set()
         for place, slave in enumerate(self.line):
+            if slave.name in RESERVED:
+                message = f"{slave.name} means something else; allowed any other name"
+                yield RuleViolation(("line", place, "name"), message, slave.name)
             if slave.name in seen:
                 message = f"{slave.name} is the name of an earlier slave; allowed any other"
                 yield RuleViolation(("line", place, "name"), message, slave.name)
             seen.add(slave.name)
+            if slave.sync0 and self.clock != "distributed":
+                message = "needs clock: distributed of the segment"
+                yield RuleViolation(("line", place, "sync0"), message, slave.sync0)
 
     def places(self) -> dict[str, int]:
         """Return the place of each slave by its name, 0 next to the computer."""
         return {slave.name: place for place, slave in enumerate(self.line)}
 
 
+class OtherValue(FileModel):
+    """A value of the process data that is added to another, ``scale`` times."""
+
+    slave: str  # of the line
+    value: str  # of its device
+    scale: float = Field(ge=-1e9, le=1e9)
+
+
 class TerminalValue(FileModel):
-    """A value of a rig that a terminal has: ``scale`` times that of the process data."""
+    """A value of a rig that a terminal has: ``scale`` times that of the process data, + offset."""
 
     name: str
     slave: str  # of the line
     value: str  # of its device
     scale: float = Field(default=1.0, ge=-1e9, le=1e9)
+    offset: float = Field(default=0.0, ge=-1e12, le=1e12)
+    plus: OtherValue | None = None  # e.g. a load cell that pulls the other way, with a scale < 0
     low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside low .. high is invalid
     high: float = Field(default=1e12, ge=-1e12, le=1e12)
 

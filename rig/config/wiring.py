@@ -14,7 +14,13 @@ from drivers.canopen.bus_settings import BusSettings
 from drivers.modbus.registers import BIT_TABLES, MAX_SIZE, REGISTER_COUNT
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
-from rig.config.segment import POSITION_DRIVE, TORQUE_DRIVE, Segment, TerminalBlock
+from rig.config.segment import (
+    POSITION_DRIVE,
+    TORQUE_DRIVE,
+    Segment,
+    SlaveDevice,
+    TerminalBlock,
+)
 from rig.config.yaml_source import KeyPath
 
 Node = Annotated[WholeNumber, Field(ge=1, le=127)]
@@ -420,21 +426,13 @@ class Wiring(FileModel):
         segment = self.segment()
         slaves = {each.name: each.device for each in segment.line} if segment else {}
         written = self.block_content(key[-1]).written
-        for at, value in enumerate(block.values):
+        for at, each in enumerate(block.values):
             place: KeyPath = (*key, "values", at)
-            if value.slave not in slaves:
-                known = ", ".join(slaves) or "none: there is no ethercat"
-                yield RuleViolation(
-                    (*place, "slave"), f"no such slave; the line has {known}", value.slave
-                )
-                continue
-            device = slaves[value.slave]
-            pdos = device.outputs if written else device.inputs
-            names = [each.name for pdo in pdos for each in pdo.values if each.name]
-            if value.value not in names:
-                direction = "output" if written else "input"
-                message = f"{value.slave} has no such {direction}; allowed {', '.join(names)}"
-                yield RuleViolation((*place, "value"), message, value.value)
+            parts = [(place, each.slave, each.value)]
+            if each.plus is not None:
+                parts.append(((*place, "plus"), each.plus.slave, each.plus.value))
+            for part in parts:
+                yield from _source_rules(slaves, written, *part)
 
     def interpolation_rules(self, rate: int) -> Iterator[RuleViolation]:
         """Yield a violation for each drive whose interpolation time (0x60C2) is not the tick.
@@ -505,6 +503,24 @@ class Wiring(FileModel):
             yield (field,), value
             if isinstance(value, dict):
                 yield from (((field, name), part) for name, part in value.items())
+
+
+def _source_rules(
+    slaves: Mapping[str, SlaveDevice], written: bool, key: KeyPath, slave: str, value: str
+) -> Iterator[RuleViolation]:
+    """Check that a slave of the line has a value in a direction."""
+    if slave not in slaves:
+        known = ", ".join(slaves) or "none: there is no ethercat"
+        yield RuleViolation((*key, "slave"), f"no such slave; the line has {known}", slave)
+        return
+    device = slaves[slave]
+    pdos = device.outputs if written else device.inputs
+    names = [each.name for pdo in pdos for each in pdo.values if each.name]
+    if value not in names:
+        direction = "output" if written else "input"
+        allowed = ", ".join(names) or "none"
+        message = f"{slave} has no such {direction}; allowed {allowed}"
+        yield RuleViolation((*key, "value"), message, value)
 
 
 W_co = TypeVar("W_co", bound=Wiring, covariant=True)

@@ -21,6 +21,7 @@ from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from rig.config.esi import EsiError, read_esi
 from rig.config.problems import ConfigError, Problem, display_path, format_key, format_value
 from rig.config.shipped_files import (
     CAMPAIGNS,
@@ -206,13 +207,28 @@ def _inline_files(
     for key, holder in sorted(places, key=lambda place: str(place[0])):
         name = str(key[-1])
         kinds = kinds_of(name)
-        path = locate.existing_path(key, holder[name], *kinds, allowed="a mapping")
-        mapping, origin = _load(path, locate(key), name, chain, kinds=kinds)
+        file, mark, part = holder[name].partition("#")
+        path = locate.existing_path(key, file, *kinds, allowed="a mapping")
+        if mark or path.suffix == ".xml":
+            mapping, origin = _load_esi(path, part, locate, key)
+        else:
+            mapping, origin = _load(path, locate(key), name, chain, kinds=kinds)
         holder[name] = mapping
         locate.locations.update({(*key, *each): place for each, place in origin.locations.items()})
         locate.files += origin.files
         locate.inlined |= dict.fromkeys(origin.files, name)
     return {str(key[0]) for key, _ in places if len(key) == 1}
+
+
+def _load_esi(
+    path: Path, part: str, locate: SourceMap, key: KeyPath
+) -> tuple[dict[str, Any], SourceMap]:
+    """Return a slave of an ESI file as a mapping; all its values are at the file's first line."""
+    try:
+        mapping = read_esi(path, part)
+    except (EsiError, OSError) as error:
+        raise ConfigError([locate.problem(key, str(path), f"{path.name}: {error}")]) from None
+    return mapping, SourceMap(path, {(): SourceLocation(path, 1)}, (path,))
 
 
 def _places(

@@ -25,9 +25,9 @@ from sim_plant.emulators.link_faults import FAULTS as LINK
 from sim_plant.emulators.link_faults import Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
 
-# A CAN controller's check sum rejects every corrupted frame, and a babbling device on a bus is a
-# node.
-CAN_LINK_FAULTS = ("drop", "delay", "duplicate", "freeze", "disconnect")
+# The check sums of CAN and Ethernet reject every corrupted frame, and a babbling device on a bus is
+# a node.
+BUS_LINK_FAULTS = ("drop", "delay", "duplicate", "freeze", "disconnect")
 _SEVERITY_FIELDS = {"babble": "babble_period"}  # field of the severity that a fault's number sets
 _WITHOUT_VALUE = ("freeze", "disconnect")
 
@@ -89,7 +89,7 @@ class ControlServer:
                     "value": "" if fault in _WITHOUT_VALUE else "share or s",
                 }
                 for fault, effect in LINK.items()
-                if name != "can" or fault in CAN_LINK_FAULTS
+                if name not in ("can", "ethercat") or fault in BUS_LINK_FAULTS
             }
         return listed
 
@@ -160,7 +160,7 @@ class ControlServer:
             "dropped": world.dropped_ticks,
             "actuation": world.actuation._asdict(),
             "nodes": {
-                name: {"state": node.state, "errors": sorted(map(int, node.errors.active))}
+                name: {"state": node.state, "errors": node.error_codes}
                 for name, node in self._devices.nodes.items()
             },
             "requests": {name: one.requests for name, one in units if isinstance(one, ModbusUnit)},

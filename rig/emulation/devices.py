@@ -20,7 +20,6 @@ from rig.emulation.device_files import ACTUATOR_EDS, drive_parts
 from rig.emulation.segment import EmulatedSegment, Reads, Writes
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
-from sim_plant.emulators.device_errors import DeviceErrors
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.device_objects import ObjectEntry
 from sim_plant.emulators.fault_list import Fault
@@ -48,8 +47,8 @@ class FaultyNode(Protocol):
         ...
 
     @property
-    def errors(self) -> DeviceErrors:
-        """The errors that the device reports."""
+    def error_codes(self) -> list[int]:
+        """The codes of the errors that the device reports."""
         ...
 
     @property

@@ -46,7 +46,8 @@ class EmulatedSegment:
     ) -> None:
         self.address = ""
         self.link = LinkFaults()
-        self.nodes: dict[str, EmulatedSlave] = {}
+        self.nodes: dict[str, EmulatedSlave | EmulatedLine] = {}  # from the start on
+        self._slaves: dict[str, EmulatedSlave] = {}
         self._wiring, self._segment = wiring, segment
         self._world, self._schedule = world, schedule
         self._cable = Cable(segment.interface)
@@ -74,7 +75,7 @@ class EmulatedSegment:
         entries = slaves.torque_drive_objects(load_entries(eds), product=product)
         device = EmulatedDrive(entries, params, self._world, self._schedule.time, motor)
         slave = slaves.torque_drive(name, device, clock, product)
-        self.nodes[name] = slave
+        self._slaves[name] = slave
         return slave
 
     def add_actuator(
@@ -86,7 +87,7 @@ class EmulatedSegment:
         """Add an actuator, which ``create`` returns for its objects."""
         product = _identity(self._by_name[name])
         entries = slaves.position_drive_objects(load_entries(ACTUATOR_EDS), product=product)
-        self.nodes[name] = slaves.position_drive(name, create(entries), clock, product)
+        self._slaves[name] = slaves.position_drive(name, create(entries), clock, product)
 
     def add_terminals(self, reads: Reads, writes: Writes) -> None:
         """Connect blocks of terminals with the world: values in the rig's units by BLOCK.VALUE."""
@@ -95,18 +96,19 @@ class EmulatedSegment:
             for value in block.values:
                 key = f"{name}.{value.name}"
                 if written and key in writes:
-                    put = partial(_put_scaled, writes[key], value.scale)
+                    put = partial(_put_scaled, writes[key], value.scale, value.offset)
                     self._writes.setdefault(value.slave, {})[value.value] = put
-                elif key in reads:
-                    get = partial(_get_scaled, reads[key], value.scale)
+                elif key in reads and value.plus is None:  # a sum has no inverse
+                    get = partial(_get_scaled, reads[key], value.scale, value.offset)
                     self._reads.setdefault(value.slave, {})[value.value] = get
 
     async def start(self) -> None:
         """Plug the cable in and switch the slaves on."""
         for slave in self._segment.line:
-            if slave.name not in self.nodes:
-                self.nodes[slave.name] = self._terminal(slave)
-        line = EmulatedLine([self.nodes[slave.name] for slave in self._segment.line])
+            if slave.name not in self._slaves:
+                self._slaves[slave.name] = self._terminal(slave)
+        line = EmulatedLine([self._slaves[slave.name] for slave in self._segment.line])
+        self.nodes |= {**self._slaves, "segment": line}
         self._cable.plug()
         self._wire = Wire(line, self._cable.far, self.link)
         await self._wire.start()
@@ -136,12 +138,12 @@ class EmulatedSegment:
         )
 
 
-def _get_scaled(read: Callable[[], float], scale: float) -> float:
-    return read() / scale
+def _get_scaled(read: Callable[[], float], scale: float, offset: float) -> float:
+    return (read() - offset) / scale
 
 
-def _put_scaled(write: Callable[[float], None], scale: float, value: float) -> None:
-    write(value * scale)
+def _put_scaled(write: Callable[[float], None], scale: float, offset: float, value: float) -> None:
+    write(scale * value + offset)
 
 
 def _identity(slave: Slave) -> Identity:

@@ -32,9 +32,9 @@ from rig.people.request_client import RequestClient, RequestError
 
 _LOG = logging.getLogger("uvicorn.error")
 MAX_BROWSERS = 200
-QUEUE = 100  # messages of a browser that wait: some four seconds
-POLL_S = 0.05
-STATE_POLLS = 4  # polls from state to state
+QUEUE = 50  # messages of a browser that wait: some four seconds
+POLL_S = 0.1
+STATE_POLLS = 2  # polls from state to state
 MAX_BUCKETS = 40  # in one message
 MAX_FIELDS = 24  # that a browser may choose
 MAX_MESSAGES_PER_S = 20  # of a browser

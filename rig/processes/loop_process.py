@@ -22,12 +22,19 @@ from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import LoopMailbox
-from rig.processes.messages import CodeMissing, LoopJob, LoopPrivileges, Refused, report
+from rig.processes.messages import (
+    CodeMissing,
+    LoopJob,
+    LoopPrivileges,
+    Refused,
+    WireReport,
+    report,
+)
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.compiled_tick import is_complete
 from rig.realtime.coupled_ticks import Coupling
-from rig.realtime.devices import Devices
+from rig.realtime.devices import Devices, FlatDevices
 from rig.realtime.live_setpoints import live_columns
 from rig.realtime.reasons import Reason
 from rig.recording.ring import RingWriter
@@ -117,6 +124,9 @@ def main(tick: Any, device_module: Any) -> None:
     finally:
         ring.finish()  # otherwise the logger would wait for rows that never come
         last_logger.save_remaining_rows(ring, end)
+    # At the very end: a supervisor that does not read would block it.
+    if isinstance(devices, FlatDevices) and (values := devices.wire_report()):
+        report(WireReport(values))
 
 
 def _read_job(find_kind: Callable[[str], cycle.Kind], text: str) -> tuple[cycle.Kind, LoopJob]:

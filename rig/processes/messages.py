@@ -111,6 +111,12 @@ class Notice(NamedTuple):
     text: str
 
 
+class WireReport(NamedTuple):
+    """The loop's summary of its wires, for the record."""
+
+    values: dict[str, Any]  # JSON values
+
+
 class DiskState(NamedTuple):
     """The logger's disk fails, or works again."""
 
@@ -133,6 +139,7 @@ class RecordMoved(NamedTuple):
 Report = (
     LoopPrivileges
     | LoopResult
+    | WireReport
     | CodeMissing
     | Refused
     | Ready

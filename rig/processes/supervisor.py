@@ -33,6 +33,7 @@ from rig.processes.messages import (
     RecordLost,
     RecordMoved,
     Refused,
+    WireReport,
 )
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.tick_compiler import TickCompiler
@@ -107,6 +108,9 @@ DISK_TIMEOUT_S = 20.0  # s of retries on a failing disk before the rest of the l
 STALL_TIMEOUT_S = 60.0  # s without a saved row, or without an end, until the logger is restarted
 HANG_TIMEOUT_S = 10.0  # s without a tick after which the loop is killed
 ABORT_TIMEOUT_S = 5.0  # s that the loop may take to carry out an abort
+
+
+WIRES_FILE = "wires.json"  # in the run's folder: what the loop reports of its wires
 
 
 class SupervisedRun:
@@ -426,6 +430,9 @@ class SupervisedRun:
                     self._refused = why
                 case LoopResult():
                     self._end = report
+                case WireReport(values):
+                    with suppress(OSError):
+                        write_json(self.folder, WIRES_FILE, values)
 
     def _logger_failed(self, logger: Child) -> bool:
         """Return whether the logger has ended without finishing its file."""

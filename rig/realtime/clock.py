@@ -44,6 +44,10 @@ class Clock(Protocol):
         """Call a function shortly before each tick from now on, where there is time for it."""
         ...
 
+    def follow(self, correction: Callable[[], int]) -> None:
+        """Move each deadline and those after it by what a function returns (ns) from now on."""
+        ...
+
 
 def utc_of_zero(clock: Clock) -> int:
     """Return the UTC of the clock's zero, ns since 1970: the one mapping that a run stores."""
@@ -67,6 +71,9 @@ class VirtualClock:
     def prepare_ticks(self, prepare: Callable[[], object]) -> None:
         """Do nothing: no time passes before a tick."""
 
+    def follow(self, correction: Callable[[], int]) -> None:
+        """Do nothing: no other clock runs beside this one."""
+
 
 class _Timespec(ctypes.Structure):
     _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
@@ -89,6 +96,7 @@ class RealClock:
         self._deadline_reference = ctypes.byref(self._deadline)
         self._tick = -1
         self._prepare: Callable[[], object] | None = None
+        self._correction: Callable[[], int] | None = None
         # Tick 0 is more than one period from now, on a multiple of the period of CLOCK_MONOTONIC:
         # other processes can keep in step with the loop, so their delay is the same in each run.
         self._zero = (time.monotonic_ns() // self._period + 2) * self._period
@@ -106,7 +114,13 @@ class RealClock:
         if self._period >= _SHORTEST_PREPARED_NS:
             self._prepare = prepare
 
+    def follow(self, correction: Callable[[], int]) -> None:
+        """Move the deadlines: the clock of the wires leads, e.g. that of an EtherCAT segment."""
+        self._correction = correction
+
     def wait_next(self) -> Wake:
+        if self._correction is not None:
+            self._zero += self._correction()
         due = self._zero + (self._tick + 1) * self._period
         if self._prepare is None:
             self._sleep_until(due)

@@ -1,6 +1,7 @@
 """The interface between the loop and the devices of a rig."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from rig.realtime.tick_memory import FlatMemory, example
@@ -70,6 +71,13 @@ class FlatDevices(ABC):
     @abstractmethod
     def write_in_place(self) -> None:
         """Send the stored command, as of `Devices.write`."""
+
+    clock_correction: Callable[[], int] | None = None
+    """Correction (ns) of the next deadline, if a clock on the wires leads that of the loop."""
+
+    def wire_report(self) -> dict[str, Any]:
+        """Return what the record keeps of the wires, as JSON values; empty: nothing."""
+        return {}
 
     def prepare(self, now: float) -> None:
         """Take what has arrived shortly before the tick of a time (s); reading completes it."""

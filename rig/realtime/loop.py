@@ -61,6 +61,8 @@ def run(
         execution: Tick = interpreted
         reader = _RequestReader(requests, execution)
         exchange = execution.connect(devices, clock)
+        if correction := getattr(devices, "clock_correction", None):
+            clock.follow(correction)
         changeover: Changeover | CoupledChangeover | None = None
         if code:
             changeover = (

@@ -7,7 +7,7 @@ all commands for the next cycle. `rig.wires.can_axes` exchanges them on a CAN bu
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from controllers.signals import AxisSense, DriveFault
@@ -50,6 +50,13 @@ class DriveAxes(ABC):
         self._drives, self._positioning = axes, actuators
         self._actuator_divider, self._limits = actuator_divider, limits
         self._health = {name: slots[f"{name}{HEALTH_SUFFIX}"] for name in axes}
+
+    clock_correction: Callable[[], int] | None = None
+    """Correction (ns) of the loop's next deadline, if the bus has a clock that leads."""
+
+    def wire_report(self) -> dict[str, Any]:
+        """Return what the record keeps of the bus, as JSON values; empty: nothing."""
+        return {}
 
     @property
     def names(self) -> tuple[str, ...]:

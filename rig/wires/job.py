@@ -87,7 +87,7 @@ def wired_job(
             for name, block in wiring.terminal_blocks().items()
         }
         try:
-            processes.append(segment_service(segment, drives))
+            processes.append(segment_service(segment, drives, rate))
             settings = segment_axes(segment, drives, blocks, rate, torque_constants or {})
             devices = devices | {"ethercat": settings}
         except SetupError as error:

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from controllers.signals import AxisSense, DriveFault
 from drivers.cia402.positioning_drive import PositioningSettings
 from drivers.cia402.torque_drive import TorqueDriveReading, TorqueDriveSettings
-from drivers.ethercat import terminal
+from drivers.ethercat import clock, terminal
+from drivers.ethercat.clock import ClockParams
 from drivers.ethercat.cycle import OPERATIONAL, FrameLink, SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
 from drivers.ethercat.link import Link
@@ -23,7 +24,9 @@ from rig.processes.mailbox import Mailbox
 from rig.wires.drive_axes import AxisRequest, DriveAxes, HealthLimits, current_scale
 from rig.wires.messages import WHOLE_NUMBERS, block_message, message_type
 
+Reader = Callable[[memoryview], float]
 _GENERAL_FAULT = DriveFault.GENERAL.value
+_MAX_OFFSETS = 86_400  # seconds whose clock offsets are kept
 _NEVER = -1e9  # s, earlier than any clock reading
 
 
@@ -34,6 +37,14 @@ class TerminalSettings(NamedTuple):
     inputs: tuple[TerminalEntry, ...]
 
 
+class AddedSource(NamedTuple):
+    """A value of the process data that is added to another."""
+
+    slave: int  # its place in the line
+    value: str
+    scale: float
+
+
 class TerminalSource(NamedTuple):
     """A value of a block, and where it is in the process data."""
 
@@ -42,8 +53,15 @@ class TerminalSource(NamedTuple):
     slave: int  # its place in the line
     value: str
     scale: float
+    offset: float
     low: float
     high: float
+    added: tuple[AddedSource, ...]
+
+    @property
+    def parts(self) -> "tuple[AddedSource, ...]":
+        """The values whose sum it is."""
+        return (AddedSource(self.slave, self.value, self.scale), *self.added)
 
 
 class SegmentSettings(NamedTuple):
@@ -54,6 +72,7 @@ class SegmentSettings(NamedTuple):
     limits: HealthLimits
     lost: float  # s, age of inputs that means a lost segment
     actuator_divider: int  # ticks per command to an actuator
+    clock: ClockParams  # with which the loop follows the segment's clock, if that leads
     axes: dict[str, TorqueDriveSettings]
     actuators: dict[str, PositioningSettings]
     terminals: tuple[TerminalSettings, ...]  # of each slave; drives have none
@@ -82,13 +101,13 @@ class TerminalInputs:
     def __init__(
         self,
         sources: Sequence[TerminalSource],
-        readers: Sequence[Callable[[memoryview], float]],
-        checks: Sequence[tuple[Callable[[memoryview], float], int]],
+        readers: Sequence[Reader],
+        checks: Sequence[tuple[Reader, int]],
     ) -> None:
-        """``checks``: status and the bits of it with which the values are wrong."""
+        """``readers``: of the values in the rig's units; ``checks``: status and its wrong bits."""
         self._type: Any = message_type(block_message((one.name, one.unit) for one in sources))
         self._sources = tuple(
-            (read, one.scale, one.low, one.high, one.unit in WHOLE_NUMBERS)
+            (read, one.low, one.high, one.unit in WHOLE_NUMBERS)
             for one, read in zip(sources, readers, strict=True)
         )
         self._checks = tuple(checks)
@@ -101,8 +120,8 @@ class TerminalInputs:
             if int(status(image)) & mask:
                 return
         values: list[float] = []
-        for read, scale, low, high, whole in self._sources:
-            value = scale * read(image)
+        for read, low, high, whole in self._sources:
+            value = read(image)
             if not low <= value <= high:
                 return
             values.append(int(value) if whole else value)
@@ -158,7 +177,12 @@ class SegmentAxes(DriveAxes):
             for name, each in settings.actuators.items()
         }
         self._settings = settings
+        self._ticks_per_second = max(1, 1_000_000_000 // settings.clock.cycle_ns)
         self._sent, self._taken, self._was_operational = 0, _NEVER, False
+        self._clock, self._clock_state = settings.clock, clock.start()
+        self._correction, self._offsets = 0, list[tuple[float, int, float]]()
+        if facts.reference_clock:
+            self.clock_correction = self._take_correction
         drives = {*settings.axes, *settings.actuators}
         places = [
             ({}, {}) if name in drives else _places(each, area)
@@ -171,10 +195,11 @@ class SegmentAxes(DriveAxes):
                 writers = [terminal.writer(places[one.slave][0][one.value]) for one in sources]
                 self.terminals[name] = TerminalOutputs(self._cycle.outputs, sources, writers)
                 continue
-            readers = [terminal.reader(places[one.slave][1][one.value]) for one in sources]
+            inputs = [inputs for _, inputs in places]
+            readers = [_scaled_reader(one, inputs) for one in sources]
             checks = [
-                (terminal.reader(places[slave][1][entry.name]), entry.invalid_mask)
-                for slave in dict.fromkeys(one.slave for one in sources)
+                (terminal.reader(inputs[slave][entry.name]), entry.invalid_mask)
+                for slave in dict.fromkeys(each.slave for one in sources for each in one.parts)
                 for entry in settings.terminals[slave].inputs
                 if entry.invalid_mask
             ]
@@ -189,6 +214,8 @@ class SegmentAxes(DriveAxes):
         cycle = self._cycle
         self.time = cycle.receive()
         if cycle.sampled != self._taken:
+            if self.clock_correction is not None and cycle.state.time_ns:
+                self._follow_clock(cycle.state.time_ns)
             self._taken = sampled = cycle.sampled
             inputs = cycle.inputs
             for axis in self._axes.values():
@@ -212,6 +239,29 @@ class SegmentAxes(DriveAxes):
                 actuator.command(outputs, target, enable, now)
         self._cycle.send()
         self._sent += 1
+
+    def _follow_clock(self, time_ns: int) -> None:
+        """Compute the correction from the newest frame; keep offset and drift once a second."""
+        self._clock_state, self._correction = clock.step(self._clock, self._clock_state, time_ns)
+        state = self._clock_state
+        if state.ticks % self._ticks_per_second == 0 and len(self._offsets) < _MAX_OFFSETS:
+            drift = 1e6 * state.drift_ns / self._clock.cycle_ns
+            self._offsets.append((self.time, state.offset_ns, drift))
+
+    def _take_correction(self) -> int:
+        correction, self._correction = self._correction, 0
+        return correction
+
+    def wire_report(self) -> dict[str, Any]:
+        """Return frames and ages, and with a leading clock its offset and drift each second."""
+        report: dict[str, Any] = {"ethercat": self._cycle.statistics()}
+        if self.clock_correction is not None:
+            report["clock"] = {
+                "shift_ns": self._clock.shift_ns,
+                "columns": ["monotonic_s", "offset_ns", "drift_ppm"],
+                "rows": self._offsets,
+            }
+        return report
 
     def command_nothing(self) -> None:
         self._send_rest(lambda actuator: actuator.command(self._cycle.outputs, 0.0, 0, self.time))
@@ -268,6 +318,16 @@ def _both(areas: tuple[Area | None, Area | None]) -> tuple[Area, Area]:
 
 
 Places = dict[str, terminal.Place]
+
+
+def _scaled_reader(source: TerminalSource, inputs: Sequence[Places]) -> Reader:
+    """Return the function that reads a value in the rig's unit."""
+    parts = [(terminal.reader(inputs[each.slave][each.value]), each.scale) for each in source.parts]
+    offset = source.offset
+    if len(parts) == 1:
+        ((read, scale),) = parts
+        return lambda image: scale * read(image) + offset
+    return lambda image: sum(scale * read(image) for read, scale in parts) + offset
 
 
 def _places(

@@ -55,7 +55,8 @@ def serve(job: IoJob) -> None:
         return
     try:
         try:
-            facts = set_up_slaves(service, slaves)
+            distributed = config["clock"] == "distributed"
+            facts = set_up_slaves(service, slaves, distributed=distributed)
             for slave in slaves:
                 if slave["homes"]:
                     home_slave(service, config["interface"], slaves, slave["name"], ended)
@@ -97,8 +98,10 @@ def identity_problems(found: Sequence[SlaveIdentity], slaves: Slaves) -> list[st
     return problems
 
 
-def set_up_slaves(service: Service, slaves: Slaves) -> dict[str, Any]:
+def set_up_slaves(service: Service, slaves: Slaves, *, distributed: bool) -> dict[str, Any]:
     """Bring the slaves to SAFE_OPERATIONAL; return what the loop needs to know of them.
+
+    ``distributed``: the loop will follow the clock of the segment.
 
     ServiceError lists every slave that is another one or does not take its settings.
     """
@@ -111,9 +114,11 @@ def set_up_slaves(service: Service, slaves: Slaves) -> dict[str, Any]:
                 slave["name"],
                 tuple(SetupStep(*step) for step in slave["steps"]),
                 slave["watchdog_ms"],
+                slave["sync0_ns"],
             )
             for slave in slaves
-        ]
+        ],
+        distributed=distributed,
     )
     problems = [
         f"{slave['name']}:\n{format_mismatches(each)}"
@@ -136,7 +141,7 @@ def set_up_slaves(service: Service, slaves: Slaves) -> dict[str, Any]:
         "segment": [
             [list(each.outputs or ()) for each in areas],
             [list(each.inputs or ()) for each in areas],
-            0,
+            service.reference_clock() if distributed else 0,
         ],
         "slaves": [each._asdict() for each in found],
     }

@@ -8,6 +8,7 @@ from drivers.cia402.drive_objects import REQUIRED, Access
 from drivers.cia402.process_data import Entry
 from drivers.cia402.torque_drive import TORQUE_MODE
 from drivers.ethercat import position_actuator, torque_axis
+from drivers.ethercat.clock import ClockParams
 from drivers.ethercat.pdo_steps import (
     FIRST_INPUT_PDO,
     FIRST_OUTPUT_PDO,
@@ -31,23 +32,29 @@ from rig.wires.drive_settings import (
     torque_settings,
 )
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, message_fields
-from rig.wires.segment_axes import SegmentSettings, TerminalSettings, TerminalSource
+from rig.wires.segment_axes import (
+    AddedSource,
+    SegmentSettings,
+    TerminalSettings,
+    TerminalSource,
+)
 
 _MAX_HEALTH_AGE_S = 0.5  # s
 _MAX_SILENCE_S = 0.5  # s without a slave's state; its process data show a lost slave sooner
 _CAN_OBJECTS = frozenset(("device_type", "sync_cob_id", "heartbeat_consumer", "heartbeat_producer"))
 
 
-def segment_service(segment: Segment, drives: Mapping[str, Drive]) -> IoProcess:
-    """Return the service process of a segment.
+def segment_service(segment: Segment, drives: Mapping[str, Drive], rate: float) -> IoProcess:
+    """Return the service process of a segment at a rate of the loop (Hz).
 
     SetupError lists all reasons why the slaves must not be powered.
     """
     slaves: list[dict[str, Any]] = []
     problems = []
-    for slave in segment.line:
+    for place, slave in enumerate(segment.line, 1):
         try:
-            slaves.append(_slave_setup(slave, drives.get(slave.name), segment.watchdog_ms))
+            setup = _slave_setup(slave, drives.get(slave.name), segment, rate)
+            slaves.append({"node": place, **setup})
         except SetupError as error:
             problems.append(f"{slave.name}: {error}")
     if problems:
@@ -58,7 +65,9 @@ def segment_service(segment: Segment, drives: Mapping[str, Drive]) -> IoProcess:
     return IoProcess("ethercat", module, config, health, ready_timeout(drives))
 
 
-def _slave_setup(slave: Slave, drive: Drive | None, watchdog_ms: float) -> dict[str, Any]:
+def _slave_setup(
+    slave: Slave, drive: Drive | None, segment: Segment, rate: float
+) -> dict[str, Any]:
     """Return the set-up of a slave by the service process, as JSON values."""
     vendor, product, revision = slave.identity
     return {
@@ -67,7 +76,8 @@ def _slave_setup(slave: Slave, drive: Drive | None, watchdog_ms: float) -> dict[
         "product": product,
         "revision": revision,
         "steps": _drive_steps(drive) if drive is not None else _terminal_steps(slave),
-        "watchdog_ms": watchdog_ms if drive is not None or slave.device.outputs else 0.0,
+        "sync0_ns": round(1e9 / rate) if slave.sync0 else 0,
+        "watchdog_ms": segment.watchdog_ms if drive is not None or slave.device.outputs else 0.0,
         "facts": [] if drive is None else scale_objects(drive),
         "homing": None if drive is None else homing_settings(drive),
         "homes": isinstance(drive, Actuator) and drive.homing,  # before every run
@@ -130,6 +140,7 @@ def segment_axes(
         HealthLimits(_MAX_HEALTH_AGE_S, _MAX_SILENCE_S),
         1e-3 * segment.lost_ms,
         segment.actuator_divider,
+        ClockParams(round(1e9 * dt), round(1e9 * dt * segment.frame_at)),
         axes,
         actuators,
         tuple(_terminal_settings(slave) for slave in segment.line),
@@ -164,8 +175,12 @@ def _sources(
             places[each.slave],
             each.value,
             each.scale,
+            each.offset,
             each.low,
             each.high,
+            ()
+            if each.plus is None
+            else (AddedSource(places[each.plus.slave], each.plus.value, each.plus.scale),),
         )
         for each in block.values
     )

@@ -104,6 +104,11 @@ class CanopenNode(Generic[D_co]):
         """The NMT state."""
         return self.port.nmt
 
+    @property
+    def error_codes(self) -> list[int]:
+        """The codes of the errors that the device reports."""
+        return sorted(map(int, self.errors.active))
+
     def restart(self) -> None:
         """Switch the node off and on."""
         self.inject("powered_off")

@@ -66,10 +66,12 @@ def test_a_valid_file_loads_and_is_frozen(tmp_path: Path) -> None:
 def broken_files() -> list[Any]:
     rig, limits = CONFIGS / "rigs" / "wavebot.yaml", CONFIGS / "limits" / "wavebot.yaml"
     wired = rig.with_name("wavebot_hil.yaml").read_text()
+    segment = rig.with_name("wavebot_ethercat.yaml").read_text()
     sources: tuple[tuple[str, str, type[BaseModel]], ...] = (
         ("campaign", CAMPAIGN, CampaignFile),
         ("rigs", rig.read_text(), RigFile),
         ("wired", wired.replace("extends: wavebot.yaml", f"extends: {rig}"), RigFile),
+        ("ethercat", segment.replace("extends: wavebot.yaml", f"extends: {rig}"), RigFile),
         ("limits", limits.read_text(), LimitsFile),
     )
     cases = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,8 +13,13 @@ import pytest
 from hil_processes import run_emulated
 from rehearsing import CONFIGS, SilentView, load_rows
 
-from benchmarks.support.emulated_wavebot import write_campaign_file
+from benchmarks.support.emulated_wavebot import (
+    write_campaign_file,
+    write_ethercat_rig_file,
+    write_rig_file,
+)
 from benchmarks.support.host import ProcessorTime, other_load
+from rig.emulation.cable import cable_problem
 from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
@@ -63,11 +69,29 @@ def executed_share(result: RunResult) -> float:
     return outcome.ticks / max(1, outcome.ticks + outcome.skipped)
 
 
+ON_EACH_BUS = pytest.mark.parametrize(
+    "pair",
+    [
+        pytest.param(write_rig_file, id="CAN"),
+        pytest.param(
+            write_ethercat_rig_file, id="EtherCAT", marks=pytest.mark.long(group="EtherCAT")
+        ),
+    ],
+    indirect=True,
+    scope="module",
+)
+
+
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+def pair(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    if request.param is write_ethercat_rig_file:
+        pytest.importorskip("pysoem")
+        if problem := cable_problem("wectest"):
+            pytest.skip(problem)
     folder = tmp_path_factory.mktemp("campaign")
     path = write_campaign_file(
         folder,
+        request.param,
         sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
         start={"set_point_s": 0, "lead_in_s": 6},
         timing={"settle_s": 2, "interval_s": 12},  # with tare and lead-in 30 s and more
@@ -92,6 +116,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     return Pair(rehearsed, result, clock, load)
 
 
+@ON_EACH_BUS
 def test_both_run_the_plan_to_its_end(pair: Pair) -> None:
     for result in (pair.rehearsed, pair.wired):
         outcome = result.outcome
@@ -100,6 +125,7 @@ def test_both_run_the_plan_to_its_end(pair: Pair) -> None:
     assert pair.wired.outcome.died == ""
 
 
+@ON_EACH_BUS
 def test_row_powers_agree(pair: Pair) -> None:
     rehearsed, wired = load_rows(pair.rehearsed), load_rows(pair.wired)
     assert wired.sizes["row"] == rehearsed.sizes["row"] == len(GAINS)
@@ -112,6 +138,7 @@ def test_row_powers_agree(pair: Pair) -> None:
             assert abs(after - before) <= allowed, (row, name, before, after, allowed)
 
 
+@ON_EACH_BUS
 def test_every_period_is_accounted_for(pair: Pair) -> None:
     outcome = pair.wired.outcome
     ticks = open_run(pair.wired.folder, fields=["tick", "timing.skipped"])
@@ -126,6 +153,7 @@ def test_every_period_is_accounted_for(pair: Pair) -> None:
     assert executed_share(pair.wired) >= (EXECUTED if pair.others < LOADED else EXECUTED_LOADED)
 
 
+@ON_EACH_BUS
 def test_the_ticks_follow_the_wall_clock(pair: Pair) -> None:
     times = pair.clock.times
     moving = [one for one, after in itertools.pairwise(times) if after[1] > one[1]]
@@ -133,6 +161,7 @@ def test_the_ticks_follow_the_wall_clock(pair: Pair) -> None:
     assert abs((ended - began) - 1e-3 * (last - first)) <= LATE
 
 
+@ON_EACH_BUS
 def test_ages_of_values_are_small(pair: Pair) -> None:
     data: Any = open_run(pair.wired.folder, fields=list(AGES))
     for name in AGES:
@@ -142,5 +171,19 @@ def test_ages_of_values_are_small(pair: Pair) -> None:
         assert p99 <= 0.2, name
 
 
+@ON_EACH_BUS
 def test_the_folder_has_the_facts_of_the_io_processes(pair: Pair) -> None:
     assert (Path(pair.wired.folder) / FACTS_FILE).exists()
+
+
+@ON_EACH_BUS
+def test_the_record_has_a_report_of_the_segment(pair: Pair) -> None:
+    file = Path(pair.wired.folder) / "wires.json"
+    if not file.exists():  # on CAN
+        assert "ethercat" not in json.loads((Path(pair.wired.folder) / FACTS_FILE).read_text())
+        return
+    report = json.loads(file.read_text())["ethercat"]
+    print(report)
+    assert report["wrong_working_counter"] == report["foreign"] == report["lost"] == 0
+    assert report["sent"] >= pair.wired.outcome.ticks
+    assert report["age_p50_s"] <= 0.0012  # sent in the last tick

@@ -63,6 +63,19 @@ class Segment:
 
     # ---- faults ---------------------------------------------------------------------------------
 
+    @property
+    def state(self) -> int:
+        """The lowest AL state of all slaves."""
+        return min(slave.state for slave in self.slaves.values())
+
+    @property
+    def error_codes(self) -> list[int]:
+        """No codes: its slaves have their own."""
+        return []
+
+    def restart(self) -> None:
+        """Do nothing: its slaves have the power switches."""
+
     def faults(self) -> tuple[Fault, ...]:
         """Return the faults of the segment; its slaves and its wire have their own."""
         return self.fault_list.all()

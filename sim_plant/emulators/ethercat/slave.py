@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sim_plant.emulators import device_errors
-from sim_plant.emulators.device_errors import DeviceErrors
 from sim_plant.emulators.ethercat import coe, registers, sii
 from sim_plant.emulators.ethercat.al_states import AlCode, AlMachine, AlState
 from sim_plant.emulators.ethercat.controller import SlaveController
@@ -98,9 +97,9 @@ class Slave:
         return self.al.state
 
     @property
-    def errors(self) -> DeviceErrors:
-        """The errors of the device."""
-        return self.device.errors
+    def error_codes(self) -> list[int]:
+        """The codes of the errors that the device reports."""
+        return sorted(map(int, self.device.errors.active))
 
     def restart(self) -> None:
         """Switch the slave off and on."""

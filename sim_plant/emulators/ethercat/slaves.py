@@ -113,13 +113,14 @@ def simple_slave(
     managers: list[SyncManagerSetting] = []
     fmmus: list[int] = []
     pdos: dict[int, tuple[Pdo, ...]] = {}
-    for assignment, at, control, kind, fmmu in (
-        (process_data.RX_ASSIGNMENT, OUTPUTS_AT, WRITTEN_WATCHED, OUTPUTS_TYPE, FMMU_OUTPUTS),
-        (process_data.TX_ASSIGNMENT, INPUTS_AT, READ, INPUTS_TYPE, FMMU_INPUTS),
+    for assignment, control, kind, fmmu in (
+        (process_data.RX_ASSIGNMENT, WRITTEN_WATCHED, OUTPUTS_TYPE, FMMU_OUTPUTS),
+        (process_data.TX_ASSIGNMENT, READ, INPUTS_TYPE, FMMU_INPUTS),
     ):
         pdos[assignment] = _pdos(device, assignment, len(managers))
         bits = sum(entry.bits for pdo in pdos[assignment] for entry in pdo.entries)
         if bits:
+            at = INPUTS_AT if managers else OUTPUTS_AT
             managers.append(SyncManagerSetting(at, (bits + 7) // 8, control, kind))
             fmmus.append(fmmu)
     rx, tx = pdos[process_data.RX_ASSIGNMENT], pdos[process_data.TX_ASSIGNMENT]

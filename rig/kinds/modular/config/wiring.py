@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from rig.config.model import RuleViolation
-from rig.config.segment import Segment
+from rig.config.segment import Segment, TerminalBlock
 from rig.config.wiring import (
     PANEL_INPUTS,
     WAVE_TRIGGER,
@@ -20,6 +20,7 @@ from rig.config.wiring import (
     BlockContent,
     CanBus,
     LoadCell,
+    Registers,
     TorqueDrive,
     Wiring,
 )
@@ -47,7 +48,8 @@ class ModularWiring(Wiring):
     can: CanBus | None = None
     ethercat: Segment | None = None  # either this or `can`
     axes: dict[str, TorqueDrive] = Field(min_length=1)  # the drive of each axis
-    registers: dict[str, AnyBlock] = Field(default={}, max_length=64)  # polled, for sensors
+    registers: dict[str, Registers] = Field(default={}, max_length=64)  # polled, for sensors
+    terminals: dict[str, TerminalBlock] = Field(default={}, max_length=64)  # for sensors
     load_cells: dict[str, LoadCell] = Field(default={}, max_length=16)
     inputs: Annotated[AnyBlock, PANEL_INPUTS]
     outputs: Annotated[AnyBlock | None, WAVE_TRIGGER] = None
@@ -58,24 +60,31 @@ class ModularWiring(Wiring):
         own = ("can", "ethercat", "inputs", "outputs", f"outputs{ACKNOWLEDGEMENT_SUFFIX}")
         taken = dict.fromkeys(own, "of every rig")
         taken |= {f"{axis}{HEALTH_SUFFIX}": f"of the drive of {axis}" for axis in self.axes}
-        for field in ("axes", "registers", "load_cells"):
+        for field in ("axes", "registers", "terminals", "load_cells"):
             for name in getattr(self, field):
                 yield from _name_rules((field, name), name, taken)
                 taken[name] = f"one of the {field}"
-        for name, block in self.registers.items():
-            if len(block.values) > _MAX_VALUES:
-                message = f"{len(block.values)} values; allowed up to {_MAX_VALUES}"
-                yield RuleViolation(("registers", name, "values"), message)
-            for at, value in enumerate(_names(block)):
-                key = ("registers", name, "values", at, "name")
+        for field, name, names in self._sensor_blocks():
+            if len(names) > _MAX_VALUES:
+                message = f"{len(names)} values; allowed up to {_MAX_VALUES}"
+                yield RuleViolation((field, name, "values"), message)
+            for at, value in enumerate(names):
+                key = (field, name, "values", at, "name")
                 yield from _name_rules(key, value, {_STAMP: "the time of every message"})
 
     def block_content(self, name: str) -> BlockContent:
-        """Return the content of a register block; that of sensors has no units of its own."""
-        if name not in self.registers:
-            return super().block_content(name)
-        names = _names(self.registers[name])
-        return BlockContent("values of sensors", dict.fromkeys(names, "1"))
+        """Return the content of a block; that of sensors has no units of its own."""
+        for _, block, names in self._sensor_blocks():
+            if block == name:
+                return BlockContent("values of sensors", dict.fromkeys(names, "1"))
+        return super().block_content(name)
+
+    def _sensor_blocks(self) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+        """Yield field, name and names of the values of each block of sensors."""
+        for name, block in self.registers.items():
+            yield "registers", name, tuple(value.name for value in block.values)
+        for name, terminals in self.terminals.items():
+            yield "terminals", name, tuple(value.name for value in terminals.values)
 
     def sources(self) -> dict[str, Source]:
         """Return every value that can be the source of a sensor, by its name."""
@@ -85,9 +94,9 @@ class ModularWiring(Wiring):
             for at in range(len(drive.analog_per_v))
         }
         polled = {
-            f"{name}.{value}": Source(name, at, ("registers", name, "values", at))
-            for name, block in self.registers.items()
-            for at, value in enumerate(_names(block))
+            f"{name}.{value}": Source(name, at, (field, name, "values", at))
+            for field, name, names in self._sensor_blocks()
+            for at, value in enumerate(names)
         }
         components = {
             f"{name}.{component}": Source(name, at, ("load_cells", name))
@@ -115,11 +124,6 @@ class ModularWiring(Wiring):
             for name, source in sources.items()
             if (source.device, source.place) not in needed
         }
-
-
-def _names(block: AnyBlock) -> tuple[str, ...]:
-    """Return the names of the values of a block."""
-    return tuple(value.name for value in block.values)
 
 
 def _name_rules(key: KeyPath, name: str, taken: Mapping[str, str]) -> Iterator[RuleViolation]:

@@ -39,6 +39,7 @@ class ModularDevices(FlatDevices):
     ) -> None:
         """``sources``: one of each sensor; ``trigger_divider``: ticks between two posts of it."""
         self._drives = drives
+        self.clock_correction = drives.clock_correction
         self._axes = [axis.name for axis in composition.axes]
         by_name = {source.name: source for source in sources}
         given = [by_name[part.name] for part in composition.sensors]
@@ -104,6 +105,10 @@ class ModularDevices(FlatDevices):
         """Command no current and no waves."""
         self._drives.release()
         self._post_trigger(0)
+
+    def wire_report(self) -> dict[str, Any]:
+        """Return what the record keeps of the drives' bus."""
+        return self._drives.wire_report()
 
     def close(self) -> None:
         """Give the bus back."""

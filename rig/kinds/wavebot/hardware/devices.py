@@ -28,6 +28,7 @@ class WaveBotDevices(FlatDevices):
     ) -> None:
         """``trigger_divider``: ticks between two posts of the outputs."""
         self._drives = drives
+        self.clock_correction = drives.clock_correction
         self._polled = {name: slots[name] for name in _POLLED}
         self._analyser, self._cells, self._probes, self._panel = self._polled.values()
         self._outputs = slots["outputs"]
@@ -87,6 +88,10 @@ class WaveBotDevices(FlatDevices):
     def stop(self, reason: int) -> None:
         self._drives.release()
         self._outputs.post((0, self._drives.time))
+
+    def wire_report(self) -> dict[str, Any]:
+        """Return what the record keeps of the drives' bus."""
+        return self._drives.wire_report()
 
     def close(self) -> None:
         self._drives.close()

@@ -1,0 +1,162 @@
+"""ESI files: process data, objects and identity as the maker's XML has them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rig.config.esi import EsiError, read_esi
+from rig.config.pydantic_errors import load
+from rig.config.segment import SlaveDevice
+from rig.kinds.wavebot.config import RigFile
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+# Invented devices in the form of ETG.2000, with what such files have: CDATA, hexadecimal numbers,
+# gaps, arrays, PDOs that are not assigned, several revisions.
+ESI = """\
+<?xml version="1.0" encoding="ISO8859-1"?>
+<EtherCATInfo Version="1.6">
+  <Vendor><Id>#x0bad0ec0</Id><Name LcId="1033"><![CDATA[Nobody GmbH]]></Name></Vendor>
+  <Descriptions><Devices>
+    <Device Physics="KK">
+      <Type ProductCode="#x10000104" RevisionNo="#x00100000">DI4</Type>
+      <Name LcId="1033"><![CDATA[DI4 4 inputs]]></Name>
+      <Fmmu>Inputs</Fmmu><Sm StartAddress="#x1000" ControlByte="#x20" Enable="1">Inputs</Sm>
+      {bits}
+    </Device>
+    <Device Physics="KK">
+      <Type ProductCode="#x10000301" RevisionNo="#x00110000">AI2</Type>
+      <Name LcId="1033">AI2 older</Name>
+      <TxPdo Sm="3"><Index>#x1a00</Index><Name>Old</Name>
+        <Entry><Index>#x6000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen><Name>Value</Name>
+          <DataType>INT</DataType></Entry></TxPdo>
+      <Mailbox><CoE/></Mailbox>
+    </Device>
+    <Device Physics="KK">
+      <Type ProductCode="#x10000301" RevisionNo="#x00120000">AI2</Type>
+      <Name LcId="1033">AI2 newer</Name>
+      <RxPdo Fixed="1" Sm="2"><Index>#x1600</Index><Name>Set</Name></RxPdo>
+      <TxPdo Sm="3"><Index>#x1a00</Index><Name>AI Channel 1</Name>
+        <Entry><Index>#x6000</Index><SubIndex>1</SubIndex><BitLen>1</BitLen><Name>Error</Name>
+          <DataType>BOOL</DataType></Entry>
+        <Entry><Index>0</Index><BitLen>15</BitLen></Entry>
+        <Entry><Index>#x6000</Index><SubIndex>17</SubIndex><BitLen>16</BitLen><Name>Value</Name>
+          <DataType>INT</DataType></Entry></TxPdo>
+      <TxPdo><Index>#x1a01</Index><Name>Not assigned</Name>
+        <Entry><Index>#x6010</Index><SubIndex>1</SubIndex><BitLen>8</BitLen><Name>X</Name>
+          <DataType>USINT</DataType></Entry></TxPdo>
+      <TxPdo Sm="3"><Index>#x1a10</Index><Name>Samples 10</Name>
+        <Entry><Index>#x6001</Index><SubIndex>1</SubIndex><BitLen>320</BitLen><Name>Samples</Name>
+          <DataType>ARRAY [0..9] OF DINT</DataType></Entry></TxPdo>
+      <TxPdo Sm="3"><Index>#x1a11</Index><Name>Fast</Name>
+        <Entry><Index>#x6002</Index><SubIndex>1</SubIndex><BitLen>32</BitLen><Name>Sample 1</Name>
+          <DataType>REAL</DataType></Entry>
+        <Entry><Index>#x6002</Index><SubIndex>2</SubIndex><BitLen>32</BitLen><Name>Sample 2</Name>
+          <DataType>REAL</DataType></Entry></TxPdo>
+      <Mailbox DataLinkLayer="1"><CoE SdoInfo="1" PdoAssign="1">
+        <InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>6</SubIndex>
+          <Data>E803</Data></InitCmd>
+        <InitCmd><Transition>PS</Transition><Index>#x1C12</Index><SubIndex>0</SubIndex>
+          <Data>00</Data></InitCmd>
+        <InitCmd><Transition>SO</Transition><Index>#x8000</Index><SubIndex>7</SubIndex>
+          <Data>01</Data></InitCmd></CoE></Mailbox>
+    </Device>
+  </Devices></Descriptions>
+</EtherCATInfo>
+""".format(
+    bits="\n".join(
+        f"<TxPdo Fixed='1' Sm='0'><Index>#x1a0{n}</Index><Name>Channel {n + 1}</Name>"
+        f"<Entry><Index>#x60{n}0</Index><SubIndex>1</SubIndex><BitLen>1</BitLen>"
+        "<Name>Input</Name><DataType>BOOL</DataType></Entry></TxPdo>"
+        for n in range(4)
+    )
+)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    file = tmp_path / "nobody.xml"
+    file.write_text(ESI, encoding="latin-1")
+    return file
+
+
+def device(path: Path, chosen: str) -> SlaveDevice:
+    return SlaveDevice.model_validate(read_esi(path, chosen))
+
+
+def test_a_terminal_of_bits(path: Path) -> None:
+    found = device(path, "DI4")
+    assert (found.title, found.type, found.mailbox) == ("DI4 4 inputs", "terminal", False)
+    assert (found.vendor, found.product, found.revision) == (0x0BAD0EC0, 0x10000104, None)
+    assert [pdo.pdo for pdo in found.inputs] == [0x1A00, 0x1A01, 0x1A02, 0x1A03]
+    names = [f"channel_{n}_input" for n in (1, 2, 3, 4)]
+    assert [value.name for value in found.values()] == names
+
+
+def test_gaps_arrays_samples_and_objects(path: Path) -> None:
+    found = device(path, "AI2")
+    assert found.title == "AI2 newer"
+    assert [pdo.pdo for pdo in found.inputs] == [0x1A00, 0x1A10, 0x1A11]  # one is not assigned
+    assert found.outputs == ()
+    values = [(value.name, value.type, value.count) for value in found.values()]
+    assert values == [
+        ("ai_channel_1_error", "bit", 1), ("", "bit", 15), ("ai_channel_1_value", "i16", 1),
+        ("samples_10_samples", "i32", 10), ("fast_sample", "f32", 2),
+    ]  # fmt: skip
+    (setting,) = found.objects  # the choice of PDOs is ours, other transitions are the maker's
+    assert (setting.object, setting.sub, setting.type, setting.value) == (0x8000, 6, "u16", 1000)
+
+
+def test_a_revision_may_be_chosen(path: Path) -> None:
+    assert device(path, "AI2@0x110000").title == "AI2 older"
+
+
+@pytest.mark.parametrize(
+    ("chosen", "what"),
+    [
+        ("EL1", "no type EL1; the file has AI2, DI4"),
+        ("AI2@1", "no type AI2@1; the file has AI2, DI4"),
+        ("", "several types; the file has AI2, DI4: FILE.xml#TYPE"),
+    ],
+)
+def test_an_unknown_slave_is_refused_with_those_there_are(
+    path: Path, chosen: str, what: str
+) -> None:
+    with pytest.raises(EsiError, match=what):
+        read_esi(path, chosen)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("<EtherCATInfo>", "no XML"),
+        ("<html></html>", "no ESI file: it begins with html"),
+        (ESI.replace("#x10000104", "#xyz"), "'#xyz' is no number"),
+        (ESI.replace("<Id>#x0bad0ec0</Id>", ""), "no vendor"),
+    ],
+)
+def test_broken_files_are_refused_with_the_reason(path: Path, text: str, what: str) -> None:
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(EsiError, match=what):
+        read_esi(path, "DI4")
+
+
+def test_a_rig_file_may_name_a_slave_of_an_esi_file(path: Path) -> None:
+    text = (CONFIGS / "rigs" / "wavebot_ethercat.yaml").read_text()
+    text = text.replace("extends: wavebot.yaml", f"extends: {CONFIGS / 'rigs' / 'wavebot.yaml'}")
+    text = text.replace("device: digital_input}", f"device: {path.name}#DI4}}")
+    for channel in (1, 2):
+        text = text.replace(
+            f"slave: inputs, value: channel_{channel}",
+            f"slave: inputs, value: channel_{channel}_input",
+        )
+    rig = path.with_name("rig.yaml")
+    rig.write_text(text)
+    file, locate = load(rig, RigFile)
+    assert file.wiring is not None
+    segment = file.wiring.segment()
+    assert segment is not None
+    assert segment.line[4].device.title == "DI4 4 inputs"
+    assert path in locate.files

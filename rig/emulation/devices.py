@@ -16,7 +16,7 @@ from rig.config.wiring import (
     TorqueDrive,
     Wiring,
 )
-from rig.emulation.device_files import ACTUATOR_EDS, drive_parts
+from rig.emulation.device_files import ACTUATOR_EDS, drive_parts, of_its_model
 from rig.emulation.segment import EmulatedSegment, Reads, Writes
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
@@ -124,7 +124,8 @@ class EmulatedBus:
         """
         eds, params = drive_parts(wiring, analog, encoder_increments)
         address = NodeParams(wiring.can_node.node, eds)
-        drive = EmulatedDrive(address.entries(), params, self._world, self._schedule.time, motor)
+        entries = of_its_model(address.entries(), wiring)
+        drive = EmulatedDrive(entries, params, self._world, self._schedule.time, motor)
         node = CanopenNode(address, self.hub, self._schedule, drive)
         self.nodes[name] = node
         return node

@@ -7,7 +7,7 @@ from typing import Any
 from rig.config.segment import Pdo, Segment, Slave, SlaveDevice
 from rig.config.wiring import Actuator, TorqueDrive, Wiring
 from rig.emulation.cable import Cable
-from rig.emulation.device_files import ACTUATOR_EDS, drive_parts
+from rig.emulation.device_files import ACTUATOR_EDS, drive_parts, of_its_model
 from sim_plant.emulators.device_objects import ObjectEntry
 from sim_plant.emulators.eds_file import load_entries
 from sim_plant.emulators.ethercat import slaves
@@ -72,7 +72,8 @@ class EmulatedSegment:
         """Return the drive of a motor; arguments as of `rig.emulation.devices.EmulatedBus`."""
         eds, params = drive_parts(wiring, analog, encoder_increments)
         product = _identity(self._by_name[name])
-        entries = slaves.torque_drive_objects(load_entries(eds), product=product)
+        drive_file = of_its_model(load_entries(eds), wiring)
+        entries = slaves.torque_drive_objects(drive_file, product=product)
         device = EmulatedDrive(entries, params, self._world, self._schedule.time, motor)
         slave = slaves.torque_drive(name, device, clock, product)
         self._slaves[name] = slave

@@ -25,6 +25,7 @@ from drivers.ethercat.service import (
     SlaveAreas,
     SlaveIdentity,
     SlaveSetup,
+    SlaveStatus,
 )
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
@@ -261,12 +262,9 @@ class _Watch:
                 self._service.request_operational()
             self._reached = now - self._since > self._must_last
         for place, (slave, each) in enumerate(zip(self._slaves, status, strict=True)):
-            was, self._states[place] = self._states[place], each.state
-            if each.state == AlState.OPERATIONAL or not self._reached:
-                self._alive[place] = now
-            elif was == AlState.OPERATIONAL:
-                self._falls[place] += 1
-                report(Notice(f"{slave['name']} left OP: {_state_text(each.state, each.error)}"))
+            if each.state != AlState.NONE:  # pysoem gives up after 2 ms: a stall of the host
+                was, self._states[place] = self._states[place], each.state
+                self._note(place, was, each, now)
             if slot := self._slots.get(f"{slave['name']}{HEALTH_SUFFIX}"):
                 slot.post(
                     NodeHealth(
@@ -280,9 +278,19 @@ class _Watch:
                 )
 
 
+    def _note(self, place: int, was: int, status: SlaveStatus, now: float) -> None:
+        """Take the state of a slave that answers."""
+        if status.state == AlState.OPERATIONAL or not self._reached:
+            self._alive[place] = now
+        elif was == AlState.OPERATIONAL:
+            self._falls[place] += 1
+            text = _state_text(status.state, status.error)
+            report(Notice(f"{self._slaves[place]['name']} left OP: {text}"))
+
+
 def _state_text(state: int, error: int) -> str:
     names = {each.value: each.name for each in AlState}
-    text = "does not answer" if state == AlState.NONE else f"is in {names.get(state, state)}"
+    text = f"is in {names.get(state, state)}"
     return f"{text}, AL status code {error:#06x}" if error else text
 
 

@@ -26,6 +26,7 @@ from rig.wires.messages import WHOLE_NUMBERS, block_message, message_type
 
 Reader = Callable[[memoryview], float]
 _GENERAL_FAULT = DriveFault.GENERAL.value
+_MAX_FOREIGN = 10  # frames of another master
 _MAX_OFFSETS = 86_400  # seconds whose clock offsets are kept
 _NEVER = -1e9  # s, earlier than any clock reading
 
@@ -278,10 +279,12 @@ class SegmentAxes(DriveAxes):
         self._cycle.send()
 
     def trouble(self) -> str:
-        if self._is_operational():
+        if self._is_operational() and self._cycle.foreign <= _MAX_FOREIGN:
             self._was_operational = True
             return ""
         state, names = self._cycle.state, self._settings.slaves
+        if self._cycle.foreign > _MAX_FOREIGN:
+            return f"EtherCAT on {self._settings.interface}: another master sends frames, too"
         if state.slaves == 0:
             return f"EtherCAT on {self._settings.interface}: no frame comes back"
         if state.slaves != len(names):
@@ -295,12 +298,18 @@ class SegmentAxes(DriveAxes):
         )
 
     def sense(self, name: str, reading: TorqueDriveReading) -> AxisSense:
-        """Return an axis' status; a segment that left OP or is silent is a fault of all axes."""
+        """Return an axis' status.
+
+        A segment that left OP or is silent, or that another master uses, is a fault of all axes.
+        """
         sense = super().sense(name, reading)
         if sense.fault or not self._was_operational:
             return sense
-        lost = self.time - self._cycle.sampled > self._settings.lost
-        return sense._replace(fault=0 if self._is_operational() and not lost else _GENERAL_FAULT)
+        cycle = self._cycle
+        lost = self.time - cycle.sampled > self._settings.lost
+        disturbed = cycle.foreign > _MAX_FOREIGN  # another master could write outputs, too
+        ok = self._is_operational() and not lost and not disturbed
+        return sense._replace(fault=0 if ok else _GENERAL_FAULT)
 
     def close(self) -> None:
         self._cycle.close()

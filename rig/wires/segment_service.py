@@ -277,7 +277,6 @@ class _Watch:
                     )
                 )
 
-
     def _note(self, place: int, was: int, status: SlaveStatus, now: float) -> None:
         """Take the state of a slave that answers."""
         if status.state == AlState.OPERATIONAL or not self._reached:

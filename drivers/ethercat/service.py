@@ -5,6 +5,7 @@ process data and changes states. It shares the interface with the tick, so it he
 its own frames only, and never waits in the kernel.
 """
 
+import fcntl
 import os
 import socket
 import struct
@@ -26,6 +27,7 @@ SERVICE_INDICES = range(16)  # pysoem uses no others
 _FMMU, _FMMU_SIZE, _FMMUS = 0x0600, 16, 4  # register, bytes, number of those that are used
 _FMMU_LAYOUT = struct.Struct("<IHBB3xBB3x")
 _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
+_GET_FLAGS, _SET_FLAGS, _PROMISCUOUS = 0x8913, 0x8914, 0x0100  # SIOCGIFFLAGS, SIOCSIFFLAGS
 _FIRST_STATION = 0x1001  # as pysoem counts them
 _FEATURES, _HAS_CLOCK = 0x0008, 0x04  # register and bit
 _ERROR = 0x10  # bit of a state: an error; of a request: it is acknowledged
@@ -95,6 +97,7 @@ class Service:
         self._master = self._pysoem.Master()
         self._codes: dict[int, tuple[int, int, int]] = {}  # by slave: code, register, count
         self._interface = interface
+        self._flags = _interface_flags(interface)
         before = set(os.listdir("/proc/self/fd"))
         try:
             self._master.open(interface)
@@ -216,6 +219,8 @@ class Service:
             self._master.write_state()
         with suppress(Exception):
             self._master.close()
+        if self._flags is not None and not self._flags & _PROMISCUOUS:
+            _interface_flags(self._interface, self._flags)
 
     def _set_up(self, slave: Any, setup: SlaveSetup) -> tuple[Mismatch, ...]:
         if setup.sync0_ns:
@@ -297,6 +302,19 @@ def _open_problem(interface: str) -> str:
     except OSError:
         return "the kernel has no such interface"
     return "raw sockets need CAP_NET_RAW, and pysoem CAP_NET_ADMIN as well"
+
+
+def _interface_flags(interface: str, flags: int | None = None) -> int | None:
+    """Return the flags of an interface, or set them; None without rights or interface.
+
+    pysoem leaves an interface in promiscuous mode.
+    """
+    request = struct.pack("16sH14x", interface.encode()[:15], flags or 0)
+    with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        answer = fcntl.ioctl(own, _GET_FLAGS if flags is None else _SET_FLAGS, request)
+        found: int = struct.unpack("16sH14x", answer)[1]
+        return found
+    return None
 
 
 def _restrict(descriptor: int) -> None:

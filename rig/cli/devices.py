@@ -67,7 +67,9 @@ def command(
             ):
                 found = survey(job)
         except BusyError as error:
-            text = f"{error}\n--listen sends nothing: it shows what nodes on the CAN bus send"
+            text = str(error)
+            if rig.wiring is not None and rig.wiring.can_bus() is not None:
+                text += "\n--listen sends nothing: it shows what nodes on the CAN bus send"
             return fail("devices", RuntimeError(text), as_json=as_json, code=FAILED)
         data = as_dict(rig.name, found)
         rendered = render(rig.name, found, all_objects=objects)
@@ -219,6 +221,13 @@ def _status_text(node: NodeSurvey) -> Text:
     return _statusword_text(node.statusword)
 
 
+def _state_text(status: int) -> Text:
+    state = statusword.decode(status)
+    bad = state in (statusword.FAULT, statusword.FAULT_REACTION)
+    text = statusword.describe(status).split(",")[0].partition(" ")[2]  # without the number
+    return Text(text, BAD_STYLE if bad else "")
+
+
 def _statusword_text(status: int) -> Text:
     bad = statusword.decode(status) in (statusword.FAULT, statusword.FAULT_REACTION)
     return Text(statusword.describe(status), BAD_STYLE if bad else "")
@@ -290,17 +299,16 @@ def _render_segment(segment: SegmentSurvey) -> list[Table | Text]:
         head.append(f"\n  {line}", BAD_STYLE)
     if not segment.slaves:
         return [head, Text("")]
-    headings = (">slave", "", "device", "vendor", "product", "revision", "settings", "state…")
+    headings = (">slave", "", "device", "product", "settings", "state…")
     table = plain_table(*headings, header_style=NOTE_STYLE, padding=(0, 2, 0, 0))
     table.columns[1].style = "bold"
     for one in segment.slaves:
-        state = Text("") if one.statusword is None else _statusword_text(one.statusword)
-        numbers = (one.vendor, one.product, one.revision)
+        state = Text("") if one.statusword is None else _state_text(one.statusword)
         table.add_row(
             str(one.place),
             one.name,
             Text(one.device),
-            *(f"{number:#x}" for number in numbers),
+            f"{one.product:#x}",
             _slave_settings_text(one),
             state,
         )
@@ -312,7 +320,7 @@ def _slave_settings_text(slave: SlaveSurvey) -> Text:
         return Text("\n".join(f"not {mismatch.name}" for mismatch in slave.wrong), BAD_STYLE)
     if not slave.checked:
         return Text("-", NOTE_STYLE)
-    unset = f"; {len(slave.unset)} of {slave.checked} set by a run" if slave.unset else ""
+    unset = f", {len(slave.unset)} to set" if slave.unset else ""
     return Text.assemble(("correct", "green"), (unset, NOTE_STYLE))
 
 

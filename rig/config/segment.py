@@ -71,6 +71,12 @@ class SlaveDevice(FileModel):
         for name, number in names.items():
             if number > 1:
                 yield RuleViolation(("inputs",), f"{number} values have the name {name}", name)
+        for key, first in (("outputs", 0x1600), ("inputs", 0x1A00)):
+            for at, pdo in enumerate(getattr(self, key)):
+                if pdo.pdo and not first <= pdo.pdo < first + 0x200:
+                    message = f"{pdo.pdo:#06x} is no mapping of {key}; allowed {first:#06x} .. "
+                    message += f"{first + 0x1FF:#06x}"
+                    yield RuleViolation((key, at, "pdo"), message, pdo.pdo)
         if self.objects and not self.mailbox:
             yield RuleViolation(("objects",), "a slave without mailbox has no objects to write")
 
@@ -116,6 +122,8 @@ class Segment(FileModel):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the names of the slaves are unique."""
+        if self.interface == "lo":
+            yield self.violation("interface", "lo is no network card; allowed any other interface")
         seen: set[str] = set()
         for place, slave in enumerate(self.line):
             if slave.name in RESERVED:

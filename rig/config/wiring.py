@@ -4,6 +4,7 @@ A rehearsal needs no wiring. The wiring of each kind of rig is a subclass of `Wi
 parts as fields, so its wires, drives and register blocks are found by the types of its fields.
 """
 
+import difflib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
@@ -11,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from drivers.canopen.bus_settings import BusSettings
+from drivers.cia402.drive_objects import BY_NAME
 from drivers.modbus.registers import BIT_TABLES, MAX_SIZE, REGISTER_COUNT
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
@@ -87,6 +89,15 @@ class Drive(FileModel, ABC):
     objects: dict[str, WholeNumber | None]  # by name; null: the drive does not have the object
     read_only: tuple[str, ...] = Field(default=(), strict=False)  # objects that cannot be written
 
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the names of objects are known."""
+        for name in self.objects:
+            if name not in BY_NAME:
+                near = difflib.get_close_matches(name, BY_NAME, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(BY_NAME)}"
+                message = f"no such object; {hint}"
+                yield RuleViolation(("objects", name), message, self.objects[name])
+
     @property
     @abstractmethod
     def description(self) -> str:
@@ -112,7 +123,8 @@ class TorqueDrive(Drive):
     analog_v_per_count: float = Field(default=1.0 / 819.2, gt=0, le=1)  # AMC: 819.2 counts a volt
 
     def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that no analog input has the scale 0."""
+        """Check the objects, and that no analog input has the scale 0."""
+        yield from super().check_rules()
         for at, scale in enumerate(self.analog_per_v):
             if scale == 0.0:
                 yield RuleViolation(("analog_per_v", at), "0 gives no value", scale)
@@ -144,7 +156,8 @@ class Actuator(Drive):
     homing_s: float = Field(default=120, gt=0, le=600)
 
     def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that the scale is not 0 and that the low limit is below the high limit."""
+        """Check the objects, that the scale is not 0 and the low limit below the high limit."""
+        yield from super().check_rules()
         if self.counts_per_percent == 0.0:
             yield RuleViolation(("counts_per_percent",), "0 gives no position", 0.0)
         yield from self.check_below("low_percent", "high_percent")
@@ -517,9 +530,12 @@ def _source_rules(
     pdos = device.outputs if written else device.inputs
     names = [each.name for pdo in pdos for each in pdo.values if each.name]
     if value not in names:
-        direction = "output" if written else "input"
-        allowed = ", ".join(names) or "none"
-        message = f"{slave} has no such {direction}; allowed {allowed}"
+        direction, other = ("output", "input") if written else ("input", "output")
+        if value in [each.name for each in device.values()]:
+            fault = f"is an {other} of {slave}, and this block needs {direction}s"
+        else:
+            fault = f"{slave} has no such {direction}"
+        message = f"{fault}; allowed {', '.join(names) or 'none'}"
         yield RuleViolation((*key, "value"), message, value)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rig.config.segment import Segment
 from rig.config.wiring import CanBus, RtuLine, SerialPort, TcpLine, UdpDevice, WirePart, Wiring
-from rig.emulation.cable import cable_problem
+from rig.emulation.cable import cable_holder, cable_problem
 from rig.wires.wire_check import is_loopback
 
 _FIRST_PTS_MAJOR = 136  # first major number of pseudo-terminals
@@ -56,6 +56,9 @@ def _occupied(part: WirePart) -> str:
         kind = socket.SOCK_DGRAM if isinstance(part, UdpDevice) else socket.SOCK_STREAM
         why = _socket_problem(*endpoint, kind)
         return why and "{}:{} {}".format(*endpoint, why)
+    if isinstance(part, Segment):
+        why = cable_holder(part.interface)
+        return why and f"{part.interface} {why}"
     if isinstance(part, SerialPort | RtuLine):
         why = _terminal_problem(Path(part.port))
         return why and f"{part.port} {why}"

@@ -30,10 +30,11 @@ def cable_problem(interface: str) -> str:
             f"{interface} is an interface of this host, and no cable to emulated slaves; use "
             "another name in a copy of the rig file"
         )
-    if not exists and not _may_administer():
+    if not _may_administer():
+        what = "use the cable" if exists else "create it: it does not exist yet"
         return (
-            f"{interface} does not exist, and this user may not create it (CAP_NET_ADMIN); "
-            f"start this {_NAMESPACE}"
+            f"{interface}: this user may not {what} (CAP_NET_ADMIN is missing); start this "
+            f"{_NAMESPACE}"
         )
     return ""
 
@@ -44,6 +45,26 @@ def _may_administer() -> bool:
     return bool(int(effective, 16) >> _NET_ADMIN & 1)
 
 
+def cable_holder(interface: str) -> str:
+    """Return why an interface cannot take emulated slaves now; empty if it can."""
+    lock = _lock(interface)
+    if lock is None:
+        return "has emulated slaves of another program (`rig sim`, or a run with --sim)"
+    lock.close()
+    return ""
+
+
+def _lock(interface: str) -> socket.socket | None:
+    """Return the lock of a cable, which one program of a namespace has; None if another has it."""
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        lock.bind(f"\0wec-rig/cable/{interface}")
+    except OSError:
+        lock.close()
+        return None
+    return lock
+
+
 class Cable:
     """A veth pair that exists from `plug` to `unplug`; one that exists already is used and kept."""
 
@@ -51,11 +72,15 @@ class Cable:
         self.interface = interface
         self.far = far_end(interface)
         self._is_own = False
+        self._lock: socket.socket | None = None
 
     def plug(self) -> None:
         """Create the pair and bring both ends up; OSError gives the reason against it."""
         if problem := cable_problem(self.interface):
             raise OSError(problem)
+        self._lock = _lock(self.interface)
+        if self._lock is None:
+            raise OSError(f"{self.interface} {cable_holder(self.interface)}")
         if not (_INTERFACES / self.interface).exists():
             _ip("link", "add", self.interface, "type", "veth", "peer", "name", self.far)
             self._is_own = True
@@ -69,6 +94,9 @@ class Cable:
             self._is_own = False
             with suppress(OSError):  # someone has deleted it
                 _ip("link", "delete", self.interface)
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
 
 
 def _ip(*arguments: str) -> None:

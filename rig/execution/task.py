@@ -135,6 +135,8 @@ def _finish_record(folder: Path, outcome: Outcome) -> tuple[Outcome, str, str]:
     """Join the record's parts; return the outcome, the record's state and an error text."""
     damage: tuple[str, ...] = ()
     record_error = ""
+    if outcome.status == "refused" and not outcome.ticks:
+        return outcome, "unfinished", ""  # no tick, so no row
     try:
         joined = _join_parts(folder)
         if joined is not None:

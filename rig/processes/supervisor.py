@@ -143,9 +143,8 @@ class SupervisedRun:
         self._live_type = live_setpoint_type(live_columns(task.params))
         self._live = Mailbox(self._live_fd, self._live_type)
         self._woken = threading.Event()
-        self._orders = Orders(
-            task.params.segments, task.people, Journal(lambda: self.folder), self._woken.set
-        )
+        self._journal = Journal(lambda: self.folder)
+        self._orders = Orders(task.params.segments, task.people, self._journal, self._woken.set)
         self._server: RequestServer | None = None
         self._layout = layout(task.kind.row_type)
         self._names = [leaf.name for leaf in leaves(task.kind.row_type)]
@@ -325,6 +324,7 @@ class SupervisedRun:
                     self._problem = problem
                 case RecordMoved(folder, why):
                     self._whereabouts.relocate(Path(folder), why)
+                    self._journal.follow_record()
                     self._problem = self._whereabouts.problem
             if self._problem:
                 self._set_request(safety.REQUEST_LOGGER_LOST)

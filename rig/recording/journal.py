@@ -38,18 +38,29 @@ class Journal:
     def __init__(self, folder: Callable[[], Path]) -> None:
         """``folder`` returns the folder in which the record is now."""
         self._folder = folder
+        self._entries: list[bytes] = []  # all so far: a record that moves takes them with it
+        self._lock = threading.Lock()
         self.problem = ""  # why the last entry is not on disk
 
     def add(self, entry: Entry) -> bool:
         """Append an entry and wait until it is on disk; return False if that failed."""
         line = finite_json.dumps(entry._asdict(), ensure_ascii=False) + "\n"
         text = line.encode("utf-8", "backslashreplace")  # which for half a character is JSON, too
+        with self._lock:
+            return self._append(text)
+
+    def follow_record(self) -> bool:
+        """Write the entries so far into a folder to which the record has moved; as `add`."""
+        with self._lock:
+            return self._append(b"") if self._entries else True
+
+    def _append(self, text: bytes) -> bool:
         try:
-            descriptor = os.open(
-                self._folder() / JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644
-            )
+            path = self._folder() / JOURNAL
+            written = text if path.exists() else b"".join((*self._entries, text))
+            descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
             try:
-                if os.write(descriptor, text) != len(text):
+                if os.write(descriptor, written) != len(written):
                     raise OSError("no space left for a whole line")
                 os.fdatasync(descriptor)
             finally:
@@ -58,6 +69,8 @@ class Journal:
             self.problem = f"{JOURNAL}: {error.strerror or error}"
             return False
         self.problem = ""
+        if text:
+            self._entries.append(text)
         return True
 
     def add_later(self, entry: Entry) -> None:

@@ -90,6 +90,11 @@ def _survey_slave(
     wrong = tuple(m for m in mismatches if (m.object, m.sub) in verified)
     status = code = None
     trouble = [*arming.format_mismatches(wrong).splitlines()]
+    trouble += [
+        f"has no object {each.object:#06x}:{each.sub:02x}, {each.name}"
+        for each in mismatches
+        if each.actual is None and each not in wrong
+    ]
     if expected[at]["watchdog_ms"] and any(s.object == 0x6007 for s in steps):  # a drive
         status = service.read(at, _STATUSWORD, 0, "u16")
         code = service.read(at, _ERROR_CODE, 0, "u16")

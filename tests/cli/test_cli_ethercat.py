@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -141,11 +142,17 @@ def test_a_scan_names_what_is_missing() -> None:
 def test_an_interface_of_the_host_is_not_taken_for_emulated_slaves(tmp_path: Path) -> None:
     (tmp_path / "base").mkdir()
     base = write_ethercat_rig_file(tmp_path / "base")
-    path = tmp_path / "lo.yaml"
-    path.write_text(f"extends: {base}\nwiring: {{ethercat: {{interface: lo}}}}\n")
-    done = rig_here("sim", path)
+    name = f"wef{os.getpid()}"
+    pair = ["ip", "link", "add", name, "type", "veth", "peer", "name", f"{name}x"]
+    subprocess.run(pair, check=True)
+    path = tmp_path / "card.yaml"
+    path.write_text(f"extends: {base}\nwiring: {{ethercat: {{interface: {name}}}}}\n")
+    try:
+        done = rig_here("sim", path)
+    finally:
+        subprocess.run(["ip", "link", "delete", name], check=True)
     assert done.returncode != OK
-    assert "lo is an interface of this host, and no cable to emulated slaves" in done.stderr
+    assert f"{name} is an interface of this host, and no cable to emulated" in done.stderr
 
 
 def test_an_actuator_homes_on_the_segment(segment: Segment) -> None:
@@ -169,3 +176,16 @@ def test_drives_on_a_segment_restart_by_their_switch_only(segment: Segment) -> N
     done = rig_here("home", segment.path, "--yes", "--repeat")
     assert done.returncode == FAILED
     assert "restart by their power switch only" in done.stderr
+
+
+def test_a_cable_has_one_emulated_line(segment: Segment) -> None:
+    done = rig_here("sim", segment.path)
+    assert done.returncode == FAILED
+    assert f"{interface()} has emulated slaves of another program" in done.stderr
+
+
+def test_a_scan_leaves_the_interface_as_it_was(segment: Segment) -> None:
+    flags = Path("/sys/class/net") / interface() / "flags"
+    before = flags.read_text()
+    as_json("scan", "ethercat", interface())
+    assert flags.read_text() == before

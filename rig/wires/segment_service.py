@@ -35,6 +35,7 @@ from rig.realtime import scheduling
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, open_mailboxes
 
 _POLL_INTERVAL_S = 0.02  # s between two looks at the states
+_SILENT_S = 0.3  # s without an answer of a slave until people read of it
 _TICK_S = 0.001  # s between two frames while an actuator homes
 _OP_TIMEOUT_S = 3.0  # s
 
@@ -251,6 +252,8 @@ class _Watch:
         self._must_last = 2.0 * watchdog + _POLL_INTERVAL_S
         self._since = now  # s, all have been in OP from then on
         self._reached = False  # all were in OP for that long
+        self._answered = [now] * len(slaves)
+        self._reported: set[str] = set()  # names of slaves that did not answer for too long
 
     def look(self) -> None:
         """Post each drive's health; ask for OP until all slaves have reached it."""
@@ -261,10 +264,14 @@ class _Watch:
                 self._since = now
                 self._service.request_operational()
             self._reached = now - self._since > self._must_last
+        silent: set[str] = set()
         for place, (slave, each) in enumerate(zip(self._slaves, status, strict=True)):
             if each.state != AlState.NONE:  # pysoem gives up after 2 ms: a stall of the host
                 was, self._states[place] = self._states[place], each.state
                 self._note(place, was, each, now)
+                self._answered[place] = now
+            elif self._reached and now - self._answered[place] > _SILENT_S:
+                silent.add(slave["name"])
             if slot := self._slots.get(f"{slave['name']}{HEALTH_SUFFIX}"):
                 slot.post(
                     NodeHealth(
@@ -276,6 +283,10 @@ class _Watch:
                         now,
                     )
                 )
+
+        if new := silent - self._reported:
+            self._reported |= new
+            report(Notice(f"{', '.join(sorted(new))}: no answer for {_SILENT_S:g} s"))
 
     def _note(self, place: int, was: int, status: SlaveStatus, now: float) -> None:
         """Take the state of a slave that answers."""

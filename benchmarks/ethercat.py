@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -124,8 +125,19 @@ class SegmentRun(NamedTuple):
     frames: dict[str, Any]  # of the run's report on its wires
 
 
-def run_loop(campaign: Path, rig: Path, folder: Path) -> SegmentRun:
-    """Run a campaign on the emulated segment and read its report."""
+def run_loop(campaign: Path, rig: Path, folder: Path, tries: int = 3) -> SegmentRun:
+    """Run a campaign on the emulated segment and read its report.
+
+    A run that a stall of the host ended is repeated.
+    """
+    for _ in range(tries - 1):
+        with suppress(RuntimeError):
+            return _run_once(campaign, rig, folder)
+        shutil.rmtree(folder)
+    return _run_once(campaign, rig, folder)
+
+
+def _run_once(campaign: Path, rig: Path, folder: Path) -> SegmentRun:
     found = run_hil(campaign, rig, folder)
     (report,) = folder.glob("*/wires.json")
     return SegmentRun(found, json.loads(report.read_text())["ethercat"])
@@ -146,11 +158,11 @@ def measure(short: bool) -> Result:
             if has_cyclictest:
                 blocks.append(run_cyclictest(2.0 if short else 20.0))
         notes = []
-        try:
-            quick = [run_loop(campaign, fast, Path(scratch) / "quick")]
+        try:  # 12 emulated slaves take some 0.2 ms of a core for a frame, and a tick is 0.25 ms
+            quick = [run_loop(campaign, fast, Path(scratch) / "quick", 1)]
         except RuntimeError as error:
             quick = []
-            notes.append(f"at 4 kHz: {error}")
+            notes.append(f"at 4 kHz: {error}; the emulated line takes longer than a tick")
     pysoem = run_pysoem(alone)
     figures = [
         *_loop_figures("1 kHz", ours, MIN_EXECUTED),

@@ -15,8 +15,8 @@ drivers and wires. The measured time lasts from the fault until {without}; it is
 and at most 5 ms too long. A stop of category 0 removes power at once; one of category 1 {stop}
 first. {motion}
 
-The limits are those of `configs/limits/{name}_hil.yaml`, for a host with occasional stalls of 40
-ms; the computer of a rig uses those of `{name}.yaml` and is faster by the difference. "-" marks a
+The limits are those of `configs/limits/{limits}_hil.yaml`, for a host with occasional stalls of 40
+ms; the computer of a rig uses those of `{limits}.yaml` and is faster by the difference. "-" marks a
 row without a measurement (`python -m benchmarks faults --rig {name} --missing` runs these rows).
 Every test run executes the rows in bold; with FAULTS=all in the environment, `pytest
 tests/hil/{test}` executes all of them.
@@ -33,6 +33,7 @@ def format_page(rig: FaultRig, rows: list[FaultRow], results: dict[str, Any]) ->
     head = _HEAD.format(
         title=rig.title,
         name=rig.name,
+        limits=rig.limits or rig.name,
         without=rig.safe_state,
         stop=rig.stop_action,
         motion=rig.motion,

@@ -26,6 +26,7 @@ class FaultRig(NamedTuple):
     test_file: str  # file of the test that runs the table
     results: Path  # results
     table: Path
+    limits: str = ""  # name of the limits file without `_hil`; empty: that of the table
 
     def rows(self) -> list[FaultRow]:
         """Return all rows of the table."""
@@ -62,6 +63,7 @@ RIGS = {
         stop_action="damps the body for 2 s",
         motion="Faults come 1.5 s after power on, in waves.",
         test_file="test_hil_ethercat_faults.py",
+        limits="wavebot",
     ),
     "oswec_bench": _rig(
         "oswec_bench",

@@ -89,8 +89,7 @@ class Law(NamedTuple):
     @property
     def linear(self) -> Callable[..., complex] | None:
         """The force per velocity of a linear law; None for a law without a linear form."""
-        linear: Callable[..., complex] | None = getattr(self.module, "linear", None)
-        return linear
+        return getattr(self.module, "linear", None)
 
     def set_point(self, values: Any) -> Any:
         """Return the law's SetPoint from an object with an attribute for each column's name."""

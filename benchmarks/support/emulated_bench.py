@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.support.campaigns import write_yaml
+from benchmarks.support.control_client import ControlClient
 from benchmarks.support.fault_runs import emulated_devices, free_port
 from benchmarks.support.recorded import ROOT
-from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task
 from rig.kinds.oswec_bench.rehearsal.emulation import emulator_process
 from rig.kinds.oswec_bench.rehearsal.job import problems

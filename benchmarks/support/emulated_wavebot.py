@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.support.campaigns import open_checked, write_yaml
+from benchmarks.support.control_client import ControlClient
 from benchmarks.support.fault_runs import emulated_devices, free_port
 from benchmarks.support.recorded import ROOT
-from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.hardware import job as hardware

@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol
 
 from benchmarks.support import process_faults
 from benchmarks.support.campaigns import SilentView
+from benchmarks.support.control_client import ControlClient
 from benchmarks.support.fault_table import (
     CATEGORY,
     GOES_ON,
@@ -25,7 +26,6 @@ from benchmarks.support.fault_table import (
     START,
     FaultRow,
 )
-from rig.emulation.control_client import ControlClient
 from rig.execution.task import RunResult, View
 from rig.processes import handover
 from rig.processes.child import Child

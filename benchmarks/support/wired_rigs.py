@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from benchmarks.support.control_client import ControlClient
 from benchmarks.support.emulated_bench import emulated_bench
 from benchmarks.support.emulated_wavebot import emulated_wavebot
 from benchmarks.support.fault_runs import power_off_time
@@ -21,7 +22,6 @@ from benchmarks.support.live_run import (
     wait_realtime_free,
     wait_until,
 )
-from rig.emulation.control_client import ControlClient
 from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.kinds.wavebot.tick import WaveBotRow
 

@@ -348,19 +348,15 @@ def _settings_lines(comparison: Comparison) -> list[str]:
     rows = []
     for column, *values in comparison.matched.constant_differences:
         a, b = (ABSENT if v is None else labels.format_quantity(column, v) for v in values)
-        rows.append(("set point", column.label, a, b))
+        rows.append(("set point", column.label, f"A {a}", f"B {b}"))
     counts = Counter[str]()
     for group, key, a, b in comparison.differences:
         counts[group] += 1
         if counts[group] <= _MAX_DIFFERENCES:
-            rows.append((group, key, shorten(a), shorten(b)))
+            rows.append((group, key, f"A {shorten(a)}", f"B {shorten(b)}"))
     if not rows:
         return ["  none"]
-    widths = [max(len(row[i]) for row in rows) for i in range(3)]
-    lines = [
-        f"  {group:<{widths[0]}}  {key:<{widths[1]}}  A {a:<{widths[2]}}  B {b}"
-        for group, key, a, b in rows
-    ]
+    lines = phrases.aligned(rows, lambda column, cell: False)
     for group, count in counts.items():
         if count > _MAX_DIFFERENCES:
             lines.append(f"  {group}: and {count - _MAX_DIFFERENCES} more, all in --json")

@@ -28,26 +28,21 @@ class CampaignPrediction(Protocol):
     @property
     def campaign(self) -> AnyCampaign:
         """The predicted campaign, so that the report can also show a refused campaign."""
-        ...
 
     @property
     def plan(self) -> AnyPlan:
         """The plan of the campaign."""
-        ...
 
     @property
     def refused(self) -> tuple[Problem, ...]:
         """Rows that must not run."""
-        ...
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about rows that may run."""
-        ...
 
     def as_dict(self) -> dict[str, Any]:
         """Return the prediction for JSON, without NaN and infinity."""
-        ...
 
 
 Predictor = Callable[[AnyCampaign, AnyPlan], CampaignPrediction | None]

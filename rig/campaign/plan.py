@@ -31,22 +31,18 @@ class PlanInputs(Protocol):
     @property
     def kind(self) -> CampaignKind:
         """The kind of rig's part of campaigns."""
-        ...
 
     @property
     def file(self) -> BaseCampaignFile:
         """The campaign file."""
-        ...
 
     @property
     def rig(self) -> BaseRigFile:
         """The rig file."""
-        ...
 
     @property
     def points(self) -> tuple[Point, ...]:
         """The points of the matrix; empty for a wave calibration."""
-        ...
 
 
 def build_plan(campaign: PlanInputs) -> AnyPlan:

@@ -60,11 +60,9 @@ class RowSimulation(Protocol):
     @property
     def seconds(self) -> float:
         """Simulated time so far, s."""
-        ...
 
     def __iter__(self) -> Iterator[Window]:
         """Yield the window of each measured row; its data are valid until the next one."""
-        ...
 
 
 class SimulatedRows(NamedTuple):

@@ -13,7 +13,6 @@ class DatedTask(Protocol):
 
     def validity_warnings(self, day: date) -> tuple[Problem, ...]:
         """Return warnings about calibrations that are not valid on a day (UTC)."""
-        ...
 
 
 def warn_of_expired(

@@ -10,7 +10,6 @@ WHICH_RUN = "A run's folder or MCAP file, its id, its campaign (the newest run o
 Run = Annotated[Path, typer.Argument(help=WHICH_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS: Path = Path("runs")
-CAMPAIGN_HELP = "Campaign file (YAML), or the name of a shipped campaign."
 TASK_HELP = "Campaign or session: file (YAML), or the name of a shipped one."
 WIRED_RIG_HELP = "Rig with wiring: file (YAML), or the name of a shipped rig."
 Rig = Annotated[

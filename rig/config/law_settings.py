@@ -135,12 +135,24 @@ def _find_law(
 
 
 def inherit_law(
-    campaign: dict[str, Any], locate: SourceMap, rig: dict[str, Any], rig_locate: SourceMap
+    campaign: dict[str, Any],
+    locate: SourceMap,
+    rig: dict[str, Any],
+    rig_locate: SourceMap,
+    own: KeyPath = ("law",),
+    key: KeyPath = ("law",),
 ) -> None:
-    """Give a campaign without `law` that of its rig, with its locations in the rig's file."""
-    if "law" in campaign or rig.get("law") is None:
+    """Give a campaign without a law at ``key`` that at ``own`` of its rig, with its locations."""
+    law, target = _value_at(rig, own), _value_at(campaign, key[:-1])
+    if law is None or not isinstance(target, dict) or key[-1] in target:
         return
-    campaign["law"] = rig["law"]
-    locate.locations.update(
-        {key: place for key, place in rig_locate.locations.items() if key[:1] == ("law",)}
-    )
+    target[key[-1]] = law
+    places = rig_locate.locations.items()
+    moved = ((place, at) for place, at in places if place[: len(own)] == own)
+    locate.locations.update({(*key, *place[len(own) :]): at for place, at in moved})
+
+
+def _value_at(mapping: Any, key: KeyPath) -> Any:
+    for part in key:
+        mapping = mapping.get(part) if isinstance(mapping, dict) else None
+    return mapping

@@ -51,11 +51,9 @@ def spectrum_from_amplitudes(
 
 def samples_from_spectrum(grid: Grid, spectrum: Complexes) -> Floats:
     """Return the samples of a spectrum; the transform acts on the last axis."""
-    samples: Floats = np.fft.irfft(spectrum, grid.samples, axis=-1)
-    return samples
+    return np.fft.irfft(spectrum, grid.samples, axis=-1)
 
 
 def spectrum_from_samples(samples: Floats) -> Complexes:
     """Return the spectrum of samples; the transform acts on the last axis."""
-    spectrum_: Complexes = np.fft.rfft(samples, axis=-1)
-    return spectrum_
+    return np.fft.rfft(samples, axis=-1)

@@ -25,8 +25,7 @@ def unstable_motion(stiffness: Floats) -> Floats | None:
     values, vectors = np.linalg.eigh(stiffness)
     if values[0] >= -ROUNDING * np.abs(values).max():
         return None
-    motion: Floats = vectors[:, 0]
-    return motion
+    return vectors[:, 0]
 
 
 def largest_gain(stiffness: Floats, factors: Floats) -> float | None:

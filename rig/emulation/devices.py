@@ -44,33 +44,26 @@ class FaultyNode(Protocol):
     @property
     def active(self) -> Mapping[str, float]:
         """The active faults with their values."""
-        ...
 
     @property
     def error_codes(self) -> list[int]:
         """The codes of the errors that the device reports."""
-        ...
 
     @property
     def state(self) -> int:
         """The state on the bus: NMT or AL."""
-        ...
 
     def faults(self) -> tuple[Fault, ...]:
         """Return all faults."""
-        ...
 
     def inject(self, name: str, value: float | None = None) -> None:
         """Activate a fault; ValueError for an unknown name."""
-        ...
 
     def clear(self, name: str) -> None:
         """End a fault."""
-        ...
 
     def restart(self) -> None:
         """Switch the device off and on."""
-        ...
 
 
 class HasFaults(Protocol):
@@ -79,7 +72,6 @@ class HasFaults(Protocol):
     @property
     def faults(self) -> DeviceFaults:
         """The faults of the device."""
-        ...
 
 
 class EmulatedDevices(NamedTuple):

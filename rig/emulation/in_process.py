@@ -17,11 +17,9 @@ class World(Protocol):
 
     def advance(self, dt: float) -> None:
         """Advance by one tick."""
-        ...
 
     def actuate(self, actuation: Any, /) -> None:
         """Latch a command."""
-        ...
 
 
 class WholePlant:

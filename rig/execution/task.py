@@ -32,7 +32,6 @@ class View(Protocol):
 
     def __call__(self, snapshot: Snapshot) -> None:
         """Draw the present state of the run."""
-        ...
 
 
 class RunResult(NamedTuple):

@@ -67,21 +67,6 @@ def impedance(model: FittedImpedance, frequency: Floats) -> Complexes:
     return np.asarray(total, dtype=np.complex128)
 
 
-def poles(model: FittedImpedance) -> Complexes:
-    """Return the poles of the admittance Y = 1/Z, 1/s."""
-    # Z s prod(den) = (M s^2 + B s + K) prod(den) + s sum (c s + d) prod(other den)
-    denominators = [np.array([1.0, a, b]) for a, b, _, _ in model.sections]
-    numerator = np.array([model.mass, model.damping, model.stiffness])
-    for denominator in denominators:
-        numerator = np.polymul(numerator, denominator)
-    for i, (_, _, c, d) in enumerate(model.sections):
-        product = np.array([c, d, 0.0])
-        for j, denominator in enumerate(denominators):
-            product = np.polymul(product, denominator) if j != i else product
-        numerator = np.polyadd(numerator, product)
-    return np.asarray(np.roots(numerator), dtype=np.complex128)
-
-
 def zero_crossing(frequency: Floats, z: Complexes) -> float:
     """Return the frequency (Hz) at which Im Z rises through zero; NaN if it does not.
 

@@ -58,11 +58,9 @@ class WaveDevice(Protocol):
 
     def dynamic_stiffness(self, omega: Floats) -> Complexes:
         """Return the force per position, N/m, at angular frequencies (rad/s)."""
-        ...
 
     def excitation(self, frequency: Floats) -> Complexes:
         """Return the force per metre of wave, N/m, at frequencies in Hz."""
-        ...
 
 
 class WaveMakerLines(NamedTuple):

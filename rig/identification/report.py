@@ -20,6 +20,7 @@ from rig.identification.frf import Response
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model, ratio
 from rig.presentation.json_values import json_value
+from rig.presentation.phrases import aligned
 from rig.spectra.periods import Floats
 
 JSON, NETCDF = "identification.json", "identification.nc"
@@ -187,8 +188,10 @@ def write(identification: Identification, folder: Path) -> list[Path]:
 
 def as_text(identification: Identification) -> str:
     """Return a text report: models, dependence on amplitude, excitation, notes."""
-    lines = ["Models of the impedance", *_align([MODEL_HEADS, *model_cells(identification)])]
-    lines += ["", "With amplitude", *_align([FAMILY_HEADS, *family_cells(identification.family)])]
+    models = [MODEL_HEADS, *model_cells(identification)]
+    family = [FAMILY_HEADS, *family_cells(identification.family)]
+    lines = ["Models of the impedance", *aligned(models)]
+    lines += ["", "With amplitude", *aligned(family)]
     for excitation in identification.excitations:
         lines += ["", *_excitation_text(excitation, identification.bem)]
     lines += ["", *(f"!! {note}" for note in identification.notes)] if identification.notes else []
@@ -264,11 +267,3 @@ def _excitation_text(excitation: Excitation, bem: bem_file.Bem | None) -> list[s
             f"worst {percent.max():.2g} % (complex difference, e^(+iωt))"
         )
     return lines
-
-
-def _align(rows: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  " + "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        for row in rows
-    ]

@@ -44,7 +44,6 @@ class Tick(Protocol):
 
     def find_kind(self, law: str) -> cycle.Kind:
         """Return the kind's cycle with a law (`rig.laws.from_request`); empty: its own law."""
-        ...
 
 
 class Config(Protocol):
@@ -60,7 +59,6 @@ class NamedFile(Protocol):
     @property
     def name(self) -> str:
         """The name of campaign or session, and so of its runs."""
-        ...
 
 
 class Checked(Protocol):
@@ -69,12 +67,10 @@ class Checked(Protocol):
     @property
     def file(self) -> NamedFile:
         """The file as its model."""
-        ...
 
     @property
     def rig(self) -> BaseRigFile:
         """The rig file as its model."""
-        ...
 
 
 class CheckedPlan(Protocol):
@@ -83,17 +79,14 @@ class CheckedPlan(Protocol):
     @property
     def rows(self) -> Sequence[Any]:
         """The planned rows; empty for a run without any."""
-        ...
 
     @property
     def duration(self) -> float:
         """Planned duration, s."""
-        ...
 
     @property
     def dt(self) -> float:
         """Control period, s."""
-        ...
 
 
 class Report(Protocol):
@@ -102,35 +95,28 @@ class Report(Protocol):
     @property
     def problems(self) -> tuple[Problem, ...]:
         """The reasons why it cannot run."""
-        ...
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign or session that can nevertheless run."""
-        ...
 
     @property
     def ok(self) -> bool:
         """Whether it can run."""
-        ...
 
     @property
     def checked(self) -> Checked | None:
         """The campaign or session; None with problems."""
-        ...
 
     @property
     def plan(self) -> CheckedPlan | None:
         """Its plan; None with problems."""
-        ...
 
     def text(self) -> str:
         """Return text for people: one problem a line, or the summary."""
-        ...
 
     def to_json(self) -> str:
         """Return JSON for programs, with `ok` and `problems`."""
-        ...
 
 
 class Tasks(Protocol):
@@ -148,22 +134,18 @@ class Tasks(Protocol):
         warnings of what is not valid on it. ``predict`` adds all that takes time: the simulated
         plant and predictions.
         """
-        ...
 
     def execution_task(self, checked: Any, plan: Any) -> Task:
         """Return the task of a campaign or session."""
-        ...
 
     def rehearsal_mode(self, checked: Any, *, real_clock: bool) -> ExecutionMode:
         """Return the mode with the simulated plant in the loop's own process."""
-        ...
 
     def wired_mode(self, checked: Any, *, emulated: bool) -> ExecutionMode:
         """Return the mode with the devices on the rig's wires, or emulated ones at the far end.
 
         WiringError lists all reasons why these wires must not be powered.
         """
-        ...
 
 
 class Recorded(Protocol):
@@ -174,7 +156,6 @@ class Recorded(Protocol):
 
         Raises KeyError if the record lacks a part, ValueError if a part is not valid today.
         """
-        ...
 
 
 class HardwareJob(Protocol):
@@ -185,7 +166,6 @@ class HardwareJob(Protocol):
 
         WiringError lists all reasons why these wires must not be powered.
         """
-        ...
 
 
 class Emulation(Protocol):
@@ -198,11 +178,9 @@ class Emulation(Protocol):
 
         ConfigError lists all problems of the plant.
         """
-        ...
 
     def emulate_task(self, path: Path, rig: Path) -> tuple[BaseRigFile, IoProcess, str]:
         """Return the rig of a campaign or session run on a rig file, its devices, their setting."""
-        ...
 
 
 class Display(Protocol):
@@ -216,23 +194,18 @@ class Display(Protocol):
 
     def show_report(self, report: Any, *, every_row: bool) -> None:
         """Print the report of `rig check`; ``every_row``: not only the rows nearest to a limit."""
-        ...
 
     def plan_position(self, plan: Any, row: LogRow) -> tuple[str, str]:
         """Return a label and the text of the position in the plan."""
-        ...
 
     def detail_lines(self, plan: Any, row: LogRow, measured: LogRow) -> list[tuple[str, str]]:
         """Return labels and texts of the rig's motion, for the panel."""
-        ...
 
     def short_text(self, plan: Any, row: LogRow, measured: LogRow) -> str:
         """Return a short text of the rig's motion, for a line."""
-        ...
 
     def total_duration(self, plan: Any, row: LogRow) -> float:
         """Return the duration of the run, s, as far as the row shows it."""
-        ...
 
 
 class Products(Protocol):
@@ -249,17 +222,14 @@ class Products(Protocol):
 
         It does not raise for a record that has no results; `RunProducts.trouble` states why.
         """
-        ...
 
     def summarise(
         self, run: Path, calibrations: Sequence[CalibrationVersion], *, incomplete_rows: bool
     ) -> RunSummary:
         """Return the summary of a recorded run; ValueError or OSError if there is none."""
-        ...
 
     def draw(self, run: Path, options: DrawOptions) -> list[Path]:
         """Write the products of a recorded run, or the selected picture; return their paths."""
-        ...
 
 
 class Campaigns(Protocol):
@@ -279,7 +249,6 @@ class Manual(Protocol):
         drive that a person chose, `velocity` or `torque`; empty: none. ``clamped``: a person says
         that the shaft is clamped. Raises ConfigError with all reasons why there is no manual mode.
         """
-        ...
 
     def live_columns(
         self,
@@ -296,7 +265,6 @@ class Manual(Protocol):
         `Tasks`; ``kept``: file of the rows that people keep. RefusedError with the reason why
         people choose none.
         """
-        ...
 
 
 class Commands(Protocol):

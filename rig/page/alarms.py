@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from rig.realtime.reasons import NO_REASON, PLUG_IN_NUMBER, Reason, ReasonTable
+from rig.realtime.reasons import NO_REASON, Reason, ReasonTable
 from rig.recording.journal import Entry
 
 MAX_ALARMS = 200
 HIGH, LOW = "high", "low"
 
-_ADVICE = {
+_ADVICE: dict[int, str] = {
     Reason.PLAN_END: "Nothing to do: the results follow.",
     Reason.OPERATOR_STOP: "A new run continues; rows measured so far are kept.",
     Reason.OPERATOR_ABORT: "Check that the body is at rest before a new run.",
@@ -74,10 +74,7 @@ class Alarms:
         if number == NO_REASON or number not in self._reasons or number in _NORMAL:
             return
         name = self._reasons.name(number)
-        known = number < PLUG_IN_NUMBER and number in Reason._value2member_map_
-        advice = (
-            _ADVICE[Reason(number)] if known else _OF_CATEGORY[self._reasons.categories[number]]
-        )
+        advice = _ADVICE.get(number) or _OF_CATEGORY[self._reasons.categories[number]]
         self.raise_alarm(name, time, HIGH, self._reasons.text(name), advice)
 
     def acknowledge(self, entries: Iterable[Entry]) -> None:

@@ -31,11 +31,9 @@ class Stream(Protocol):
 
     def send(self, rows: Rows) -> None:
         """Send rows, oldest first."""
-        ...
 
     def close(self) -> None:
         """End the stream."""
-        ...
 
 
 class PlotJuggler:

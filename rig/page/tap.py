@@ -24,15 +24,12 @@ class Tap(Protocol):
 
     def poll(self) -> Rows:
         """Return the rows that came since the last poll, oldest first."""
-        ...
 
     def start_utc_ns(self) -> int:
         """Return the UTC of run time zero, ns; 0 if it is not known (yet)."""
-        ...
 
     def status(self) -> dict[str, Any]:
         """Return the state of the source: `unsaved`, `dropped`, `ended`, and for a replay more."""
-        ...
 
 
 class RingTap:

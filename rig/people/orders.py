@@ -10,6 +10,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from typing import Any, NamedTuple, TypeGuard
 
@@ -221,7 +222,8 @@ class Orders:
             kept = {} if asker.viewer else given  # viewers must not fill the disk
             return answer if quiet else self._answer(asker, request, kept, answer)
         try:
-            answer = act(self, asker, given)
+            with nullcontext() if request in _CHOOSING else self._lock:
+                answer = act(self, asker, given)
         except (OSError, ValueError) as error:  # `RefusedError`; a check that finds no disk space
             answer = Answer(False, error_text(error))
         return self._answer(asker, request, given, answer)
@@ -304,7 +306,7 @@ class Orders:
         if not condition:
             raise RefusedError(message)
 
-    # --- the requests, one function each
+    # --- the requests, one function each; those of `_CHOOSING` take the locks themselves
 
     def take_seat(self, asker: Asker, given: dict[str, Any]) -> Answer:
         if not asker.session:
@@ -323,85 +325,73 @@ class Orders:
         return Answer(True)
 
     def stop(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._change(code=safety.REQUEST_STOP, armed=0)
+        self._change(code=safety.REQUEST_STOP, armed=0)
         return Answer(True, "damping, then power off")
 
     def abort(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._change(code=safety.REQUEST_ABORT, armed=0)
+        self._change(code=safety.REQUEST_ABORT, armed=0)
         return Answer(True, "power off")
 
     def arm(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._mode()
-            self._require(self._people.arming, "this run does not wait for arming")
-            self._require_standby("the run is not in standby")
-            self._seat.holder(self._clock())  # a lease that has ended is a change before arming
-            self._arming = Arming(self._clock(), asker.session, self._seat.changes)
+        self._mode()
+        self._require(self._people.arming, "this run does not wait for arming")
+        self._require_standby("the run is not in standby")
+        self._seat.holder(self._clock())  # a lease that has ended is a change before arming
+        self._arming = Arming(self._clock(), asker.session, self._seat.changes)
         return Answer(True, f"confirm within {ARMING_S:g} s")
 
     def confirm(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            arming, self._arming = self._arming, None
-            self._require(
-                self._confirmable(arming) and arming.session == asker.session,
-                f"arm first, then confirm within {ARMING_S:g} s, as the same operator",
-            )
-            self._require_standby("the run is not in standby")
-            self._change(armed=1)
+        arming, self._arming = self._arming, None
+        self._require(
+            self._confirmable(arming) and arming.session == asker.session,
+            f"arm first, then confirm within {ARMING_S:g} s, as the same operator",
+        )
+        self._require_standby("the run is not in standby")
+        self._change(armed=1)
         return Answer(True, "armed: the drive is switched on")
 
     def hold(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._require(self._mode() == RUN, "the law does not act")
-            self._change(code=safety.REQUEST_HOLD)
+        self._require(self._mode() == RUN, "the law does not act")
+        self._change(code=safety.REQUEST_HOLD)
         return Answer(True, "damping, power stays on")
 
     def resume(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._require(self._mode() == STOP_2, "the run is not on hold")
-            self._require(
-                self._people.dead_man_s is None
-                or not self._in_manual_mode()
-                or self._seat.holder(self._clock()) is not None,
-                "manual mode needs an operator: take the seat first",
-            )
-            self._change(code=safety.REQUEST_RESUME)
+        self._require(self._mode() == STOP_2, "the run is not on hold")
+        self._require(
+            self._people.dead_man_s is None
+            or not self._in_manual_mode()
+            or self._seat.holder(self._clock()) is not None,
+            "manual mode needs an operator: take the seat first",
+        )
+        self._change(code=safety.REQUEST_RESUME)
         return Answer(True)
 
     def skip(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            row = self._present_row()
-            rows = list(dict.fromkeys(each for each in self._segments.row if each != NO_ROW))
-            after = rows[rows.index(row) + 1 :]
-            self._require(bool(after), "this is the last row; finish the run instead")
-            moving = int(self._row["plan.phase"]) == MOVING
-            self._require(not moving, "a part moves for this row; wait until it is at its place")
-            self._jump(self._segments.row.index(after[0]))
+        row = self._present_row()
+        rows = list(dict.fromkeys(each for each in self._segments.row if each != NO_ROW))
+        after = rows[rows.index(row) + 1 :]
+        self._require(bool(after), "this is the last row; finish the run instead")
+        moving = int(self._row["plan.phase"]) == MOVING
+        self._require(not moving, "a part moves for this row; wait until it is at its place")
+        self._jump(self._segments.row.index(after[0]))
         return Answer(True, f"row {row} is left out")
 
     def repeat(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            row = self._present_row()
-            self._jump(self._segments.row.index(row))
+        row = self._present_row()
+        self._jump(self._segments.row.index(row))
         return Answer(True, f"row {row} starts over")
 
     def finish(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._require(RUN <= self._mode() <= STOP_2, "the plan does not run")
-            self._jump(len(self._segments.row) - 1)
+        self._require(RUN <= self._mode() <= STOP_2, "the plan does not run")
+        self._jump(len(self._segments.row) - 1)
         return Answer(True, "damping, then power off; the run is complete")
 
     def tare(self, asker: Asker, given: dict[str, Any]) -> Answer:
-        with self._lock:
-            self._require_standby("only in standby, with the drive off and in calm water")
-            self._require(
-                self._segments.phase[0] == TARE, "this run does not measure the sensor zeros"
-            )
-            self._require(self._request.armed == 0, "the run is armed")
-            self._arming = None
-            self._jump(0)
+        self._require_standby("only in standby, with the drive off and in calm water")
+        self._require(self._segments.phase[0] == TARE, "this run does not measure the sensor zeros")
+        self._require(self._request.armed == 0, "the run is armed")
+        self._arming = None
+        self._jump(0)
         return Answer(True, "the sensor zeros are measured")
 
     def manual(self, asker: Asker, given: dict[str, Any]) -> Answer:
@@ -556,11 +546,12 @@ def _text(value: Any) -> str:
 
 
 _SEAT_ACTS = ("take_seat", "beat", "leave_seat")
+_CHOOSING = ("manual", "campaign", "set", "undo", "keep")
 REQUESTS: dict[str, Callable[[Orders, Asker, dict[str, Any]], Answer]] = {
     name: getattr(Orders, name)
     for name in (
         *_SEAT_ACTS, STOP, ABORT, "arm", "confirm", "hold", "resume", "skip", "repeat", "finish",
-        "tare", "manual", "campaign", "set", "undo", "keep", "annotate", "acknowledge",
+        "tare", *_CHOOSING, "annotate", "acknowledge",
     )
 }  # fmt: skip
 """The requests that people can make, by name."""

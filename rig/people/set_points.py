@@ -44,35 +44,28 @@ class LiveColumns(Protocol):
 
     def describe(self) -> list[dict[str, Any]]:
         """Return key, label, unit and allowed range of each column."""
-        ...
 
     def first(self) -> LiveSet:
         """Return the set point to begin with."""
-        ...
 
     def of_row(self, row: int) -> LiveSet:
         """Return the set point of a row of the plan."""
-        ...
 
     @property
     def moving_s(self) -> float:
         """The time (s) for which a part may still move after a change of set points."""
-        ...
 
     def check(self, chosen: LiveSet, before: Sequence[LiveSet] = ()) -> Checked:
         """Return the numbers for the loop, after all checks of ranges, limits and stability.
 
         ``before``: set points from which parts may still be moving.
         """
-        ...
 
     def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
         """Return why a row cannot go on after these set points; empty if it can."""
-        ...
 
     def keep(self, chosen: LiveSet, comment: str) -> str:
         """Append a set point to the campaign file of kept rows; return its path."""
-        ...
 
 
 class Amplitude(NamedTuple):

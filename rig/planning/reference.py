@@ -199,8 +199,7 @@ def _chirp_cycles(chirp: ChirpReference, time: Floats) -> Floats:
         ratio = np.log(high / low)
         cycles = low * np.expm1(ratio * time) / ratio
         mean_hz = (high - low) / ratio
-    scaled: Floats = cycles * (max(1, round(mean_hz * chirp.repeat_s)) / mean_hz)
-    return scaled
+    return cycles * (max(1, round(mean_hz * chirp.repeat_s)) / mean_hz)
 
 
 def _resample(record: ReferenceRecord, ticks: int, rate_hz: int) -> Floats:

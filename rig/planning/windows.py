@@ -28,12 +28,10 @@ class CyclicMotion(Protocol):
     @property
     def cycles(self) -> int:
         """Number of cycles of a row."""
-        ...
 
     @property
     def period(self) -> float:
         """Duration of a cycle, s."""
-        ...
 
 
 class RowWindows(NamedTuple):
@@ -129,8 +127,7 @@ def repeat_period(sea: AnySea) -> float | None:
     """Return the repeat period of a sea, s; None in calm water."""
     if isinstance(sea, RegularSea):
         return sea.period
-    repeat: float | None = getattr(sea, "repeat", None)
-    return repeat
+    return getattr(sea, "repeat", None)
 
 
 def _calm_windows(timing: Timing) -> RowWindows:

@@ -1,7 +1,7 @@
 """Names and phrases shared by pictures and reports."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 
 from rig.realtime.reasons import Reason
@@ -50,6 +50,24 @@ def phase_text(phase: int) -> str:
 def unit_text(unit: str) -> str:
     """Return a unit as text for people; empty for a dimensionless quantity."""
     return "" if unit == "1" else unit.replace("*", "·")
+
+
+def aligned(
+    rows: Sequence[Sequence[str]], to_right: Callable[[int, str], bool] = lambda column, cell: True
+) -> list[str]:
+    """Return rows of cells as lines with columns of equal width, the first indented by two.
+
+    ``to_right`` returns whether a cell, given with its column (from 0), is aligned to the right.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = (
+            cell.rjust(width) if to_right(at, cell) else cell.ljust(width)
+            for at, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        lines.append(f"  {'  '.join(cells)}".rstrip())
+    return lines
 
 
 def format_signed(value: float, digits: int = 0) -> str:

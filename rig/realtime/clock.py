@@ -34,19 +34,15 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Return the seconds since the clock was created."""
-        ...
 
     def wait_next(self) -> Wake:
         """Sleep until the start of the next period that has not passed yet."""
-        ...
 
     def prepare_ticks(self, prepare: Callable[[], object]) -> None:
         """Call a function shortly before each tick from now on, where there is time for it."""
-        ...
 
     def follow(self, correction: Callable[[], int]) -> None:
         """Move each deadline and those after it by what a function returns (ns) from now on."""
-        ...
 
 
 def utc_of_zero(clock: Clock) -> int:

@@ -41,15 +41,12 @@ class Coupling(Protocol):
 
     def attach(self, memory: FlatMemory) -> None:
         """Take the memory with the sections `plant` and `device`, on which ticks work from now."""
-        ...
 
     def ticks_until_due(self, tick: int) -> int:
         """Return how many ticks from ``tick`` on may be executed before `act`, at least 1."""
-        ...
 
     def act(self, tick: int) -> None:
         """Do what is due before ``tick``, the next one."""
-        ...
 
 
 def memory_of(params: cycle.Params, state: cycle.State, coupling: Coupling) -> FlatMemory:

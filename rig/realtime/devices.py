@@ -15,26 +15,21 @@ class Devices(Protocol):
 
         The loop calls it last before the first tick, which comes ``dt`` after it.
         """
-        ...
 
     def read(self, now: float) -> Any:
         """Return the values that arrived since the last tick, each with its age; never block.
 
         ``now``: planned time of the tick, s since run start.
         """
-        ...
 
     def write(self, command: Any) -> None:
         """Send a command; it expires in the devices unless the next one follows."""
-        ...
 
     def stop(self, reason: int) -> None:
         """Remove force and power; never raise; the loop may call it repeatedly."""
-        ...
 
     def close(self) -> None:
         """Release the wires."""
-        ...
 
 
 class FlatDevices(ABC):

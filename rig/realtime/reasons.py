@@ -8,37 +8,73 @@ Numbers below 100 belong to this distribution; a kind of another one uses 100 to
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 
-class Reason(IntEnum):
+class StopReason(IntEnum):
+    """Numbers of reasons of a stop, each with its stop category and its text.
+
+    A controlled stop (category 1) is impossible after a fault in something that the damping itself
+    needs: encoder, drive, arithmetic, time.
+    """
+
+    category: int
+    text: str
+
+    def __new__(cls, number: int, category: int, text: str) -> Self:
+        member = int.__new__(cls, number)
+        member._value_, member.category, member.text = number, category, text
+        return member
+
+
+class Reason(StopReason):
     """Reasons of every kind of rig."""
 
-    NONE = 0
-    PLAN_END = 1
-    OPERATOR_STOP = 2
-    OPERATOR_ABORT = 3
-    SUPERVISOR_LOST = 4
-    LOGGER_LOST = 5
-    NOT_FINITE = 6
-    STALE_ENCODER = 7
-    STALE_DRIVE = 8
-    LOST_TICKS = 12
-    DRIVE_FAULT = 13
-    DRIVE_DROPPED = 14
-    DRIVE_NOT_ON = 15
-    POSITION = 16
-    VELOCITY = 17
-    NOT_CALM = 21
-    EXCEPTION = 22
-    ENCODER_JUMP = 23
-    EMERGENCY_STOP = 34
-    LIMIT_SWITCH = 35
-    STALE_PANEL = 36
-    CURRENT_DISAGREES = 42
-    FORCE_DISAGREES = 45
-    POWER_SIGN = 46
-    POWER_BALANCE = 47
+    NONE = 0, 1, "no reason recorded"
+    PLAN_END = 1, 1, "the plan ran to its end"
+    OPERATOR_STOP = 2, 1, "the operator stopped the run"
+    OPERATOR_ABORT = 3, 0, "the operator aborted the run (power off at once)"
+    SUPERVISOR_LOST = (
+        4,
+        1,
+        "`rig run` stopped sending its heartbeat: killed, suspended, or delayed by a busy host",
+    )
+    LOGGER_LOST = 5, 1, "the record could not be written: logger, disk or folder was lost"
+    NOT_FINITE = 6, 0, "a value was NaN or infinite"
+    STALE_ENCODER = 7, 0, "the encoder's value was too old"
+    STALE_DRIVE = 8, 0, "the drive's values were too old"
+    LOST_TICKS = 12, 0, "too many ticks were lost in one gap"
+    DRIVE_FAULT = 13, 0, "the drive reported a fault"
+    DRIVE_DROPPED = 14, 0, "the drive switched its power off by itself"
+    DRIVE_NOT_ON = 15, 0, "the drive did not come up in time"
+    POSITION = 16, 1, "the position limit was reached"
+    VELOCITY = 17, 1, "the velocity limit was reached"
+    NOT_CALM = 21, 1, "the body moved during the tare"
+    EXCEPTION = 22, 0, "the loop's own code failed"
+    ENCODER_JUMP = 23, 0, "the encoder jumped: it slipped or lost counts"
+    EMERGENCY_STOP = 34, 0, "the emergency stop was pressed"
+    LIMIT_SWITCH = 35, 1, "a limit switch was hit"
+    STALE_PANEL = 36, 1, "the emergency stop could not be read any more"
+    CURRENT_DISAGREES = 42, 0, "the drive's current was not the commanded one"
+    FORCE_DISAGREES = 45, 0, "motor current and the force sensor at the motor shaft disagreed"
+    POWER_SIGN = 46, 0, "the motor fed energy into the body, under a law that can only absorb"
+    POWER_BALANCE = 47, 1, "two stations reported powers that no loss between them explains"
+
+
+AXIS_FAULTS = (
+    Reason.STALE_ENCODER, Reason.STALE_DRIVE, Reason.DRIVE_FAULT, Reason.DRIVE_DROPPED,
+    Reason.POSITION, Reason.VELOCITY, Reason.ENCODER_JUMP, Reason.CURRENT_DISAGREES,
+)  # fmt: skip
+"""Reasons that `rig.realtime.axis.check` returns without the name of the axis."""
+
+
+def numbers_of_axis(own: Mapping[Reason, int]) -> tuple[int, ...]:
+    """Return the number of an axis's own reason, if it has one, for each number of the core.
+
+    It is indexed by number, so that compiled code can use it, too.
+    """
+    by_number = {int(reason): int(number) for reason, number in own.items()}
+    return tuple(by_number.get(number, number) for number in range(max(Reason) + 1))
 
 
 NO_REASON = int(Reason.NONE)
@@ -57,61 +93,16 @@ class TripReason(NamedTuple):
 
 
 def trip_reason(member: IntEnum, category: int, text: str) -> TripReason:
-    """Return the reason of an enumeration's member.
-
-    A controlled stop (category 1) is impossible after a fault in something that the damping itself
-    needs: encoder, drive, arithmetic, time.
-    """
+    """Return the reason of an enumeration's member."""
     return TripReason(int(member), member.name, category, text)
 
 
-CORE_REASONS = (
-    trip_reason(Reason.NONE, 1, "no reason recorded"),
-    trip_reason(Reason.PLAN_END, 1, "the plan ran to its end"),
-    trip_reason(Reason.OPERATOR_STOP, 1, "the operator stopped the run"),
-    trip_reason(Reason.OPERATOR_ABORT, 0, "the operator aborted the run (power off at once)"),
-    trip_reason(
-        Reason.SUPERVISOR_LOST,
-        1,
-        "`rig run` stopped sending its heartbeat: killed, suspended, or delayed by a busy host",
-    ),
-    trip_reason(
-        Reason.LOGGER_LOST,
-        1,
-        "the record could not be written: logger, disk or folder was lost",
-    ),
-    trip_reason(Reason.NOT_FINITE, 0, "a value was NaN or infinite"),
-    trip_reason(Reason.STALE_ENCODER, 0, "the encoder's value was too old"),
-    trip_reason(Reason.STALE_DRIVE, 0, "the drive's values were too old"),
-    trip_reason(Reason.LOST_TICKS, 0, "too many ticks were lost in one gap"),
-    trip_reason(Reason.DRIVE_FAULT, 0, "the drive reported a fault"),
-    trip_reason(Reason.DRIVE_DROPPED, 0, "the drive switched its power off by itself"),
-    trip_reason(Reason.DRIVE_NOT_ON, 0, "the drive did not come up in time"),
-    trip_reason(Reason.POSITION, 1, "the position limit was reached"),
-    trip_reason(Reason.VELOCITY, 1, "the velocity limit was reached"),
-    trip_reason(Reason.NOT_CALM, 1, "the body moved during the tare"),
-    trip_reason(Reason.EXCEPTION, 0, "the loop's own code failed"),
-    trip_reason(Reason.ENCODER_JUMP, 0, "the encoder jumped: it slipped or lost counts"),
-    trip_reason(Reason.EMERGENCY_STOP, 0, "the emergency stop was pressed"),
-    trip_reason(Reason.LIMIT_SWITCH, 1, "a limit switch was hit"),
-    trip_reason(Reason.STALE_PANEL, 1, "the emergency stop could not be read any more"),
-    trip_reason(Reason.CURRENT_DISAGREES, 0, "the drive's current was not the commanded one"),
-    trip_reason(
-        Reason.FORCE_DISAGREES,
-        0,
-        "motor current and the force sensor at the motor shaft disagreed",
-    ),
-    trip_reason(
-        Reason.POWER_SIGN,
-        0,
-        "the motor fed energy into the body, under a law that can only absorb",
-    ),
-    trip_reason(
-        Reason.POWER_BALANCE,
-        1,
-        "two stations reported powers that no loss between them explains",
-    ),
-)
+def reasons_of(numbers: Iterable[StopReason]) -> tuple[TripReason, ...]:
+    """Return the reasons of an enumeration."""
+    return tuple(trip_reason(each, each.category, each.text) for each in numbers)
+
+
+CORE_REASONS = reasons_of(Reason)
 
 
 class ReasonTable:

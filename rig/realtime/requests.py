@@ -28,8 +28,6 @@ class RequestSource(Protocol):
 
     def read(self) -> Request:
         """Return the requests in force."""
-        ...
 
     def live_numbers(self, number: int) -> Sequence[float] | None:
         """Return the numbers of the set point with a number; None if it is not there (yet)."""
-        ...

@@ -32,22 +32,18 @@ class RowSink(Protocol):
 
     def put(self, row: Any) -> None:
         """Take the row of a tick; never block on the real clock."""
-        ...
 
     def reserve(self, max_rows: int = 1) -> tuple[int, int]:
         """Return the address where the next rows may be written, and their number, at least 1.
 
         It never blocks on the real clock.
         """
-        ...
 
     def publish(self, count: int = 1) -> None:
         """Take the rows at the reserved address; none are taken with ``count`` 0."""
-        ...
 
     def finish(self) -> None:
         """Mark the end of the rows."""
-        ...
 
 
 Exchange = Callable[[float, Request, int, cycle.Timing, int], None]
@@ -61,41 +57,33 @@ class Tick(Protocol):
     @property
     def mode(self) -> int:
         """Mode of the safety machine after the last step."""
-        ...
 
     @property
     def reason(self) -> int:
         """Reason of a stop, as of the safety machine."""
-        ...
 
     def step(
         self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int
     ) -> Any:
         """Return the command for the readings of a tick (arguments as of `cycle.make`)."""
-        ...
 
     def connect(self, devices: Devices, clock: Clock) -> Exchange:
         """Return the function that runs a step between reading and writing the devices.
 
         ``clock``: that of the loop, which may be asked for time to prepare ticks.
         """
-        ...
 
     def log(self) -> None:
         """Hand over the row of the last step, whose command has been sent."""
-        ...
 
     def set_live(self, number: int, numbers: Numbers) -> None:
         """Store a set point that people chose, for the requests with its number."""
-        ...
 
     def save(self) -> Any:
         """Return the state after the last step, for `restore`."""
-        ...
 
     def restore(self, saved: Any) -> None:
         """Return to a saved state, as before the steps since."""
-        ...
 
 
 class InterpretedTick:

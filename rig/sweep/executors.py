@@ -24,7 +24,6 @@ class RunCase(Protocol):
 
     def __call__(self, case: Case, should_continue: Callable[[], bool]) -> Outcome:
         """Return the outcome of the case."""
-        ...
 
 
 Executor = Callable[[Iterable[Case], RunCase], Iterator[Outcome]]

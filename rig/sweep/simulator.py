@@ -28,14 +28,12 @@ class Simulator(Protocol):
 
     def is_compiled(self) -> bool:
         """Return whether this host has the code of loop and plant already."""
-        ...
 
     def prepare(self) -> None:
         """Load the code; compile it if this host does not have it, which takes a minute.
 
         Raises ValueError if it cannot be compiled.
         """
-        ...
 
 
 class CampaignSimulator(Simulator, Protocol):
@@ -52,7 +50,6 @@ class CampaignSimulator(Simulator, Protocol):
         The simulation calls ``check`` many times per second; an exception of it ends the
         simulation. ``place`` is the position at power-on of the part that moves between rows.
         """
-        ...
 
 
 class SessionSimulator(Simulator, Protocol):
@@ -65,7 +62,6 @@ class SessionSimulator(Simulator, Protocol):
         holds the unit of each number, and ``NAME_uncertainty`` the half width of its 95 % interval.
         ``check`` is that of a campaign. Raises ValueError for a session without results.
         """
-        ...
 
 
 class SessionSimulation(Protocol):
@@ -76,20 +72,16 @@ class SessionSimulation(Protocol):
 
     def matching_keys(self, rig: Mapping[str, Any]) -> Mapping[KeyPath, KeyPath]:
         """Return the keys as of `Simulation`."""
-        ...
 
     def open_session(self, path: Path, load: MappingLoader) -> Any:
         """Return a session with `file`, `plant` and `files`; ``load`` reads its files and may
         change their values. Raises `ConfigError` with every problem, those of the plant, too."""
-        ...
 
     def resolved_session(self, session: Any) -> str:
         """Return JSON text with every key of every file, that of the session as `session`."""
-        ...
 
     def open_simulator(self, session: Any) -> SessionSimulator:
         """Return the simulator of a session."""
-        ...
 
 
 class Simulation(Protocol):
@@ -98,50 +90,39 @@ class Simulation(Protocol):
     def matching_keys(self, rig: Mapping[str, Any]) -> Mapping[KeyPath, KeyPath]:
         """Return the keys of an unchecked rig file and those of the plant file that must have the
         same value."""
-        ...
 
     def row_contents(self, campaign: AnyCampaign) -> RowContents:
         """Return the contents of the rows' results; their first station is at the body."""
-        ...
 
     def problems(self, parts: CampaignParts) -> tuple[Problem, ...]:
         """Return all problems that would keep loop or plant from starting."""
-        ...
 
     def plant_data(self, campaign: AnyCampaign) -> tuple[InputFile, ...]:
         """Return the data files that the plant file names."""
-        ...
 
     def open_simulator(
         self, campaign: AnyCampaign, plan: AnyPlan, sea: dict[str, Any] | None = None
     ) -> CampaignSimulator:
         """Return the simulator of a campaign; ``sea`` replaces that of the campaign."""
-        ...
 
     def equilibrium_check(self, campaign: AnyCampaign) -> EquilibriumCheck:
         """Return the check whether a set point leaves the body an equilibrium."""
-        ...
 
     def sweep_problems(self, campaign: AnyCampaign) -> Iterable[Problem]:
         """Return the reasons why the rows of a valid campaign cannot be simulated."""
-        ...
 
     def check_model(self, run: str, logged: AnyCampaign, model: AnyCampaign) -> None:
         """Raise ValueError if the campaign of a recorded run had another device than a model."""
-        ...
 
     def requested_sea(self, campaign: AnyCampaign) -> dict[str, Any]:
         """Return the spectral lines that the wave maker is to make, as in a run's plan."""
-        ...
 
     def wave_device(self, campaign: AnyCampaign) -> WaveDevice:
         """Return the model of the device from whose motion waves are recovered."""
-        ...
 
     def identified_range(self, campaign: AnyCampaign) -> dict[str, tuple[float, float]]:
         """Return the range of amplitudes in which the campaign's plant was identified; empty if
         unknown."""
-        ...
 
 
 def campaign_kind(kind: registry.RigKind) -> CampaignKind:

@@ -75,37 +75,30 @@ class SweepTask(Protocol):
     @property
     def name(self) -> str:
         """The name of campaign or session."""
-        ...
 
     @property
     def plant(self) -> Mapping[str, Any]:
         """The plant file as read, with the units of its values."""
-        ...
 
     @property
     def rows(self) -> Sequence[int]:
         """The numbers of the rows that have results."""
-        ...
 
     @property
     def case_rows(self) -> Sequence[int]:
         """The numbers of the rows that are cases of their own, or `ALL_ROWS` alone."""
-        ...
 
     @property
     def data(self) -> Sequence[InputFile]:
         """The files that are read whenever the task is opened, and must not change."""
-        ...
 
     @property
     def inputs(self) -> Sequence[tuple[str, str]]:
         """Role or name and sha256 of everything that the results depend on, besides the code."""
-        ...
 
     @property
     def simulator(self) -> Simulator:
         """The compiled loop with the plant."""
-        ...
 
     def run(self, row: int, base: Any, check: Callable[[], None]) -> SimulatedCase:
         """Return the results of a case.
@@ -113,11 +106,9 @@ class SweepTask(Protocol):
         ``base`` is the task without parameter values, whose plan numbers the rows. ``check`` is
         called many times per second; an exception of it ends the simulation.
         """
-        ...
 
     def validity_warnings(self, day: date) -> tuple[Problem, ...]:
         """Return warnings about calibrations that are not valid on a day (UTC)."""
-        ...
 
 
 class TaskType(Protocol):
@@ -137,30 +128,23 @@ class TaskType(Protocol):
 
         Raises `ConfigError` with every problem.
         """
-        ...
 
     def option_problems(self, given: Sequence[str]) -> list[Problem]:
         """Return a problem for each of the given options that has no meaning for the task."""
-        ...
 
     def check(self, task: Any, parameters: Sequence[SweepParameter]) -> None:
         """Raise `ConfigError` if a task cannot be simulated, or not with these parameters."""
-        ...
 
     def contents(self, task: Any) -> TableContents:
         """Return the contents of the dataset of a sweep of a task."""
-        ...
 
     def write_pictures(
         self, table: "xarray.Dataset", folder: Path, measured: Path | None
     ) -> list[Path]:
         """Write all figures of a result and return their paths; ``measured``: a run to compare."""
-        ...
 
     def summary(self, table: "xarray.Dataset") -> dict[str, Any]:
         """Return the results for programs, as JSON values."""
-        ...
 
     def summary_lines(self, summary: Mapping[str, Any], task: Any) -> list[str]:
         """Return a summary as lines for people."""
-        ...

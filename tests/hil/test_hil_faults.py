@@ -11,11 +11,11 @@ import os
 import pytest
 from hil_processes import EXECUTIONS, assert_executed, in_execution
 
+from benchmarks.support.control_client import ControlError
 from benchmarks.support.emulated_wavebot import EmulatedWaveBot
 from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.fault_runs import Finding, available_faults, measure_fault, mismatches
 from benchmarks.support.fault_table import FaultRow, missing_rows
-from rig.emulation.control_client import ControlError
 
 pytestmark = pytest.mark.realtime
 

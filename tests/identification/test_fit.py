@@ -9,10 +9,25 @@ from hypothesis import strategies as st
 from known_device import impedances
 from measured_data import reference
 
-from rig.identification.fit import FittedImpedance, Section, fit, impedance, poles, zero_crossing
+from rig.identification.fit import FittedImpedance, Section, fit, impedance, zero_crossing
 
 MASK4 = "mask4_impedance_20A_m9228_0p2_1Hz.csv"
 GRID = np.arange(60, 301) / 300.0
+
+
+def poles(model: FittedImpedance) -> np.ndarray:
+    """Return the poles of the admittance Y = 1/Z, 1/s."""
+    # Z s prod(den) = (M s^2 + B s + K) prod(den) + s sum (c s + d) prod(other den)
+    denominators = [np.array([1.0, a, b]) for a, b, _, _ in model.sections]
+    numerator = np.array([model.mass, model.damping, model.stiffness])
+    for denominator in denominators:
+        numerator = np.polymul(numerator, denominator)
+    for i, (_, _, c, d) in enumerate(model.sections):
+        product = np.array([c, d, 0.0])
+        for j, denominator in enumerate(denominators):
+            product = np.polymul(product, denominator) if j != i else product
+        numerator = np.polyadd(numerator, product)
+    return np.asarray(np.roots(numerator), dtype=np.complex128)
 
 
 @pytest.mark.parametrize(

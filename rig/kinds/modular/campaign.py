@@ -10,7 +10,7 @@ from controllers import signal_generator
 from rig.campaign import CampaignKind
 from rig.campaign.set_points import columns_of
 from rig.config.campaign_file import BaseCampaignFile, RowOrder, with_laws
-from rig.config.law_settings import IMPEDANCE, find_law
+from rig.config.law_settings import IMPEDANCE, find_law, inherit_law
 from rig.config.matrix import KindColumns
 from rig.config.model import WholeNumber
 from rig.kinds.modular.build import composition
@@ -62,37 +62,20 @@ def _axes(rig: dict[str, Any]) -> tuple[str, ...]:
 def _find_laws(campaign: ConfigSource, rig: ConfigSource | None) -> dict[str, Law]:
     """Return the law of each axis; the rig file has those that the campaign does not name."""
     names = _axes({} if rig is None else rig.mapping)
+    several = len(names) > 1
     if rig is not None:
-        _inherit_laws(campaign, rig, names)
+        if several:
+            campaign.mapping.setdefault("law", {})
+        for name in names:
+            key = ("law", name) if several else ("law",)
+            inherit_law(*campaign, *rig, ("axes", name, "law"), key)
     given = campaign.mapping.get("law")
-    if len(names) == 1:
+    if not several:
         return {names[0]: find_law(given, campaign.locate, COLUMNS)}
     by_axis = given if isinstance(given, dict) else {}
     return {
         name: find_law(by_axis.get(name), campaign.locate, COLUMNS, ("law", name)) for name in names
     }
-
-
-def _inherit_laws(campaign: ConfigSource, rig: ConfigSource, names: tuple[str, ...]) -> None:
-    """Give a campaign the laws of its rig that it does not name, with their locations there."""
-    several = len(names) > 1
-    given = campaign.mapping.setdefault("law", {}) if several else None
-    for name in names:
-        axis = rig.mapping["axes"].get(name) if isinstance(rig.mapping.get("axes"), dict) else None
-        law = axis.get("law") if isinstance(axis, dict) else None
-        target: Any = given if several else campaign.mapping
-        key = name if several else "law"
-        if law is None or not isinstance(target, dict) or key in target:
-            continue
-        target[key] = law
-        own, new = ("axes", name, "law"), ("law", name) if several else ("law",)
-        campaign.locate.locations.update(
-            {
-                (*new, *place[len(own) :]): location
-                for place, location in rig.locate.locations.items()
-                if place[: len(own)] == own
-            }
-        )
 
 
 @cache

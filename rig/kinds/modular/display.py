@@ -6,24 +6,12 @@ from rig.campaign import CheckReport
 from rig.kinds.modular.campaign import COLUMNS
 from rig.kinds.modular.tick.composition import ROTATION
 from rig.log_fields import LogFields, axis_labels
-from rig.presentation.campaign_text import (
-    ShownField,
-    fields_text,
-    power_text,
-    row_text,
-    total_duration,
-)
-
-__all__ = [
-    "detail_lines",
-    "log_fields",
-    "plan_position",
-    "short_text",
-    "show_report",
-    "total_duration",
-]
+from rig.presentation import campaign_text
+from rig.presentation.campaign_text import ShownField, fields_text, power_text, row_text
 
 LogRow = dict[str, float | int]
+
+total_duration = campaign_text.total_duration
 
 
 def log_fields(rig: Any) -> LogFields:

@@ -159,8 +159,7 @@ def natural_period(bem: BemModes, mode: int, mass: float, stiffness: float) -> f
 
 def wave_band(bem: BemModes) -> Floats:
     """Return the frequencies (Hz) at which some mode radiates notable waves."""
-    band: Floats = bem.frequency[radiation.wave_band(impedance(bem))]
-    return band
+    return bem.frequency[radiation.wave_band(impedance(bem))]
 
 
 def _report(

@@ -1,4 +1,4 @@
-"""The contents of a modular rig's row table, beside the columns of its matrix.
+"""The contents of a modular rig's row table beside the columns of its matrix; its axes' channels.
 
 Of each sensor the mean and two percentiles, relative to its tare if it has one; of each further
 axis its motion and its force, as of the first one.
@@ -6,6 +6,8 @@ axis its motion and its force, as of the first one.
 
 from collections.abc import Iterable
 
+from rig.config.law_settings import AxisLaw
+from rig.identification.channels import AxisChannels, ForceChannel, command_channel
 from rig.kinds.modular.config.rig_file import RigFile, Sensor
 from rig.row_contents import Check, Column, RowContents
 
@@ -30,3 +32,19 @@ def _axis(name: str, motion: str) -> Iterable[Check]:
     yield Check(f"{name}_position_mean", length, "mean", position)
     yield Check(f"{name}_stroke", length, "range", position)
     yield Check(f"{name}_force_rms", force, "rms", (f"{name}.command.force",))
+
+
+def axis_channels(rig: RigFile, axis: str, axis_laws: Iterable[AxisLaw]) -> AxisChannels:
+    """Return the channels of an axis of a rig for `rig identify`, in a campaign with these laws.
+
+    A force sensor that the rig file names between drive and body measures the force on the body
+    alone. Without one the drive acts on the body directly, with the commanded force.
+    """
+    sensor = rig.axes[axis].force_sensor
+    body = command_channel(axis)
+    if sensor is not None:
+        label = rig.sensors[sensor].label or sensor
+        body = ForceChannel(sensor, label, f"{sensor}.value", f"{sensor}.age")
+    return AxisChannels(
+        body, gains=tuple(column.name for law in axis_laws for column in law.columns)
+    )

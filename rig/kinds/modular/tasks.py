@@ -4,16 +4,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from rig.campaign import (
-    AnyCampaign,
-    AnyPlan,
-    CheckReport,
-    resolved_config,
-)
+from rig.campaign import AnyCampaign, AnyPlan, CheckReport, resolved_config
 from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
-from rig.campaign.law_checks import (
-    compilation_problems,
-)
+from rig.campaign.law_checks import compilation_problems
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem
@@ -23,10 +16,9 @@ from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.equilibrium import equilibrium_check
-from rig.kinds.modular.identification import axis_channels
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
-from rig.kinds.modular.row_contents import row_contents
+from rig.kinds.modular.row_contents import axis_channels, row_contents
 from rig.kinds.modular.tick import find_kind
 from rig.planning.input_files import ConfigSource
 from rig.planning.point import Point

@@ -8,26 +8,14 @@ from rig.kinds.wavebot.check_view import CheckView
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.log_fields import FieldLimit, LogFields, age_limit, axis_labels
-from rig.presentation.campaign_text import (
-    ShownField,
-    fields_text,
-    power_text,
-    row_text,
-    total_duration,
-)
+from rig.presentation import campaign_text
+from rig.presentation.campaign_text import ShownField, fields_text, power_text, row_text
 from rig.presentation.phrases import clock_text, phase_text
 from rig.realtime.sequence import Phase
 
-__all__ = [
-    "detail_lines",
-    "log_fields",
-    "plan_position",
-    "short_text",
-    "show_report",
-    "total_duration",
-]
-
 LogRow = dict[str, float | int]
+
+total_duration = campaign_text.total_duration
 
 _LABELS = {
     **axis_labels("heave"),

@@ -1,4 +1,4 @@
-"""The contents of a WaveBot's row table, beside the columns of its matrix (`config.columns`).
+"""The contents of a WaveBot's row table beside the columns of its matrix, and its axes' channels.
 
 The scripts of the MASK4 test store the following columns together with power (public fbWecCntrl
 repository, MASK4/MHKDRCode): minimum stator force, mean slew force, percentiles of the load cells
@@ -10,6 +10,7 @@ relative to their tare. The stator force is not: it is not zero at rest, and its
 from collections.abc import Iterable
 
 from controllers.law import Column as LawColumn
+from rig.identification.channels import AxisChannels, ForceChannel
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.row_contents import Check, RowContents
@@ -41,3 +42,21 @@ CONTROL = ("surge", "station_keeping", "surge_hold")
 def row_contents(law_columns: Iterable[LawColumn]) -> RowContents:
     """Return the contents of the row table of a campaign with a heave law's columns."""
     return RowContents("heave", STATIONS, COLUMNS.with_law(law_columns), CHECKS, CONTROL)
+
+
+def axis_channels(axis: str, law_columns: Iterable[LawColumn]) -> AxisChannels:
+    """Return the channels of an axis for `rig identify`, in a campaign with a heave law's columns.
+
+    The column load cell measures the force on the hull alone, the torque sensor on the motor's
+    shaft that on hull and drivetrain in series. Surge has no load cell between drive and hull.
+    """
+    gains = (*(column.name for column in law_columns), "surge_kp", "surge_ki")
+    if axis == "surge":
+        return AxisChannels(gains=gains, spring="spring_rate")
+    return AxisChannels(
+        body=ForceChannel("lcb", "load cell", "load.lcb", "load.age"),
+        drive=(ForceChannel("trs", "torque sensor", "load.trs", "load.age"),),
+        gains=gains,
+        spring="spring_rate",
+        saturated="drive_sense.saturated",
+    )

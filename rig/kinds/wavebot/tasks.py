@@ -13,10 +13,9 @@ from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.identification import axis_channels
 from rig.kinds.wavebot.predictions import rows
 from rig.kinds.wavebot.rehearsal import job
-from rig.kinds.wavebot.row_contents import row_contents
+from rig.kinds.wavebot.row_contents import axis_channels, row_contents
 from rig.kinds.wavebot.tick import kind_with_law
 from rig.processes.run_types import ExecutionMode, Task
 

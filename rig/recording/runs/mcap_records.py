@@ -162,8 +162,7 @@ def _decompressed(chunk: Chunk, data: bytes) -> bytes:
         if chunk.size > _MAX_CHUNK_BYTES:
             raise RunError(f"{chunk.size} bytes are too many")
         lz4_chunk = McapChunk("lz4", data, 0, 0, chunk.crc, chunk.size)
-        out: bytes = get_chunk_data_stream(lz4_chunk)[0].read(chunk.size)
-        return out
+        return get_chunk_data_stream(lz4_chunk)[0].read(chunk.size)
     # A damaged compression name must not cost the rows: other data fail as zstd anyway.
     size = zstandard.frame_content_size(data)
     size_limit = chunk.size if size < 0 else size

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from rig.campaign.equilibrium import EquilibriumCheck
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
-from rig.emulation.campaign_sea import requested_sea
+from rig.emulation import campaign_sea
+from rig.kinds.modular import checks
 from rig.kinds.modular import row_contents as contents
 from rig.kinds.modular.campaign import axis_motions
-from rig.kinds.modular.checks import limits_of_other_axes, problems
 from rig.kinds.modular.rehearsal import job
 from rig.planning.input_files import ConfigSource, InputFile, hash_input_file
 from rig.row_contents import RowContents
@@ -23,19 +23,8 @@ if TYPE_CHECKING:
     from rig.kinds.modular.simulation.simulation import CampaignSimulator
     from rig.kinds.modular.simulation.waves import BodyInWaves
 
-__all__ = [
-    "check_model",
-    "equilibrium_check",
-    "identified_range",
-    "matching_keys",
-    "open_simulator",
-    "plant_data",
-    "problems",
-    "requested_sea",
-    "row_contents",
-    "sweep_problems",
-    "wave_device",
-]
+problems = checks.problems
+requested_sea = campaign_sea.requested_sea
 
 
 def matching_keys(rig: Mapping[str, Any]) -> dict[KeyPath, KeyPath]:
@@ -79,7 +68,7 @@ def equilibrium_check(campaign: Any) -> EquilibriumCheck:
 
 def sweep_problems(campaign: Any) -> Iterator[Problem]:
     """Yield the reasons why the rows of a valid campaign cannot be simulated."""
-    yield from limits_of_other_axes(campaign)
+    yield from checks.limits_of_other_axes(campaign)
 
 
 def check_model(run: str, logged: Any, model: Any) -> None:

@@ -5,13 +5,7 @@ the order of the rig file; a run records the table.
 """
 
 from rig.kinds.modular.tick.composition import Composition
-from rig.realtime.reasons import CORE_REASONS, MAX_NUMBER, Reason, TripReason
-
-AXIS_FAULTS = (
-    Reason.STALE_ENCODER, Reason.STALE_DRIVE, Reason.DRIVE_FAULT, Reason.DRIVE_DROPPED,
-    Reason.POSITION, Reason.VELOCITY, Reason.ENCODER_JUMP, Reason.CURRENT_DISAGREES,
-)  # fmt: skip
-"""Reasons that `rig.realtime.axis.check` returns without the name of the axis."""
+from rig.realtime.reasons import AXIS_FAULTS, MAX_NUMBER, TripReason, numbers_of_axis
 
 _FIRST_AXIS, _FIRST_SENSOR = 100, 160  # numbers of the second axis and of the first sensor
 MAX_AXES = 1 + (_FIRST_SENSOR - _FIRST_AXIS) // len(AXIS_FAULTS)
@@ -19,13 +13,10 @@ MAX_SENSORS = (MAX_NUMBER + 1 - _FIRST_SENSOR) // 2
 
 
 def axis_reasons(index: int) -> tuple[int, ...]:
-    """Return the reason of an axis (from 0) for each reason that `axis.check` returns, by number.
-
-    It is indexed by number, so that compiled code can use it, too.
-    """
+    """Return the reason of an axis (from 0) for each that `axis.check` returns, by number."""
     first = _FIRST_AXIS + (index - 1) * len(AXIS_FAULTS)
     own = {} if index == 0 else {fault: first + i for i, fault in enumerate(AXIS_FAULTS)}
-    return tuple(int(own.get(number, number)) for number in range(max(Reason) + 1))  # type: ignore[call-overload]
+    return numbers_of_axis(own)
 
 
 def stale_sensor(index: int) -> int:
@@ -40,7 +31,6 @@ def sensor_range(index: int) -> int:
 
 def own_reasons(composition: Composition) -> tuple[TripReason, ...]:
     """Return the reasons of a rig besides those of the core."""
-    core = {reason.number: reason for reason in CORE_REASONS}
     reasons = []
     for index, axis in enumerate(composition.axes[1:], start=1):
         numbers = axis_reasons(index)
@@ -48,8 +38,8 @@ def own_reasons(composition: Composition) -> tuple[TripReason, ...]:
             TripReason(
                 numbers[fault],
                 f"{axis.name}_{fault.name}".upper(),
-                core[fault].category,
-                f"{axis.name}: {core[fault].text}",
+                fault.category,
+                f"{axis.name}: {fault.text}",
             )
             for fault in AXIS_FAULTS
         ]

@@ -125,8 +125,7 @@ def solve_groups(
     right_sides = np.array([(x / scale).T @ y for x, y in groups])
     gram, right = grams.sum(axis=0), right_sides.sum(axis=0)
     left_out = zip(gram - grams, right - right_sides, strict=True)
-    solutions: Floats = np.array([solve(g, r) for g, r in [(gram, right), *left_out]]) / scale
-    return solutions
+    return np.array([solve(g, r) for g, r in [(gram, right), *left_out]]) / scale
 
 
 class Line(NamedTuple):
@@ -149,8 +148,7 @@ class Line(NamedTuple):
         deviation = np.asarray(x, np.float64) - self.mean_x
         variance = 1.0 / self.point_count + deviation * deviation / self.sum_squares_x
         factor = coverage_factor(self.point_count - 2) * self.residual_std
-        half_width: Floats = factor * np.sqrt(variance)
-        return half_width
+        return factor * np.sqrt(variance)
 
     def slope_estimate(self, unit: str = "", method: str = "") -> Estimate:
         """Return the slope with its interval, by the scatter of the points about the line."""

@@ -81,8 +81,7 @@ def zero_drift(losses: LossesBehindCell, time: Floats, end_time: float) -> Float
     sample.
     """
     t = time / end_time
-    drift: Floats = losses.drift.value * t + losses.drift_curvature.value * (t * t - t)
-    return drift
+    return losses.drift.value * t + losses.drift_curvature.value * (t * t - t)
 
 
 def losses_before_cell(

@@ -111,5 +111,4 @@ def map_deflection(torque_map: TorqueMap, torque: Floats) -> Floats:
         + torque_map.soft_zone.value * np.minimum(magnitude / torque_map.knee.value, 1.0)
         + magnitude / torque_map.stiffness.value
     )
-    signed: Floats = np.sign(torque) * deflection
-    return signed
+    return np.sign(torque) * deflection

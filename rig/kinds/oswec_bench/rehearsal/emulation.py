@@ -13,11 +13,7 @@ from rig.emulation.devices import EmulatedDevices, load_cell, modbus_lines, seri
 from rig.emulation.process import emulation_process, serve_devices, without_delay
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.rig_file import Encoder as EncoderScale
-from rig.kinds.oswec_bench.config.wiring import (
-    BenchWiring,
-    EncoderChannel,
-    ServoDrive,
-)
+from rig.kinds.oswec_bench.config.wiring import BenchWiring, EncoderChannel, ServoDrive
 from rig.kinds.oswec_bench.config.wiring import EncoderBridge as BridgeWiring
 from rig.kinds.oswec_bench.rehearsal.devices import build_bench
 from rig.kinds.oswec_bench.rehearsal.job import problems

@@ -6,11 +6,7 @@ from typing import Any, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
 from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS, SESSION_KINDS, SessionFile
-from rig.kinds.oswec_bench.sessions.files import (
-    FurtherCheck,
-    Session,
-    open_session,
-)
+from rig.kinds.oswec_bench.sessions.files import FurtherCheck, Session, open_session
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan, plan_session
 from rig.presentation.phrases import format_duration
 

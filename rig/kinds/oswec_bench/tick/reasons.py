@@ -1,40 +1,18 @@
 """The bench's own reasons of a stop."""
 
-from enum import IntEnum
-
-from rig.realtime.reasons import trip_reason
+from rig.realtime.reasons import StopReason, reasons_of
 
 
-class BenchReason(IntEnum):
+class BenchReason(StopReason):
     """Numbers of the reasons."""
 
-    STALE_LOAD_CELL = 9
-    BRAKE_LOST = 37
-    STALE_BRAKE = 38
-    COUPLING_SLIP = 39
-    LOAD_CELL_OVERLOAD = 40
-    SHAFT_ENCODER_JUMP = 41
-    VELOCITY_DISAGREES = 44
+    STALE_LOAD_CELL = 9, 1, "the load cells' values were too old"
+    BRAKE_LOST = 37, 1, "the brake's current was not the commanded one"
+    STALE_BRAKE = 38, 1, "the brake's current was too old"
+    COUPLING_SLIP = 39, 0, "motor and shaft differed by more than the possible driveline twist"
+    LOAD_CELL_OVERLOAD = 40, 0, "the load cell was loaded beyond its range"
+    SHAFT_ENCODER_JUMP = 41, 0, "the shaft's encoder jumped: it slipped or lost counts"
+    VELOCITY_DISAGREES = 44, 0, "the motor did not turn at the commanded velocity"
 
 
-REASONS = (
-    trip_reason(BenchReason.STALE_LOAD_CELL, 1, "the load cells' values were too old"),
-    trip_reason(BenchReason.BRAKE_LOST, 1, "the brake's current was not the commanded one"),
-    trip_reason(BenchReason.STALE_BRAKE, 1, "the brake's current was too old"),
-    trip_reason(
-        BenchReason.COUPLING_SLIP,
-        0,
-        "motor and shaft differed by more than the possible driveline twist",
-    ),
-    trip_reason(BenchReason.LOAD_CELL_OVERLOAD, 0, "the load cell was loaded beyond its range"),
-    trip_reason(
-        BenchReason.SHAFT_ENCODER_JUMP,
-        0,
-        "the shaft's encoder jumped: it slipped or lost counts",
-    ),
-    trip_reason(
-        BenchReason.VELOCITY_DISAGREES,
-        0,
-        "the motor did not turn at the commanded velocity",
-    ),
-)
+REASONS = reasons_of(BenchReason)

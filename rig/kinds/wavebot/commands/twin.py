@@ -11,6 +11,7 @@ from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.twin import plant_file
 from rig.kinds.wavebot.twin.estimate import identify_twin
+from rig.presentation.phrases import aligned
 
 _RUNS = (
     "A run's folder, MCAP file, id, campaign, or 'last': first a run in calm water with an "
@@ -46,11 +47,7 @@ def command(
         (name, f"{item['value']:.6g}", f"{item['deviation']:.2g}", item["source"])
         for name, item in summary["estimates"].items()
     ]
-    widths = [max(len(row[i]) for row in rows) for i in range(3)]
-    lines = [
-        f"{name:{widths[0]}}  {value:>{widths[1]}}  {deviation:>{widths[2]}}  {source}"
-        for name, value, deviation, source in rows
-    ]
+    lines = [line[2:] for line in aligned(rows, lambda column, cell: column in (1, 2))]
     lines.append(f"hull: largest error of a line {100.0 * summary['worst_line_of_hull']:.2g} %")
     lines += [f"!! {note}" for note in summary["notes"]]
     return print_result(summary, "\n".join(lines), written, as_json=as_json)

@@ -9,6 +9,7 @@ from rig.config.problems import display_path
 from rig.config.yaml_source import load_mapping
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
 from rig.kinds.wavebot.recommend.set_points import STATIONS, STROKE, SetPointPrediction
+from rig.presentation.phrases import aligned
 from rig.stations import Station
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
@@ -103,7 +104,11 @@ def as_text(recommendation: Recommendation) -> str:
     station = recommendation.options.station
     rows: list[tuple[str, ...]] = [("spring", "Kp", "Ki", *_HEADINGS, "±", "stroke m", "reason")]
     rows += [(*_cells(row.prediction, station), row.reason) for row in recommendation.rows]
-    lines += ["", f"Rows of the next campaign (± of {station.heading}, 95 %)", *_align(rows)]
+    lines += [
+        "",
+        f"Rows of the next campaign (± of {station.heading}, 95 %)",
+        *aligned(rows, _is_number),
+    ]
     if recommendation.measured:
         lines += [
             "",
@@ -122,7 +127,7 @@ def _optima_lines(recommendation: Recommendation) -> list[str]:
         name, at_limit = f"{optimum.station.name_in_text} power", optimum.at_limit
         cells = _cells(optimum.best, optimum.station)
         rows.append((name, optimum.law, *cells, "at a limit" if at_limit else ""))
-    return _align(rows)
+    return aligned(rows, _is_number)
 
 
 def _comparison_lines(recommendation: Recommendation) -> list[str]:
@@ -135,7 +140,7 @@ def _comparison_lines(recommendation: Recommendation) -> list[str]:
         mean = sum(errors) / len(errors)
         worst = max(errors, key=abs)
         lines.append((station.heading, f"mean {mean:+.2f}", f"worst {worst:+.2f}"))
-    return _align(lines)
+    return aligned(lines, _is_number)
 
 
 def _cells(one: SetPointPrediction, station: Station) -> tuple[str, ...]:
@@ -149,19 +154,7 @@ def _cells(one: SetPointPrediction, station: Station) -> tuple[str, ...]:
     )
 
 
-def _align(rows: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    out = []
-    for row in rows:
-        cells = [
-            cell.rjust(w) if _is_number(cell) else cell.ljust(w)
-            for cell, w in zip(row, widths, strict=True)
-        ]
-        out.append("  " + "  ".join(cells).rstrip())
-    return out
-
-
-def _is_number(cell: str) -> bool:
+def _is_number(column: int, cell: str) -> bool:
     return cell.replace("-", "").replace("+", "").replace(".", "").isdigit()
 
 

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +40,6 @@ from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 from sim_plant.emulators.wavebot_motors import MOTORS, analog_inputs, stator
 from sim_plant.parameters import Plant
-from sim_plant.signals import Readings
 from sim_plant.world import World
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 _TICKS_PER_STEP = 5  # the drives advance the world themselves when they need its present state
 _CELL_RATING, _PROBE_RATING = 20_000.0, 5.0  # N and m, of the amplifiers
+_CELLS = ("force_slew", "force_stator_a", "force_stator_b")  # fields of `Readings`
+_PROBES = ("probe_1", "probe_2", "probe_3")
 _ANALYSER_ITEMS: tuple[tuple[Block, Quantity], ...] = (
     ("sum", "P"), ("element_1", "P"), ("element_1", "U"),
 )  # fmt: skip
@@ -116,8 +118,8 @@ def _build_devices(
     bus.add_terminals(_terminal_reads(world), {"outputs.wave_trigger": partial(_trigger, world)})
     devices: dict[str, tuple[AnyBlock, ModbusUnit]] = {
         "analyser": (wiring.analyser, _analyser(world)),
-        "cells": (wiring.cells, _amplifier(world, _cell_forces, _CELL_RATING)),
-        "probes": (wiring.probes, _amplifier(world, _probe_elevations, _PROBE_RATING)),
+        "cells": (wiring.cells, _amplifier(world, _CELLS, _CELL_RATING)),
+        "probes": (wiring.probes, _amplifier(world, _PROBES, _PROBE_RATING)),
         "io": (wiring.inputs, _coupler(world, wiring.inputs)),
     }
     units = {
@@ -165,9 +167,8 @@ def _analyser(world: SharedWorld) -> PowerAnalyser:
     return PowerAnalyser(terminals, AnalyserSettings(update_period=0.0, items=_ANALYSER_ITEMS))
 
 
-def _amplifier(
-    world: SharedWorld, channels: Callable[[Readings], tuple[float, ...]], rating: float
-) -> StrainAmplifier:
+def _amplifier(world: SharedWorld, fields: tuple[str, ...], rating: float) -> StrainAmplifier:
+    channels = attrgetter(*fields)
     return StrainAmplifier(lambda: channels(world.readings()), AmplifierSettings(rating))
 
 
@@ -182,14 +183,8 @@ def _terminal_reads(world: SharedWorld) -> dict[str, Callable[[], float]]:
         value: float = getattr(world.readings(), field)
         return value
 
-    fields = {
-        "cells.slew": "force_slew",
-        "cells.stator_a": "force_stator_a",
-        "cells.stator_b": "force_stator_b",
-        "probes.probe_1": "probe_1",
-        "probes.probe_2": "probe_2",
-        "probes.probe_3": "probe_3",
-    }
+    fields = {f"cells.{field.removeprefix('force_')}": field for field in _CELLS}
+    fields |= {f"probes.{field}": field for field in _PROBES}
     return {name: partial(reading, field) for name, field in fields.items()}
 
 
@@ -199,14 +194,6 @@ def _coupler(world: SharedWorld, block: AnyBlock) -> IoCoupler:
 
     inputs = tuple(DigitalInput(value.name, f"{value.name}_on", 1) for value in block.values)
     return IoCoupler(CouplerSettings(inputs=inputs, outputs=("wave_trigger",)), write=write)
-
-
-def _cell_forces(read: Readings) -> tuple[float, ...]:
-    return read.force_slew, read.force_stator_a, read.force_stator_b
-
-
-def _probe_elevations(read: Readings) -> tuple[float, ...]:
-    return read.probe_1, read.probe_2, read.probe_3
 
 
 if __name__ == "__main__":

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 from rig.campaign.equilibrium import EquilibriumCheck
 from rig.config.problems import Problem
 from rig.config.yaml_source import KeyPath
-from rig.emulation.campaign_sea import requested_sea
+from rig.emulation import campaign_sea
 from rig.kinds.wavebot import row_contents as contents
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.campaign.stability import check_stiffness
 from rig.kinds.wavebot.rehearsal import job
 from rig.kinds.wavebot.rehearsal.bem_files import bem_paths
-from rig.kinds.wavebot.rehearsal.job import problems
 from rig.planning.input_files import InputFile, hash_input_file
 from rig.row_contents import RowContents
 
@@ -27,19 +26,8 @@ if TYPE_CHECKING:
     from rig.kinds.wavebot.simulation.hull_in_waves import HullInWaves
     from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 
-__all__ = [
-    "check_model",
-    "equilibrium_check",
-    "identified_range",
-    "matching_keys",
-    "open_simulator",
-    "plant_data",
-    "problems",
-    "requested_sea",
-    "row_contents",
-    "sweep_problems",
-    "wave_device",
-]
+problems = job.problems
+requested_sea = campaign_sea.requested_sea
 
 
 def matching_keys(rig: Mapping[str, Any]) -> dict[KeyPath, KeyPath]:

@@ -5,7 +5,7 @@ from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.kinds.wavebot.tick.signals import Motion, Sense
 from rig.kinds.wavebot.tick.state import SURGE_OFF, Params, State, zeros_in_use
 from rig.realtime import axis
-from rig.realtime.reasons import NO_REASON, Reason
+from rig.realtime.reasons import AXIS_FAULTS, NO_REASON, Reason, numbers_of_axis
 from rig.realtime.safety import CATEGORY, OFF
 
 # `axis.check` returns a reason without the axis's name; these tables map it to the reason of heave
@@ -16,18 +16,8 @@ _HEAVE_FAULT = (
     WaveBotReason.BUS_UNDERVOLTAGE.value,
     WaveBotReason.BUS_OVERVOLTAGE.value,
 )
-_SURGE_REASONS: dict[int, int] = {
-    Reason.STALE_ENCODER: WaveBotReason.SURGE_STALE_ENCODER,
-    Reason.STALE_DRIVE: WaveBotReason.SURGE_STALE_DRIVE,
-    Reason.DRIVE_FAULT: WaveBotReason.SURGE_DRIVE_FAULT,
-    Reason.DRIVE_DROPPED: WaveBotReason.SURGE_DRIVE_DROPPED,
-    Reason.POSITION: WaveBotReason.SURGE_POSITION,
-    Reason.VELOCITY: WaveBotReason.SURGE_VELOCITY,
-    Reason.ENCODER_JUMP: WaveBotReason.SURGE_ENCODER_JUMP,
-    Reason.CURRENT_DISAGREES: WaveBotReason.SURGE_CURRENT_DISAGREES,
-}
-_SURGE_REASON_BY_NUMBER = tuple(
-    int(_SURGE_REASONS.get(number, number)) for number in range(max(Reason) + 1)
+_SURGE_REASON_BY_NUMBER = numbers_of_axis(
+    {fault: WaveBotReason[f"SURGE_{fault.name}"] for fault in AXIS_FAULTS}
 )
 
 

@@ -32,7 +32,7 @@ from rig.people.request_client import RequestClient, RequestError
 
 _LOG = logging.getLogger("uvicorn.error")
 MAX_BROWSERS = 200
-QUEUE = 50  # messages of a browser that wait: some four seconds
+QUEUE = 100  # messages of a browser that wait: some eight seconds
 POLL_S = 0.1
 STATE_POLLS = 2  # polls from state to state
 MAX_BUCKETS = 40  # in one message

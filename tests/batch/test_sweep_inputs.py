@@ -132,7 +132,7 @@ def test_the_simulation_of_a_kind_has_all_that_sweeps_use(kind: str, protocol: t
     members = {name: each for name, each in vars(protocol).items() if inspect.isfunction(each)}
     functions = {name: each for name, each in members.items() if not name.startswith("_")}
     room = registry.find(kind).room(ROOM)
-    assert {*functions, *inspect.get_annotations(protocol)} == set(room.__all__)
+    assert {*functions, *inspect.get_annotations(protocol)} <= set(dir(room))
     for name, declared in functions.items():
         parameters = inspect.signature(getattr(room, name)).parameters
         assert len(parameters) == len(inspect.signature(declared).parameters) - 1, name

@@ -28,6 +28,7 @@ from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.torque_drive import AnalogInput, Motor
 from sim_plant.emulators.torque_drive import TorqueDrive as EmulatedDrive
 
+_LONGEST_WAIT_NS = 3_000_000
 Reads = Mapping[str, Callable[[], float]]
 Writes = Mapping[str, Callable[[float], None]]
 
@@ -111,7 +112,7 @@ class EmulatedSegment:
         line = EmulatedLine([self._slaves[slave.name] for slave in self._segment.line])
         self.nodes |= {**self._slaves, "segment": line}
         self._cable.plug()
-        self._wire = Wire(line, self._cable.far, self.link)
+        self._wire = Wire(line, self._cable.far, self.link, longest_wait_ns=_LONGEST_WAIT_NS)
         await self._wire.start()
         self.address = f"{self._cable.interface} (slaves on {self._cable.far})"
 

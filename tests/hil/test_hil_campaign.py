@@ -184,6 +184,7 @@ def test_the_record_has_a_report_of_the_segment(pair: Pair) -> None:
         return
     report = json.loads(file.read_text())["ethercat"]
     print(report)
-    assert report["wrong_working_counter"] == report["foreign"] == report["lost"] == 0
+    assert report["wrong_working_counter"] == report["foreign"] == 0
+    assert report["lost"] <= 0.01 * report["sent"]  # frames that the host left lying for 3 ms
     assert report["sent"] >= pair.wired.outcome.ticks
     assert report["age_p50_s"] <= 0.0012  # sent in the last tick

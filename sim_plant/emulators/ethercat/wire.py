@@ -6,6 +6,7 @@ import asyncio
 import heapq
 import select
 import socket
+import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,8 @@ POLL_PERIOD = 1_000_000  # ns, of watchdogs, SYNC0 and applications without fram
 MAX_FRAME = 1518
 MAX_BATCH = 64  # frames that are read before the segment is polled again
 NS = 1_000_000_000
+SO_TIMESTAMPNS = 35  # of Linux: the kernel notes when a frame came
+NOTES_SIZE = socket.CMSG_SPACE(16)
 
 clock = time.monotonic_ns
 
@@ -36,8 +39,14 @@ class Wire:
         interface: str,
         link: LinkFaults | None = None,
         capture: Path | None = None,
+        longest_wait_ns: int = 0,
     ) -> None:
-        """`capture`: a file for all frames as the master's side sees them."""
+        """`capture`: a file for all frames as the master's side sees them.
+
+        `longest_wait_ns`: frames that this process has left lying for longer are lost, 0: none. A
+        real slave sees a frame when it is sent; one that is answered after a stall of this process
+        would have inputs of a later time than its master must believe.
+        """
         self.segment = segment
         self.interface = interface
         self.link = link or LinkFaults()
@@ -46,6 +55,7 @@ class Wire:
         self._late: list[tuple[int, int, bool, bytes]] = []  # due, order, to the host, frame
         self._order = 0
         self._resume_at = 0  # ns, end of a stall
+        self._longest_wait_ns = longest_wait_ns
         self._next_poll = 0
         self._task = BackgroundTask()
 
@@ -90,6 +100,8 @@ class Wire:
         self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
         self._socket.bind((self.interface, ETHERTYPE))
         self._socket.setblocking(False)
+        if self._longest_wait_ns:
+            self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._next_poll = clock()
         return self._socket.fileno()
 
@@ -152,13 +164,29 @@ class Wire:
         direction = self.link.to_device
         for _ in range(MAX_BATCH):
             try:
-                frame = self._socket.recv(MAX_FRAME)
+                if self._longest_wait_ns:
+                    frame, notes, _, _ = self._socket.recvmsg(MAX_FRAME, NOTES_SIZE)
+                    # After an injected stall all that waited is answered: that is the fault.
+                    if now > self._resume_at + POLL_PERIOD and self._waited_long(notes):
+                        self.segment.lost += 1
+                        continue
+                else:
+                    frame = self._socket.recv(MAX_FRAME)
             except BlockingIOError:
                 return
             if direction.is_transparent(now / NS):
                 self._answer(frame)
             else:
                 self._schedule(direction.transmit(frame, now / NS), False)
+
+    def _waited_long(self, notes: list[tuple[int, int, bytes]]) -> bool:
+        """Return whether a frame with these notes of the kernel came too long ago."""
+        for level, kind, data in notes:
+            if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS):
+                seconds, rest = struct.unpack("=qq", data)
+                waited: int = time.time_ns() - (NS * seconds + rest)
+                return waited > self._longest_wait_ns
+        return False
 
     def _answer(self, frame: bytes) -> None:
         now = clock()

@@ -49,10 +49,17 @@ class Journal:
         with self._lock:
             return self._append(text)
 
-    def follow_record(self) -> bool:
-        """Write the entries so far into a folder to which the record has moved; as `add`."""
+    def follow_record(self) -> None:
+        """Write the entries so far into a folder to which the record has moved.
+
+        A thread of its own does so: the caller must not wait for the disk that failed.
+        """
+        threading.Thread(target=self._follow, name="journal", daemon=True).start()
+
+    def _follow(self) -> None:
         with self._lock:
-            return self._append(b"") if self._entries else True
+            if self._entries:
+                self._append(b"")
 
     def _append(self, text: bytes) -> bool:
         try:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from controllers.signals import AxisSense, DriveFault
 from drivers.cia402.positioning_drive import PositioningSettings
 from drivers.cia402.torque_drive import TorqueDriveReading, TorqueDriveSettings
+from drivers.errors import CodecError, LinkError
 from drivers.ethercat import clock, terminal
 from drivers.ethercat.clock import ClockParams
 from drivers.ethercat.cycle import OPERATIONAL, FrameLink, SegmentCycle
@@ -144,13 +145,13 @@ class TerminalOutputs:
     ) -> None:
         self._image = image
         self._writers = tuple(
-            (write, one.scale) for one, write in zip(sources, writers, strict=True)
+            (write, one.scale, one.offset) for one, write in zip(sources, writers, strict=True)
         )
 
     def post(self, message: Sequence[float]) -> None:
         """Store the values of a message, whose last field is its time."""
-        for (write, scale), value in zip(self._writers, message, strict=False):
-            write(self._image, value / scale)
+        for (write, scale, offset), value in zip(self._writers, message, strict=False):
+            write(self._image, (value - offset) / scale)
 
 
 class SegmentAxes(DriveAxes):
@@ -186,7 +187,7 @@ class SegmentAxes(DriveAxes):
             self.clock_correction = self._take_correction
         drives = {*settings.axes, *settings.actuators}
         places = [
-            ({}, {}) if name in drives else _places(each, area)
+            ({}, {}) if name in drives else _places(name, each, area)
             for name, each, area in zip(settings.slaves, settings.terminals, areas, strict=True)
         ]
         self.terminals: dict[str, Any] = {}
@@ -340,10 +341,15 @@ def _scaled_reader(source: TerminalSource, inputs: Sequence[Places]) -> Reader:
 
 
 def _places(
-    settings: TerminalSettings, areas: tuple[Area | None, Area | None]
+    name: str, settings: TerminalSettings, areas: tuple[Area | None, Area | None]
 ) -> tuple[Places, Places]:
+    """Return the places of a terminal's outputs and inputs; LinkError if it has others."""
     outputs, inputs = areas
-    return terminal.places(settings.outputs, outputs), terminal.places(settings.inputs, inputs)
+    try:
+        return terminal.places(settings.outputs, outputs), terminal.places(settings.inputs, inputs)
+    except CodecError as error:
+        text = f"{name} does not exchange what its device file says: {error}"
+        raise LinkError(text) from error
 
 
 def connect(
@@ -351,7 +357,8 @@ def connect(
 ) -> SegmentAxes:
     """Return the slaves for a configuration of `segment_slaves.segment_axes`.
 
-    ``facts``: those of the segment's service. LinkError if the interface cannot be opened.
+    ``facts``: those of the segment's service. LinkError if the interface cannot be opened, or if a
+    terminal exchanges other values than its device file has.
     """
     settings: SegmentSettings = handover.loads(SegmentSettings, config["settings"])
     axes = {

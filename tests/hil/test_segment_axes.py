@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from drivers.cia402.scaling import CurrentScale
+from drivers.errors import LinkError
+from drivers.ethercat import terminal
 from drivers.ethercat.cycle import OPERATIONAL
 from drivers.ethercat.frames import decode, encode
 from rig.config.pydantic_errors import load
@@ -17,7 +19,13 @@ from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.hardware.job import build_job
 from rig.processes import handover
 from rig.wires.messages import NodeHealth
-from rig.wires.segment_axes import SegmentAxes, SegmentFacts, SegmentSettings
+from rig.wires.segment_axes import (
+    SegmentAxes,
+    SegmentFacts,
+    SegmentSettings,
+    TerminalOutputs,
+    TerminalSource,
+)
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot_ethercat.yaml", RigFile)
@@ -85,14 +93,14 @@ class Health:
         return NodeHealth(OPERATIONAL, now, 0, 0, 0, now)
 
 
-def connected(wire: Wire, reference_clock: int = 0) -> SegmentAxes:
+def connected(wire: Wire, reference_clock: int = 0, inputs: Any = INPUTS) -> SegmentAxes:
     settings: SegmentSettings = handover.loads(SegmentSettings, JOB.devices["ethercat"]["settings"])
     scale = CurrentScale(100.0, 0.01, 4000)
     settings = settings._replace(
         axes={name: each._replace(scale=scale) for name, each in settings.axes.items()}
     )
     slots: Any = {f"{name}_health": Health(wire) for name in settings.axes}
-    return SegmentAxes(settings, SegmentFacts(OUTPUTS, INPUTS, reference_clock), wire, slots)
+    return SegmentAxes(settings, SegmentFacts(OUTPUTS, inputs, reference_clock), wire, slots)
 
 
 def tick(axes: SegmentAxes, wire: Wire, trigger: int = 0) -> None:
@@ -164,6 +172,19 @@ def test_bits_are_whole_numbers_and_outputs_go_with_the_next_frame(
     assert wire.outputs[19] & 0x0F == 1  # bits 152 to 155
     tick(axes, wire, trigger=0)
     assert wire.outputs[19] & 0x0F == 0
+
+
+def test_outputs_with_scale_and_offset_are_in_the_numbers_of_the_terminal() -> None:
+    source = TerminalSource("valve", "V", 0, "channel", 0.5, 2.0, -1e9, 1e9, ())
+    image = memoryview(bytearray(2))
+    TerminalOutputs(image, [source], [terminal.writer(terminal.Place(0, "i16"))]).post((7.0, 0.0))
+    assert struct.unpack("<h", image) == (10,)  # 7 V = 0.5 V * 10 + 2 V
+
+
+def test_a_terminal_with_other_process_data_than_described_is_refused_by_name(wire: Wire) -> None:
+    inputs = (*INPUTS[:4], (456, 2), *INPUTS[5:])
+    with pytest.raises(LinkError, match="inputs does not exchange what its device file says"):
+        connected(wire, inputs=inputs)
 
 
 def faults(axes: SegmentAxes) -> list[int]:

@@ -303,12 +303,13 @@ class _SdoAccess:
     def select_mode(self) -> None:
         self._service.write(self._node, 0x6060, 0, "i8", homing.MODE)
 
-    def status(self) -> tuple[int, int] | None:
+    def statusword(self) -> int | None:
         if self._own_node:
             self._service.send_heartbeat(self._own_node)
-        statusword = self._service.read(self._node, 0x6041, 0, "u16")
-        mode_display = self._service.read(self._node, 0x6061, 0, "i8")
-        return None if statusword is None or mode_display is None else (statusword, mode_display)
+        return self._service.read(self._node, 0x6041, 0, "u16")
+
+    def mode_display(self) -> int | None:
+        return self._service.read(self._node, 0x6061, 0, "i8")
 
     def command(self, controlword: int) -> None:
         self._service.write(self._node, 0x6040, 0, "u16", controlword)

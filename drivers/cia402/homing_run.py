@@ -31,8 +31,12 @@ class HomingAccess(Protocol):
         """Request the mode of operation 6."""
         ...
 
-    def status(self) -> tuple[int, int] | None:
-        """Return statusword and mode display; None without an answer."""
+    def statusword(self) -> int | None:
+        """Return the statusword; None without an answer. A sign of life may go with it."""
+        ...
+
+    def mode_display(self) -> int | None:
+        """Return the mode that the drive displays; None without an answer."""
         ...
 
     def command(self, controlword: int) -> None:
@@ -48,9 +52,9 @@ def is_homed(access: HomingAccess) -> bool:
     """Return True if the drive reports homed once it displays homing mode (after a delay)."""
     end = time.monotonic() + _MODE_S
     while time.monotonic() < end:
-        status = access.status()
-        if status is not None and status[1] == homing.MODE:
-            return homing.outcome(status[0]) == homing.Outcome.HOMED
+        if access.mode_display() == homing.MODE:
+            status = access.statusword()
+            return status is not None and homing.outcome(status) == homing.Outcome.HOMED
         access.wait()
     return False
 
@@ -67,8 +71,10 @@ def home(
     """
     drive, handshake = state_machine.start(0, 0), homing.start(0)
     bits = acting = 0
-    while (status := access.status()) is not None:
-        statusword, mode_display = status
+    while True:
+        statusword, mode_display = access.statusword(), access.mode_display()
+        if statusword is None or mode_display is None:
+            return "no answer"
         drive, output = state_machine.step(
             machine,
             drive,
@@ -90,7 +96,6 @@ def home(
         if stopped():
             return "aborted"
         access.wait()
-    return "no answer"
 
 
 def remove_power(access: HomingAccess) -> bool:
@@ -98,8 +103,8 @@ def remove_power(access: HomingAccess) -> bool:
     end = time.monotonic() + POWER_OFF_S
     while time.monotonic() < end:
         access.command(0)
-        status = access.status()
-        if status is not None and decode(status[0]) not in _POWERED:
+        status = access.statusword()  # alone: it is enough to know
+        if status is not None and decode(status) not in _POWERED:
             return True
         access.wait()
     return False

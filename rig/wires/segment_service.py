@@ -216,10 +216,18 @@ class _FrameAccess:
     def select_mode(self) -> None:
         self._mode = homing.MODE
 
-    def status(self) -> tuple[int, int] | None:
+    def statusword(self) -> int | None:
+        statusword, _ = self._status()
+        return statusword
+
+    def mode_display(self) -> int | None:
+        _, mode_display = self._status()
+        return mode_display
+
+    def _status(self) -> tuple[int | None, int | None]:
         self._cycle.receive()
         if time.monotonic() - self._cycle.sampled > _OP_TIMEOUT_S:
-            return None
+            return None, None
         statusword, mode_display, _ = self._inputs.read(self._cycle.inputs)
         return statusword, mode_display
 

@@ -115,6 +115,26 @@ def set_up(
     return compare(steps, {(each.object, each.sub): read(each) for each in read_back(steps)})
 
 
+class Comparison(NamedTuple):
+    """The present objects of a drive beside those of its set-up."""
+
+    checked: int  # number of compared objects
+    wrong: tuple[Mismatch, ...]  # objects that no run writes: a run would be refused
+    unset: tuple[Mismatch, ...]  # objects that every run writes before it arms
+
+
+def compare_present(
+    steps: tuple[SetupStep, ...], read: Callable[[SetupStep], int | None]
+) -> Comparison:
+    """Compare what a device has now with its set-up, without writing."""
+    objects = read_back(steps)
+    mismatches = compare(steps, {(each.object, each.sub): read(each) for each in objects})
+    verified = {(each.object, each.sub) for each in objects if each.access == Access.VERIFY}
+    wrong = tuple(each for each in mismatches if (each.object, each.sub) in verified)
+    unset = tuple(each for each in mismatches if (each.object, each.sub) not in verified)
+    return Comparison(len(objects), wrong, unset)
+
+
 def read_back(steps: tuple[SetupStep, ...]) -> tuple[SetupStep, ...]:
     """Return the steps whose objects must be read after all writing, each object once."""
     last = {(s.object, s.sub): s for s in steps if s.access != Access.TRANSIENT}

@@ -52,6 +52,10 @@ class SegmentState(NamedTuple):
     time_ns: int  # of the reference clock
     sent: float  # s, when its frame was sent
 
+    def is_operational(self, slaves: int) -> bool:
+        """Return whether all of a number of slaves answered, in OP and without an error."""
+        return self.al_status == OPERATIONAL and self.slaves == slaves
+
 
 class SegmentCycle:
     """The process data of a segment."""

@@ -5,7 +5,7 @@ value is an integer of whole bytes at a byte, or a bit.
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from drivers.cia402.process_data import TYPES, Entry
@@ -56,6 +56,12 @@ def write_bit(image: memoryview, bit: int, value: int) -> None:
     mask = 1 << (bit & 7)
     byte = image[bit >> 3]
     image[bit >> 3] = byte | mask if value else byte & ~mask
+
+
+def image_bytes(areas: Iterable[tuple[Area | None, Area | None]]) -> int:
+    """Return the size of an image; ``areas``: outputs and inputs of each slave."""
+    ends = [each.first_bit + each.bits for pair in areas for each in pair if each is not None]
+    return -(-max(ends) // 8)
 
 
 def expected_wkc(areas: Sequence[tuple[Area | None, Area | None]]) -> int:

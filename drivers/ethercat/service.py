@@ -268,7 +268,7 @@ class Service:
 
     def _not_in(self, setups: Sequence[SlaveSetup], state: AlState) -> list[str]:
         return [
-            f"{setup.name}: does not reach {state.name}, is in {_state_name(slave.state)} with "
+            f"{setup.name}: does not reach {state.name}, is in {state_name(slave.state)} with "
             f"AL status {slave.al_status:#06x}, "
             f"{self._pysoem.al_status_code_to_string(slave.al_status)}"
             for setup, slave in zip(setups, self._master.slaves, strict=True)
@@ -357,7 +357,8 @@ def _areas(fmmus: list[_Fmmu]) -> SlaveAreas:
     return SlaveAreas(area(_WRITE), area(_READ))
 
 
-def _state_name(state: int) -> str:
+def state_name(state: int) -> str:
+    """Return the name of a state with its error bit."""
     name = AlState(state & 0xF).name if state & 0xF in set(AlState) else f"state {state & 0xF}"
     return f"{name} with an error" if state & _ERROR else name
 

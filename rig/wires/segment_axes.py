@@ -13,11 +13,11 @@ from drivers.cia402.torque_drive import TorqueDriveReading, TorqueDriveSettings
 from drivers.errors import CodecError, LinkError
 from drivers.ethercat import clock, terminal
 from drivers.ethercat.clock import ClockParams
-from drivers.ethercat.cycle import OPERATIONAL, FrameLink, SegmentCycle
+from drivers.ethercat.cycle import FrameLink, SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
 from drivers.ethercat.link import Link
 from drivers.ethercat.position_actuator import ActuatorSettings, PositionActuator
-from drivers.ethercat.process_image import Area, expected_wkc
+from drivers.ethercat.process_image import Area, expected_wkc, image_bytes
 from drivers.ethercat.terminal import TerminalEntry
 from drivers.ethercat.torque_axis import TorqueAxis, TorqueAxisSettings
 from rig.processes import handover
@@ -166,8 +166,7 @@ class SegmentAxes(DriveAxes):
     ) -> None:
         """``slots``: the mailboxes of the drives' health, among others."""
         areas = facts.areas()
-        size = max(-(-(area.first_bit + area.bits) // 8) for pair in areas for area in pair if area)
-        frame = CyclicFrame(size, facts.reference_clock or None)
+        frame = CyclicFrame(image_bytes(areas), facts.reference_clock or None)
         self._cycle = SegmentCycle(link, frame, expected_wkc(areas))
         by_name = dict(zip(settings.slaves, areas, strict=True))
         self._axes = {
@@ -316,8 +315,7 @@ class SegmentAxes(DriveAxes):
         self._cycle.close()
 
     def _is_operational(self) -> bool:
-        state = self._cycle.state
-        return state.al_status == OPERATIONAL and state.slaves == len(self._settings.slaves)
+        return self._cycle.state.is_operational(len(self._settings.slaves))
 
 
 def _both(areas: tuple[Area | None, Area | None]) -> tuple[Area, Area]:

@@ -14,10 +14,10 @@ from drivers.cia402 import homing, homing_run, state_machine
 from drivers.cia402.arming import SetupStep, format_mismatches
 from drivers.errors import LinkError
 from drivers.ethercat import position_actuator
-from drivers.ethercat.cycle import OPERATIONAL, SegmentCycle
+from drivers.ethercat.cycle import SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
 from drivers.ethercat.link import Link
-from drivers.ethercat.process_image import Values, expected_wkc
+from drivers.ethercat.process_image import Values, expected_wkc, image_bytes
 from drivers.ethercat.service import (
     AlState,
     Service,
@@ -26,6 +26,7 @@ from drivers.ethercat.service import (
     SlaveIdentity,
     SlaveSetup,
     SlaveStatus,
+    state_name,
 )
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
@@ -191,8 +192,7 @@ class _FrameAccess:
     """A drive as `homing_run` needs it, in frames of this process."""
 
     def __init__(self, interface: str, areas: Sequence[SlaveAreas], place: int) -> None:
-        ends = [each.first_bit + each.bits for pair in areas for each in pair if each is not None]
-        frame = CyclicFrame(-(-max(ends) // 8), None)
+        frame = CyclicFrame(image_bytes(areas), None)
         self._cycle = SegmentCycle(Link(interface), frame, expected_wkc(areas))
         self._slaves = len(areas)
         outputs, inputs = areas[place]
@@ -204,9 +204,7 @@ class _FrameAccess:
 
     def reach_operational(self, service: Service) -> None:
         until = time.monotonic() + _OP_TIMEOUT_S
-        while not (
-            self._cycle.state.al_status == OPERATIONAL and self._cycle.state.slaves == self._slaves
-        ):
+        while not self._cycle.state.is_operational(self._slaves):
             if time.monotonic() > until:
                 raise ServiceError(f"the slaves do not reach OP in {_OP_TIMEOUT_S:g} s")
             service.status()
@@ -291,7 +289,6 @@ class _Watch:
                         now,
                     )
                 )
-
         if new := silent - self._reported:
             self._reported |= new
             report(Notice(f"{', '.join(sorted(new))}: no answer for {_SILENT_S:g} s"))
@@ -307,8 +304,7 @@ class _Watch:
 
 
 def _state_text(state: int, error: int) -> str:
-    names = {each.value: each.name for each in AlState}
-    text = f"is in {names.get(state, state)}"
+    text = f"is in {state_name(state)}"
     return f"{text}, AL status code {error:#06x}" if error else text
 
 

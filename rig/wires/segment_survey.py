@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from drivers.cia402 import arming, error_codes, statusword
 from drivers.cia402.arming import Mismatch, SetupStep
-from drivers.cia402.drive_objects import Access
 from drivers.errors import LinkError
 from drivers.ethercat.service import Service, ServiceError, SlaveIdentity
 from rig.wires.segment_service import identity_problems
@@ -83,17 +82,15 @@ def _survey_slave(
     if not readable or not expected[at]["steps"]:
         return survey
     steps = tuple(SetupStep(*step) for step in expected[at]["steps"])
-    objects = arming.read_back(steps)
-    answers = {(s.object, s.sub): service.read(at, s.object, s.sub, s.type) for s in objects}
-    verified = {(s.object, s.sub) for s in objects if s.access == Access.VERIFY}
-    mismatches = arming.compare(steps, answers)
-    wrong = tuple(m for m in mismatches if (m.object, m.sub) in verified)
+    present = arming.compare_present(
+        steps, lambda step: service.read(at, step.object, step.sub, step.type)
+    )
     status = code = None
-    trouble = [*arming.format_mismatches(wrong).splitlines()]
+    trouble = [*arming.format_mismatches(present.wrong).splitlines()]
     trouble += [
         f"has no object {each.object:#06x}:{each.sub:02x}, {each.name}"
-        for each in mismatches
-        if each.actual is None and each not in wrong
+        for each in present.unset
+        if each.actual is None
     ]
     if expected[at]["watchdog_ms"] and any(s.object == 0x6007 for s in steps):  # a drive
         status = service.read(at, _STATUSWORD, 0, "u16")
@@ -112,8 +109,6 @@ def _survey_slave(
     return survey._replace(
         statusword=status,
         error_code=code,
-        checked=len(objects),
-        wrong=wrong,
-        unset=tuple(m for m in mismatches if (m.object, m.sub) not in verified),
+        **present._asdict(),
         trouble=tuple(trouble),
     )

@@ -13,7 +13,6 @@ from drivers.canopen.link import LinkError as CanLinkError
 from drivers.canopen.service import NodeIdentity, NodeStatus, Service
 from drivers.cia402 import arming, error_codes, statusword
 from drivers.cia402.arming import Mismatch, SetupStep
-from drivers.cia402.drive_objects import Access
 from drivers.compax3 import objects
 from drivers.compax3.codec import error_number
 from drivers.compax3.requests import Requests
@@ -376,13 +375,9 @@ def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
     if service.read(node, 0x1000, 0, "u32") is None:
         return found
     steps = tuple(SetupStep(*step) for step in settings["steps"])
-    verified_objects = arming.read_back(steps)
-    answers = {
-        (s.object, s.sub): service.read(node, s.object, s.sub, s.type) for s in verified_objects
-    }
-    verified = {(s.object, s.sub) for s in verified_objects if s.access == Access.VERIFY}
-    mismatches = arming.compare(steps, answers)
-    wrong = tuple(m for m in mismatches if (m.object, m.sub) in verified)
+    present = arming.compare_present(
+        steps, lambda step: service.read(node, step.object, step.sub, step.type)
+    )
     heartbeat_ms = service.read(node, 0x1017, 0, "u16")
     found = found._replace(
         answers=True,
@@ -390,9 +385,7 @@ def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
         heartbeat_every=None if heartbeat_ms is None else 1e-3 * heartbeat_ms,
         error_code=service.read(node, 0x603F, 0, "u16"),
         statusword=service.read(node, 0x6041, 0, "u16"),
-        checked=len(verified_objects),
-        wrong=wrong,
-        unset=tuple(m for m in mismatches if (m.object, m.sub) not in verified),
+        **present._asdict(),
     )
     missing_facts = [
         f"does not give {name}, without which its command has no scale"
@@ -402,7 +395,7 @@ def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
     return found._replace(
         trouble=(
             *_fault_texts(found),
-            *arming.format_mismatches(wrong).splitlines(),
+            *arming.format_mismatches(present.wrong).splitlines(),
             *missing_facts,
         )
     )

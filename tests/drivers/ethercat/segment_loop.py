@@ -17,7 +17,7 @@ from typing import Any
 from drivers.cia402 import scaling, state_machine
 from drivers.cia402.arming import SetupStep, format_mismatches
 from drivers.cia402.torque_drive import TORQUE_MODE, TorqueDriveSettings
-from drivers.ethercat.cycle import OPERATIONAL, SegmentCycle
+from drivers.ethercat.cycle import SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
 from drivers.ethercat.link import Link
 from drivers.ethercat.pdo_steps import (
@@ -27,7 +27,7 @@ from drivers.ethercat.pdo_steps import (
     OUTPUTS,
     only_pdo_steps,
 )
-from drivers.ethercat.process_image import Area, expected_wkc, read_bit, write_bit
+from drivers.ethercat.process_image import Area, expected_wkc, image_bytes, read_bit, write_bit
 from drivers.ethercat.service import AlState, Service, SlaveSetup
 from drivers.ethercat.torque_axis import OUTPUTS as DRIVE_OUTPUTS
 from drivers.ethercat.torque_axis import TorqueAxis, TorqueAxisSettings
@@ -64,11 +64,8 @@ class Bench:
             ]
         )
         self.areas = self.service.areas()
-        ends = [a.first_bit + a.bits for pair in self.areas for a in pair if a is not None]
-        size = -(-max(ends) // 8)
-        self.cycle = SegmentCycle(
-            Link(MASTER_END), CyclicFrame(size, None), expected_wkc(self.areas)
-        )
+        frame = CyclicFrame(image_bytes(self.areas), None)
+        self.cycle = SegmentCycle(Link(MASTER_END), frame, expected_wkc(self.areas))
         outputs, inputs = self.areas[DRIVE]
         assert outputs is not None
         assert inputs is not None
@@ -109,8 +106,7 @@ class Bench:
         return time.perf_counter() - began
 
     def is_operational(self) -> bool:
-        state = self.cycle.state
-        return state.al_status == OPERATIONAL and state.slaves == len(LINE)
+        return self.cycle.state.is_operational(len(LINE))
 
     def reach_op(self) -> float:
         """Run the cycle while the service asks for OP, as another process would."""

@@ -64,6 +64,7 @@ def _run_details(figure: Figure, summary: Summary) -> float:
         "Sea": summary.sea,
         "Rig": summary.rig,
         "Start": summary.started_utc,
+        **({"Resumed": ", ".join(summary.resumed_utc)} if summary.resumed_utc else {}),
         "End": summary.ended_utc,
         "Host": summary.host,
         "Code": summary.code,

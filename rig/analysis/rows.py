@@ -26,6 +26,7 @@ from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import RecordCheck
 from rig.recording.runs.windows import (
     SKIPPED_ROW,
+    JoinedRows,
     Window,
     missing_rows,
     planned_ticks,
@@ -270,6 +271,7 @@ def row_table(
     )
     units, settings = column_units(contents), [column.name for column in contents.settings]
     reading = RecordCheck(source.contents, source.damage)
+    joined = JoinedRows(period_ticks)
     for raw_window in read_windows(
         source,
         table_fields(contents, available),
@@ -279,12 +281,8 @@ def row_table(
     ):
         if raw_window.row < 0:
             continue
-        length = planned_ticks(planned.get(raw_window.row, {}), dt)
-        too_short = raw_window.span + raw_window.lost_at_edges < 0.99 * length - 1.0
-        reason = raw_window.incomplete_reason or ("shorter than planned" if too_short else "")
-        window = raw_window._replace(
-            incomplete_reason=reason, data=calibrated.correct_ticks(corrections, raw_window.data)
-        )
+        whole = joined.add(raw_window, planned_ticks(planned.get(raw_window.row, {}), dt))
+        window = whole._replace(data=calibrated.correct_ticks(corrections, whole.data))
         entry = reduce_window(window, period_ticks, contents)
         # A later attempt replaces an earlier one.
         measured[window.row] = (

@@ -145,6 +145,7 @@ class Summary(NamedTuple):
     effects: tuple[Effects, ...] = ()  # of a designed matrix
     lost_ticks: LostTicks | None = None  # before a trip, if they may be its cause
     record: RecordState | None = None  # completeness of the record, independent of the ending
+    resumed_utc: tuple[str, ...] = ()  # when the run was resumed
 
     @property
     def rows_text(self) -> str:
@@ -237,6 +238,7 @@ def summarise(
         host=str(run_facts.host.get("hostname") or run_facts.host.get("name") or "not recorded"),
         started_utc=phrases.format_utc(run_facts.started_utc) or "not recorded",
         ended_utc=phrases.format_utc(str(run_facts.status.get("ended_utc") or "not recorded")),
+        resumed_utc=tuple(map(phrases.format_utc, run_facts.status.get("resumed_utc", ()))),
         code=_code_text(run_facts.code),
         calibration=str(table.attrs.get("calibration", "")),
         ending=ending.title,
@@ -308,6 +310,7 @@ def as_text(summary: Summary) -> str:
         f"rig      {summary.rig}",
         f"host     {summary.host}",
         f"started  {summary.started_utc}",
+        *([f"resumed  {', '.join(summary.resumed_utc)}"] if summary.resumed_utc else []),
         f"ended    {summary.ended_utc}",
         f"code     {summary.code}",
         *([f"calib.   {summary.calibration}"] if summary.calibration else []),

@@ -16,7 +16,7 @@ from rig.campaign.kind import (
     Plan,
     Wait,
 )
-from rig.campaign.plan import build_plan
+from rig.campaign.plan import build_plan, measured_before
 from rig.campaign.record import resolved_config
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "Wait",
     "build_plan",
     "check_campaign",
+    "measured_before",
     "open_campaign",
     "resolved_config",
 ]

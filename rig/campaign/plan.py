@@ -11,7 +11,8 @@ the drive stays off.
 """
 
 import math
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 from rig.campaign.kind import AnyPlan, CampaignKind, CampaignRow, PhaseSeconds, Plan, Wait
 from rig.campaign.set_points import row_setting, zero_setting
@@ -45,9 +46,32 @@ class PlanInputs(Protocol):
         """The points of the matrix; empty for a wave calibration."""
 
 
-def build_plan(campaign: PlanInputs) -> AnyPlan:
+class Measured(NamedTuple):
+    """The part of a campaign that the stages of its run before have measured."""
+
+    rows: frozenset[int] = frozenset()  # complete
+    periods: Mapping[int, int] = {}  # whole periods of other rows, by row
+
+    def as_record(self) -> dict[str, Any]:
+        """Return the rows as JSON values, in the plan of the stage after."""
+        return {"rows": sorted(self.rows), "periods": {str(r): n for r, n in self.periods.items()}}
+
+
+NOTHING = Measured()
+RESUMED = "resumed"  # key of a recorded plan with what the stages before have measured
+
+
+def measured_before(plan: Mapping[str, Any]) -> Measured:
+    """Return the rows that a recorded plan leaves out."""
+    record = plan.get(RESUMED) or {}
+    periods = {int(row): count for row, count in record.get("periods", {}).items()}
+    return Measured(frozenset(record.get("rows", ())), periods)
+
+
+def build_plan(campaign: PlanInputs, measured: Measured = NOTHING) -> AnyPlan:
     """Return the plan of a campaign that passed all checks of `open_campaign`.
 
+    Its segments leave out what is already ``measured``; its rows are those of the whole campaign.
     Raises `WindowError` if the window of a row does not fit.
     """
     kind, file, rig, points = campaign.kind, campaign.file, campaign.rig, campaign.points
@@ -67,13 +91,14 @@ def build_plan(campaign: PlanInputs) -> AnyPlan:
             )
             for row, repetition in enumerate(order_rows(file, places))
         )
-        plan_segments = _row_segments(kind, file, rig, rows, windows)
+        left = [row for row in rows if row.row not in measured.rows]
+        plan_segments = _row_segments(kind, file, rig, left, windows, measured.periods)
     else:
         plan_segments = _calibration_segments(file, windows)
     if file.tank is not None:
         plan_segments = end_before_reflection(file.tank, file.sea, plan_segments)
-        measured = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
-        rows = tuple(_measured(row, measured[row.row], file) for row in rows)
+        lengths = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
+        rows = tuple(_measured(row, lengths.get(row.row, row.measure), file) for row in rows)
     rate = float(rig.rate_hz)
     table = cut_into_ticks(plan_segments, rate)
     segments, kept, settings = table
@@ -124,9 +149,12 @@ def _row_segments(
     kind: CampaignKind,
     file: BaseCampaignFile,
     rig: BaseRigFile,
-    rows: tuple[CampaignRow[Any], ...],
+    rows: Sequence[CampaignRow[Any]],
     windows: RowWindows,
+    done: Mapping[int, int],
 ) -> list[PlanSegment[Any]]:
+    """Return the segments of the rows, of which some periods are ``done``."""
+    period = windows.measure / max(windows.periods, 1)
     lead_in = kind.lead_in(file, rows[0].setting)
     first = lead_in[0][1]
     plan_segments = [
@@ -141,7 +169,12 @@ def _row_segments(
         plan_segments += [
             *([] if move is None else [_waiting(row.row, move)]),
             PlanSegment(row.row, Phase.SETTLE, windows.settle, row.setting),
-            PlanSegment(row.row, Phase.MEASURE, windows.measure, row.setting),
+            PlanSegment(
+                row.row,
+                Phase.MEASURE,
+                windows.measure - period * done.get(row.row, 0),
+                row.setting,
+            ),
             PlanSegment(row.row, Phase.TAIL, windows.tail, row.setting),
         ]
     last = kind.last(file, before)

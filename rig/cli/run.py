@@ -17,7 +17,17 @@ from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
 from rig.cli.check import examine, print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim, WithPage
-from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED, fail, input_errors, print_json
+from rig.cli.output import (
+    FAILED,
+    FAULT,
+    INPUT_ERRORS,
+    LOST,
+    OK,
+    STOPPED,
+    fail,
+    input_errors,
+    print_json,
+)
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
 from rig.config.wiring import WiringError
@@ -59,10 +69,12 @@ class RunOptions(NamedTuple):
     unattended: bool = False  # manual mode without the dead man's time
     page: bool = False  # serve the operator's page, too
     kept: Path = Path("kept_rows.yaml")  # campaign with the set points that people keep
+    resume: Path | None = None  # run that goes on
+    accept_changes: bool = False  # of the files since its begin
 
 
 def command(
-    task: Annotated[Path, typer.Argument(metavar="FILE", help=TASK_HELP)],
+    task: Annotated[Path | None, typer.Argument(metavar="FILE", help=TASK_HELP)] = None,
     realtime: Realtime = False,
     rig: Rig = None,
     sim: Sim = False,
@@ -71,6 +83,22 @@ def command(
         bool, typer.Option("--arm", help="Switch power on only when an operator has armed the run.")
     ] = False,
     page: WithPage = False,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="RUN",
+            help="Go on with a campaign that ended early: measure the rows that it lacks, in the"
+            " same run. FILE may be left out.",
+        ),
+    ] = None,
+    accept_changes: Annotated[
+        bool,
+        typer.Option(
+            "--accept-changes",
+            help="With --resume: go on although files have changed; the record names the changes.",
+        ),
+    ] = False,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -80,7 +108,20 @@ def command(
     rehearsal on the simulated plant. A rig file with wiring runs on the rig's
     devices.
     """
-    options = RunOptions(rig, realtime, sim, interpreted, arm, page=page)
+    options = RunOptions(
+        rig, realtime, sim, interpreted, arm, page=page, accept_changes=accept_changes
+    )
+    if resume is not None:
+        from rig.cli.resume import named_files
+
+        try:
+            run, task, rig = named_files(resume, runs, task, rig)
+        except (create.BusyError, *INPUT_ERRORS) as error:
+            return fail("run", error, as_json=as_json)
+        options = options._replace(resume=run, rig=rig)
+    if task is None or (accept_changes and resume is None):
+        missing = ValueError("give a FILE, or --resume RUN (which --accept-changes needs)")
+        return fail("run", missing, as_json=as_json)
     return run_named("run", task, runs, options, as_json=as_json)
 
 
@@ -108,6 +149,13 @@ def run_named(
     checked, plan = report.checked, report.plan
     if checked is None or plan is None:
         return print_problems(report, as_json=as_json)
+    plan_record: dict[str, Any] = {}
+    if options.resume is not None:
+        from rig.cli.resume import rest_of_run
+
+        with input_errors(command_name, as_json=as_json):
+            rest = rest_of_run(report, options.resume, accept_changes=options.accept_changes)
+            plan, plan_record = rest.plan, rest.plan_record
     if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
         report = with_simulated_rows(report)
     if not as_json:
@@ -137,11 +185,11 @@ def run_named(
                 unattended=options.unattended,
             )
             if (log_fields := getattr(display, "log_fields", None)) is not None:
-                fields = log_fields(checked.rig).as_record()
-                task = task._replace(plan=task.plan | {"log_fields": fields})
+                plan_record["log_fields"] = log_fields(checked.rig).as_record()
+            task = task._replace(plan=task.plan | plan_record)
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
-            ended = run_task(task, runs, view, mode, began)
+            ended = run_task(task, runs, view, mode, began, options.resume)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:

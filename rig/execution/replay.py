@@ -30,8 +30,9 @@ from rig.realtime.requests import NO_REQUEST
 from rig.realtime.tick import CompiledTick, InterpretedTick, Tick
 from rig.recording import row_layout
 from rig.recording.journal import JOURNAL, read_journal
-from rig.recording.runs import RunError, RunInfo, reader, run_info
+from rig.recording.runs import RunError, RunInfo, reader
 from rig.recording.runs.mcap_file import Records, row_dtype
+from rig.recording.runs.reader import stage_info
 
 _INPUT_FIELDS = ("tick", "time", "timing", "tick_end")
 _TIMING_FIELDS = ("timing.lateness", "timing.work", "timing.skipped")
@@ -124,43 +125,43 @@ def replay(
     one, ticks are missing from the log, or a sense was not logged.
     """
     source = reader.open_files(run)
-    run_facts = run_info(run, source.contents)
-    target = _load_target(run_facts)
     names = [leaf.name for leaf in source.leaves]
-    absent_senses = [
-        name
-        for name in (*target.sense_fields(), *_TIMING_FIELDS, *_SAFETY_FIELDS)
-        if name not in names
-    ]
-    if absent_senses:
-        raise RunError(f"{run_facts.run}: it did not log {', '.join(absent_senses)}")
-    today = row_layout.leaves(target.task.kind.row_type)
-    compared = [leaf for leaf in today if leaf.name in names and not target.is_input(leaf.name)]
-    comparison = _Comparison(compared)
-    cycle_replay = _CycleReplay(target, run_facts.run, interpreted=interpreted)
+    comparison, requests, compiled = _Comparison(), list[LoggedRequest](), list[bool]()
     done = 0
-    for block in reader.blocks(source):
-        comparison.add(block, cycle_replay.replay_block(block))
-        done += len(block)
-        on_progress(done)
+    for stage in source.stages:  # each began with the state of a new run
+        run_facts = stage_info(run, stage)
+        target = _load_target(run_facts)
+        fields = (*target.sense_fields(), *_TIMING_FIELDS, *_SAFETY_FIELDS)
+        if absent_senses := [name for name in fields if name not in names]:
+            raise RunError(f"{run_facts.run}: it did not log {', '.join(absent_senses)}")
+        today = row_layout.leaves(target.task.kind.row_type)
+        compared = [leaf for leaf in today if leaf.name in names and not target.is_input(leaf.name)]
+        cycle_replay = _CycleReplay(target, run_facts.run, interpreted=interpreted)
+        for block in reader.stage_blocks(stage):
+            comparison.add(compared, block, cycle_replay.replay_block(block), stage.first_tick)
+            done += len(block)
+            on_progress(done)
+        requests += [
+            request._replace(tick=stage.first_tick + request.tick)
+            for request in cycle_replay.requests
+        ]
+        compiled.append(cycle_replay.compiled)
     if not done:
         raise RunError(f"{run_facts.run}: it logged no tick")
     inputs = (*_REQUEST_FIELDS, "plan.live")  # of older runs: found by their modes, and 0
     absent = tuple(
         leaf.name for leaf in today if leaf.name not in names and leaf.name not in inputs
     )
-    finished = all(contents.finished for contents in source.contents)
-    differences, requests = comparison.differences(), tuple(cycle_replay.requests)
     return ReplayReport(
         run_facts.run,
         done,
         len(compared),
-        differences,
-        requests,
+        comparison.differences(),
+        tuple(requests),
         absent,
-        finished,
+        all(contents.finished for contents in source.contents),
         target.task.notice,
-        cycle_replay.compiled,
+        all(compiled),
     )
 
 
@@ -313,13 +314,14 @@ def _read_requests(block: Records) -> Iterator[requests.Request]:
 class _Comparison:
     """The differences by field, collected block by block."""
 
-    def __init__(self, compared: list[row_layout.Leaf]) -> None:
-        self._leaves = compared
+    def __init__(self) -> None:
         self._differences: dict[str, Difference] = {}
 
-    def add(self, logged: Records, replayed: Records) -> None:
-        """Compare a block of ticks; two NaN are equal."""
-        for leaf in self._leaves:
+    def add(
+        self, leaves: list[row_layout.Leaf], logged: Records, replayed: Records, first_tick: int
+    ) -> None:
+        """Compare the leaves of a block of ticks, counted from ``first_tick``; NaN equals NaN."""
+        for leaf in leaves:
             one, other = logged[leaf.name], replayed[leaf.name]
             differs = (one != other) & ~(np.isnan(one) & np.isnan(other))
             at = np.flatnonzero(differs)
@@ -331,7 +333,7 @@ class _Comparison:
                 leaf.name,
                 leaf.unit,
                 0,
-                int(logged["tick"][i]),
+                first_tick + int(logged["tick"][i]),
                 float(one[i]),
                 float(other[i]),
                 size,

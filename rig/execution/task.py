@@ -49,19 +49,23 @@ def run_task(
     view: View,
     mode: ExecutionMode,
     began: Callable[[Path], None] = lambda folder: None,
+    resumed: Path | None = None,
 ) -> RunResult:
-    """Run a task to its end and return the result; ``began`` is called with the new folder.
+    """Run a task to its end and return the result; ``began`` is called with the folder.
 
-    Raises BusyError when the real clock or one of its wires is taken. Ctrl-C requests a controlled
-    stop, a second Ctrl-C an immediate power off; either way every row measured so far is kept.
+    The folder is a new one in ``runs``, or that of an ended run which is ``resumed``. Raises
+    BusyError when the real clock or one of its wires is taken. Ctrl-C requests a controlled stop,
+    a second Ctrl-C an immediate power off; either way every row measured so far is kept.
     """
     with _requests_from_signals(view) as get_request, ExitStack() as locks:
         started = datetime.now(UTC)
         wires = (REALTIME_WIRE, *mode.wires) if mode.real_clock else mode.wires
         taken_locks = locks.enter_context(wire_locks.acquire(wires, f"campaign {task.name}"))
-        folder = create.create_folder(runs, task.name, started)
+        folder = resumed or create.create_folder(runs, task.name, started)
         folder_lock = locks.enter_context(create.lock_run(folder))
-        _write_start_files(folder, task, started, mode)
+        begin = _begin_stage(folder, started) if resumed else {"started_utc": started.isoformat()}
+        status = _start_status(folder, task, mode) | begin
+        _write_start_files(folder, task, status)
         began(folder)
         attached = (*ATTACHED_FILES, *([LAW_SOURCE] if task.law_source else []))
         run = SupervisedRun(
@@ -71,7 +75,7 @@ def run_task(
         if outcome.moved:  # some of the saved rows may be missing in the new folder
             lost = outcome.ticks - outcome.dropped - _count_readable_rows(run.folder)
             outcome = outcome._replace(unsaved=max(outcome.unsaved, lost))
-        outcome, save_error = _close_folder(run.folder, task, outcome, started, mode)
+        outcome, save_error = _close_folder(run.folder, task, outcome, status)
         with suppress(OSError, ValueError):
             # A folder from which only the record was removed refers to the record's folder.
             if run.folder != folder and (folder / STATUS).exists():
@@ -96,7 +100,7 @@ def _draw_until_error(view: View) -> Callable[[Snapshot], None]:
 
 
 def _close_folder(
-    folder: Path, task: Task, outcome: Outcome, started: datetime, mode: ExecutionMode
+    folder: Path, task: Task, outcome: Outcome, start: dict[str, Any]
 ) -> tuple[Outcome, str]:
     """Write one finished record and the run's status; return the outcome and an error text.
 
@@ -105,7 +109,8 @@ def _close_folder(
     """
     outcome, record, record_error = _finish_record(folder, outcome)
     errors = [record_error] if record_error else []
-    status = _start_status(folder, task, started, mode) | {
+    status = start | {
+        "run": folder.name,
         "status": outcome.status,
         "reason": outcome.reason,
         "reason_text": task.kind.reason_table.text(outcome.reason),
@@ -165,21 +170,27 @@ def _finish_record(folder: Path, outcome: Outcome) -> tuple[Outcome, str, str]:
 
 
 def _count_readable_rows(folder: Path) -> int:
-    """Return the number of rows of a record that can be read."""
+    """Return the number of rows that can be read of the stage that has ended."""
     try:
-        state = reader.check_record(folder)
+        stage = reader.open_files(folder).stages[-1]
+        return sum(len(block) for block in reader.stage_blocks(stage))
     except (OSError, RunError):
         return 0
-    return state.ticks - state.lost
 
 
 def _error_text(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
-def _start_status(
-    folder: Path, task: Task, started: datetime, mode: ExecutionMode
-) -> dict[str, Any]:
+def _begin_stage(folder: Path, now: datetime) -> dict[str, Any]:
+    """Begin another stage of a run; return the times of its begin and of each later stage."""
+    status = json.loads((folder / STATUS).read_text())
+    create.begin_stage(folder)
+    begun = [*status.get("resumed_utc", []), now.isoformat()]
+    return {"started_utc": status["started_utc"], "resumed_utc": begun}
+
+
+def _start_status(folder: Path, task: Task, mode: ExecutionMode) -> dict[str, Any]:
     return {
         "run": folder.name,
         "status": "running",
@@ -187,13 +198,12 @@ def _start_status(
         "kind": task.kind_name,
         "campaign": task.name,
         "rows_planned": task.planned_rows,
-        "started_utc": started.isoformat(),
         "pid": os.getpid(),
         "pid_started": module_process.start_ticks(os.getpid()),
     }
 
 
-def _write_start_files(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
+def _write_start_files(folder: Path, task: Task, status: dict[str, Any]) -> None:
     (folder / "config.json").write_text(task.config + "\n")
     reasons = {"reasons": task.kind.reason_table.as_records()}
     create.write_json(folder, "plan.json", task.plan | reasons)
@@ -201,7 +211,7 @@ def _write_start_files(folder: Path, task: Task, started: datetime, mode: Execut
         (folder / LAW_SOURCE).write_text(task.law_source)
     create.write_json(folder, "code.json", provenance.describe_code())
     create.write_json(folder, "host.json", provenance.describe_host())
-    create.write_json(folder, STATUS, _start_status(folder, task, started, mode))
+    create.write_json(folder, STATUS, status)
 
 
 def _join_parts(folder: Path) -> JoinResult | None:

@@ -133,6 +133,8 @@ class FolderTracker:
         self.descriptor = open_folder(folder)
         self._texts = {path.name: path.read_bytes() for path in folder.glob("*.json")}
         self._parts: dict[str, int] = {}
+        for record in folder.glob("earlier-*"):  # of a resumed run
+            self.open_part(record.name)
 
     def open_part(self, part: str) -> None:
         """Open a part of the record if it exists."""

@@ -1,6 +1,6 @@
 """The task of a recorded campaign of a modular rig."""
 
-from rig.campaign import build_plan
+from rig.campaign import build_plan, measured_before
 from rig.campaign.record import campaign_from_record, law_notice
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CAMPAIGNS
@@ -15,7 +15,7 @@ def recorded_task(run: RunInfo) -> RecordedTask:
     Raises KeyError if the record lacks a part, ValueError if a part is not valid today.
     """
     campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
-    plan = build_plan(campaign)
+    plan = build_plan(campaign, measured_before(run.plan))
     composition = campaign_composition(campaign)
     composed = compose(composition)
     return RecordedTask(

@@ -1,7 +1,7 @@
 """The task of a recorded campaign."""
 
 from rig import laws
-from rig.campaign import build_plan
+from rig.campaign import build_plan, measured_before
 from rig.campaign.record import campaign_from_record, law_notice
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import CAMPAIGNS
@@ -16,7 +16,7 @@ def recorded_task(run: RunInfo) -> RecordedTask:
     Raises KeyError if the record lacks a part, ValueError if a part is not valid today.
     """
     campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
-    file, plan = campaign.file, build_plan(campaign)
+    file, plan = campaign.file, build_plan(campaign, measured_before(run.plan))
     params = wavebot_params(campaign, plan.segments, plan.setpoints)
     kind = KIND if file.zc_law is not None else kind_with_law(file.heave_law.module)
     return RecordedTask(

@@ -11,7 +11,8 @@ from typing import Any
 
 from rig.realtime.reasons import Reason
 from rig.recording.folder_watch import open_folder
-from rig.recording.runs.folder import STATUS
+from rig.recording.journal import JOURNAL
+from rig.recording.runs.folder import MCAP, RECOVERED, STATUS, earlier_records
 
 
 class BusyError(RuntimeError):
@@ -30,6 +31,25 @@ def create_folder(runs: Path, name: str, now: datetime) -> Path:
             continue
         return folder
     raise BusyError(f"{runs}: too many runs named {stem}")
+
+
+def begin_stage(folder: Path) -> None:
+    """Put the record of an ended run aside, so that the run can go on in the same folder.
+
+    A crash in between leaves a folder that opens as before: the record has its new name, or the
+    old one. Raise OSError if a file cannot be renamed.
+    """
+    stem = f"earlier-{1 + len(earlier_records(folder))}"
+    record = folder / (RECOVERED if (folder / RECOVERED).exists() else MCAP)
+    if record.exists():
+        record.rename(folder / f"{stem}.mcap")
+    else:  # killed before its first row
+        stem = f"empty-{1 + len({path.name.partition('.')[0] for path in folder.glob('empty-*')})}"
+    # What a crash or a damaged disk left, from which the record was recovered.
+    for rest in sorted(folder.glob(f"{MCAP}*")):
+        rest.rename(folder / f"{stem}.{rest.name}")
+    with suppress(FileNotFoundError):
+        (folder / JOURNAL).rename(folder / f"{stem}.{JOURNAL}")
 
 
 def end_status(reason: int) -> str:

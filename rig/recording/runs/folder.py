@@ -31,26 +31,30 @@ RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
 STATUS = "run.json"
 SOCKET = "requests.sock"  # of a run that runs, for the requests of people
 CONFIG = "config.json"
+PLAN = "plan.json"
 LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
+_EARLIER = re.compile(r"earlier-(\d+)\.mcap")
 
 
 def mcap_files(run: str | os.PathLike[str]) -> list[Path]:
     """Return the MCAP files of a run in the order of time; raise RunError if there are none.
 
     A folder holds ``run.mcap``, or the parts that a killed logger and its successors left; a
-    recovered file replaces the files from which it was recovered.
+    recovered file replaces the files from which it was recovered. In front of them are the records
+    of the stages before the run was resumed.
     """
     path = Path(run)
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise RunError(f"{path}: no such run")
+    earlier = earlier_records(path)
     for file in (path / RECOVERED, path / MCAP):
         if file.is_file():
-            return [file]
-    found = mcap_parts(path)
+            return [*earlier, file]
+    found = [*earlier, *mcap_parts(path)]
     if not found:
         raise RunError(f"{path}: no {MCAP} and no part of one")
     return found
@@ -58,7 +62,21 @@ def mcap_files(run: str | os.PathLike[str]) -> list[Path]:
 
 def mcap_parts(folder: Path) -> list[Path]:
     """Return the parts of a record that loggers left in a run's folder, in the order of time."""
-    found = {int(m[1]): p for p in folder.iterdir() if (m := _PART.fullmatch(p.name))}
+    return _numbered(folder, _PART)
+
+
+def earlier_records(folder: Path) -> list[Path]:
+    """Return the records of a run's stages before it was resumed, in the order of time."""
+    return _numbered(folder, _EARLIER)
+
+
+def is_earlier(record: Path) -> bool:
+    """Return whether a file is the record of a stage before the run was resumed."""
+    return _EARLIER.fullmatch(record.name) is not None
+
+
+def _numbered(folder: Path, names: re.Pattern[str]) -> list[Path]:
+    found = {int(m[1]): p for p in folder.iterdir() if (m := names.fullmatch(p.name))}
     return [found[number] for number in sorted(found)]
 
 
@@ -205,14 +223,18 @@ def run_info(
         campaign=str(status.get("campaign") or _campaign(config)),
         status=status,
         config=config,
-        plan=_with_current_keys(read("plan.json")),
+        plan=_with_current_keys(read(PLAN)),
         code=read("code.json"),
         host=read("host.json"),
         timing=read("timing.json"),
         metadata=metadata,
         law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
-        journal=_read_bytes(path / JOURNAL) or attached.get(JOURNAL, b""),
+        journal=_read_bytes(_journal(path)) or attached.get(JOURNAL, b""),
     )
+
+
+def _journal(path: Path) -> Path:
+    return path.with_suffix(f".{JOURNAL}") if is_earlier(path) else path / JOURNAL
 
 
 class RunListEntry(NamedTuple):

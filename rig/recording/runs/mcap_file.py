@@ -250,12 +250,16 @@ def scan_all(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[FileContents
 def merge_descriptions(
     contents: Iterable[FileContents],
 ) -> tuple[dict[str, bytes], dict[str, dict[str, str]]]:
-    """Return the attachments and the metadata of a run's files; the latest of a name counts."""
+    """Return the attachments and the metadata of a run's files.
+
+    Of attachments the latest of a name counts; of metadata, such as the UTC of run time zero, the
+    first.
+    """
     attachments: dict[str, bytes] = {}
     metadata: dict[str, dict[str, str]] = {}
     for each in contents:
         attachments |= each.attachments
-        metadata |= each.metadata
+        metadata = each.metadata | metadata
     return attachments, metadata
 
 

@@ -9,11 +9,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rig.recording.mcap_writer import CHUNK_BYTES
+from rig.recording.mcap_writer import CHUNK_BYTES, CLOCK_RECORD, START_KEY
 from rig.recording.row_layout import Leaf
 from rig.recording.runs import folder, mcap_file
 from rig.recording.runs.mcap_records import RunError
-from rig.recording.runs.state import CHECKED_FIELDS, RecordCheck, RecordState
+from rig.recording.runs.state import (
+    CHECKED_FIELDS,
+    SKIPPED,
+    RecordCheck,
+    RecordState,
+    TickAccount,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -23,12 +29,41 @@ _LABELS = ("index", "flag")  # units of row ids, phases, modes, flags: small lab
 Column = np.ndarray[tuple[int], np.dtype[Any]]
 
 
+class Stage(NamedTuple):
+    """The files of a run until it was resumed, or since.
+
+    Each stage counts its ticks from 0. Readers count on through all stages: the ticks between two
+    stages were never executed, and so are counted as skipped.
+    """
+
+    contents: tuple[mcap_file.FileContents, ...]  # in the order of time
+    first_tick: int = 0  # tick of the run at which its own tick 0 is
+    last_before: int = -1  # last tick that the stages before executed
+    dt: float = 0.0  # s, length of a tick
+
+    def shift(self, block: mcap_file.Records, skipped: int) -> mcap_file.Records:
+        """Return rows with the ticks of the run; ``skipped``: ticks skipped before the stage."""
+        shifted = block.copy()
+        names = block.dtype.names or ()
+        shifted["tick"] += self.first_tick
+        if "time" in names:
+            shifted["time"] = shifted["tick"] * self.dt
+        if SKIPPED in names:
+            shifted[SKIPPED] += skipped
+        return shifted
+
+
 class RunFiles(NamedTuple):
     """A run's scanned files and the fields of their rows."""
 
-    contents: tuple[mcap_file.FileContents, ...]  # in the order of time
+    stages: tuple[Stage, ...]  # one, or more of a run that was resumed
     leaves: tuple[Leaf, ...]
     damage: tuple[str, ...] = ()  # descriptions of unreadable files and of damaged places
+
+    @property
+    def contents(self) -> tuple[mcap_file.FileContents, ...]:
+        """The files of all stages, in the order of time."""
+        return tuple(each for stage in self.stages for each in stage.contents)
 
     @property
     def max_rows(self) -> int:
@@ -52,7 +87,36 @@ def open_files(run: str | os.PathLike[str]) -> RunFiles:
         raise RunError(f"{'; '.join(damage)}; {mcap_file.UNREADABLE_HINT}")
     if any(c.schema != contents[0].schema for c in contents):
         raise RunError(f"{run}: its parts hold rows of different kinds")
-    return RunFiles(tuple(contents), contents[0].leaves, tuple(damage))
+    return RunFiles(_stages(contents), contents[0].leaves, tuple(damage))
+
+
+def _stages(contents: list[mcap_file.FileContents]) -> tuple[Stage, ...]:
+    """Return the stages of a run's files, given in the order of time."""
+    earlier = [each for each in contents if folder.is_earlier(each.path)]
+    latest = tuple(each for each in contents if not folder.is_earlier(each.path))
+    groups = [*((each,) for each in earlier), *([latest] if latest else [])]
+    start = _utc_of_zero(groups[0][0])
+    stages = [Stage(groups[0])]
+    for group in groups[1:]:
+        plan = folder.parse_json(group[-1].attachments.get(folder.PLAN))
+        resumed, dt = plan.get("resumed") or {}, float(plan.get("dt") or 0.0)
+        last = int(resumed.get("last_tick", stages[-1].last_before))
+        # On the virtual clock a stage may take less time than its ticks say.
+        by_clock = round((_utc_of_zero(group[0]) - start) * 1e-9 / dt) if dt else 0
+        stages.append(Stage(group, max(last + 1, by_clock), last, dt))
+    return tuple(stages)
+
+
+def stage_info(run: str | os.PathLike[str], stage: Stage) -> folder.RunInfo:
+    """Return the description of a run as it was in a stage."""
+    first = stage.contents[0].path
+    return folder.run_info(first if folder.is_earlier(first) else run, stage.contents)
+
+
+def _utc_of_zero(contents: mcap_file.FileContents) -> int:
+    """Return the UTC of a stage's time zero, ns; 0 if its file lacks it."""
+    text = contents.metadata.get(CLOCK_RECORD, {}).get(START_KEY, "")
+    return int(text) if text.isdigit() else 0
 
 
 def select_fields(leaves: tuple[Leaf, ...], fields: Iterable[str] | None) -> list[str]:
@@ -87,20 +151,44 @@ def blocks(
     """
     damage = None if check is None else check.damage
     names = None if fields is None else [*fields, *CHECKED_FIELDS]
-    merged = mcap_file.merged_blocks(run.contents, damage, packed=False, fields=names)
-    for block in mcap_file.unrepeated(merged):
-        if check is not None:
-            check.add(block)
-        yield block
+    last_skipped = 0
+    for stage in run.stages:
+        skipped = last_skipped + stage.first_tick - stage.last_before - 1
+        if check is not None and stage.first_tick:
+            check.begin_stage(stage.first_tick, skipped)
+        for read in stage_blocks(stage, damage, names):
+            block = stage.shift(read, skipped) if stage.first_tick else read
+            if SKIPPED in (block.dtype.names or ()):
+                last_skipped = int(block[SKIPPED][-1])
+            if check is not None:
+                check.add(block)
+            yield block
+
+
+def stage_blocks(
+    stage: Stage, damage: list[str] | None = None, fields: list[str] | None = None
+) -> Iterator[mcap_file.Records]:
+    """Yield the rows of a stage, each tick once, with the stage's own ticks."""
+    merged = mcap_file.merged_blocks(stage.contents, damage, packed=False, fields=fields)
+    yield from mcap_file.unrepeated(merged)
 
 
 def check_record(run: str | os.PathLike[str]) -> RecordState:
     """Return the state of a run's record after reading all of it."""
+    return _read_all(run).state(run)
+
+
+def account_of(run: str | os.PathLike[str]) -> TickAccount:
+    """Return the account of a run's ticks after reading all of its record."""
+    return _read_all(run).account(run)
+
+
+def _read_all(run: str | os.PathLike[str]) -> RecordCheck:
     opened = open_files(run)
     check = RecordCheck(opened.contents, opened.damage)
-    for _ in blocks(opened, check):
+    for _ in blocks(opened, check, ()):
         pass
-    return check.state(run)
+    return check
 
 
 def _column_dtype(leaf: Leaf) -> np.dtype[Any]:

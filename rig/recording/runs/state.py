@@ -107,6 +107,11 @@ class TickCounter:
         self._skipped = int(counts[-1])
         self._latest = self._tick, float(block["time"][-1])
 
+    @property
+    def executed(self) -> int:
+        """Number of ticks that the rows so far show to have been executed."""
+        return self._rows + sum(gap.lost for gap in self._gaps)
+
     def result(self, end_report: EndReport | None) -> TickAccount:
         """Return the account of the rows so far, completed by an end report."""
         gaps = list(self._gaps)
@@ -241,7 +246,12 @@ class RecordCheck:
     def __init__(self, contents: Sequence[FileContents], damage: Iterable[str]) -> None:
         self._contents = contents
         self._counter = TickCounter()
+        self._stage = EndReport(0, 0, 0, "", final=False)  # counts before the last stage
         self.damage = list(damage)
+
+    def begin_stage(self, first_tick: int, skipped: int) -> None:
+        """Begin a stage of a resumed run, after ``skipped`` skipped ticks."""
+        self._stage = EndReport(self._counter.executed, first_tick, skipped, "", final=False)
 
     def add(self, block: Records) -> None:
         """Count the next rows, each tick once, in order."""
@@ -249,7 +259,21 @@ class RecordCheck:
 
     def state(self, run: str | os.PathLike[str]) -> RecordState:
         """Return the state of the run's record after all its rows were read."""
-        place = Path(run)
+        account, running, recovered = self._account(Path(run))
+        return state_of(
+            account,
+            self.damage,
+            finished=all(each.finished for each in self._contents),
+            recovered=recovered,
+            running=running,
+        )
+
+    def account(self, run: str | os.PathLike[str]) -> TickAccount:
+        """Return the account of the run's ticks after all its rows were read."""
+        return self._account(Path(run))[0]
+
+    def _account(self, place: Path) -> tuple[TickAccount, bool, bool]:
+        """Return the account, whether the run goes on, and whether it was recovered."""
         attachments, _ = merge_descriptions(self._contents)
         status, progress = logger_status(attachments), dict[str, Any]()
         if place.is_dir():
@@ -257,13 +281,22 @@ class RecordCheck:
             progress = read_json(place / PROGRESS)
         running = status.get("status") == "running" and folder.is_supervised(status) is True
         report = None if running else end_report(status, progress, attachments)
-        return state_of(
-            self._counter.result(report),
-            self.damage,
-            finished=all(each.finished for each in self._contents),
-            recovered="recovered_utc" in status,
-            running=running,
-        )
+        if report is not None:
+            report = _in_ticks_of_run(report, self._stage)
+        return self._counter.result(report), running, "recovered_utc" in status
+
+
+def _in_ticks_of_run(report: EndReport, before: EndReport) -> EndReport:
+    """Return the report on a stage's end with the counts before the stage added."""
+
+    def add(count: int | None, earlier: int | None) -> int | None:
+        return None if count is None else count + (earlier or 0)
+
+    return report._replace(
+        ticks=report.ticks + before.ticks,
+        last_tick=add(report.last_tick, before.last_tick),
+        skipped=add(report.skipped, before.skipped),
+    )
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -28,7 +28,14 @@ PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
 REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")
 ALL_TICKS_MISSING = "all of its ticks are missing from the record"
 SKIPPED_ROW = "skipped"
+RUN_RESUMED = "the run was interrupted here, and resumed"
+LOG_ENDS = "the log ends here"
 _ORDER = "plan.request.jump"  # number of the last order to go on with another segment
+_FIRST_PHASES = (Phase.TARE, Phase.LEAD_IN, Phase.STANDBY)  # of a plan: none follows a window
+_INTERRUPTIONS = (
+    *(Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT, Reason.SUPERVISOR_LOST, Reason.LOGGER_LOST),
+)
+"""Reasons of a stop that cast no doubt on what the rig has measured."""
 
 
 class Window(NamedTuple):
@@ -62,6 +69,57 @@ class Window(NamedTuple):
         """Count of the missing ticks as text; empty if none is missing."""
         missing = f"{self.missing} of {self.expected} ticks missing from the record"
         return missing if self.missing else ""
+
+
+_STOPPED = "run stopped: "
+_KEPT_AFTER = (RUN_RESUMED, LOG_ENDS, *(f"{_STOPPED}{reason.name}" for reason in _INTERRUPTIONS))
+
+
+class JoinedRows:
+    """Joins the windows of rows that were cut short when a run ended, and measured to their end
+    since it was resumed.
+
+    Of a window that was cut short, its whole periods count. The windows of a row follow each other
+    in a joined one as if there had been no interruption: its ticks have no gap. The waves of two
+    stages are not in phase, so only means over whole periods are valid.
+    """
+
+    def __init__(self, period_ticks: float | None) -> None:
+        self._period_ticks = period_ticks  # None: the sea does not repeat, and nothing is joined
+        self._cut: dict[int, Window] = {}  # by row
+
+    def add(self, window: Window, planned: int) -> Window:
+        """Return the window with all that earlier stages measured of its row.
+
+        ``planned``: length of the row's measurement in ticks. A window that is too short for its
+        row gets an ``incomplete_reason``.
+        """
+        whole = window
+        if window.row in self._cut and _is_short(window, planned):
+            whole = _append(self._cut[window.row], window)
+        if not whole.incomplete_reason and _is_short(whole, planned):
+            whole = whole._replace(incomplete_reason="shorter than planned")
+        if whole.incomplete_reason in _KEPT_AFTER and not whole.missing and self._period_ticks:
+            periods = int((len(whole.data) + 0.5) / self._period_ticks)
+            if periods:
+                kept = whole.data[: round(periods * self._period_ticks)]
+                self._cut[window.row] = whole._replace(data=kept)
+        return whole
+
+
+def _is_short(window: Window, planned: int) -> bool:
+    return window.span + window.lost_at_edges < 0.99 * planned - 1.0
+
+
+def _append(before: Window, window: Window) -> Window:
+    data = before.data.copy()
+    data["tick"] = window.data["tick"][0] - len(data) + np.arange(len(data))
+    return window._replace(data=join_records([data, window.data]))
+
+
+def keeps_periods(incomplete_reason: str) -> bool:
+    """Return whether the whole periods of a row that was cut short for this reason are valid."""
+    return incomplete_reason in _KEPT_AFTER
 
 
 class _OpenWindow:
@@ -121,7 +179,9 @@ def _reason_incomplete(row: int, last: Any, next_tick: Any, reasons: ReasonTable
         Reason.NONE,
         Reason.PLAN_END,
     ):
-        return f"run stopped: {reasons.name(next_tick['safety.reason'])}"
+        return f"{_STOPPED}{reasons.name(next_tick['safety.reason'])}"
+    if next_tick["plan.phase"] in _FIRST_PHASES:
+        return RUN_RESUMED
     if next_tick["plan.row"] == row and next_tick["plan.phase"] < Phase.MEASURE:
         return "started over"
     if _ORDER in (last.dtype.names or ()) and next_tick[_ORDER] != last[_ORDER]:
@@ -268,4 +328,4 @@ def split_windows(
                 current.pieces.append(_select_fields(block[begin:end], dtype))
             previous = block[end - 1]
     if current:
-        yield current.close("the log ends here")
+        yield current.close(LOG_ENDS)

@@ -1,4 +1,4 @@
-"""Opening of files that a user names: regular files only, up to a maximum size.
+"""Opening of files that a user names: regular files only, up to a maximum size; and new ones.
 
 Reading a FIFO blocks for ever, a device delivers bytes without end, and opening a serial port
 changes its control lines. A path is therefore first opened with O_PATH, which does not touch the
@@ -7,8 +7,11 @@ exchanged in between.
 """
 
 import os
+import re
 import stat
-from errno import EFBIG, EINVAL, EISDIR
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from errno import EFBIG, EINVAL, EIO, EISDIR
 from pathlib import Path
 from typing import BinaryIO
 
@@ -58,6 +61,32 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
     if len(data) > max_bytes:
         raise _too_large(path, len(data), max_bytes)
     return data
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield the path of a new file that replaces ``path`` at the end of the context.
+
+    A reader finds the old file or the new one, never a part of it. After an error the old file
+    remains, and no partial one. A device or a pipe is written itself. An OSError names ``path``.
+    """
+    target = path.resolve()
+    if target.exists() and not target.is_file():
+        yield path
+        return
+    part = target.with_name(f".{target.name}.new")
+    try:
+        yield part
+        part.replace(target)
+    except BaseException as error:
+        with suppress(OSError):
+            part.unlink()
+        if not isinstance(error, OSError):
+            raise
+        # HDF5 reports the system's error inside its own message.
+        match = re.search(r"errno = (\d+)", str(error))
+        number = int(match[1]) if match else error.errno or EIO
+        raise OSError(number, os.strerror(number), str(path)) from error
 
 
 def _check_regular(path: Path, status: os.stat_result, max_bytes: int | None) -> None:

@@ -1,13 +1,10 @@
 """A sweep from its options to its dataset: check, resume, run, write."""
 
-import errno
 import hashlib
 import itertools
 import json
 import math
-import os
 import platform
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
@@ -22,6 +19,7 @@ from rig.analysis.rows import NOT_RUN
 from rig.kinds.rig_file import kind_of_task
 from rig.recording import provenance
 from rig.recording.runs.create import BusyError, lock_run, write_json
+from rig.regular_file import replacing
 from rig.sweep.campaigns import CampaignTasks
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
@@ -279,15 +277,8 @@ def write_dataset(table: "xarray.Dataset", path: Path) -> Path:
 
     Raises OSError with the file's name if it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.new")
-    try:
-        table.to_netcdf(temporary, engine="h5netcdf")
-        temporary.replace(path)
-    except OSError as error:  # HDF5 reports the system's error inside its own message
-        temporary.unlink(missing_ok=True)
-        match = re.search(r"errno = (\d+)", str(error))
-        number = int(match[1]) if match else error.errno or errno.EIO
-        raise OSError(number, os.strerror(number), str(path)) from error
+    with replacing(path) as part:
+        table.to_netcdf(part, engine="h5netcdf")
     return path
 
 

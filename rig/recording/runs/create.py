@@ -13,6 +13,7 @@ from rig.realtime.reasons import Reason
 from rig.recording.folder_watch import open_folder
 from rig.recording.journal import JOURNAL
 from rig.recording.runs.folder import MCAP, RECOVERED, STATUS, earlier_records
+from rig.regular_file import replacing
 
 
 class BusyError(RuntimeError):
@@ -71,13 +72,8 @@ def replace_text(path: Path, text: str) -> None:
 
     Raise OSError, on a full disk for example, and leave no partial file behind.
     """
-    part = path.with_name(f".{path.name}.new")
-    try:
+    with replacing(path) as part:
         part.write_text(text, encoding="utf-8")
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
-    part.replace(path)
 
 
 def write_rows_done(folder: Path, done: int) -> None:

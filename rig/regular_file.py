@@ -7,7 +7,6 @@ exchanged in between.
 """
 
 import os
-import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -83,9 +82,7 @@ def replacing(path: Path) -> Iterator[Path]:
             part.unlink()
         if not isinstance(error, OSError):
             raise
-        # HDF5 reports the system's error inside its own message.
-        match = re.search(r"errno = (\d+)", str(error))
-        number = int(match[1]) if match else error.errno or EIO
+        number = error.errno or EIO
         raise OSError(number, os.strerror(number), str(path)) from error
 
 

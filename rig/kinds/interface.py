@@ -18,6 +18,7 @@ from rig.campaign.kind import CampaignKind
 from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
+from rig.interop.tables import KindFormat
 from rig.kinds.registry import Command
 from rig.people.set_points import LiveColumns
 from rig.processes.io_processes import IoProcess
@@ -276,10 +277,8 @@ class Commands(Protocol):
 class Exports(Protocol):
     """Room `exports`, optional: formats of `rig export` for the tools of one test."""
 
-    FORMATS: dict[str, Callable[[Path, float | None, Path], tuple[str, ...]]]
-    """By the name of the format (`--as`): a function that writes a run at a rate (Hz; None: that of
-    the format) into a file, and returns remarks on what does not fit into it. RunError for a run
-    whose fields or rate do not suit."""
+    FORMATS: dict[str, KindFormat]
+    """The formats by name (`--as`)."""
 
 
 PROTOCOLS = {

@@ -278,7 +278,8 @@ def write_dataset(table: "xarray.Dataset", path: Path) -> Path:
     Raises OSError with the file's name if it cannot be written.
     """
     with replacing(path) as part:
-        table.to_netcdf(part, engine="h5netcdf")
+        # In memory first: HDF5 crashes the process if its disk is full.
+        part.write_bytes(table.to_netcdf(engine="h5netcdf"))
     return path
 
 

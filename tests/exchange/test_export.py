@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 from command_here import rig
+from octave import run_octave
 from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
@@ -47,20 +46,7 @@ def powers(run: Path) -> np.ndarray:
 
 
 def test_octave_script_computes_the_same_row_powers(run: Path, mat: Path) -> None:
-    octave = shutil.which("octave-cli") or shutil.which("octave")
-    if octave is None:
-        pytest.skip(
-            "GNU OCTAVE IS NOT INSTALLED (Debian: apt-get install octave): whether it reads an "
-            "exported .mat and computes the same row powers was NOT checked"
-        )
-    process = subprocess.run(
-        [octave, "--no-gui", "--no-init-file", "--quiet", SCRIPT, mat],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-    assert process.returncode == 0, process.stderr
-    found = np.array(
-        [[float(cell) for cell in line.split()] for line in process.stdout.splitlines()]
-    )
+    found = run_octave(SCRIPT, mat)
     assert found[:, 0].tolist() == [0, 1, 2, 3, 4]
     assert np.allclose(found[:, 1:], powers(run), rtol=1e-9, atol=1e-9)
 

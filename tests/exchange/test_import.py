@@ -9,12 +9,25 @@ import mask4_file
 import numpy as np
 import pytest
 from command_here import rig
-from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
+from synthetic_runs import (
+    POWERS,
+    Row,
+    Shape,
+    measured,
+    phase_block,
+    plan_json,
+    run_rows,
+    stamped,
+    write_run,
+)
 
 from rig.analysis.rows import row_table
 from rig.interop.basin.merge import MergeSource, SyncChannels, merge
 from rig.kinds.wavebot.mask4.export import export_structure, write_mat
-from rig.recording.runs import list_runs, open_run
+from rig.realtime.reasons import Reason
+from rig.realtime.sequence import NO_ROW, Phase
+from rig.recording.runs import list_runs, open_run, run_info
+from rig.recording.runs.reader import check_record
 
 NAME = "waveBotCtrlMdl_2023_09_26_12_08_43full.mat"
 REGULAR = ("--frequency-hz", "0.5", "--amplitude-m", "0.127")
@@ -177,12 +190,89 @@ def test_export_and_import_round_trip(tmp_path: Path) -> None:
     shape = Shape(noise=2.0)
     exported_run = write_run(tmp_path / "run", run_rows(rows, shape), plan_json(rows, shape))
     mat = write_mat(export_structure(exported_run, 100.0), tmp_path / "x.mat")
-    imported_run = import_file(mat, tmp_path / "runs", *REGULAR, "--started", "2026-05-04T09:30:00")
+    imported_run = import_file(mat, tmp_path / "runs", *REGULAR)
+    assert run_info(imported_run).started_utc == "2026-05-04T09:30:00+00:00"
     before_rows, after_rows = row_table(exported_run), row_table(imported_run)
     for name in ("kp", "ki", "spring_rate", "samples", "state"):
         assert before_rows[name].values.tolist() == after_rows[name].values.tolist(), name
     for name in ("power_ac", "power_dc", "power_ac_se", "power_mechanical_1_demeaned"):
         assert np.allclose(before_rows[name], after_rows[name], rtol=1e-12), name
+
+
+def test_an_export_for_the_scripts_is_imported_with_the_same_rows(tmp_path: Path) -> None:
+    """Run time zero is that of the file's first sample, 120 s before the first row."""
+    power = dict.fromkeys(POWERS, -40.0)
+    rows = [Row(i, 0, rate, -1000.0 * (i + 1), 0.0, power) for i, rate in enumerate((491.0, -5e3))]
+    shape = Shape(dt=0.005, noise=2.0, tail=0)
+    data = run_rows(rows, shape)
+    exported_run = write_run(tmp_path / "run", data, plan_json(rows, shape))
+    exported = export_structure(exported_run, for_scripts=True)
+    imported_run = import_file(write_mat(exported, tmp_path / "x.mat"), tmp_path / "runs")
+    before_rows, after_rows = row_table(exported_run), row_table(imported_run)
+    for name in ("kp", "ki", "spring_rate", "samples", "state"):
+        assert before_rows[name].values.tolist() == after_rows[name].values.tolist(), name
+    for name in ("power_ac", "power_dc", "power_mechanical_1_demeaned"):
+        assert np.allclose(before_rows[name], after_rows[name], rtol=1e-12), name
+    # The first row begins 0.5 s into the run.
+    assert run_info(imported_run).started_utc == "2026-05-04T09:28:00.500000+00:00"
+
+
+def test_samples_that_an_export_left_out_do_not_count_as_lost(tmp_path: Path) -> None:
+    """The stator moves between two rows without settling or tail around their windows."""
+    rows = [Row(i, 0, -300.0 * i, -1000.0, 0.0, dict.fromkeys(POWERS, -9.0)) for i in range(2)]
+    shape = Shape(dt=0.005)
+    random = np.random.default_rng(0)
+    pieces = [
+        phase_block(300, NO_ROW, Phase.LEAD_IN),
+        measured(0, rows[0], shape, random),
+        phase_block(123, 1, Phase.MOVING, rows[1]),
+        measured(1, rows[1], shape, random),
+        phase_block(20, NO_ROW, Phase.DONE),
+    ]
+    pieces[-1]["safety.reason"] = Reason.PLAN_END
+    data = stamped(np.concatenate(pieces), shape.dt)
+    run = write_run(tmp_path / "run", data, plan_json(rows, shape))
+    exported = export_structure(run, for_scripts=True)
+    assert exported.buses["rigSignals"]["leftOut"].max() == 123.0
+    imported_run = import_file(write_mat(exported, tmp_path / "x.mat"), tmp_path / "runs")
+    assert row_table(imported_run)["state"].values.tolist() == ["complete"] * 2
+    assert check_record(imported_run).lost == 0
+
+
+@pytest.mark.parametrize(
+    ("started", "options", "expected"),
+    [
+        (1_777_887_000.25, (), "2026-05-04T09:30:00.250000+00:00"),
+        (1_777_887_000.25, ("--started", "2020-01-02T03:04:05"), "2020-01-02T03:04:05+00:00"),
+        (None, (), "2023-09-26T12:08:43+00:00"),  # of the file's name
+    ],
+)
+def test_the_start_is_that_of_the_option_then_of_the_file_then_of_its_name(
+    tmp_path: Path, started: float | None, options: tuple[str, ...], expected: str
+) -> None:
+    structure = mask4_file.buses()
+    if started is not None:  # time of MASK4 files does not begin at 0
+        structure["rigSignals"] = {"startedUtc_s": np.array([started - 100.0])}
+    path = mask4_file.write(tmp_path / NAME, structure, alone=False)
+    assert run_info(import_file(path, tmp_path, *REGULAR, *options)).started_utc == expected
+
+
+@pytest.mark.parametrize("started", [np.nan, np.inf, 1e300, -1e15])
+def test_a_start_that_is_no_time_is_refused(tmp_path: Path, started: float) -> None:
+    structure = mask4_file.buses() | {"rigSignals": {"startedUtc_s": np.array([started])}}
+    path = mask4_file.write(tmp_path / "x.mat", structure, alone=False)
+    process = rig("import", path, *REGULAR, "--runs", tmp_path / "runs")
+    assert process.returncode == 2
+    assert f"x.mat: rigSignals.startedUtc_s is {started:g}, no time in s since" in process.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_file_without_any_start_is_refused(tmp_path: Path) -> None:
+    path = mask4_file.write(tmp_path / "x.mat", mask4_file.buses())
+    process = rig("import", path, *REGULAR, "--runs", tmp_path / "runs")
+    assert process.returncode == 2
+    assert "x.mat: no date in the file or its name; give --started" in process.stderr
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize(
@@ -222,8 +312,6 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     process = rig("import", tmp_path / NAME, *REGULAR, "--runs", tmp_path / "runs")
     assert (process.returncode, "cannot be read: No such file" in process.stderr) == (2, True)
     (tmp_path / "x.mat").write_text("hello")
-    process = rig("import", tmp_path / "x.mat", *REGULAR, "--runs", tmp_path / "runs")
-    assert "no date in the file's name; give --started" in process.stderr
     options = ("--started", "2023-09-26", "--runs", str(tmp_path / "runs"))
     process = rig("import", tmp_path / "x.mat", *REGULAR, *options)
     assert (process.returncode, "not readable as a MATLAB file" in process.stderr) == (2, True)

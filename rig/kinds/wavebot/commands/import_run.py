@@ -13,7 +13,6 @@ from rig.kinds.wavebot.mask4.import_run import (
     FileDescription,
     RowTiming,
     import_file,
-    start_from_name,
 )
 
 
@@ -84,7 +83,9 @@ def command(
     ] = ZeroForce.WINDOW,
     started: Annotated[
         str | None,
-        typer.Option(help="Start of the run, ISO 8601 (default: the date in the file's name)."),
+        typer.Option(
+            help="Start of the run, ISO 8601 (default: that in the file, or the date in its name)."
+        ),
     ] = None,
     name: Annotated[
         str | None, typer.Option(help="Name of the run (default: that of the file).")
@@ -94,15 +95,11 @@ def command(
 ) -> int:
     """Convert a downloaded MASK4 file to a run for `rig show`, `plot`, `compare` and `merge`."""
     with input_errors("import", as_json=as_json):
-        start = start_from_name(file) if started is None else datetime.fromisoformat(started)
-        if start is None:
-            raise ValueError(
-                f"{file.name}: no date in the file's name; give --started 2023-09-26T12:08:43"
-            )
+        start = None if started is None else datetime.fromisoformat(started)
         timing, repeat = _timing(frequency, periods, interval, settle, measure, irregular=irregular)
         description = FileDescription(
             name or file.stem.partition("_")[0],
-            start if start.tzinfo else start.replace(tzinfo=UTC),
+            start.replace(tzinfo=UTC) if start and not start.tzinfo else start,
             _sea(frequency, amplitude, hs, tp, irregular=irregular),
             repeat,
             timing,

@@ -14,10 +14,19 @@ ROTOR_ZERO = math.radians(542.5)  # rad, MASK4 rotor angle of the body at rest
 TTL_HIGH = 10.0  # V, trigger on; the MASK4 scripts compare with 5 V
 NEWTONS_PER_AMPERE = 6.1745 * 12.4666
 """Heave, N/A: MASK4 "force from current" divided by drive current."""
+METRES_PER_INCH = 0.0254
 SAMPLE_RATE = 200.0  # Hz, of the MASK4 slow scope; the scripts count samples at this rate
 
 RIG_BUS = "rigSignals"
-"""Additional bus of exported files: row, phase, attempt and incomplete mark of each sample."""
+"""Additional bus of exported files: row, phase, attempt and incomplete mark of each sample, and the
+start of the run."""
+
+STARTED = "startedUtc_s"
+"""Field of that bus: UTC of run time zero, s since 1970. The scripts read no field of that bus; one
+that they know, `setpointSignals.systemTime_ns`, would have another clock (TAI)."""
+
+LEFT_OUT = "leftOut"
+"""Field of that bus in exports for the scripts: samples left out so far, which are no lost ones."""
 
 
 class FieldMapping(NamedTuple):
@@ -69,6 +78,36 @@ FIELDS = (
     ),
     FieldMapping("fromDriveSGSignals", "currentQ_A", "heave.sense.current", drive="custom"),
 )  # fmt: skip
+
+
+class ScriptUnits(NamedTuple):
+    """Factors of a rig for fields that only the scripts and the report have."""
+
+    gear_ratio: float = 12.4666  # rad of the shaft per m of heave
+    turns_per_percent: float = 7.5  # turns of the stator's motor per % of its travel
+    metres_per_percent: float = 0.0015  # of the stator per % of its travel
+
+
+def script_fields(units: ScriptUnits) -> tuple[FieldMapping, ...]:
+    """Return the fields that an export for the scripts has besides `FIELDS`.
+
+    The slew angle is what the scripts subtract from the rotor's. It is 0: the logged rotor angle is
+    relative to the stator, which the slew load cell holds at rest.
+    """
+    turns, inches = units.turns_per_percent, units.metres_per_percent / METRES_PER_INCH
+    position, rate = "spring_sense.position", 1.0 / units.gear_ratio
+    return (
+        FieldMapping("heaveSignals", "heaveKpUsed", "heave.demand.kp"),
+        FieldMapping("heaveSignals", "heaveKiUsed", "heave.demand.ki"),
+        FieldMapping(
+            "heaveSignals", "heaveEncVel_rad_s", "heave.estimate.velocity", units.gear_ratio
+        ),
+        FieldMapping("heaveSignals", "heaveForceTRS_N_m", "load.trs", rate),
+        FieldMapping("magSpringSignals", "nanoRatePos_rev", position, turns),
+        FieldMapping("magSpringSignals", "nanoRatePos_inch", position, inches),
+        FieldMapping("magSpringSignals", "slewSpAngle_deg", "load.rotor_angle", 0.0),
+    )
+
 
 TIMED_BUSES = (
     "heaveSignals",

@@ -13,7 +13,7 @@ moves. Files exported by this package hold row and phase as labels.
 import hashlib
 import json
 import re
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -27,8 +27,10 @@ from rig.interop.legacy.table import file_error
 from rig.kinds.wavebot.mask4.fields import (
     ALTERNATIVE_PATHS,
     FIELDS,
+    LEFT_OUT,
     REQUIRED,
     RIG_BUS,
+    STARTED,
     FieldMapping,
 )
 from rig.kinds.wavebot.tick.signals import WaveBotRow
@@ -240,7 +242,7 @@ class FileDescription(NamedTuple):
     """Properties of a file that it does not contain, from the command line."""
 
     name: str  # name of the campaign
-    started: datetime  # start of its time
+    started: datetime | None  # start of its time; None: as `find_start` finds it
     sea: dict[str, Any]  # as in a plan: kind, words, frequency_hz, ...
     repeat: float | None  # s, repeat period of the waves
     timing: RowTiming | None  # None for files with row labels
@@ -268,15 +270,36 @@ def start_from_name(path: Path) -> datetime | None:
     return datetime.strptime(match[0], "%Y_%m_%d_%H_%M_%S").replace(tzinfo=UTC)
 
 
+def find_start(path: Path, signals: Mask4Signals) -> datetime:
+    """Return the UTC of the first sample: that in the file, else the date in its name.
+
+    Files of `rig export` contain it. Raises ValueError if there is neither.
+    """
+    recorded = signals.variables.get(f"{RIG_BUS}.{STARTED}")
+    advice = "give --started 2023-09-26T12:08:43"
+    if recorded is not None:
+        seconds = float(recorded[0])
+        try:
+            return datetime.fromtimestamp(seconds, UTC) + timedelta(seconds=float(signals.time[0]))
+        except (OverflowError, ValueError, OSError):
+            message = f"{RIG_BUS}.{STARTED} is {seconds:g}, no time in s since 1970; {advice}"
+            raise ValueError(f"{path.name}: {message}") from None
+    named = start_from_name(path)
+    if named is None:
+        raise ValueError(f"{path.name}: no date in the file or its name; {advice}")
+    return named
+
+
 def import_file(
     path: Path, runs_folder: Path, description: FileDescription, drive: str | None = None
 ) -> ImportedRun:
     """Write a run folder in ``runs_folder``, with the waves of the file merged into the run.
 
     ``drive`` is that of `read_signals`. Raises `ConfigError` for a file that cannot be read,
-    ValueError if no rows can be found.
+    ValueError if its start is unknown or no rows can be found.
     """
     signals = read_signals(path, drive)
+    started = description.started or find_start(path, signals)
     windows, columns = _find_windows(signals, description)
     time = signals.time - signals.time[0]
     dt = float(np.median(np.diff(time)))
@@ -288,7 +311,7 @@ def import_file(
     remarks = list(windows.remarks)
     if signals.missing:
         remarks.append(f"not in the file: {', '.join(signals.missing)}")
-    folder = create.create_folder(runs_folder, description.name, description.started)
+    folder = create.create_folder(runs_folder, description.name, started)
     source = {
         "file": path.name,
         "sha256": hashlib.sha256(read_regular(path, MAX_RECORD_BYTES)).hexdigest(),
@@ -312,7 +335,7 @@ def import_file(
         "campaign": {"name": description.name},
         "imported": source,
     }
-    _write_folder(folder, log_rows, plan, config, description)
+    _write_folder(folder, log_rows, plan, config, started)
     written = [folder, *_write_sync(signals, folder)]
     if waves := _write_waves(signals, folder):
         merged = merge(folder, [MergeSource("waves", waves, "m", 0.0)], SyncChannels())
@@ -353,6 +376,8 @@ def _log_rows(signals: Mask4Signals, windows: RowWindows, time: Floats, dt: floa
     data["time"] = time
     data["plan.row"], data["plan.phase"] = windows.row, windows.phase
     data["plan.attempt"] = windows.attempt
+    if (left_out := signals.variables.get(f"{RIG_BUS}.{LEFT_OUT}")) is not None:
+        data["timing.skipped"] = left_out
     data["safety.mode"] = Mode.RUN
     data["heave.sense.enabled"] = 1
     if "heave.demand.force" in signals.log_fields:
@@ -412,17 +437,17 @@ def _write_folder(
     data: Records,
     plan: dict[str, Any],
     config: dict[str, Any],
-    description: FileDescription,
+    started: datetime,
 ) -> None:
     status = {
         "run": folder.name,
         "status": "complete",
         "reason": Reason.PLAN_END.name,
         "mode": IMPORTED_MODE,
-        "campaign": description.name,
+        "campaign": config["name"],
         "rows_planned": len(plan["rows"]),
         "rows_done": len(plan["rows"]),
-        "started_utc": description.started.isoformat(),
+        "started_utc": started.isoformat(),
     }
     rate = 1.0 / plan["dt"]
     timing = {"summary": f"Recorded by another system at {rate:g} Hz: no timing certificate."}
@@ -432,7 +457,7 @@ def _write_folder(
         row_layout.schema(WaveBotRow),
         {name: json.dumps(value).encode() for name, value in texts.items()},
         {"run": {"run": folder.name, "mode": IMPORTED_MODE}},
-        start_utc_ns=round(description.started.timestamp() * 1e9),
+        start_utc_ns=round(started.timestamp() * 1e9),
     )
     for begin in range(0, len(data), 1000):
         writer.append(data[begin : begin + 1000].tobytes())

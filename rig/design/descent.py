@@ -22,7 +22,7 @@ def descend(
     start: Floats,
     steps: Floats,
     iterations: int,
-    project: Callable[[Floats], Floats] = lambda point: point,
+    project: Callable[[Floats], Floats],
 ) -> Floats:
     """Return the point with the lowest cost found from ``start``.
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from predicting import CONFIGS, predict_campaign, rows, write_campaign
+from twoport_optimum import Bounds, Device, Optimum, Sea, Setting, optimum, powers
 from wavebot_ports import device, drive, sea
 
 from rig.design.twoport import network as n
-from rig.design.twoport.optimum import Bounds, Device, Optimum, Sea, Setting, optimum, powers
 from sim_plant import sea_states
 
 STIFF = 490.9

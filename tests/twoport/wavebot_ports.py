@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from closed_form import intrinsic_impedance
+from twoport_optimum import Device, Drive, Sea
 
 from rig.config.yaml_source import load_mapping
-from rig.design.twoport.optimum import Device, Drive, Sea
 from rig.kinds.wavebot.twin.two_port import MOTOR
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.parameters import Plant

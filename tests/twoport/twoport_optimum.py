@@ -1,4 +1,4 @@
-"""Optimal P, PI and spring settings for a sea, for each power station.
+"""Optimal P, PI and spring settings for a sea, by theory: the reference of predictions.
 
 The law is F = (Kp v + Ki x) H; H is the response of estimator, delay and current loop (1: ideal).
 The powers of all lines of the sea add. The drive's loss depends on mean |i| of the whole record,
@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize
 
-from rig.design.descent import descend
 from rig.design.twoport.network import Motor, controller, linear_drivetrain
 from rig.spectra.periods import Complexes, Floats
 
@@ -19,7 +19,6 @@ Station = Literal["mechanical_1", "mechanical_2", "ac", "dc"]
 KP_RANGE = (-20_000.0, 0.0)  # N s/m; Kp > 0 would drive the body
 KI_RANGE = (-30_000.0, 30_000.0)  # N/m
 _GRID = 12  # points per direction, from the best of which the search descends
-_ITERATIONS = 30  # to a distance of 1e-9 of a range
 
 
 class Sea(NamedTuple):
@@ -146,12 +145,18 @@ def optimum(
 
 def _minimise(cost: Callable[[Floats], float], free: Floats) -> Floats:
     """Return the minimum of the cost in the unit cube, over the free directions."""
-
-    def costs(points: Floats) -> Floats:
-        return np.array([cost(point) for point in points])
-
     grid = [np.linspace(0.02, 0.98, _GRID) if is_free else np.zeros(1) for is_free in free]
     points = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, len(grid))
-    start = points[int(np.argmin(costs(points)))]
-    steps = np.where(free, 1.0 / _GRID, 0.0)
-    return descend(costs, start, steps, _ITERATIONS, lambda point: np.clip(point, 0.0, 1.0))
+    start = points[int(np.argmin([cost(point) for point in points]))]
+    directions = np.flatnonzero(free)
+
+    def place(shares: Floats) -> Floats:
+        point = start.copy()
+        point[directions] = shares
+        return point
+
+    result = minimize(
+        lambda shares: cost(place(shares)), start[directions], method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * directions.size, options={"xatol": 1e-9, "fatol": 1e-12},
+    )  # fmt: skip
+    return place(result.x)

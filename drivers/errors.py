@@ -1,4 +1,8 @@
-"""The two errors of all drivers: `CodecError` for invalid data, `LinkError` for a failed wire."""
+"""The errors of all drivers.
+
+`CodecError` is for invalid data, `LinkError` for a failed wire, `ServiceError` for a device that
+cannot be set up.
+"""
 
 
 class CodecError(ValueError):
@@ -23,3 +27,7 @@ class LinkError(OSError):
 
     Links and lines raise this error or a subclass of it, and nothing else.
     """
+
+
+class ServiceError(OSError):
+    """A device of a bus that cannot be set up or homed; names device and reason."""

@@ -23,9 +23,11 @@ from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.link import LinkError, open_bus, set_receive_filter
 from drivers.canopen.pdo import MAX_NODE
-from drivers.cia402 import arming, homing, homing_run, state_machine
+from drivers.cia402 import arming, homing, homing_run
 from drivers.cia402.arming import Mismatch, SetupStep
+from drivers.cia402.homing_run import HomingSettings
 from drivers.cia402.process_data import from_bytes, to_bytes
+from drivers.errors import ServiceError
 
 # This module reports nodes that do not answer; the library would log them a second time.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -42,10 +44,6 @@ _SERVICE_BASES = (emcy.BASE, 0x580, heartbeat.BASE)  # COB-IDs of a node other t
 _POLL_PERIOD_S = 0.02  # s between two looks for a boot message
 _READER_TIMEOUT = 0.1  # s within which the library's reader thread notices the end
 _RESET_NODE = 0x81  # NMT command
-
-
-class ServiceError(OSError):
-    """A node cannot be set up; names node and reason."""
 
 
 class NodeStatus(NamedTuple):
@@ -143,45 +141,31 @@ class Service:
     def home(
         self,
         node: int,
-        machine: state_machine.Params,
-        params: homing.Params,
+        settings: HomingSettings,
         stopped: Callable[[], bool],
         own_node: int = 0,
     ) -> bool:
         """Home a drive over SDO, then remove its power; return whether it homed now.
 
         A drive that reports having been homed since it was switched on, or since `reset`, is left
-        unchanged: its zero is valid. Ticks of ``machine`` and ``params`` last 20 ms here.
+        unchanged: its zero is valid.
         ``stopped``: returns True to abort and remove the power. ``own_node``: our node, whose
         heartbeat is sent meanwhile (0: none), so that drives which monitor it stop by themselves
         if this process dies; `restart_monitor` afterwards. ServiceError names the failure.
         """
         self._set_nmt_state(node, _PRE_OPERATIONAL)
         access = _SdoAccess(self, node, own_node)
-        failure = "it did not begin"
-        try:
-            access.select_mode()
-            if homing_run.is_homed(access):
-                failure = ""
-                return False
-            failure = homing_run.home(access, machine, params, stopped)
-        finally:
-            if not homing_run.remove_power(access):
-                with suppress(can.CanError, OSError, RuntimeError):
-                    self._remote(node).nmt.send_command(_RESET_NODE)  # ends its power, too
-                raise ServiceError(
-                    f"node {node} may still be powered: it did not confirm that it was disabled "
-                    f"within {homing_run.POWER_OFF_S:g} s, and was sent a reset; press the "
-                    "emergency stop" + (f"; it did not home: {failure}" if failure else "")
-                )
-        if failure:
-            raise ServiceError(f"node {node} did not home: {failure}")
-        return True
+        return homing_run.home(access, f"node {node}", settings, stopped)
 
     def restart_monitor(self, node: int, consumer: int) -> None:
         """Let a node wait for the first heartbeat again; ``consumer``: value of its 0x1016:1."""
         for value in (0, consumer):
             self.write(node, 0x1016, 1, "u32", value)
+
+    def request_reset(self, node: int) -> None:
+        """Let a node restart, which ends its power, too; a lost bus is no error here."""
+        with suppress(can.CanError, OSError, RuntimeError):
+            self._remote(node).nmt.send_command(_RESET_NODE)
 
     def send_heartbeat(self, own_node: int) -> None:
         """Send our heartbeat; a lost bus shows by the SDO that follows."""
@@ -316,3 +300,7 @@ class _SdoAccess:
 
     def wait(self) -> None:
         time.sleep(homing_run.PERIOD_S)
+
+    def force_power_off(self) -> str:
+        self._service.request_reset(self._node)
+        return "was sent a reset"

@@ -5,11 +5,12 @@ It owns no wire: a transport gives access to statusword, mode display and contro
 
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from drivers.cia402 import homing, state_machine
 from drivers.cia402.state_table import Goal
 from drivers.cia402.statusword import DriveState, decode, describe
+from drivers.errors import ServiceError
 
 PERIOD_S = 0.02  # between two polls; ticks of the parameters last as long
 POWER_OFF_S = 2.0  # s in which a drive must confirm that it is disabled
@@ -24,11 +25,18 @@ _POWERED = (
 )
 
 
+class HomingSettings(NamedTuple):
+    """Power machine and deadlines of a homing, in ticks of `PERIOD_S`."""
+
+    machine: state_machine.Params
+    deadlines: homing.Params
+
+
 class HomingAccess(Protocol):
     """Access of a transport to a homing drive."""
 
     def select_mode(self) -> None:
-        """Request the mode of operation 6."""
+        """Request the mode of operation 6; ServiceError if the wire is not ready for it."""
         ...
 
     def statusword(self) -> int | None:
@@ -47,6 +55,10 @@ class HomingAccess(Protocol):
         """Let `PERIOD_S` pass; signs of life to the drive go on meanwhile."""
         ...
 
+    def force_power_off(self) -> str:
+        """End the power of a drive by force; return what was done, empty if nothing can be."""
+        ...
+
 
 def is_homed(access: HomingAccess) -> bool:
     """Return True if the drive reports homed once it displays homing mode (after a delay)."""
@@ -61,14 +73,42 @@ def is_homed(access: HomingAccess) -> bool:
 
 def home(
     access: HomingAccess,
-    machine: state_machine.Params,
-    params: homing.Params,
+    name: str,
+    settings: HomingSettings,
+    stopped: Callable[[], bool],
+) -> bool:
+    """Home a drive in mode 6, then remove its power; return whether it homed now.
+
+    A drive that reports that it is homed is left unchanged. ``stopped``: returns True to abort.
+    ServiceError, with the ``name`` of the drive, says why it did not home, or that it may still be
+    powered.
+    """
+    failure = "it did not begin"
+    try:
+        access.select_mode()
+        if is_homed(access):
+            failure = ""
+            return False
+        failure = _home_powered(access, settings, stopped)
+    finally:
+        if not remove_power(access):
+            forced = access.force_power_off()
+            raise ServiceError(
+                f"{name} may still be powered: it did not confirm that it was disabled within "
+                f"{POWER_OFF_S:g} s{', and ' if forced else ''}{forced}; press the emergency stop"
+                + (f"; it did not home: {failure}" if failure else "")
+            )
+    if failure:
+        raise ServiceError(f"{name} did not home: {failure}")
+    return True
+
+
+def _home_powered(
+    access: HomingAccess,
+    settings: HomingSettings,
     stopped: Callable[[], bool],
 ) -> str:
-    """Home a drive in mode 6; return why it did not home, empty if it did. Its power stays on.
-
-    ``stopped``: returns True to abort.
-    """
+    """Home a drive; return why it did not home, empty if it did. Its power stays on."""
     drive, handshake = state_machine.start(0, 0), homing.start(0)
     bits = acting = 0
     while True:
@@ -76,7 +116,7 @@ def home(
         if statusword is None or mode_display is None:
             return "no answer"
         drive, output = state_machine.step(
-            machine,
+            settings.machine,
             drive,
             state_machine.Inputs(
                 statusword, 0.0, mode_display, homing.MODE, _ENABLED, 1, 0, bits, 0
@@ -86,7 +126,7 @@ def home(
         if drive.armed == 0:
             return f"{describe(statusword)}; {state_machine.explain(drive)}"
         handshake, bits = homing.step(
-            params, handshake, homing.Inputs(statusword, acting, acting, 0)
+            settings.deadlines, handshake, homing.Inputs(statusword, acting, acting, 0)
         )
         access.command(output.controlword)
         if handshake.phase == _HOMED:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 from drivers.cia402 import arming
 from drivers.cia402.arming import Mismatch, SetupStep
 from drivers.cia402.process_data import from_bytes, to_bytes
-from drivers.errors import LinkError
+from drivers.errors import LinkError, ServiceError
 from drivers.ethercat.link import filter_indices
 from drivers.ethercat.process_image import Area
 
@@ -47,10 +47,6 @@ class AlState(IntEnum):
     BOOT = 3
     SAFE_OPERATIONAL = 4
     OPERATIONAL = 8
-
-
-class ServiceError(OSError):
-    """A segment or slave that cannot be set up; names slave and reason."""
 
 
 class SlaveIdentity(NamedTuple):

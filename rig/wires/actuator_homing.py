@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.service import Service
-from drivers.errors import LinkError
+from drivers.errors import LinkError, ServiceError
 from drivers.ethercat.service import Service as SegmentService
-from drivers.ethercat.service import ServiceError
 from rig.wires.can_service import home_node, restart_monitors, set_up_nodes
 from rig.wires.job import WiredJob
 from rig.wires.segment_service import home_slave, set_up_slaves

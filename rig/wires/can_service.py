@@ -13,9 +13,10 @@ from typing import Any
 
 from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
-from drivers.canopen.service import Service, ServiceError
-from drivers.cia402 import homing, state_machine
+from drivers.canopen.service import Service
 from drivers.cia402.arming import SetupStep, format_mismatches
+from drivers.cia402.homing_run import HomingSettings
+from drivers.errors import ServiceError
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
@@ -102,14 +103,8 @@ def set_up_nodes(service: Service, nodes: list[dict[str, Any]]) -> dict[str, Any
 
 def home_node(service: Service, node: dict[str, Any], stopped: Callable[[], bool]) -> bool:
     """Home a node; return whether it moved. ServiceError names the failure, as `Service.home`."""
-    machine, deadlines = node["homing"]
-    return service.home(
-        node["node"],
-        handover.loads(state_machine.Params, json.dumps(machine)),
-        handover.loads(homing.Params, json.dumps(deadlines)),
-        stopped,
-        node["monitor"][0],
-    )
+    settings = handover.loads(HomingSettings, json.dumps(node["homing"]))
+    return service.home(node["node"], settings, stopped, node["monitor"][0])
 
 
 def restart_monitors(service: Service, nodes: Sequence[dict[str, Any]]) -> None:

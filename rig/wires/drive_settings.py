@@ -6,7 +6,7 @@ from typing import Any
 from drivers.cia402 import homing, profile_position, scaling, state_machine
 from drivers.cia402.arming import SetupError
 from drivers.cia402.drive_objects import BY_NAME
-from drivers.cia402.homing_run import PERIOD_S
+from drivers.cia402.homing_run import PERIOD_S, HomingSettings
 from drivers.cia402.positioning_drive import PositioningSettings
 from drivers.cia402.torque_drive import TorqueDriveSettings
 from rig.config.wiring import Actuator, Drive, TorqueDrive
@@ -55,13 +55,13 @@ def power_machine(drive: Drive, tick: float) -> state_machine.Params:
     return params
 
 
-def homing_settings(drive: Drive) -> list[Any] | None:
-    """Return power machine and deadlines of a drive's homing, as JSON values; None: it has none."""
+def homing_settings(drive: Drive) -> HomingSettings | None:
+    """Return power machine and deadlines of a drive's homing; None: it has none."""
     if not isinstance(drive, Actuator):
         return None
     ticks = round(drive.homing_s / PERIOD_S)
     transition = round(drive.deadlines.transition_s / PERIOD_S) + 1
-    return [power_machine(drive, PERIOD_S), homing.Params(transition, ticks)]
+    return HomingSettings(power_machine(drive, PERIOD_S), homing.Params(transition, ticks))
 
 
 def current_scales(

@@ -10,9 +10,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from drivers.cia402 import homing, homing_run, state_machine
+from drivers.cia402 import homing, homing_run
 from drivers.cia402.arming import SetupStep, format_mismatches
-from drivers.errors import LinkError
+from drivers.cia402.homing_run import HomingSettings
+from drivers.errors import LinkError, ServiceError
 from drivers.ethercat import position_actuator
 from drivers.ethercat.cycle import SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
@@ -21,8 +22,6 @@ from drivers.ethercat.process_image import Values, expected_wkc, image_bytes
 from drivers.ethercat.service import (
     AlState,
     Service,
-    ServiceError,
-    SlaveAreas,
     SlaveIdentity,
     SlaveSetup,
     SlaveStatus,
@@ -158,40 +157,20 @@ def home_slave(
     Its watchdog stops it if this process dies. ServiceError names the failure.
     """
     place = next(at for at, slave in enumerate(slaves) if slave["name"] == name)
-    machine, deadlines = slaves[place]["homing"]
-    access = _FrameAccess(interface, service.areas(), place)
-    failure = "it did not begin"
+    access = _FrameAccess(service, interface, place)
     try:
-        access.reach_operational(service)
-        access.select_mode()
-        if homing_run.is_homed(access):
-            failure = ""
-            return False
-        failure = homing_run.home(
-            access,
-            handover.loads(state_machine.Params, json.dumps(machine)),
-            handover.loads(homing.Params, json.dumps(deadlines)),
-            stopped,
-        )
+        settings = handover.loads(HomingSettings, json.dumps(slaves[place]["homing"]))
+        return homing_run.home(access, name, settings, stopped)
     finally:
-        off = homing_run.remove_power(access)
         access.close()
         service.request(AlState.SAFE_OPERATIONAL)
-        if not off:
-            raise ServiceError(
-                f"{name} may still be powered: it did not confirm that it was disabled within "
-                f"{homing_run.POWER_OFF_S:g} s; press the emergency stop"
-                + (f"; it did not home: {failure}" if failure else "")
-            )
-    if failure:
-        raise ServiceError(f"{name} did not home: {failure}")
-    return True
 
 
 class _FrameAccess:
     """A drive as `homing_run` needs it, in frames of this process."""
 
-    def __init__(self, interface: str, areas: Sequence[SlaveAreas], place: int) -> None:
+    def __init__(self, service: Service, interface: str, place: int) -> None:
+        self._service, areas = service, service.areas()
         frame = CyclicFrame(image_bytes(areas), None)
         self._cycle = SegmentCycle(Link(interface), frame, expected_wkc(areas))
         self._slaves = len(areas)
@@ -202,17 +181,18 @@ class _FrameAccess:
         self._inputs = Values(position_actuator.INPUTS, inputs)
         self._mode = self._controlword = 0
 
-    def reach_operational(self, service: Service) -> None:
+    def select_mode(self) -> None:
         until = time.monotonic() + _OP_TIMEOUT_S
         while not self._cycle.state.is_operational(self._slaves):
             if time.monotonic() > until:
                 raise ServiceError(f"the slaves do not reach OP in {_OP_TIMEOUT_S:g} s")
-            service.status()
-            service.request_operational()
+            self._service.status()
+            self._service.request_operational()
             self.wait()
-
-    def select_mode(self) -> None:
         self._mode = homing.MODE
+
+    def force_power_off(self) -> str:
+        return ""
 
     def statusword(self) -> int | None:
         statusword, _ = self._status()

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from drivers.cia402 import arming, error_codes, statusword
 from drivers.cia402.arming import Mismatch, SetupStep
-from drivers.errors import LinkError
-from drivers.ethercat.service import Service, ServiceError, SlaveIdentity
+from drivers.errors import LinkError, ServiceError
+from drivers.ethercat.service import Service, SlaveIdentity
 from rig.wires.segment_service import identity_problems
 
 _STATUSWORD, _ERROR_CODE = 0x6041, 0x603F

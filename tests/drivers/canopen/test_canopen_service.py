@@ -18,8 +18,10 @@ from drivers.canopen.service import Service, ServiceError
 from drivers.cia402 import arming, homing
 from drivers.cia402.arming import SetupStep
 from drivers.cia402.drive_objects import Access
+from drivers.cia402.homing_run import HomingSettings
 
 NODE = 5
+HOMING = HomingSettings(MACHINE, homing.Params(10, 10))
 BUS = BusSettings("virtual", "service", 1_000_000, ())
 KIND, RIGID = (0x1000, 0), (0x608F, 1)
 ABORTED = struct.pack("<BHBI", 0x80, 0x1000, 0, 0x0602_0000)
@@ -272,7 +274,7 @@ def test_a_drive_silent_during_homing_is_reported_and_disabled(
     node.objects |= {(0x6041, 0): 0x0250}
     why = r"^node 5 may still be powered: .*; it did not home: no answer$"
     with pytest.raises(ServiceError, match=why):
-        service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
+        service.home(NODE, HOMING, lambda: False)
     assert node.written[0] == (0x6060, 0, homing.MODE)
     assert node.written[-1] == (0x6040, 0, 0)
 
@@ -281,7 +283,7 @@ def test_a_homed_drive_is_left_unchanged(service: Service, node: Answers) -> Non
     """A second run must not wait for a change of an outcome that is left from the first."""
     node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
     node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
-    service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
+    service.home(NODE, HOMING, lambda: False)
     assert node.written == [(0x6060, 0, homing.MODE), (0x6040, 0, 0)]  # homed, and without power
 
 
@@ -291,7 +293,7 @@ def test_a_drive_that_stays_enabled_after_homing_is_reported(
     node.objects |= {(0x6041, 0): 0x1637, (0x6061, 0): homing.MODE}
     node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
     with pytest.raises(ServiceError, match=r"^node 5 may still be powered: .* emergency stop$"):
-        service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
+        service.home(NODE, HOMING, lambda: False)
     assert node.written.count((0x6040, 0, 0)) > 10
 
 

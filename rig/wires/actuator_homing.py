@@ -62,10 +62,8 @@ def home_actuators(
         if repeat:
             raise ServiceError("drives on EtherCAT restart by their power switch only")
         with closing(SegmentService(config["interface"])) as segment:
-            distributed = config["clock"] == "distributed"
-            set_up_slaves(segment, config["slaves"], distributed=distributed)
-            home = partial(home_slave, segment, config["interface"], config["slaves"])
-            return _home_each(nodes, lambda node: home(node["name"], stopped), stopped, on_begin)
+            set_up_slaves(segment, config)
+            return _home_each(nodes, partial(home_slave, segment, config), stopped, on_begin)
     bus = BusSettings.from_json(config["bus"])
     if problem := bus_problem(bus):
         raise LinkError(problem)
@@ -73,7 +71,7 @@ def home_actuators(
         for node in nodes if repeat else ():
             service.reset(node["node"], _BOOT_S, stopped)
         set_up_nodes(service, list(nodes))
-        found = _home_each(nodes, lambda node: home_node(service, node, stopped), stopped, on_begin)
+        found = _home_each(nodes, partial(home_node, service), stopped, on_begin)
         # A drive with a problem keeps its monitor: it trips when our heartbeat ends.
         failed = [each.name for each in found if each.problem]
         restart_monitors(service, [node for node in nodes if node["name"] not in failed])
@@ -82,7 +80,7 @@ def home_actuators(
 
 def _home_each(
     nodes: Sequence[dict[str, Any]],
-    home: Callable[[dict[str, Any]], bool],
+    home: Callable[[dict[str, Any], Callable[[], bool]], bool],
     stopped: Callable[[], bool],
     on_begin: Callable[[str], None],
 ) -> tuple[Homing, ...]:
@@ -93,7 +91,7 @@ def _home_each(
         on_begin(node["name"])
         began, problem, moved = time.monotonic(), "", False
         try:
-            moved = home(node)
+            moved = home(node, stopped)
         except OSError as error:  # of either bus
             problem = str(error)
         duration = time.monotonic() - began

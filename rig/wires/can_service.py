@@ -117,17 +117,8 @@ def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str,
     health = service.health()
     now = time.monotonic()
     for node in nodes:
-        node_health = health[node["node"]]
-        slots[f"{node['name']}{HEALTH_SUFFIX}"].post(
-            NodeHealth(
-                node_health.nmt,
-                node_health.last_heartbeat,
-                node_health.boots,
-                node_health.code,
-                node_health.emergencies,
-                now,
-            )
-        )
+        one = health[node["node"]]
+        slots[f"{node['name']}{HEALTH_SUFFIX}"].post(NodeHealth(one.last_heartbeat, one.boots, now))
 
 
 if __name__ == "__main__":

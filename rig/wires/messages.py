@@ -23,13 +23,10 @@ from rig.processes.messages import MessageFields
 
 
 class NodeHealth(NamedTuple):
-    """The state of one CANopen node, as the CAN service process knows it."""
+    """The state of a node or slave of the bus, as the service process of the bus knows it."""
 
-    nmt: Index  # NMT state in its last heartbeat
     heartbeat_time: Second  # when its last heartbeat came
     restarts: Index  # since it was set up
-    emergency_code: Index  # of its last emergency, 0: none
-    emergency_count: Index  # number of its emergencies
     stamp: Second  # time of this message
 
 

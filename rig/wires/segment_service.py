@@ -57,11 +57,10 @@ def serve(job: IoJob) -> None:
         return
     try:
         try:
-            distributed = config["clock"] == "distributed"
-            facts = set_up_slaves(service, slaves, distributed=distributed)
+            facts = set_up_slaves(service, config)
             for slave in slaves:
                 if slave["homes"]:
-                    home_slave(service, config["interface"], slaves, slave["name"], ended)
+                    home_slave(service, config, slave, ended)
         except (ServiceError, LinkError) as error:
             report(Refused(str(error)))
             return
@@ -100,13 +99,14 @@ def identity_problems(found: Sequence[SlaveIdentity], slaves: Slaves) -> list[st
     return problems
 
 
-def set_up_slaves(service: Service, slaves: Slaves, *, distributed: bool) -> dict[str, Any]:
+def set_up_slaves(service: Service, config: dict[str, Any]) -> dict[str, Any]:
     """Bring the slaves to SAFE_OPERATIONAL; return what the loop needs to know of them.
 
-    ``distributed``: the loop will follow the clock of the segment.
-
-    ServiceError lists every slave that is another one or does not take its settings.
+    ``config``: of `rig.wires.segment_slaves.segment_service`. ServiceError lists every slave that
+    is another one or does not take its settings.
     """
+    slaves: Slaves = config["slaves"]
+    distributed = config["clock"] == "distributed"  # the loop follows the clock of the segment
     found = service.find()
     if problems := identity_problems(found, slaves):
         raise ServiceError("\n".join(problems))
@@ -150,17 +150,16 @@ def set_up_slaves(service: Service, slaves: Slaves, *, distributed: bool) -> dic
 
 
 def home_slave(
-    service: Service, interface: str, slaves: Slaves, name: str, stopped: Callable[[], bool]
+    service: Service, config: dict[str, Any], slave: dict[str, Any], stopped: Callable[[], bool]
 ) -> bool:
     """Home an actuator with frames of this process; return whether it moved.
 
     Its watchdog stops it if this process dies. ServiceError names the failure.
     """
-    place = next(at for at, slave in enumerate(slaves) if slave["name"] == name)
-    access = _FrameAccess(service, interface, place)
+    access = _FrameAccess(service, config["interface"], slave["node"] - 1)
     try:
-        settings = handover.loads(HomingSettings, json.dumps(slaves[place]["homing"]))
-        return homing_run.home(access, name, settings, stopped)
+        settings = handover.loads(HomingSettings, json.dumps(slave["homing"]))
+        return homing_run.home(access, slave["name"], settings, stopped)
     finally:
         access.close()
         service.request(AlState.SAFE_OPERATIONAL)
@@ -259,16 +258,7 @@ class _Watch:
             elif self._reached and now - self._answered[place] > _SILENT_S:
                 silent.add(slave["name"])
             if slot := self._slots.get(f"{slave['name']}{HEALTH_SUFFIX}"):
-                slot.post(
-                    NodeHealth(
-                        each.state,
-                        self._alive[place],
-                        self._falls[place],
-                        each.code,
-                        each.emergencies,
-                        now,
-                    )
-                )
+                slot.post(NodeHealth(self._alive[place], self._falls[place], now))
         if new := silent - self._reported:
             self._reported |= new
             report(Notice(f"{', '.join(sorted(new))}: no answer for {_SILENT_S:g} s"))

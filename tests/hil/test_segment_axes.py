@@ -90,7 +90,7 @@ class Health:
 
     def read(self) -> NodeHealth:
         now = self._wire.time
-        return NodeHealth(OPERATIONAL, now, 0, 0, 0, now)
+        return NodeHealth(now, 0, now)
 
 
 def connected(wire: Wire, reference_clock: int = 0, inputs: Any = INPUTS) -> SegmentAxes:

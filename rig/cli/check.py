@@ -1,15 +1,11 @@
 """`rig check FILE`."""
 
 import json
-import sys
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rig.campaign import CheckReport
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
@@ -18,8 +14,6 @@ from rig.cli.output import BAD_INPUT, OK, fail, input_errors, print_json
 from rig.config.wiring import WiringError
 from rig.kinds.interface import Display, Report, Tasks
 from rig.kinds.rig_file import kind_of_task
-
-_LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
 
 
 def command(
@@ -73,43 +67,13 @@ def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool =
 
     if not simulate:
         return simulated_check.with_simulated_rows(report)
-    from rig.cli.sweep import compile_loop
+    from rig.cli.sweep import ProgressBar, compile_loop
 
-    with RowProgress(len(report.plan.rows), quiet=quiet) as progress:
-        return simulated_check.with_simulated_rows(report, compile_loop, progress.update)
-
-
-class RowProgress:
-    """Draws a bar on a terminal, prints a line every 10 s elsewhere."""
-
-    def __init__(self, total: int, *, quiet: bool) -> None:
-        self._total, self._quiet = total, quiet
-        console = Console(stderr=True, highlight=False)
-        self._live_display = console.is_terminal and not quiet
-        columns = (TextColumn("simulating"), BarColumn(), MofNCompleteColumn())
-        self._bar = Progress(
-            *columns, console=console, transient=True, disable=not self._live_display
+    count = len(report.plan.rows)
+    with ProgressBar("simulating", count, quiet=quiet) as bar:
+        return simulated_check.with_simulated_rows(
+            report, compile_loop, lambda done: bar.show(done, f"simulated {done} of {count} rows")
         )
-        self._task = self._bar.add_task("", total=total)
-        self._last_line_time: float | None = None  # before the first row, which may wait for code
-
-    def __enter__(self) -> "RowProgress":
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def update(self, done: int) -> None:
-        """Show the number of finished rows."""
-        self._bar.update(self._task, completed=done)
-        if self._live_display or self._quiet:
-            return
-        now = time.monotonic()
-        self._last_line_time = self._last_line_time or now
-        if now - self._last_line_time >= _LINE_INTERVAL_S:
-            self._last_line_time = now
-            print(f"simulated {done} of {self._total} rows", file=sys.stderr, flush=True)
 
 
 def _wire_refusal(tasks: Tasks, report: Report) -> WiringError | None:

@@ -4,7 +4,7 @@ import re
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 import typer
@@ -239,29 +239,48 @@ def _print_result(result: dict[str, Any], opened: sweep.Sweep) -> None:
         print(picture)
 
 
-class SweepProgress:
+class ProgressBar:
     """Draws a bar on a terminal, prints a line every 10 s elsewhere."""
 
     def __init__(self, name: str, total: int, *, quiet: bool) -> None:
-        self._total, self._quiet = total, quiet
-        self._already_finished = self.done = self.failed = 0
-        self.simulated = 0.0  # s
-        self.elapsed = 0.0  # s, from the first case handed out to the last outcome
         console = Console(stderr=True, highlight=False)
+        self._quiet = quiet
         self._live_display = console.is_terminal and not quiet
         self._bar = Progress(
             TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
             console=console, transient=True, disable=not self._live_display,
         )  # fmt: skip
         self._task = self._bar.add_task("", total=total, rate="")
-        self._start_time = self._last_line_time = time.monotonic()
+        self._last_line_time: float | None = None  # before the first case, which may wait for code
 
-    def __enter__(self) -> "SweepProgress":
+    def __enter__(self) -> Self:
         self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
+
+    def show(self, done: int, line: str, rate: str = "") -> None:
+        """Show the number of finished cases: a bar with their rate, or a line."""
+        self._bar.update(self._task, completed=done, rate=rate)
+        now = time.monotonic()
+        self._last_line_time = self._last_line_time or now
+        if self._live_display or self._quiet or now - self._last_line_time < _LINE_INTERVAL_S:
+            return
+        self._last_line_time = now
+        print(line, file=sys.stderr, flush=True)
+
+
+class SweepProgress(ProgressBar):
+    """The progress of a sweep, with its rate and the time left."""
+
+    def __init__(self, name: str, total: int, *, quiet: bool) -> None:
+        super().__init__(name, total, quiet=quiet)
+        self._total = total
+        self._already_finished = self.done = self.failed = 0
+        self.simulated = 0.0  # s
+        self.elapsed = 0.0  # s, from the first case handed out to the last outcome
+        self._start_time = time.monotonic()
 
     def begin(self, already_finished: int) -> None:
         """Start the clock; ``already_finished`` cases come from an earlier start of the sweep."""
@@ -283,19 +302,9 @@ class SweepProgress:
         self.done += 1
         self.failed += bool(outcome.failed)
         self.simulated += outcome.seconds
-        now = time.monotonic()
-        self.elapsed = max(now - self._start_time, 1e-3)
-        self._bar.update(
-            self._task, completed=self._already_finished + self.done, rate=self._rate_text()
-        )
-        if (
-            not self._live_display
-            and not self._quiet
-            and now - self._last_line_time >= _LINE_INTERVAL_S
-        ):
-            self._last_line_time = now
-            count = f"{self._already_finished + self.done} of {self._total} cases"
-            print(f"{count}, {self._rate_text()}", file=sys.stderr, flush=True)
+        self.elapsed = max(time.monotonic() - self._start_time, 1e-3)
+        done, rate = self._already_finished + self.done, self._rate_text()
+        self.show(done, f"{done} of {self._total} cases, {rate}", rate)
 
     def _rate_text(self) -> str:
         time_left = (self._total - self._already_finished - self.done) * self.elapsed / self.done

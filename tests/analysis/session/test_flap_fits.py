@@ -150,13 +150,13 @@ def test_two_periods_separate_spring_and_inertia() -> None:
                 is_moving = np.abs(speed) > 0.1 * amplitude * omega
                 columns = (angle, speed, rate, torque, t)
                 groups.append(MovingSamples(*(each[is_moving] for each in columns)))
-        spring = flap_stiffness.fit_spring(groups, "set points")
+        spring = flap_stiffness.fit_spring(groups)
         assert spring.stiffness.value == pytest.approx(stiffness, rel=0.01)
         covered.append(spring.stiffness.covers(stiffness))
     # 0.95 minus three standard deviations of a share of 200; CELL_UNCERTAINTY widens the intervals.
     assert np.mean(covered) >= 0.90
     with pytest.raises(ValueError, match="at least 4"):
-        flap_stiffness.fit_spring(groups[:3], "set points")
+        flap_stiffness.fit_spring(groups[:3])
 
 
 def test_the_response_to_an_irregular_sea_matches_the_closed_form() -> None:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial import Polynomial
 from scipy.special import stdtrit
 
 Floats = npt.NDArray[np.float64]
@@ -242,33 +243,22 @@ def _solve_grid(
 ) -> tuple[Floats, float]:
     scale = np.sqrt(np.einsum("kii->ki", gram))
     scale = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(gram / (scale[:, :, None] * scale[:, None, :]))
-    regular = values[:, 0] > _SINGULAR  # otherwise the data do not determine this grid point
-    projected = np.einsum("kij,ki->kj", vectors, right / scale) / np.where(
-        regular[:, None], values, 1.0
-    )
-    solutions = np.einsum("kij,kj->ki", vectors, projected) / scale
+    scaled = gram / (scale[:, :, None] * scale[:, None, :])
+    # Below it the data do not determine a grid point.
+    regular = np.linalg.eigvalsh(scaled)[:, 0] > _SINGULAR
+    scaled[~regular] = np.eye(scaled.shape[1])
+    solutions = np.linalg.solve(scaled, (right / scale)[:, :, None])[:, :, 0] / scale
     residual_squares = np.where(
         regular, value_squares - np.einsum("ki,ki->k", right, solutions), np.inf
     )
     best = int(np.argmin(residual_squares))
     minimum = float(grid[best])
-    if 0 < best < len(grid) - 1 and np.isfinite(residual_squares[best - 1 : best + 2]).all():
-        minimum = _parabola_minimum(
-            grid[best - 1 : best + 2], residual_squares[best - 1 : best + 2]
-        )
+    around = slice(best - 1, best + 2)
+    if 0 < best < len(grid) - 1 and np.isfinite(residual_squares[around]).all():
+        slope = Polynomial.fit(grid[around], residual_squares[around], 2).deriv()
+        for root in slope.roots():  # none where the three are equal
+            minimum = float(np.clip(root, grid[best - 1], grid[best + 1]))
     parameters = [
         np.interp(minimum, grid[regular], solutions[regular, i]) for i in range(solutions.shape[1])
     ]
     return np.array([*parameters, minimum]), float(residual_squares[best])
-
-
-def _parabola_minimum(x: Floats, y: Floats) -> float:
-    """Return the position of the minimum of the parabola through three points."""
-    left_term, right_term = (x[1] - x[0]) * (y[1] - y[2]), (x[1] - x[2]) * (y[1] - y[0])
-    if left_term == right_term:
-        return float(x[1])
-    offset = (
-        0.5 * ((x[1] - x[0]) * left_term - (x[1] - x[2]) * right_term) / (left_term - right_term)
-    )
-    return float(np.clip(x[1] - offset, x[0], x[2]))

@@ -3,8 +3,7 @@
     T = C (theta - theta0) + f sign(v) + b v + J a + z t
 
 Two periods of motion separate spring and inertia, which cannot be separated in one sine. z t is a
-drift of the cell's zero. Intervals are by leaving out one set point (or one period, if there are
-few set points) at a time.
+drift of the cell's zero. Intervals are by leaving out one period at a time.
 """
 
 from typing import NamedTuple
@@ -52,14 +51,14 @@ class SpringFit(NamedTuple):
     drift: Estimate  # N*m/s
 
 
-def fit_spring(groups: list[MovingSamples], group_name: str) -> SpringFit:
-    """Fit all groups; ``group_name`` names the groups. ValueError for too few of them."""
+def fit_spring(groups: list[MovingSamples]) -> SpringFit:
+    """Fit all groups, periods; ValueError for too few of them."""
     if len(groups) < MIN_GROUPS:
-        raise ValueError(f"{len(groups)} {group_name}; a spring needs at least {MIN_GROUPS}")
+        raise ValueError(f"{len(groups)} periods; a spring needs at least {MIN_GROUPS}")
     solutions = solve_groups([(_design_matrix(g), g.torque) for g in groups], np.linalg.solve)
     values, *left_out = [_spring_quantities(each) for each in solutions]
     units = ("N*m/rad", "rad", "N*m", "N*m*s/rad", "kg*m^2", "N*m/s")
-    method = f"least squares, jackknife over {len(groups)} {group_name}"
+    method = f"least squares, jackknife over {len(groups)} periods"
     stiffness, *others = jackknifed(values, left_out, units, method)
     return SpringFit(stiffness.with_cell_error(), *others)
 
@@ -94,7 +93,7 @@ class SlowPoint(NamedTuple):
 def analyse_session(session: SessionRun) -> Result:
     """Analyse a run of the session."""
     points = [_slow_point(point) for point in session.complete_points]
-    spring = fit_spring([group for each in points for group in each.groups], "periods")
+    spring = fit_spring([group for each in points for group in each.groups])
     return Result(
         (table("flap_slow", "Slow motion by set point", points, _columns(spring)),),
         (

@@ -114,13 +114,8 @@ def _stepper(config: dict[str, Any], interpreted: type[Stepper]) -> Any:
 def connect(config: dict[str, Any], dt: float) -> BenchPlantDevices:
     """Return the simulated devices for a configuration of `build_bench` or `build_flap`."""
     if "flap" in config["plant"]:
-        return connect_flap(config, dt)
+        return FlapDevices(*build_flap(config, dt), dt)
     return BenchPlantDevices(build_bench(config, dt), dt)
-
-
-def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
-    """Return the devices for a configuration of `build_flap`."""
-    return FlapDevices(*build_flap(config, dt), dt)
 
 
 def build_flap(config: dict[str, Any], dt: float) -> tuple[FlapWorld, list[WaveTables]]:

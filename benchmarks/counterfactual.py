@@ -26,10 +26,9 @@ from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
 from rig.stations import station_names
-from rig.sweep.campaigns import single_row_plan
+from rig.sweep.campaigns import LEAD_IN, single_row_plan
 from rig.sweep.counterfactual import MeasuredRun, counterfactual_rows
 
-LEAD_IN = 15.0  # s
 MAX_RELATIVE_ERROR, MIN_ALLOWED_ERROR = 0.05, 0.5  # of the power, W: allowed error of a prediction
 MIN_INSIDE, MAX_INSIDE = 90.0, 98.0  # %, of intervals of 95 %
 MIN_NEAR = 99.0  # % of the rows
@@ -132,7 +131,7 @@ def predict_case(folder: Path, seed: int) -> Case:
     measured = MeasuredRun(
         "hidden", tuple(row for row, _ in logged_rows), [window for _, window in logged_rows]
     )
-    predicted = counterfactual_rows(measured, logged, other, FORCES, LEAD_IN)
+    predicted = counterfactual_rows(measured, logged, other, FORCES)
     true = [row for row, _ in simulate_rows(truth._replace(points=other.points))]
     return Case(
         np.array([[row.power[name] for name in _POWERS] for row in predicted.rows]),

@@ -58,7 +58,11 @@ def trial_problems(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]
                 yield campaign.locate.problem(law_key(campaign.axis_laws, axis), law.name, message)
 
 
-def compilation_problems(campaign: AnyCampaign, dt: float, consequence: str) -> Iterator[Problem]:
+def compilation_problems(
+    campaign: AnyCampaign,
+    dt: float,
+    consequence: str = "the law cannot be compiled, so it runs interpreted and no sweep has it",
+) -> Iterator[Problem]:
     """Yield a problem for each law that cannot be compiled; those of wec-rig can.
 
     ``consequence`` is the beginning of the message.

@@ -103,7 +103,6 @@ def counterfactual_for_run(
     *,
     model: AnyCampaign | None = None,
     method: str | None = None,
-    lead_in: float = LEAD_IN,
     on_progress: OnProgress = lambda done, of: None,
 ) -> CounterfactualResult:
     """Predict the rows of ``campaign`` in the waves of ``run``.
@@ -136,7 +135,6 @@ def counterfactual_for_run(
         logged_campaign,
         campaign,
         method,
-        lead_in,
         on_progress,
     )
 
@@ -146,7 +144,6 @@ def counterfactual_rows(
     logged_campaign: AnyCampaign,
     campaign: AnyCampaign,
     method: str | None = None,
-    lead_in: float = LEAD_IN,
     on_progress: OnProgress = lambda done, of: None,
 ) -> CounterfactualResult:
     """Predict the rows of ``campaign`` from measured rows.
@@ -173,7 +170,7 @@ def counterfactual_rows(
     sea = _on_whole_ticks(waves.description(), dt)
     total = len(logged_campaign.points) + len(campaign.points)
     modelled = {}
-    for point, result in _simulate_points(logged_campaign, sea, lead_in):
+    for point, result in _simulate_points(logged_campaign, sea):
         modelled[point] = result
         on_progress(len(modelled), total)
     comparisons = tuple(
@@ -196,7 +193,7 @@ def counterfactual_rows(
         if name in identified:
             identified_ranges[name] = AmplitudeRange(*identified[name], unit)
     rows, own_contents = [], simulation.row_contents(campaign)
-    for point, result in _simulate_points(campaign, sea, lead_in):
+    for point, result in _simulate_points(campaign, sea):
         power, half_width = correct_powers(_powers(result, shares), shares)
         amplitude = {name: float(result.get(name, math.nan)) for name in AMPLITUDE_UNITS}
         rows.append(
@@ -294,14 +291,14 @@ def _setting(row: dict[str, Any], contents: RowContents) -> dict[str, float]:
 
 
 def _simulate_points(
-    campaign: AnyCampaign, sea: dict[str, Any], lead_in: float
+    campaign: AnyCampaign, sea: dict[str, Any]
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield each point's number and its simulated results in a sea, with names of the row table."""
     simulation = simulation_of(campaign)
-    whole = build_plan(single_row_campaign(campaign, lead_in))
+    whole = build_plan(single_row_campaign(campaign, LEAD_IN))
     simulator = simulation.open_simulator(campaign, whole, sea)
     for number, point in enumerate(campaign.points):
-        planned = single_row_plan(campaign, lead_in, point)
+        planned = single_row_plan(campaign, LEAD_IN, point)
         rows = simulator.simulate(planned, place=planned.rows[0].place)
         (row,) = row_results(rows, campaign, planned, simulation.row_contents(campaign))
         yield number, row

@@ -9,6 +9,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import interp1d
 
 from rig.config.sea import MAX_AMPLITUDE_M, MIN_AMPLITUDE_M
 from rig.kinds.modular.mode_choice import ChosenModes
@@ -126,7 +127,7 @@ def linear_plant(chosen: ChosenModes, frequency: float | None = None) -> LinearP
         )
     hertz = np.array([frequency])
     mobility: Any = np.linalg.inv(_impedance(chosen, hertz)[0])
-    forces = _interpolated(hertz, bem.frequency, bem.excitation.conj())[0]
+    forces = interp1d(bem.frequency, bem.excitation.conj(), axis=0)(frequency)
     impedance = np.linalg.inv(factors @ mobility @ factors.T)
     stiffness, compliance = stiffness_matrix(chosen), None
     if np.linalg.eigvalsh(stiffness).min() > 0.0:
@@ -149,19 +150,11 @@ def _impedance(chosen: ChosenModes, frequency: Floats) -> Complexes:
     """Return the impedance of the bodies at frequencies (Hz), (frequencies, modes, modes)."""
     bem, omega = chosen.bem, 2.0 * np.pi * frequency[:, None, None]
     inertia = np.diag([mode.mass for mode in chosen.modes])
-    inertia = inertia + _interpolated(frequency, bem.frequency, bem.added_mass)
+    inertia = inertia + interp1d(bem.frequency, bem.added_mass, axis=0)(frequency)
     damping = np.diag([mode.damping for mode in chosen.modes])
-    damping = damping + _interpolated(frequency, bem.frequency, bem.damping)
+    damping = damping + interp1d(bem.frequency, bem.damping, axis=0)(frequency)
     total: Complexes = damping + 1j * (omega * inertia - stiffness_matrix(chosen) / omega)
     return total
-
-
-def _interpolated(at: Floats, frequency: Floats, values: Any) -> Any:
-    """Return values over a file's frequencies (Hz) at others within them."""
-    below = np.clip(np.searchsorted(frequency, at, side="right") - 1, 0, frequency.size - 2)
-    share = (at - frequency[below]) / (frequency[below + 1] - frequency[below])
-    share = share.reshape(-1, *[1] * (values.ndim - 1))
-    return values[below] + share * (values[below + 1] - values[below])
 
 
 def _wave_frequency(chosen: ChosenModes, factors: Floats, band: tuple[float, float]) -> float:

@@ -27,7 +27,6 @@ from sim_plant.modes.building import read_bem
 from sim_plant.modes.parameters import Plant
 
 TaskFile = CampaignFile
-_INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
 
 
 def examine(
@@ -44,7 +43,7 @@ def examine(
     unstable = _points_without_equilibrium(campaign)
     if refused := tuple(problem for problem, can_run in unstable if not can_run):
         return CheckReport(path, refused, None, None)
-    warnings = compilation_problems(campaign, report.plan.dt, _INTERPRETED)
+    warnings = compilation_problems(campaign, report.plan.dt)
     plant_warnings = (*_plant_warnings(campaign), *(problem for problem, _ in unstable))
     return report._replace(law_warnings=tuple(warnings), plant_warnings=plant_warnings)
 

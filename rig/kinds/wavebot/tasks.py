@@ -20,7 +20,6 @@ from rig.kinds.wavebot.tick import kind_with_law
 from rig.processes.run_types import ExecutionMode, Task
 
 TaskFile = CampaignFile
-_INTERPRETED = "the law cannot be compiled, so it runs interpreted and no sweep has it"
 _WIRED_DEVICES = "rig.kinds.wavebot.hardware.devices"
 
 
@@ -39,7 +38,7 @@ def examine(
         return report
     return report._replace(
         not_predicted=rows.unpredicted_reason(report.campaign, report.plan),
-        law_warnings=tuple(compilation_problems(report.campaign, report.plan.dt, _INTERPRETED)),
+        law_warnings=tuple(compilation_problems(report.campaign, report.plan.dt)),
     )
 
 

@@ -15,8 +15,9 @@ from rig.config.rig_file import BaseRigFile
 from rig.emulation.addresses import occupied_addresses, unreachable_addresses
 from rig.emulation.control import ControlServer
 from rig.emulation.devices import EmulatedDevices
+from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
-from rig.processes.messages import IoJob, Notice, Ready, Refused, report
+from rig.processes.messages import IoJob, Notice, Ready, report
 from rig.realtime import scheduling
 from sim_plant.emulators.running import running
 from sim_plant.emulators.schedule import precise_loop
@@ -37,13 +38,14 @@ def emulation_process(module: str, rig: BaseRigFile, **config: Any) -> IoProcess
     return IoProcess(PROCESS_NAME, module, config, {}, READY_TIMEOUT_S, starts_first=True)
 
 
-def serve_devices(job: IoJob, model: type[R], build: Build[R]) -> None:
-    """Serve until terminated, or until some time after the loop's end.
+def run_devices(model: type[R], build: Build[R]) -> None:
+    """Run the process: serve until terminated, or until some time after the loop's end."""
 
-    An OSError of the devices is reported as a refusal.
-    """
-    with asyncio.Runner(loop_factory=precise_loop) as runner:
-        runner.run(_serve_job(job.config, job.lifeline, model, build))
+    def serve(job: IoJob) -> None:
+        with asyncio.Runner(loop_factory=precise_loop) as runner:
+            runner.run(_serve_job(job.config, job.lifeline, model, build))
+
+    run_io_process(serve, prioritised=False)
 
 
 async def _serve_job(
@@ -58,17 +60,14 @@ async def _serve_job(
 
     loop.add_reader(lifeline, hung_up)
     rig = model.model_validate(config["rig"])
-    try:
-        if rig.wiring is not None and (
-            problems := (*unreachable_addresses(rig.wiring), *occupied_addresses(rig.wiring))
-        ):
-            raise OSError("\n".join(problems))
-        devices = build(rig, config, loop)
-        if refused := scheduling.acquire_for_emulator():
-            report(Notice(f"no priority over other work: {refused}"))
-        await _serve(devices, ended)
-    except OSError as error:  # an address is taken by another run or another rig's devices
-        report(Refused(str(error)))
+    if rig.wiring is not None and (
+        problems := (*unreachable_addresses(rig.wiring), *occupied_addresses(rig.wiring))
+    ):
+        raise OSError("\n".join(problems))
+    devices = build(rig, config, loop)
+    if refused := scheduling.acquire_for_emulator():
+        report(Notice(f"no priority over other work: {refused}"))
+    await _serve(devices, ended)
 
 
 async def _serve(devices: EmulatedDevices, ended: asyncio.Event) -> None:

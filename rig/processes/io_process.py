@@ -12,8 +12,10 @@ import signal
 import sys
 from collections.abc import Callable
 
+from drivers.errors import CodecError
 from rig.processes import handover
-from rig.processes.messages import IoJob
+from rig.processes.messages import IoJob, Notice, Refused, report
+from rig.realtime import scheduling
 
 
 def ignore_terminal_signals() -> None:
@@ -22,10 +24,20 @@ def ignore_terminal_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def run_io_process(serve: Callable[[IoJob], None]) -> None:
-    """Read a job from standard input and pass it to ``serve``."""
+def run_io_process(serve: Callable[[IoJob], None], *, prioritised: bool = True) -> None:
+    """Read a job from standard input and pass it to ``serve``; report the error of a device.
+
+    ``prioritised``: at a priority above ordinary work.
+    """
     ignore_terminal_signals()
-    serve(handover.loads(IoJob, sys.stdin.read()))
+    job = handover.loads(IoJob, sys.stdin.read())
+    if prioritised and (refused := scheduling.acquire_for_io()):
+        report(Notice(f"no priority over other work: {refused}"))
+    try:
+        serve(job)
+    except (OSError, CodecError) as error:
+        report(Refused(str(error)))
+        raise
 
 
 def end_condition(lifeline: int) -> Callable[[], bool]:

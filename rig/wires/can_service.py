@@ -9,6 +9,7 @@ drive's current.
 import json
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from typing import Any
 
 from drivers.canopen.bus_settings import BusSettings
@@ -20,8 +21,7 @@ from drivers.errors import ServiceError
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
-from rig.processes.messages import IoJob, Notice, Ready, Refused, report
-from rig.realtime import scheduling
+from rig.processes.messages import IoJob, Notice, Ready, report
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, open_mailboxes
 
 _POLL_INTERVAL_S = 0.02  # s between two posts of the nodes' health
@@ -31,29 +31,16 @@ _REPORT_INTERVAL_S = 5.0  # s between two messages about a lost bus
 def serve(job: IoJob) -> None:
     """Set up and monitor the nodes until terminated or until the loop has ended."""
     config, ended = job.config, end_condition(job.lifeline)
-    slots = open_mailboxes(job.mailboxes)
-    if refused := scheduling.acquire_for_io():
-        report(Notice(f"no priority over other work: {refused}"))
-    bus = BusSettings.from_json(config["bus"])
-    nodes = config["nodes"]
-    try:
-        service = Service(bus)
-    except LinkError as error:
-        report(Refused(str(error)))
-        return
-    try:
-        try:
-            facts = set_up_nodes(service, nodes)
-            homing_nodes = [node for node in nodes if node["homes"]]
-            for node in homing_nodes:
-                home_node(service, node, ended)
-            restart_monitors(service, nodes if homing_nodes else [])
-            service.ignore_process_data()
-            for node in nodes:
-                service.start(node["node"])
-        except ServiceError as error:
-            report(Refused(str(error)))
-            return
+    slots, nodes = open_mailboxes(job.mailboxes), config["nodes"]
+    with closing(Service(BusSettings.from_json(config["bus"]))) as service:
+        facts = set_up_nodes(service, nodes)
+        homing_nodes = [node for node in nodes if node["homes"]]
+        for node in homing_nodes:
+            home_node(service, node, ended)
+        restart_monitors(service, nodes if homing_nodes else [])
+        service.ignore_process_data()
+        for node in nodes:
+            service.start(node["node"])
         _post_health(service, nodes, slots)
         report(Ready(facts))
         last_report = -_REPORT_INTERVAL_S
@@ -67,8 +54,6 @@ def serve(job: IoJob) -> None:
                     report(Notice(str(error)))
         for node in nodes:
             service.stop(node["node"])
-    finally:
-        service.close()
 
 
 def set_up_nodes(service: Service, nodes: list[dict[str, Any]]) -> dict[str, Any]:

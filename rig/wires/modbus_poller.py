@@ -25,7 +25,6 @@ from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.processes.messages import IoJob, Notice, Ready, Refused, report
-from rig.realtime import scheduling
 from rig.wires.messages import (
     ACKNOWLEDGEMENT_SUFFIX,
     WriteAcknowledgement,
@@ -248,8 +247,6 @@ def poll(job: IoJob) -> None:
     writable = [t.polled.block for t in tasks if t.polled.written]
     writable += [block for t in tasks for block, setup in setup_blocks(t.polled) if setup.write]
     line = create_line(config, writable)
-    if refused := scheduling.acquire_for_io():
-        report(Notice(f"no priority over other work: {refused}"))
     ended = end_condition(job.lifeline)
     began, ready = time.monotonic(), False
     try:

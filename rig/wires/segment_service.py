@@ -8,12 +8,13 @@ later gets it back by the next run only: nothing is armed again by itself.
 import json
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from typing import Any
 
 from drivers.cia402 import homing, homing_run
 from drivers.cia402.arming import SetupStep, format_mismatches
 from drivers.cia402.homing_run import HomingSettings
-from drivers.errors import LinkError, ServiceError
+from drivers.errors import ServiceError
 from drivers.ethercat import position_actuator
 from drivers.ethercat.cycle import SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
@@ -30,8 +31,7 @@ from drivers.ethercat.service import (
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
-from rig.processes.messages import IoJob, Notice, Ready, Refused, report
-from rig.realtime import scheduling
+from rig.processes.messages import IoJob, Notice, Ready, report
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, open_mailboxes
 
 _POLL_INTERVAL_S = 0.02  # s between two looks at the states
@@ -46,32 +46,18 @@ Slaves = Sequence[dict[str, Any]]
 def serve(job: IoJob) -> None:
     """Set up and monitor the slaves until terminated or until the loop has ended."""
     config, ended = job.config, end_condition(job.lifeline)
-    slots = open_mailboxes(job.mailboxes)
-    if refused := scheduling.acquire_for_io():
-        report(Notice(f"no priority over other work: {refused}"))
     slaves: Slaves = config["slaves"]
-    try:
-        service = Service(config["interface"])
-    except LinkError as error:
-        report(Refused(str(error)))
-        return
-    try:
-        try:
-            facts = set_up_slaves(service, config)
-            for slave in slaves:
-                if slave["homes"]:
-                    home_slave(service, config, slave, ended)
-        except (ServiceError, LinkError) as error:
-            report(Refused(str(error)))
-            return
-        watch = _Watch(service, slaves, slots)
+    with closing(Service(config["interface"])) as service:
+        facts = set_up_slaves(service, config)
+        for slave in slaves:
+            if slave["homes"]:
+                home_slave(service, config, slave, ended)
+        watch = _Watch(service, slaves, open_mailboxes(job.mailboxes))
         watch.look()
         report(Ready(facts))
         while not ended():
             time.sleep(_POLL_INTERVAL_S)
             watch.look()
-    finally:
-        service.close()
 
 
 def identity_problems(found: Sequence[SlaveIdentity], slaves: Slaves) -> list[str]:

@@ -5,13 +5,12 @@ When the device falls silent, its values age and the loop stops for that; this p
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 
 from drivers.conversation import Exchange
-from drivers.errors import CodecError, LinkError
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.processes.messages import IoJob, Notice, Ready, Refused, report
-from rig.realtime import scheduling
 from rig.wires.messages import open_mailboxes
 from rig.wires.streams import Stream, create_stream
 
@@ -26,24 +25,15 @@ EndCondition = Callable[[], bool]
 
 def converse(job: IoJob) -> None:
     """Serve one device until terminated or until the loop has ended."""
-    config = job.config
-    slots = open_mailboxes(job.mailboxes)
-    try:
-        stream = create_stream(config["kind"], config["settings"], slots)
-        stream.link.open()
-    except (CodecError, LinkError) as error:
-        report(Refused(str(error)))
-        return
-    if refused := scheduling.acquire_for_io():
-        report(Notice(f"no priority over other work: {refused}"))
+    config, slots = job.config, open_mailboxes(job.mailboxes)
+    stream = create_stream(config["kind"], config["settings"], slots)
+    stream.link.open()
     ended = end_condition(job.lifeline)
     exchange, slot = Exchange(stream.link, stream.conversation), slots[config["name"]]
-    try:
+    with closing(stream.link):
         if _wait_until_ready(stream, exchange, slot, ended):
             _serve(stream, exchange, slot, ended)
         _release(stream, exchange)
-    finally:
-        stream.link.close()
 
 
 def _wait_until_ready(

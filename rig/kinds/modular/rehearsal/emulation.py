@@ -12,14 +12,13 @@ from rig.config.wiring import Registers, TorqueDrive, WiringError, wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.campaign_sea import campaign_sea
 from rig.emulation.devices import EmulatedDevices, emulated_bus, load_cell, modbus_lines
-from rig.emulation.process import emulation_process, serve_devices
+from rig.emulation.process import emulation_process, run_devices
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.config import ModularWiring, RigFile
 from rig.kinds.modular.config.wiring import WRENCH
 from rig.kinds.modular.rehearsal import job
 from rig.kinds.modular.rehearsal.devices import build_world
 from rig.planning.input_files import ConfigSource
-from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.ft_calibration import Wrench
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
@@ -213,4 +212,4 @@ def _register_map(blocks: Blocks, world: SharedModes, reads: Mapping[str, Read])
 
 
 if __name__ == "__main__":
-    run_io_process(lambda job: serve_devices(job, RigFile, _build_devices))
+    run_devices(RigFile, _build_devices)

@@ -10,7 +10,7 @@ from rig.config.pydantic_errors import validate
 from rig.config.wiring import wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.devices import EmulatedDevices, load_cell, modbus_lines, serial_line
-from rig.emulation.process import emulation_process, serve_devices, without_delay
+from rig.emulation.process import emulation_process, run_devices, without_delay
 from rig.kinds.oswec_bench.config.rig_file import BenchRigFile
 from rig.kinds.oswec_bench.config.rig_file import Encoder as EncoderScale
 from rig.kinds.oswec_bench.config.wiring import BenchWiring, EncoderChannel, ServoDrive
@@ -19,7 +19,6 @@ from rig.kinds.oswec_bench.rehearsal.devices import build_bench
 from rig.kinds.oswec_bench.rehearsal.job import problems
 from rig.kinds.oswec_bench.sessions.files import Session, open_session
 from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
-from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.world import BenchWorld
@@ -259,4 +258,4 @@ def _create_couplers(
 
 
 if __name__ == "__main__":
-    run_io_process(lambda job: serve_devices(job, BenchRigFile, _build_devices))
+    run_devices(BenchRigFile, _build_devices)

@@ -16,11 +16,10 @@ from rig.emulation.devices import (
     emulated_bus,
     modbus_lines,
 )
-from rig.emulation.process import emulation_process, serve_devices, without_delay
+from rig.emulation.process import emulation_process, run_devices, without_delay
 from rig.kinds.wavebot.config import RigFile
 from rig.kinds.wavebot.rehearsal.bem_files import bem_settings
 from rig.kinds.wavebot.rehearsal.devices import build_world
-from rig.processes.io_process import run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.canopen_node import CanopenNode
@@ -197,4 +196,4 @@ def _coupler(world: SharedWorld, block: AnyBlock) -> IoCoupler:
 
 
 if __name__ == "__main__":
-    run_io_process(lambda job: serve_devices(job, RigFile, _build_devices))
+    run_devices(RigFile, _build_devices)

@@ -8,8 +8,7 @@ from rig.config.pydantic_errors import validate
 from rig.config.wiring import wiring_of
 from rig.config.yaml_source import SourceMap
 from rig.emulation.devices import EmulatedBus, EmulatedDevices
-from rig.emulation.process import emulation_process, serve_devices
-from rig.processes.io_process import run_io_process
+from rig.emulation.process import emulation_process, run_devices
 from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.emulators.torque_drive import Motor, MotorReading
@@ -53,4 +52,4 @@ def build_devices(
 
 
 if __name__ == "__main__":
-    run_io_process(lambda job: serve_devices(job, RigFile, build_devices))
+    run_devices(RigFile, build_devices)

@@ -19,7 +19,7 @@ from rig.config.problems import ConfigError, Problem, display_path, problems_tex
 from rig.planning.points import unused_row_warnings
 from rig.planning.tank import TankTimes, tank_line, tank_times, tank_warnings
 from rig.planning.windows import RowWindows
-from rig.presentation.phrases import format_duration
+from rig.presentation.phrases import count_text, format_duration
 
 
 class CampaignPrediction(Protocol):
@@ -151,16 +151,16 @@ class CheckReport(NamedTuple):
         windows, first = _shortest_windows(campaign, planned), file.kind_columns.first
         measured = f"{windows.measure:.6g} s"
         if windows.periods:
-            measured += f" = {_count_text(windows.periods, 'period')}"
+            measured += f" = {count_text(windows.periods, 'period')}"
         rows, waits = "none: wave calibration, device absent, drive off", ""
         if planned.rows:
             equal = len({row.measure for row in planned.rows}) == 1
             measured += " per row" if equal else " or more per row"
-            points = _count_text(len(campaign.points), "point")
+            points = count_text(len(campaign.points), "point")
             rows = f"{len(planned.rows)} ({points} x {file.repeat}), {file.order}"
             waits = ", plus waiting for the drive"
             if first is not None and first.actuator is not None:
-                rows += f", {_count_text(planned.moves, f'{first.heading} move')}"
+                rows += f", {count_text(planned.moves, f'{first.heading} move')}"
                 waits = f", plus waiting for {first.actuator.label} and drive"
         seed = "".join(f", phases of seed {value}" for value in _phases_seed(file).values())
         phases = (f"{_phase_label(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
@@ -297,10 +297,6 @@ def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
 def _phases_seed(file: BaseCampaignFile) -> dict[str, int]:
     """Return the seed of a sea's phases; empty for a sea without random phases."""
     return {"seed": file.sea_seed} if hasattr(file.sea, "seed") else {}
-
-
-def _count_text(count: int, thing: str) -> str:
-    return f"{count} {thing}{'s' if count != 1 else ''}"
 
 
 def _phase_label(phase: str) -> str:

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from rig.campaign.derived_file import derived_name, derived_text
 from rig.cli.input_files import CAMPAIGNS, input_file
@@ -16,7 +15,7 @@ from rig.cli.options import Json
 from rig.cli.output import FAILED, STOPPED, fail, input_errors, print_result
 from rig.cli.sweep import compile_loop
 from rig.config.problems import display_path, error_text
-from rig.presentation.console import table_console, whole_table
+from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_power
 from rig.stations import find, shown
@@ -131,15 +130,11 @@ def _as_dict(optimum: Optimum) -> dict[str, Any]:
 
 
 def _text(opened: Search, found: Sequence[Optimum]) -> str:
-    table = Table(box=None, header_style="", title_justify="left")
-    table.title = f"Best set points by {len(opened.rows)} simulated rows (negative is absorbed)"
-    table.add_column("for")
-    for column in opened.columns:
-        table.add_column(f"{column.label} {column.unit}", justify="right")
     stations = shown(opened.task.contents.stations)
-    for station in stations:
-        table.add_column(station.heading, justify="right")
-    table.add_column("")
+    settings = (f">{column.label} {column.unit}" for column in opened.columns)
+    powers = (f">{station.heading}" for station in stations)
+    title = f"Best set points by {len(opened.rows)} simulated rows (negative is absorbed)"
+    table = plain_table("for", *settings, *powers, "", title=title, title_justify="left")
     for each in found:
         limits = f"at the end of {', '.join(each.at_limit)}" if each.at_limit else ""
         if each.far:

@@ -15,8 +15,9 @@ from rig.cli.input_files import CAMPAIGNS, find_run, input_file
 from rig.cli.options import RUNS, Interpreted, Json, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_json
 from rig.execution.replay import ReplayReport, replay
-from rig.presentation.console import table_console
+from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
+from rig.presentation.phrases import count_text
 from rig.row_contents import Column, main_columns
 from rig.stations import shown
 
@@ -111,15 +112,11 @@ def _print_report(comparison: ReplayReport) -> None:
         f"{first.field} was {logged}, is {replayed} {first.unit}"
     )
     print(f"{len(comparison.differences)} of {compared} differ\n")
-    print(f"{'field':<36} {'unit':<8} {'ticks':>8} {'first':>8} {'logged':>12} {'replayed':>12} "
-          f"{'largest':>10}")  # fmt: skip
-    for difference in comparison.differences[:_MAX_FIELDS]:
-        logged, replayed = _number_text(difference.logged), _number_text(difference.replayed)
-        largest = _number_text(difference.largest)
-        print(
-            f"{difference.field:<36} {difference.unit:<8} {difference.ticks:>8} "
-            f"{difference.first:>8} {logged:>12} {replayed:>12} {largest:>10}"
-        )
+    table = plain_table("field", "unit", ">ticks", ">first", ">logged", ">replayed", ">largest")
+    for each in comparison.differences[:_MAX_FIELDS]:
+        numbers = map(_number_text, (each.logged, each.replayed, each.largest))
+        table.add_row(each.field, each.unit, str(each.ticks), str(each.first), *numbers)
+    table_console().print(whole_table(table), soft_wrap=True)
     if len(comparison.differences) > _MAX_FIELDS:
         print(f"and {len(comparison.differences) - _MAX_FIELDS} more fields; --json lists all")
 
@@ -206,8 +203,8 @@ def _print_prediction(
     console: Console,
 ) -> None:
     waves = result.waves
-    lines = _count_text(len(waves.wave_maker.cycles), "line")
-    periods, rows = _count_text(waves.periods, "period"), _count_text(waves.rows, "row")
+    lines = count_text(len(waves.wave_maker.cycles), "line")
+    periods, rows = count_text(waves.periods, "period"), count_text(waves.rows, "row")
     console.print(f"waves of {result.run}: {lines} by {waves.method}, from {periods} of {rows}")
     for why in waves.skipped_rows:
         console.print(f"  left out: {why}")
@@ -258,37 +255,29 @@ def _span_text(spans: "dict[str, AmplitudeRange]") -> str:
     )
 
 
-def _count_text(count: int, noun: str) -> str:
-    """Return a count with its noun, in the plural unless it is 1."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def _settings_table(
-    columns: tuple[Column, ...], rows: list[dict[str, float]]
+    columns: tuple[Column, ...], rows: list[dict[str, float]], *headings: str
 ) -> tuple[Table, list[list[str]]]:
-    """Return a table with columns for row number and settings, and each row's settings as cells.
+    """Return a table of row number, settings and ``headings``, and each row's settings as cells.
 
     The settings are those of the main columns, and all that differ between rows.
     """
-    always_shown = main_columns(columns)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("row", justify="right")
-    names = []
+    always_shown, chosen = main_columns(columns), []
     for column in columns:
         values = {row.get(column.name) for row in rows}
         if None not in values and (column in always_shown or len(values) > 1):
-            names.append(column.name)
-            table.add_column(column.heading or column.label, justify="right")
-    return table, [[f"{row[name]:g}" for name in names] for row in rows]
+            chosen.append(column)
+    settings = (f">{column.heading or column.label}" for column in chosen)
+    cells = [[f"{row[column.name]:g}" for column in chosen] for row in rows]
+    return plain_table(">row", *settings, *headings), cells
 
 
 def _logged_rows_table(
     result: "CounterfactualResult", headings: dict[str, str], columns: tuple[Column, ...]
 ) -> Table:
-    table, settings = _settings_table(columns, [row.setting for row in result.comparisons])
-    for heading in headings.values():
-        table.add_column(heading, justify="right")
-        table.add_column("model", justify="right")
+    powers = [text for heading in headings.values() for text in (f">{heading}", ">model")]
+    rows = [row.setting for row in result.comparisons]
+    table, settings = _settings_table(columns, rows, *powers)
     for row, cells in zip(result.comparisons, settings, strict=True):
         for name in headings:
             cells += [f"{row.logged[name]:.2f}", f"{row.modelled[name]:.2f}"]
@@ -299,13 +288,10 @@ def _logged_rows_table(
 def _predicted_rows_table(
     result: "CounterfactualResult", headings: dict[str, str], columns: tuple[Column, ...]
 ) -> Table:
-    table, settings = _settings_table(columns, [row.setting for row in result.rows])
-    for heading in headings.values():
-        table.add_column(heading, justify="right")
-    table.add_column("stroke mm", justify="right")
     any_beyond = any(row.beyond_logged or row.beyond_identified for row in result.rows)
-    if any_beyond:
-        table.add_column("beyond")
+    further = [*(f">{heading}" for heading in headings.values()), ">stroke mm"]
+    further += ["beyond"] if any_beyond else []
+    table, settings = _settings_table(columns, [row.setting for row in result.rows], *further)
     for row, cells in zip(result.rows, settings, strict=True):
         cells += [_interval_text(row.power[name], row.half_width[name]) for name in headings]
         stroke = row.amplitude["stroke"]

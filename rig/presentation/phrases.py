@@ -47,6 +47,11 @@ def phase_text(phase: int) -> str:
     return Phase(phase).name.lower().replace("_", "-")
 
 
+def count_text(count: int, thing: str) -> str:
+    """Return a count of things, in the plural unless it is 1."""
+    return f"{count} {thing}{'s' if count != 1 else ''}"
+
+
 def unit_text(unit: str) -> str:
     """Return a unit as text for people; empty for a dimensionless quantity."""
     return "" if unit == "1" else unit.replace("*", "·")

@@ -16,6 +16,7 @@ from rig.config.matrix import END_MARK, KindColumns, combination_model
 from rig.config.problems import ConfigError, Problem, format_number, format_value
 from rig.config.ranges import allowed_values
 from rig.interop.legacy.table import SKIPPED, Table, TableRow, read_table, to_numbers
+from rig.presentation.phrases import count_text
 
 SPRING, KP, KI = "spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m"
 
@@ -308,9 +309,5 @@ def summary(matrix: GainMatrix) -> str:
     rates, kps, kis = (
         len({row[matrix.columns.index(name)] for row in matrix.rows}) for name in (SPRING, KP, KI)
     )
-    rows = _count(len(matrix.rows), "row")
-    return f"{rows}, {_count(rates, 'spring rate')}, {kps} x Kp, {kis} x Ki"
-
-
-def _count(count: int, thing: str) -> str:
-    return f"{count} {thing}{'s' if count != 1 else ''}"
+    rows = count_text(len(matrix.rows), "row")
+    return f"{rows}, {count_text(rates, 'spring rate')}, {kps} x Kp, {kis} x Ki"

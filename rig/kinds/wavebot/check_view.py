@@ -21,7 +21,7 @@ from rig.kinds.wavebot.predictions.prediction import (
 )
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.presentation.console import WIDTH, plain_table, table_console
-from rig.presentation.phrases import format_duration
+from rig.presentation.phrases import count_text, format_duration
 from rig.stations import shown
 
 ROWS_SHOWN = 8  # without --rows
@@ -78,7 +78,7 @@ class CheckView:
             if label == "campaign":
                 value.stylize("bold")
             table.add_row(label, value)
-        moves = f"{_moves_text(planned.moves)} between rows"
+        moves = f"{count_text(planned.moves, 'move')} between rows"
         time = f"{planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
         table.add_row("stator", Text(f"{moves}; {time}"))
         for saving in _order_texts(planned, forecast.travel[1:]):
@@ -267,12 +267,8 @@ def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:
             equal.append(travel.order)
             continue
         verb, style = ("saves", "yellow") if seconds > 0.0 or moves > 0 else ("costs", "")
-        saving = f"{_moves_text(abs(moves))} and {format_duration(abs(seconds))}"
+        saving = f"{count_text(abs(moves), 'move')} and {format_duration(abs(seconds))}"
         texts.append(Text(f"{travel.order}: {verb} {saving}", style=style))
     if equal:
         texts.append(Text(f"{', '.join(equal)}: nothing to save"))
     return texts
-
-
-def _moves_text(count: int) -> str:
-    return f"{count} move{'s' if count != 1 else ''}"

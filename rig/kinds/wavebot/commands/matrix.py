@@ -27,22 +27,6 @@ _OPTIONS = {
 }
 
 
-class MatrixOptions(NamedTuple):
-    """Options of `rig matrix`."""
-
-    file: Path
-    style: str
-    columns: str | None
-    lead_rows: int | None
-    sheet: str | None
-    variable: str | None
-    to: Path | None
-    base: Path | None
-    force: bool
-    step: float | None  # s
-    calibration: tuple[str | None, str | None, Path]  # name, run, folder
-
-
 class MatrixReading(NamedTuple):
     """A matrix file as read: lines for people, facts for programs, and the converted matrix."""
 
@@ -116,11 +100,7 @@ def command(
     ] = None,
     lever: Annotated[
         float | None,
-        Option(
-            "--lever-m",
-            help="Body travel per rad of the output shaft, m.",
-            rich_help_panel=_STATEMENT_PANEL,
-        ),
+        _statement_option("--lever-m", "Body travel per rad of the output shaft, m."),
     ] = None,
     gear: Annotated[
         float | None,
@@ -148,10 +128,6 @@ def command(
     """Read a gain matrix of an earlier rig, report its contents, and convert it for wec-rig."""
     if source is not None:
         return _write(file, style, source, header=header, force=force, as_json=as_json)
-    options = MatrixOptions(
-        file, style, columns, lead_rows, sheet, variable, to, base, force, step,
-        (calibration, run, calibrations),
-    )  # fmt: skip
     statement = {
         "lever": lever,
         "gear": gear,
@@ -161,8 +137,14 @@ def command(
         "torque_constant_ratio": torque_constant_ratio,
     }
     with input_errors("matrix", as_json=as_json):
-        reading = _read_mask4(options) if style == "mask4" else _read_stepped(options, statement)
-        written = _write_target(options, reading)
+        if style == "mask4":
+            rows = mask4.read(file, columns, lead_rows, sheet=sheet, variable=variable)
+            corrected = _with_calibration(rows.matrix, calibration, run, calibrations)
+            reading = _report_mask4(rows, *corrected, writes=to is not None)
+        else:
+            steps = stepped.read(file, style, columns, sheet=sheet, variable=variable)
+            reading = _report_stepped(steps, step, statement, writes=to is not None)
+        written = to and _write_target(to, base, reading, force=force)
     if as_json:
         return print_json(reading.facts | {"written": written and str(written)})
     print("\n".join(reading.lines))
@@ -171,16 +153,10 @@ def command(
     return OK
 
 
-def _read_mask4(options: MatrixOptions) -> MatrixReading:
-    source = mask4.read(
-        options.file,
-        options.columns,
-        options.lead_rows,
-        sheet=options.sheet,
-        variable=options.variable,
-    )
+def _report_mask4(
+    source: mask4.Mask4Matrix, converted: GainMatrix, notes: list[str], *, writes: bool
+) -> MatrixReading:
     roles, line_numbers = source.roles, source.file.lines
-    converted, notes = _with_calibration(source.matrix, options)
 
     def numbers(rows: Sequence[int]) -> list[int]:
         return [line_numbers[i] for i in rows]
@@ -224,14 +200,15 @@ def _read_mask4(options: MatrixOptions) -> MatrixReading:
         "notes": notes,
         "matrix": converted._asdict(),
     }
-    if options.to is not None and (problems := source.problems(converted, COLUMNS)):
+    if writes and (problems := source.problems(converted, COLUMNS)):
         raise ConfigError(problems)
     return MatrixReading(lines, facts, converted, [f"from {source.path.name} (MASK4)", *notes], [])
 
 
-def _with_calibration(original: GainMatrix, options: MatrixOptions) -> tuple[GainMatrix, list[str]]:
+def _with_calibration(
+    original: GainMatrix, name: str | None, run: str | None, folder: Path
+) -> tuple[GainMatrix, list[str]]:
     """Return the matrix with corrected spring rates, and a note that names the calibration."""
-    name, run, folder = options.calibration
     if name is None:
         return original, []
     known = find_calibration(name, folder)
@@ -254,10 +231,13 @@ def _with_calibration(original: GainMatrix, options: MatrixOptions) -> tuple[Gai
     return original._replace(rows=rows), [note]
 
 
-def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> MatrixReading:
-    source = stepped.read(
-        options.file, options.style, options.columns, sheet=options.sheet, variable=options.variable
-    )
+def _report_stepped(
+    source: stepped.SteppedMatrix,
+    step: float | None,
+    statement_values: dict[str, Any],
+    *,
+    writes: bool,
+) -> MatrixReading:
     active, count = source.active, len(source.rows)
     lines = [
         f"file       {source.path}, gain matrix of style {source.style}",
@@ -269,12 +249,12 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
     if before or after:
         where = format_line_numbers([*before, *after])
         lines.append(f"left out   {where}: all gains zero, before and after the test")
-    if options.step is not None:
-        if not options.step > 0.0:
-            raise ValueError(f"--step-s {format_number(options.step)}: must be greater than 0 s")
-        duration = format_number(count * options.step)
+    if step is not None:
+        if not step > 0.0:
+            raise ValueError(f"--step-s {format_number(step)}: must be greater than 0 s")
+        duration = format_number(count * step)
         lines.append(
-            f"played     {count} rows of {format_number(options.step)} s, {duration} s in all; the "
+            f"played     {count} rows of {format_number(step)} s, {duration} s in all; the "
             "block starts with index 0 at time 0 (out of range) and repeats row 1 after "
             f"{duration} s"
         )
@@ -290,7 +270,7 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
             "zero_after": after,
         },
         "rows": [source.rows[i] for i in active],
-        "step_s": options.step,
+        "step_s": step,
         "remarks": source.remarks,
         "matrix": None,
     }
@@ -301,7 +281,7 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
             f"gains are feedback of motor angle and speed in that rig's signs; to convert them to "
             f"F = Kp v + Ki x on the body, give {option_names}"
         )
-        if options.to is not None:
+        if writes:
             raise ValueError(f"{source.path}: {message}")
         lines.append(f"signs      {message}")
         return MatrixReading(lines, facts, None, [], [])
@@ -312,30 +292,25 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
     lines.append(f"matrix     {matrix.summary(converted)}")
     facts |= {"statement": statement._asdict(), "factor": factor, "matrix": converted._asdict()}
     notes = [f"from {source.path.name} ({source.style})", statement.description()]
-    campaign_lines = (
-        [f"timing: {{interval_s: {matrix.exact_text(options.step)}}}"] if options.step else []
-    )
+    campaign_lines = [f"timing: {{interval_s: {matrix.exact_text(step)}}}"] if step else []
     return MatrixReading(lines, facts, converted, notes, campaign_lines)
 
 
-def _write_target(options: MatrixOptions, reading: MatrixReading) -> Path | None:
-    target = options.to
-    if target is None:
-        return None
+def _write_target(target: Path, base: Path | None, reading: MatrixReading, *, force: bool) -> Path:
     assert reading.matrix is not None
     if target.suffix == ".csv":
         text = matrix.format_csv(reading.matrix, reading.notes)
     elif target.suffix in (".yaml", ".yml"):
-        if options.base is None:
+        if base is None:
             raise ValueError(
                 f"{target}: a campaign needs a rig and a sea; name a campaign with --campaign"
             )
-        base = os.path.relpath(options.base, target.parent)
+        origin = os.path.relpath(base, target.parent)
         text = "".join(f"# {note}\n" for note in reading.notes)
-        text += matrix.format_campaign(reading.matrix, base, target.stem, reading.campaign_lines)
+        text += matrix.format_campaign(reading.matrix, origin, target.stem, reading.campaign_lines)
     else:
         raise ValueError(f"{target}: cannot write {target.suffix!r}; allowed .csv, .yaml")
-    with target.open("w" if options.force else "x", encoding="utf-8") as file:
+    with target.open("w" if force else "x", encoding="utf-8") as file:
         file.write(text)
     return target
 

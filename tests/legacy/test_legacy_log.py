@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import openpyxl
@@ -18,13 +19,13 @@ from rig.interop.legacy.testlog.entry import (
     Cell,
     Condition,
     Gain,
+    Remark,
     RemarkKind,
     Spring,
     WaveKind,
 )
 from rig.interop.legacy.testlog.settings import (
     SEAS,
-    EntrySettings,
     read_bias,
     read_settings,
     read_waves,
@@ -114,11 +115,13 @@ def test_wave_name_is_not_read_as_a_current() -> None:
     assert (wave.code, wave.repeat_s) == ("4A", 300.0)
 
 
-def settings(wavebot: str, notes: str = "") -> EntrySettings:
-    return read_settings(Cell("E1", wavebot), Cell("F1", notes))
+def settings(wavebot: str, notes: str = "") -> SimpleNamespace:
+    remarks: list[Remark] = []
+    found = read_settings(Cell("E1", wavebot), Cell("F1", notes), remarks)
+    return SimpleNamespace(**found, remarks=remarks)
 
 
-def remarked(parsed: EntrySettings) -> list[tuple[RemarkKind, str]]:
+def remarked(parsed: SimpleNamespace) -> list[tuple[RemarkKind, str]]:
     return [(remark.kind, remark.cell) for remark in parsed.remarks]
 
 

@@ -236,21 +236,19 @@ def _entry(row: SheetRow, run_id: tuple[str, int], drive: _DriveInUse) -> Entry:
     remarks += [waves.remark(kind, text) for kind, text in parsed.remarks]
     has_waves = any(wave.kind is not WaveKind.CALM for wave in parsed.waves)
     wave_series = _parse_series(series, remarks, has_waves=has_waves)
-    settings = read_settings(wavebot, notes)
-    remarks += settings.remarks
-    if not settings.drive:
-        settings = settings._replace(drive=drive.name, drive_source=drive.source)
+    settings = read_settings(wavebot, notes, remarks)
+    if not settings["drive"]:
+        settings |= {"drive": drive.name, "drive_source": drive.source}
         if drive.from_run:
             text = f"{drive.name}, from {drive.source}"
             remarks.append(wavebot.remark(RemarkKind.DRIVE_CARRIED, text))
-    if settings.drive == "custom" and has_waves and not settings.scheme:
+    if settings["drive"] == "custom" and has_waves and not settings["scheme"]:
         remarks.append(wavebot.remark(RemarkKind.SCHEME_UNSPECIFIED))
     for cell in (waves, wavebot, notes):
         remarks += read_notes(cell)
     if row.condition is Condition.UNKNOWN:
         remarks.append(run.remark(RemarkKind.COLOUR_UNKNOWN, ""))
     biases = (read_bias(wavebot), read_bias(notes))
-    fields = settings._asdict() | {"remarks": tuple(remarks)}
     return Entry(
         run=run_id[1],
         series_name=run_id[0],
@@ -265,7 +263,8 @@ def _entry(row: SheetRow, run_id: tuple[str, int], drive: _DriveInUse) -> Entry:
         notes=notes.text,
         biases=tuple(bias for bias in biases if bias is not None),
         condition=row.condition,
-        **fields,
+        remarks=tuple(remarks),
+        **settings,
     )
 
 

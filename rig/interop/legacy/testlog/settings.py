@@ -5,7 +5,7 @@ the wave file, not a current.
 """
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rig.interop.legacy.testlog.entry import (
     Activity,
@@ -231,27 +231,11 @@ _COTS = re.compile(r"\bAMC drive\b", re.IGNORECASE)
 _CUSTOM = re.compile(r"\bcustom drive\b", re.IGNORECASE)
 
 
-class EntrySettings(NamedTuple):
-    """Settings of an entry, by its fields, as far as the text of its two cells gives them."""
+def read_settings(wavebot: Cell, notes: Cell, remarks: list[Remark]) -> dict[str, Any]:
+    """Return the settings in the text of an entry, by the names of its fields.
 
-    activities: tuple[Activity, ...]
-    matrix: str
-    gains: tuple[Gain, ...]
-    spring: Spring | None
-    stator_percent: tuple[float, ...]
-    drive: str
-    drive_source: str
-    scheme: str
-    surge: str
-    bus_voltage_v: float | None
-    amplitudes: tuple[Amplitude, ...]
-    order: tuple[Amplitude, ...]
-    remarks: list[Remark]
-
-
-def read_settings(wavebot: Cell, notes: Cell) -> EntrySettings:
-    """Return the settings in the text of an entry, and the irregularities of the text."""
-    remarks: list[Remark] = []
+    The irregularities of the text are added to ``remarks``.
+    """
     gains = (*_gains(wavebot), *_gains(notes))
     if any(not gain.values for gain in gains):
         remarks.append(wavebot.remark(RemarkKind.RANGE_EMPTY))
@@ -267,21 +251,20 @@ def read_settings(wavebot: Cell, notes: Cell) -> EntrySettings:
     stator = _STATOR.search(wavebot.text)
     bus = _BUS.search(wavebot.text)
     drive, drive_source = _drive(wavebot, notes)
-    return EntrySettings(
-        tuple(activities),
-        f"GainMatrix{matrix[1]}" if matrix else "",
-        gains,
-        _spring(wavebot, notes, remarks),
-        tuple(float(part) for part in stator[1].split(",")) if stator else (),
-        drive,
-        drive_source,
-        _scheme(wavebot, notes, remarks),
-        _surge(wavebot, notes, remarks),
-        float(bus[1]) if bus else None,
-        amplitudes,
-        order if any(amplitude.waveform for amplitude in order) else (),
-        remarks,
-    )
+    return {
+        "activities": tuple(activities),
+        "matrix": f"GainMatrix{matrix[1]}" if matrix else "",
+        "gains": gains,
+        "spring": _spring(wavebot, notes, remarks),
+        "stator_percent": tuple(float(part) for part in stator[1].split(",")) if stator else (),
+        "drive": drive,
+        "drive_source": drive_source,
+        "scheme": _scheme(wavebot, notes, remarks),
+        "surge": _surge(wavebot, notes, remarks),
+        "bus_voltage_v": float(bus[1]) if bus else None,
+        "amplitudes": amplitudes,
+        "order": order if any(amplitude.waveform for amplitude in order) else (),
+    }
 
 
 def _spring(wavebot: Cell, notes: Cell, remarks: list[Remark]) -> Spring | None:

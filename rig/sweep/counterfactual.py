@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
+from rig.analysis import effects
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
@@ -28,7 +28,6 @@ from rig.stations import station_names
 from rig.sweep.campaigns import LEAD_IN, single_row_campaign, single_row_plan
 from rig.sweep.simulator import simulation_of
 
-CONFIDENCE = 0.95
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
 AMPLITUDE_MARGIN = 1.1  # of the greatest logged amplitude; predictions beyond it are flagged
 MAX_REPEAT_S = 3600  # of a simulated sea
@@ -263,8 +262,8 @@ def correct_powers(
     for name, (mean, scatter, count) in shares.items():
         scale = gross_power(powers, name)
         corrected[name] = powers[name] + mean * scale
-        factor = stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE) if count > 1 else math.nan
-        half_width[name] = float(factor * scatter * math.sqrt(1.0 + 1.0 / count) * scale)
+        error = scatter * math.sqrt(1.0 + 1.0 / count) * scale
+        half_width[name] = effects.half_width(error, count - 1)
     return corrected, half_width
 
 

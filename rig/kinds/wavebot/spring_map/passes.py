@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
+from rig.analysis.effects import half_width
+from rig.analysis.rows import standard_error
 from rig.spectra.periods import Floats
 
 Integers = npt.NDArray[np.int64]
@@ -28,7 +29,6 @@ BIN_WIDTH = FIT_HALF_ANGLE / _HALF_WINDOW_BINS
 """Width of a bin, rad: about one degree; the fit window contains whole bins."""
 
 _MIN_SAMPLES = 3  # in a bin
-_CONFIDENCE = 0.95
 
 
 class Samples(NamedTuple):
@@ -98,11 +98,8 @@ def estimate_rate(samples: Samples, curve: StationCurve) -> RateEstimate:
     """
     slopes_by_pass = (_pass_slope(samples, begin, end) for begin, end in _passes(samples))
     slopes = [slope for slope in slopes_by_pass if not math.isnan(slope)]
-    count, spread = len(slopes), math.nan
-    if count > 1:
-        quantile = float(stdtrit(count - 1, 0.5 + 0.5 * _CONFIDENCE))
-        spread = quantile * float(np.std(slopes, ddof=1)) / math.sqrt(count)
-    return RateEstimate(window_slope(curve, curve.torque, FIT_HALF_ANGLE), spread, count)
+    spread = half_width(standard_error(slopes), len(slopes) - 1)
+    return RateEstimate(window_slope(curve, curve.torque, FIT_HALF_ANGLE), spread, len(slopes))
 
 
 def window_slope(curve: StationCurve, values: Floats, half_angle: float) -> float:

@@ -33,30 +33,40 @@ FIRST = np.array(
 
 
 def at(hull: Bem, f: np.ndarray) -> np.ndarray:
-    """Added mass, damping and |Fe| at frequencies (Hz)."""
+    """Added mass, damping and |Fe| at frequencies (Hz).
+
+    Logarithms are interpolated: damping rises with the seventh power of frequency at 0.3 Hz, where
+    a straight line between the file's frequencies is 5 % too high.
+    """
     rows = (hull.added_mass, hull.damping, np.abs(hull.excitation))
-    return np.array([np.interp(f, hull.frequency, row) for row in rows])
+    known = np.log(hull.frequency)
+    return np.array([np.exp(np.interp(np.log(f), known, np.log(row))) for row in rows])
 
 
 def test_surge_is_that_of_another_code() -> None:
-    """WAMIT within 2 % of each maximum; its shallower water matters at 0.3 Hz, not at 0.5."""
+    """WAMIT point by point: 1.5 % for another mesh, 2.5 % at 0.3 Hz.
+
+    There its 6.1 m of water make waves of 2 % less length than those of deep water (k h = 2.2); at
+    0.5 Hz they do not (k h = 6.1).
+    """
     omega = 2 * np.pi / WAMIT[:, 0]
     reference = np.array(
         [1000.0 * WAMIT[:, 1], 1000.0 * omega * WAMIT[:, 2], 9806.65 * WAMIT[:, 3]]
     )
     computed = at(surge_bem(), omega / (2 * np.pi))
-    assert np.all(np.abs(computed - reference) / reference.max(axis=1)[:, None] <= 0.02)
+    tolerance = np.array([0.025, 0.015, 0.015, 0.015])
+    assert np.all(np.abs(computed / reference - 1.0) <= tolerance)
     assert surge_bem().added_mass_infinite == pytest.approx(154.93, rel=0.02)
 
 
 def test_first_values_belong_to_a_hull_one_centimetre_deeper() -> None:
-    """Within 7 % of each maximum: they were computed with all 0.17 m of the cylinder immersed.
+    """Point by point within 9 %: they were computed with all 0.17 m of the cylinder immersed.
 
     The heave file's hull (0.16 m immersed, 0.8561 m3) is kept, so that both axes are one hull.
     """
     computed = at(surge_bem(), FIRST[:, 0])
     reference = FIRST[:, 1:].T
-    assert np.all(np.abs(computed - reference) / reference.max(axis=1)[:, None] <= 0.07)
+    assert np.all(np.abs(computed / reference - 1.0) <= 0.09)
     assert np.all(computed[:, :6] < reference[:, :6])
 
 
@@ -76,7 +86,7 @@ def test_damping_and_excitation_obey_haskind(name: str, share: float) -> None:
 
 
 def test_heave_computed_with_surge_is_the_heave_file() -> None:
-    """Another mesh, the same hull: 1 % of each maximum over 0.2-1 Hz."""
+    """Another mesh, the same hull: 1.5 % at every frequency of 0.2-1 Hz, and in phase."""
     with np.load(CAPYTAINE) as file:
         inside = (file["f_hz"] > 0.2) & (file["f_hz"] < 1.0)
         pairs = [
@@ -85,7 +95,7 @@ def test_heave_computed_with_surge_is_the_heave_file() -> None:
             (file["Fe_complex"], bem().excitation),
         ]
         for anew, kept in pairs:
-            assert np.abs(anew - kept)[inside].max() <= 0.01 * np.abs(kept)[inside].max()
+            assert np.abs(anew / kept - 1.0)[inside].max() <= 0.015
         assert float(file["Ainf"]) == pytest.approx(bem().added_mass_infinite, rel=0.005)
 
 

@@ -136,6 +136,7 @@ def sensor_params(file: sections.Sensors, motor: sections.Pto) -> SensorParams:
         Channel(float(file.stator_a_bias.value), stator, force, 19, 120011),
         Channel(float(file.stator_b_bias.value), stator, force, 23, 5003),
         Channel(0.0, float(file.rotor_noise.value), 0.0, 11, 80021),
+        float(file.heave_force_lag.value),
     )
 
 

@@ -123,6 +123,7 @@ class Sensors(StrictModel):
     stator_b_bias: Entry[Signed, Literal["N"]]
     stator_noise: Entry[NonNegative, Literal["N"]]
     force_resolution: Entry[NonNegative, Literal["N"]]
+    heave_force_lag: Entry[Annotated[float, Field(ge=0.0, le=0.1)], Literal["s"]]
     rotor_noise: Entry[NonNegative, Literal["rad"]]
     probe_noise: Entry[NonNegative, Literal["m"]]
     probe_resolution: Entry[NonNegative, Literal["m"]]

@@ -1,4 +1,4 @@
-"""Sensor errors: bias, white noise from a fixed table, resolution. Pure.
+"""Sensor errors: bias, white noise from a fixed table, resolution, lag of the forces. Pure.
 
 The World's delay line models the rig's fieldbus delay; analyser.py models the power analyser's
 window.
@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_plant.units import Count, CountPerMetre
+from sim_plant.units import Count, CountPerMetre, Newton, Second
 
 NOISE_LENGTH = 131072  # length of the noise table, a power of two: odd strides visit every entry
 NOISE_MASK = NOISE_LENGTH - 1
@@ -42,6 +42,27 @@ class SensorParams(NamedTuple):
     force_stator_a: Channel
     force_stator_b: Channel
     rotor_angle: Channel
+    heave_force_lag: Second  # time constant of the amplifiers of column load cell and torque sensor
+
+
+class HeaveForces(NamedTuple):
+    """Forces on the body as their amplifiers pass them on."""
+
+    lcb: Newton
+    trs: Newton
+
+
+def amplify(
+    lag: Second, last: HeaveForces, column: Newton, shaft: Newton, dt: Second
+) -> HeaveForces:
+    """Return the forces behind amplifiers of first order, one step later; lag 0 changes no bit.
+
+    The lag is in no reading's age, as a filter in a strain amplifier is not.
+    """
+    if not lag > 0.0:
+        return HeaveForces(column, shaft)
+    kept = lag / (lag + dt)
+    return HeaveForces(column + kept * (last.lcb - column), shaft + kept * (last.trs - shaft))
 
 
 def measure(channel: Channel, value: float, tick: int, normals: Sequence[float]) -> float:

@@ -22,7 +22,7 @@ from sim_plant.body import BodyParams, BodyState
 from sim_plant.electrics import ElectricsParams, ElectricsState
 from sim_plant.magnetic_spring import SpringParams, StatorState
 from sim_plant.pto import PtoParams
-from sim_plant.sensors import SensorParams
+from sim_plant.sensors import HeaveForces, SensorParams
 from sim_plant.signals import Actuation, Readings
 from sim_plant.stator_force import StatorForceParams
 from sim_plant.surge import SurgeParams, SurgeState
@@ -78,6 +78,7 @@ class WaveBotState(NamedTuple):
     passive_force: Newton
     hoist: Hoist
     probes: Probes
+    forces: HeaveForces
 
 
 NO_EXCITATION = Excitation(0.0, 0.0)
@@ -88,14 +89,16 @@ NO_PROBE_SAMPLE = Probes(0.0, 0.0, 0.0, 0.0)
 def initial(params: WaveBotParams, stator: Percent, position: Metre) -> WaveBotState:
     """Return the state at rest at a heave position (m) and a stator position (%), drives off."""
     stator_state = magnetic_spring.stator_at_rest(params.spring, stator)
+    spring = magnetic_spring.force(params.spring, stator_state.rate, position)
     return WaveBotState(
         BodyState(position, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         electrics.initial(params.electrics),
         stator_state,
         surge.initial(params.surge, 0.0),
-        magnetic_spring.force(params.spring, stator_state.rate, position),
+        spring,
         NO_HOIST,
         NO_PROBE_SAMPLE,
+        HeaveForces(spring, 0.0),
     )
 
 
@@ -121,7 +124,7 @@ def step(
     `fresh` is 1 if the actuation arrived since the last step (the drives' watchdogs count its age).
     Excitation is linear within the step; motor forces are the exact means of the current loops.
     """
-    body_state, electrics_state, stator, surge_state, passive, hoist, probes = state
+    body_state, electrics_state, stator, surge_state, passive, hoist, probes, forces = state
     drive_state = electrics.command_step(
         params.electrics,
         electrics_state,
@@ -166,7 +169,12 @@ def step(
     )
     probe_1, probe_2, probe_3, age = probes
     next_probes = Probes(probe_1, probe_2, probe_3, age + dt)
-    return WaveBotState(end, next_electrics, next_stator, next_surge, passive, hoist, next_probes)
+    end_motor = params.pto.force_per_current * next_electrics.drive.current
+    lag = params.sensors.heave_force_lag
+    next_forces = sensors.amplify(lag, forces, end_motor + passive, end_motor, dt)
+    return WaveBotState(
+        end, next_electrics, next_stator, next_surge, passive, hoist, next_probes, next_forces
+    )
 
 
 def impose_motion(
@@ -187,7 +195,7 @@ def sample(
     normals: Sequence[float],
 ) -> Readings:
     """Return the sensor readings at a state; `normals` is the noise table, `tick` its index."""
-    body_state, electrics_state, stator, surge_state, passive, _, probes = state
+    body_state, electrics_state, stator, surge_state, _, _, probes, forces = state
     sensor_params, stator_params = params.sensors, params.stator
     measure = sensors.measure
     position, current, analyser = (
@@ -195,7 +203,6 @@ def sample(
         electrics_state.drive.current,
         electrics_state.analyser,
     )
-    motor = params.pto.force_per_current * current
     angle = params.spring.angle_per_metre * position
     axial = stator_force.axial_force(stator_params, stator.rate, stator.slope, angle)
     axial_a = stator_params.share_a * axial
@@ -211,8 +218,8 @@ def sample(
         measure(sensor_params.surge_current, surge_state.drive.current, tick, normals),
         surge_state.drive.enabled,
         surge_state.drive.fault,
-        measure(sensor_params.force_lcb, motor + passive, tick, normals),
-        measure(sensor_params.force_trs, motor, tick, normals),
+        measure(sensor_params.force_lcb, forces.lcb, tick, normals),
+        measure(sensor_params.force_trs, forces.trs, tick, normals),
         measure(sensor_params.force_slew, slew, tick, normals),
         measure(sensor_params.force_stator_a, axial_a, tick, normals),
         measure(sensor_params.force_stator_b, axial - axial_a, tick, normals),

@@ -41,6 +41,7 @@ class WaveSensors(NamedTuple):
     force_age: str
     elevation: str  # undisturbed, m; finite only in a simulated basin
     newtons: float = 1.0  # per unit of the force
+    force_lag: float = 0.0  # s, time constant of its amplifier, not in its age
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -173,6 +174,7 @@ def _window_elevation(
         return lines(sensors.elevation, sensors.position_age)[:, indices]
     position = lines(sensors.position, sensors.position_age, sensors.metres)
     force = lines(sensors.force, sensors.force_age, sensors.newtons)
+    force *= 1.0 + 1j * omega * sensors.force_lag
     drag = _drag(position, omega, period, device.quadratic)
     excitation = device.dynamic_stiffness(omega) * position - drag - force
     per_metre = device.excitation(omega[indices] / (2.0 * np.pi))

@@ -61,9 +61,14 @@ def compare(path: Path, record: Callable[[str, object], None]) -> None:
     assert worst > 0.0  # bitwise equality would mean a comparison with itself
 
 
-def test_regular_rows(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
+@pytest.mark.parametrize("plant", ["wavebot", "wavebot_as_measured"])
+def test_regular_rows(
+    plant: str, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """The forces of the plant as measured lag, which moves mechanical power by up to 8 W."""
     path = write_campaign(
         tmp_path,
+        plant=plant,
         sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
         start={"lead_in_s": 30},
         timing={"settle_s": 10, "interval_s": 16},

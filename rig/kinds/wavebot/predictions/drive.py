@@ -141,7 +141,7 @@ def station_powers(
     """Return the mean power of each row by station, and the record of the DC power, W.
 
     ``passive_force`` is that of the drivetrain (N on the body). ``estimated_velocity`` is the rig's
-    estimate, from which it computes mechanical power.
+    estimate, from which it computes mechanical power, ahead by the lag of the force sensors.
     """
     ac = force * velocity + drive.motor.copper * force * force
     current = np.abs(force) / drive.motor.newtons_per_ampere

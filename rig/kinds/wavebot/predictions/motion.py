@@ -75,13 +75,15 @@ def predict_heave(model: CampaignModel, batch: Batch, voltage: Floats) -> HeaveM
     )
     x, v = motion.position, motion.velocity
     estimate = estimator.response(axis.timing.estimator, grid.omega, axis.timing.dt)
+    # The mean of a lagging force times velocity is that of the force times a velocity ahead of it.
+    ahead = 1.0 / (1.0 - 1j * grid.omega * model.params.sensors.heave_force_lag)
     powers, dc_power = drives.station_powers(
         drive,
         motion.motor_force,
         motion.demand,
         v,
         passive_force(x, v) - pto.viscous * v,
-        samples_from_spectrum(grid, estimate.velocity * motion.spectrum),
+        samples_from_spectrum(grid, ahead * estimate.velocity * motion.spectrum),
     )
     command = command_force(motion.demand, v)
     current = command / axis.newtons_per_ampere

@@ -99,6 +99,7 @@ def without_hoist(state: WaveBotState) -> WaveBotState:
         state.passive_force,
         NO_HOIST,
         state.probes,
+        state.forces,
     )
 
 

@@ -18,7 +18,8 @@ class HullInWaves:
     """Bare hull in heave and its wave excitation, from a campaign's plant file and rig file."""
 
     def __init__(self, campaign: Campaign, bem_file: Path) -> None:
-        hull = Plant.model_validate(campaign.plant).build().body
+        plant = Plant.model_validate(campaign.plant).build()
+        hull = plant.body
         self._body = linear_body(hull, 0.0)
         self._coefficients = bem.read_bem(bem_file)
         self.quadratic = hull.quadratic
@@ -29,6 +30,7 @@ class HullInWaves:
             force="load.lcb",
             force_age="load.age",
             elevation="wave.elevation",
+            force_lag=plant.sensors.heave_force_lag,
         )
 
     def dynamic_stiffness(self, omega: Floats) -> Complexes:

@@ -6,13 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rehearsing import CONFIGS
 
 from rig.kinds.wavebot.twin import drivetrain
 from rig.kinds.wavebot.twin.group import Group, least_squares
 from rig.kinds.wavebot.twin.hull import identify_hull
 from rig.kinds.wavebot.twin.records import PowerBlocks, Record
-from rig.kinds.wavebot.twin.seas import BEM_DEVIATION, SCALE, Coefficient, excitation_scale
+from rig.kinds.wavebot.twin.seas import (
+    SCALE,
+    Coefficient,
+    bem_deviation,
+    excitation_scale,
+    measured_bands,
+)
 from rig.spectra.periods import analyse, synthesise
+from sim_plant.bem import excitation_at, read_bem
 
 PERIOD, LINES = 20.0, 50
 SHAPE = drivetrain.DrivetrainShape(True, 0.33047, 0.33047 / 1.649, 0.002)
@@ -187,7 +195,7 @@ def test_winding_resistance_is_identified() -> None:
 
 
 def test_excitation_scale_is_identified() -> None:
-    """A sea 7 % larger than commanded; without rows in waves there is only an uncertainty."""
+    """A sea 7 % larger than commanded; only its own line is measured then."""
     rng = np.random.default_rng(4)
     omega = 2.0 * np.pi * np.arange(1, LINES + 1) / PERIOD
     z = 1500j * omega + 900.0 + 24_000 / (1j * omega)
@@ -203,12 +211,31 @@ def test_excitation_scale_is_identified() -> None:
     in_waves = record(
         velocity, z * velocity - force, velocity, sea=sea, has_excitation=False, excited=force > 0.0
     )
-    assert excitation_scale([*calm_records, in_waves], hull_model, bem, 0.03).by_name[
-        SCALE
-    ] == pytest.approx(1.07, rel=0.003)
-    without_waves = excitation_scale(calm_records, hull_model, bem, BEM_DEVIATION)
-    assert without_waves.by_name[SCALE] == 1.0
-    assert without_waves.deviation(SCALE) == pytest.approx(BEM_DEVIATION)
+    scale = excitation_scale([*calm_records, in_waves], hull_model, bem)
+    assert scale.by_name[SCALE] == pytest.approx(1.07, rel=0.003)
+    assert measured_bands([*calm_records, in_waves], bem) == ((0.5, 0.5),)
+    frequency = np.array([0.4, 0.5, 0.515, 0.65])
+    left = bem_deviation(frequency, measured_bands([*calm_records, in_waves], bem))
+    assert (left == 0.0).tolist() == [False, True, True, False]
+    assert excitation_scale(calm_records, hull_model, bem).by_name[SCALE] == 1.0
+    assert measured_bands(calm_records, bem) == ()
+    identified = bem._replace(measured=((0.2, 1.0),))
+    assert not bem_deviation(frequency, measured_bands(calm_records, identified)).any()
+
+
+def test_an_unmeasured_excitation_has_the_error_of_an_earlier_tank() -> None:
+    """Tank: waveBot_heaveModel.mat of the public fbWecCntrl repository; BEM: the shipped file.
+
+    Both ratios, since either may be the truth; never more than 1.5 points of percent above them.
+    """
+    frequency = np.array([0.2, 0.4, 0.5, 0.65, 1.0])
+    tank = np.array([21880.0, 12504.0, 8976.0, 5136.0, 2948.0])
+    bem = np.abs(excitation_at(read_bem(CONFIGS / "plants" / "wavebot_bem.npz"), frequency))
+    difference = np.maximum(np.abs(bem / tank - 1.0), np.abs(tank / bem - 1.0))
+    allowed = bem_deviation(frequency, ())
+    assert np.all(allowed > difference - 0.003)
+    assert np.all(allowed < difference + 0.015)
+    assert allowed[[2, 3]] == pytest.approx([0.10, 0.25])
 
 
 def test_directions_reproduce_the_covariance() -> None:

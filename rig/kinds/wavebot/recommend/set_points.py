@@ -2,8 +2,8 @@
 
 The confidence intervals come from the uncertainty of the twin's estimates and from measured rows.
 Each group of estimates is shifted by one standard deviation along each principal axis of its
-covariance; the resulting changes of a prediction add in quadrature. The errors of rows measured in
-the same sea are added.
+covariance, and excitation where it was not measured; the resulting changes of a prediction add in
+quadrature. The errors of rows measured in the same sea are added.
 """
 
 from collections.abc import Mapping, Sequence
@@ -89,16 +89,19 @@ class SetPointPredictor:
     ) -> None:
         """Build the model of ``campaign``, which must be opened on the twin's plant.
 
-        ``shift`` is added to the twin's estimates. ``quick`` samples coarsely, for the search and
-        for differences.
+        ``shift`` is added to the twin's estimates; `seas.BEM_ERROR` in it shifts the excitation
+        that was not measured. ``quick`` samples coarsely, for the search and for differences.
         """
         self.twin = twin
         shift = dict(shift or {})
         factor = 1.0 + shift.pop(seas.SCALE, 0.0) / twin.values[seas.SCALE]
+        bem_error = shift.pop(seas.BEM_ERROR, 0.0)
         if shift:
             campaign = campaign._replace(plant=plant_file.mapping(twin, shift))
         model = build_model(campaign, QUICK_RATE if quick else MIN_RATE)
-        heave = model.heave._replace(excitation=factor * model.heave.excitation)
+        frequency = model.grid.omega / (2.0 * np.pi)
+        error = bem_error * seas.bem_deviation(frequency, twin.measured_excitation)
+        heave = model.heave._replace(excitation=(factor + error) * model.heave.excitation)
         self.campaign = campaign
         self._model = model._replace(heave=heave)
         self._base = row_setting(CAMPAIGNS, campaign.file, campaign.rig, campaign.points[0])
@@ -158,10 +161,10 @@ class SetPointPredictor:
         gains = [one.gains for one in predictions]
         base = _numbers(self.quick.predict(gains))
         variance = np.zeros_like(base)
-        for group in self.twin.groups:
-            for direction in group.directions():
-                shifted = SetPointPredictor(self.campaign, self.twin, direction, quick=True)
-                variance += np.square(_numbers(shifted.predict(gains)) - base)
+        directions = [one for group in self.twin.groups for one in group.directions()]
+        for direction in (*directions, {seas.BEM_ERROR: 1.0}):
+            shifted = SetPointPredictor(self.campaign, self.twin, direction, quick=True)
+            variance += np.square(_numbers(shifted.predict(gains)) - base)
         for i, name in enumerate(station_names(STATIONS)):
             errors = [one.measured[name] - one.predicted[name] for one in measured]
             variance[:, i] += MIN_DEVIATION * MIN_DEVIATION

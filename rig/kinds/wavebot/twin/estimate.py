@@ -41,8 +41,13 @@ class Twin(NamedTuple):
     hull: Hull
     groups: tuple[Group, ...]  # all estimates, the hull's linear part first
     coefficient: seas.Coefficient  # of excitation, before the scale factor
-    records: tuple[Record, ...]
+    records: tuple[Record, ...]  # as measured, with the lag of their forces
     notes: tuple[str, ...]  # excluded data, with reasons
+
+    @property
+    def measured_excitation(self) -> tuple[seas.Band, ...]:
+        """Bands in which rows in waves measured the excitation; elsewhere it is from BEM."""
+        return seas.measured_bands(self.records, self.coefficient)
 
     @property
     def values(self) -> dict[str, float]:
@@ -78,10 +83,11 @@ def identify_twin(
     if not measured_runs:
         raise RunError(f"{', '.join(map(str, runs))}: no run with the device in the water")
     runs_read = [read_records(run, incomplete_rows=incomplete_rows) for run in measured_runs]
-    records = [record for item in runs_read for record in item.records]
+    measured = [record for item in runs_read for record in item.records]
     notes = [message for item in runs_read for message in item.excluded]
     first = runs_read[0].facts
     template = _template(first, plant)
+    records = [record.without_lag(_force_lag(template)) for record in measured]
     drive, rated_voltage = template.plant["drive"], None
     if drive["kind"] == "custom":
         rated_voltage = float(drive["rated_voltage"]["value"])
@@ -99,8 +105,7 @@ def identify_twin(
             f"included as uncertainty only ({GUIDE_FRICTION_DEVIATION:g} N)"
         )
     coefficient = _coefficient(template, runs, run_facts, any(calibrations), probe, notes)
-    factor_deviation = seas.BEM_DEVIATION if coefficient.source.startswith("BEM") else 0.01
-    factor = seas.excitation_scale(records, hull, coefficient, factor_deviation)
+    factor = seas.excitation_scale(records, hull, coefficient)
     return Twin(
         tuple(item.run for item in run_facts),
         template,
@@ -108,7 +113,7 @@ def identify_twin(
         hull,
         (hull.linear, hull.quadratic, mechanics, motor, loss, factor),
         coefficient,
-        tuple(records),
+        tuple(measured),
         tuple(notes),
     )
 
@@ -125,6 +130,11 @@ def _template(run_facts: RunInfo, plant: Path | None) -> Template:
             raise RunError(f"{run_facts.run}: {problem}; give --plant FILE")
     mapping, locate = load_mapping(plant, kinds=(PLANTS,))
     return Template(plant, mapping, *bem_paths(mapping, locate))
+
+
+def _force_lag(template: Template) -> float:
+    """Return the time constant of the amplifiers of load cell and torque sensor, s."""
+    return float(template.plant["sensors"]["heave_force_lag"]["value"])
 
 
 def _coefficient(
@@ -148,4 +158,4 @@ def _coefficient(
     ]  # fmt: skip
     identified = identify(usable_runs, IdentificationOptions(probe=probe))
     notes += identified.notes
-    return seas.merge_identified(bem, identified.excitations)
+    return seas.merge_identified(bem, identified.excitations, _force_lag(template))

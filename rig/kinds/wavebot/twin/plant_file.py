@@ -161,6 +161,7 @@ def as_dict(twin: Twin) -> dict[str, Any]:
             for each in ([record.amplitudes[name] for record in twin.records],)
         },
         "excitation": twin.coefficient.source,
+        "excitation_measured_hz": twin.measured_excitation,
         "notes": list(twin.notes),
     }
 

@@ -69,6 +69,11 @@ class Record(NamedTuple):
         """Angular frequency of each line, rad/s."""
         return angular_frequencies(self.period, len(self.velocity))
 
+    def without_lag(self, lag: float) -> "Record":
+        """Return the record with the forces ahead of an amplifier's lag (s, of first order)."""
+        ahead = 1.0 + 1j * self.omega * lag
+        return self._replace(trs=ahead * self.trs, lcb=ahead * self.lcb)
+
     @property
     def amplitudes(self) -> dict[str, float]:
         """Stroke (m) and rms velocity (m/s), by the names of the row table."""

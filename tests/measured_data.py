@@ -15,6 +15,8 @@ VARIABLE = "WEC_RIG_DATA"
 DESCRIPTIONS = {  # from the public repository sandialabs/fbWecCntrl, GPL-3
     "MASK4_testlog.xlsx": "test log of MASK4",
     "AWDC-SAADAQ-s00113.twe": "wave record of the empty basin, 2019",
+    "Zikn12.mat": "intrinsic impedance identified in MASK4",
+    "Zidkn12.mat": "impedance with drivetrain identified in MASK4",
     "mask4_impedance_20A_m9228_0p2_1Hz.csv": "impedance identified in MASK4, from Zikn12.mat",
 }
 

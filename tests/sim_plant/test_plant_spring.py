@@ -53,7 +53,7 @@ def test_rate_falls_with_amplitude(stroke: float, share: float) -> None:
 
 def test_effect_scales_and_linear_law_is_linear() -> None:
     soft = plant("wavebot_as_measured").build().spring
-    assert table_rate(soft, 67.0) == pytest.approx(-0.65 * 10013.0)
+    assert table_rate(soft, 67.0) == pytest.approx(-0.539 * 10013.0)
     line = plant("wavebot_linear").build().spring
     assert force(line, table_rate(line, 27.0), 0.3) == 5715.0 * 0.3
 

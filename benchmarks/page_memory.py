@@ -85,7 +85,7 @@ def measure(short: bool) -> Result:
         figures,
         (
             f"growth: slope of a straight line times its span, after the first {full} samples, in "
-            f"which the traces of {TRACE_S:g} s fill; the buckets of an hour fill until the end",
+            f"which the traces of {TRACE_S:g} s fill",
         ),
     )
 

@@ -9,7 +9,7 @@ import asyncio
 import hashlib
 import logging
 import threading
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from importlib import resources
@@ -25,7 +25,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rig import finite_json
 from rig.page.access import COOKIE, VIEWER, Access, RateLimit
-from rig.page.buckets import COARSER, Bucket, merged
+from rig.page.buckets import COARSER, Extremes, merged
 from rig.page.checklist import BY_HAND, note
 from rig.page.subject import Subject
 from rig.people.request_client import RequestClient, RequestError
@@ -190,7 +190,7 @@ class Page:
     async def _poll(self, polls: int) -> None:
         subject = self._subject
         buckets = subject.watch.poll()
-        if buckets:
+        if buckets is not None:
             self._send_traces(merged(buckets, MAX_BUCKETS))
         if polls % STATE_POLLS:
             return
@@ -213,24 +213,17 @@ class Page:
             if browser.session:
                 browser.put(message)
 
-    def _send_traces(self, buckets: list[Bucket]) -> None:
+    def _send_traces(self, buckets: Extremes) -> None:
         """Send buckets; browsers with the same fields share one message."""
         messages: dict[tuple[str, ...], str] = {}
         for browser in self.browsers:
             if browser.session and browser.fields:
                 if browser.fields not in messages:
-                    values = {"type": "traces"} | self._traces(browser.fields, buckets)
-                    messages[browser.fields] = finite_json.dumps(values)
+                    at = self._subject.watch.field_indices(browser.fields)
+                    values = buckets._replace(low=buckets.low[:, at], high=buckets.high[:, at])
+                    traces = {"type": "traces"} | _traces(browser.fields, values)
+                    messages[browser.fields] = finite_json.dumps(traces)
                 browser.put(messages[browser.fields])
-
-    def _traces(self, fields: tuple[str, ...], buckets: Sequence[Bucket]) -> dict[str, Any]:
-        at = self._subject.watch.field_indices(fields)
-        return {
-            "fields": fields,
-            "time": [round(each.time, 4) for each in buckets],
-            "low": [[_short(each.low[i]) for each in buckets] for i in at],
-            "high": [[_short(each.high[i]) for each in buckets] for i in at],
-        }
 
     # --- the browsers' side
 
@@ -318,10 +311,12 @@ class Page:
             browser.put(self._state)
 
     def _put_history(self, browser: Browser) -> None:
-        buckets = self._subject.watch.buckets
+        watch = self._subject.watch
+        buckets = watch.buckets
+        found = buckets.history(watch.field_indices(browser.fields))
         levels = [
-            self._traces(browser.fields, list(level)) | {"size": size}
-            for size, level in zip((1, *COARSER), (buckets.recent, *buckets.coarser), strict=True)
+            _traces(browser.fields, level) | {"size": size}
+            for size, level in zip((1, *COARSER), found, strict=True)
         ]
         history = {"type": "history", "fields": browser.fields, "levels": levels}
         browser.put(finite_json.dumps(history | {"bucket_s": buckets.span_s}))
@@ -425,6 +420,16 @@ class Page:
         shown = {key: answer.get(key) for key in ("accepted", "reason", "facts")}
         reply = {"type": "answer", "ask": str(message.get("ask", "")), "id": message.get("id")}
         browser.put(finite_json.dumps(reply | shown))
+
+
+def _traces(fields: tuple[str, ...], buckets: Extremes) -> dict[str, Any]:
+    """Return buckets, whose columns are these fields, for browsers."""
+    return {
+        "fields": fields,
+        "time": [round(each, 4) for each in buckets.time.tolist()],
+        "low": [[_short(each) for each in column] for column in buckets.low.T.tolist()],
+        "high": [[_short(each) for each in column] for column in buckets.high.T.tolist()],
+    }
 
 
 def _short(value: Any) -> float | None:

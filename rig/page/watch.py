@@ -12,7 +12,7 @@ import numpy as np
 
 from rig.log_fields import label_of
 from rig.page.alarms import LOW, Alarms
-from rig.page.buckets import Bucket, Buckets
+from rig.page.buckets import Buckets, Extremes
 from rig.page.checklist import Conditions
 from rig.page.contents import fields_of, find_ages
 from rig.page.limits import BoundedValues, find_bounds
@@ -71,14 +71,16 @@ class Watch:
         self._segments = segments
         self.streams: list[Stream] = []  # that get all rows, too
         self._warned = [name for name in self._at if name.endswith("warned")]
+        # The values that limits bound come last.
+        self._bound_columns = list(range(len(self._at), len(self._at) + len(self._bounds)))
+        self.buckets = Buckets(len(self._at) + len(self._bounds), self._at["time"], self.dt)
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows, as at the start of a replay."""
         self.alarms = Alarms(self._reasons)
         self._bounded = BoundedValues(self._bounds, self._tap.leaves, self.dt)
-        fields = len(self._at) + len(self._bounds)  # the values that limits bound come last
-        self.buckets = Buckets(fields, self._at["time"], self.dt)
+        self.buckets.clear()
         self.powers: dict[int, RowPower] = {}  # by row of the plan
         self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
         self._row: np.ndarray[Any, Any] | None = None
@@ -92,11 +94,11 @@ class Watch:
         """Return the columns of fields; KeyError for one that the rows do not have."""
         return [self._at[name] for name in fields]
 
-    def poll(self) -> list[Bucket]:
-        """Take the new rows; return the buckets that became whole."""
+    def poll(self) -> Extremes | None:
+        """Take the new rows; return the buckets that became whole, None if none did."""
         rows = self._tap.poll()
         if not len(rows):
-            return []
+            return None
         for stream in self.streams:
             stream.send(rows)
         rows = np.concatenate((rows, self._bounded.columns(rows)), axis=1)
@@ -109,7 +111,8 @@ class Watch:
             self._tared_at = float(rows[taring[-1], self._at["time"]])
         self._watch_segment(rows)
         self._watch_alarms(rows)
-        return self.buckets.add(rows)
+        found = self.buckets.add(rows)
+        return found if found.size else None
 
     def powers_in(self, rows: Rows) -> dict[int, RowPower]:
         """Return the newest powers of the plan's rows in log rows, without those of a hold.
@@ -181,7 +184,6 @@ class Watch:
             return found | {"state": "WAITING"}
         mode, reason = self._whole("safety.mode"), self._whole("safety.reason")
         name = self._reasons.name(reason)
-        recent = self.buckets.newest(MARGIN_S)
         return found | {
             "state": state_text(mode),
             "mode": mode,
@@ -200,7 +202,7 @@ class Watch:
                 [self._number(f"power.{name}"), self._number(f"power.mean_{name}")]
                 for name in self._stations
             ],
-            "limits": [self._limit_state(at, recent) for at in range(len(self._bounds))],
+            "limits": self._limit_states(row),
             "ages": [self._number(each) for each in self._age_limits],
             "lateness": self._lateness.tolist(),
             "silent_s": round(time.monotonic() - self._arrived, 1),
@@ -226,15 +228,14 @@ class Watch:
         tare_age = None if tared_at is None else now - tared_at
         return Conditions(late, samples, tare_age, privileges, silent)
 
-    def _limit_state(self, at: int, recent: list[Bucket]) -> list[float | None]:
-        """Return the present value, and the extremes of the last 10 s."""
-        column = len(self._at) + at
-        now = None if self._row is None else _finite(self._row[column])
-        if not recent:
-            return [now, None, None]
-        low = min((float(each.low[column]) for each in recent), default=math.nan)
-        high = max((float(each.high[column]) for each in recent), default=math.nan)
-        return [now, _finite(low), _finite(high)]
+    def _limit_states(self, row: np.ndarray[Any, Any]) -> list[list[float | None]]:
+        """Return of every limit the present value, and the extremes of the last 10 s."""
+        recent = self.buckets.newest(MARGIN_S, self._bound_columns)
+        if not recent.size:
+            return [[_finite(row[column]), None, None] for column in self._bound_columns]
+        lows, highs = np.fmin.reduce(recent.low), np.fmax.reduce(recent.high)
+        values = zip(row[self._bound_columns], lows, highs, strict=True)
+        return [[_finite(each) for each in one] for one in values]
 
     def _segment_times(self) -> dict[str, float | None]:
         """Return seconds of the present segment: elapsed, length; and left of the plan."""

@@ -123,7 +123,7 @@ def test_a_browser_gets_contents_history_and_state(page: tuple[Page, int]) -> No
         assert contents["title"]["stamp"].startswith("REHEARSAL")
         history = receive(browser, "history")
         state = receive(browser, "state")
-        browser.send(json.dumps({"speed": 50}))
+        browser.send(json.dumps({"speed": 5}))
         traces = [receive(browser, "traces") for _ in range(10)]
     assert history["fields"] == traces[0]["fields"]
     assert state["source"]["speed"] == 1.0

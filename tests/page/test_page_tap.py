@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import mmap
 import os
+import subprocess
+import sys
+import tracemalloc
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
 
-from rig.page.buckets import Buckets, merged
+from rig.page.buckets import Buckets, Extremes, merged
 from rig.page.tap import RingTap
 from rig.recording import ring
 from rig.recording.row_layout import leaves
@@ -126,15 +129,27 @@ def test_buckets_have_the_extremes_of_fifty_rows() -> None:
     rows = np.array([[i, i * DT, np.sin(i), i] for i in range(230)], float)
     rows[60:100, 2] = np.nan
     buckets = Buckets(4, 1, DT)
-    found = [each for part in np.split(rows, [7, 90, 91]) for each in buckets.add(part)]
-    assert len(found) == 4  # thirty rows wait
-    assert found[0].low[2] == np.sin(np.arange(50)).min()
-    assert found[0].high[2] == np.sin(np.arange(50)).max()
-    assert found[1].high[2] == np.sin(np.arange(50, 60)).max()  # NaN is left out
-    assert found[3].time == pytest.approx(0.199)
+    parts = [buckets.add(part) for part in np.split(rows, [7, 90, 91])]
+    assert [each.size for each in parts] == [0, 1, 0, 3]  # thirty rows wait
+    found = Extremes(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    assert found.low[0, 2] == np.sin(np.arange(50)).min()
+    assert found.high[0, 2] == np.sin(np.arange(50)).max()
+    assert found.high[1, 2] == np.sin(np.arange(50, 60)).max()  # NaN is left out
+    assert found.time[3] == pytest.approx(0.199)
+    newest = buckets.newest(0.1, [2, 0])  # of all that were found the last two
+    assert newest.low.tolist() == found.low[2:, [2, 0]].tolist()
     few = merged(found, 2)
-    assert [each.time for each in few] == [found[1].time, found[3].time]
-    assert few[0].high[2] == max(found[0].high[2], found[1].high[2])
+    assert few.time.tolist() == found.time[[1, 3]].tolist()
+    assert few.high[0, 2] == found.high[:2, 2].max()
+    assert merged(found, 4).high.tolist() == found.high.tolist()
+
+
+def test_a_bucket_without_numbers_stays_without() -> None:
+    rows = np.full((100, 2), np.nan)
+    rows[:, 0] = DT * np.arange(100)
+    found = Buckets(2, 0, DT).add(rows)
+    assert np.isnan(found.low[:, 1]).all()
+    assert np.isnan(found.high[:, 1]).all()
 
 
 def test_buckets_keep_an_hour_in_three_levels() -> None:
@@ -145,11 +160,56 @@ def test_buckets_keep_an_hour_in_three_levels() -> None:
         rows[:, 1] = 1.0 if i == 399 else 0.0
         rows[5, 1] = -5.0 if i == 100 else rows[5, 1]  # one row in an hour
         buckets.add(rows)
-    levels = (buckets.recent, *buckets.coarser)
-    assert [len(level) for level in levels] == [1200] * 3
-    spans = [level[-1].time - level[0].time for level in levels]
+    levels = buckets.history([1])
+    assert [level.size for level in levels] == [1200] * 3
+    spans = [level.time[-1] - level.time[0] for level in levels]
     assert spans == pytest.approx([60.0, 600.0, 3600.0], rel=0.01)
-    assert [min(each.low[1] for each in level) for level in levels] == [0.0, 0.0, -5.0]
-    assert all(level[-1].low[1] == level[-1].high[1] == 1.0 for level in levels)
+    assert all((np.diff(level.time) > 0.0).all() for level in levels)
+    assert [level.low.min() for level in levels] == [0.0, 0.0, -5.0]
+    assert all(level.low[-1] == level.high[-1] == 1.0 for level in levels)
     buckets.clear()
-    assert not any(levels)
+    assert [level.size for level in buckets.history([1])] == [0] * 3
+
+
+def test_a_block_longer_than_a_level_leaves_its_newest_buckets() -> None:
+    """A page that was suspended gets the rows of more than a minute at once."""
+    rows = np.arange(90_000.0)[:, None] * [DT, 1.0]
+    at_once, bit_by_bit = Buckets(2, 0, DT), Buckets(2, 0, DT)
+    at_once.add(rows)
+    for part in np.split(rows, 90):
+        bit_by_bit.add(part)
+    for one, other in zip(at_once.history([0, 1]), bit_by_bit.history([0, 1]), strict=True):
+        assert all((a == b).all() for a, b in zip(one, other, strict=True))
+
+
+def test_the_memory_of_an_hour_is_resident_from_the_start() -> None:
+    """A new process: in an old one the buckets could get memory that is resident already."""
+    script = f"""
+from rig.page.buckets import Buckets
+def resident():
+    return int(open("/proc/self/statm").read().split()[1])
+before = resident()
+buckets = Buckets(1000, 0, {DT})
+print(resident() - before)
+"""
+    found = subprocess.run([sys.executable, "-c", script], stdout=subprocess.PIPE, check=True)
+    # Three levels of 1200 buckets, each with two numbers of 8 bytes a field.
+    assert int(found.stdout) * mmap.PAGESIZE > 0.9 * (3 * 1200 * 2 * 8 * 1000)
+
+
+def test_an_hour_of_rows_needs_no_more_memory_than_the_first_minute() -> None:
+    """All memory is there from the start: what an hour of rows adds is gone after each block."""
+    tracemalloc.start()
+    try:
+        buckets = Buckets(100, 0, DT)
+        rows = np.zeros((10_000, 100))
+        buckets.add(rows)
+        first, _ = tracemalloc.get_traced_memory()
+        for i in range(1, 360):
+            rows[:] = float(i)
+            buckets.add(rows)
+        last, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    # A level of 1200 buckets has 2 MB; a bucket that is kept anew would add 1.6 kB to each.
+    assert last - first < 20_000

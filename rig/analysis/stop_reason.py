@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.presentation import phrases
-from rig.realtime.reasons import Reason
+from rig.realtime.reasons import STOPS_OF_PEOPLE, Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
 
@@ -20,7 +20,7 @@ LONG_GAP_S = 0.020
 """Gap (s) that can cause a trip by itself: the shortest age limit in the shipped files."""
 HIGH_SHARE = 0.02
 """Share of lost periods in the window above which short gaps together can cause a trip."""
-_NO_TRIP = (Reason.NONE, Reason.PLAN_END, Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT)
+_NO_TRIP = (Reason.NONE, Reason.PLAN_END, *STOPS_OF_PEOPLE)
 
 
 class LostTicks(NamedTuple):

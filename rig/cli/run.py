@@ -46,8 +46,8 @@ from rig.recording.runs import RunError, create
 
 EXIT_CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
-requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows \
-were lost."""
+requires; 2 bad input; 3 stopped by the operator or for want of one; 4 the rig tripped; 5 a \
+process died or rows were lost."""
 _MAX_WARNINGS = 5
 _NAMES: dict[str, type[IntEnum]] = {"safety.mode": Mode, "plan.phase": Phase}
 _FLAGS: dict[str, type[IntFlag]] = {

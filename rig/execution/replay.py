@@ -45,6 +45,7 @@ _REQUEST_CODES = {
     "RESUME": safety.REQUEST_RESUME,
     "LOGGER_LOST": safety.REQUEST_LOGGER_LOST,
     "SUPERVISOR_LOST": safety.REQUEST_SUPERVISOR_LOST,
+    "NO_OPERATOR": safety.REQUEST_NO_OPERATOR,
 }
 _REQUEST_NAMES = {code: name for name, code in _REQUEST_CODES.items()}
 ProgressCallback = Callable[[int], None]

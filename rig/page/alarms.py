@@ -34,6 +34,7 @@ _ADVICE: dict[int, str] = {
     Reason.FORCE_DISAGREES: "Check force sensor and motor coupling, and both calibrations.",
     Reason.POWER_SIGN: "Check the signs of encoder and force before any power on.",
     Reason.POWER_BALANCE: "Check the sensors of both power stations.",
+    Reason.NO_OPERATOR: "Take the seat in a new run, and keep the page open and its tab awake.",
 }
 _OF_CATEGORY = (
     "Power was removed at once. Find the cause before a new run.",

@@ -156,10 +156,10 @@ class Orders:
         elif (
             now - since > limit
             and OFF < row["safety.mode"] <= STOP_2
-            and self._request.code != safety.REQUEST_STOP
+            and safety.stop_reason(self._request.code) == NO_REASON
         ):
             self._note(STOP, f"no operator for {limit:g} s in manual mode")
-            self._change(code=safety.REQUEST_STOP)
+            self._change(code=safety.REQUEST_NO_OPERATOR)
 
     def _in_manual_mode(self) -> bool:
         powered = ENABLING <= self._row["safety.mode"] <= STOP_2
@@ -290,8 +290,9 @@ class Orders:
     def _change(self, **changes: int) -> None:
         """Change the request; a stop stays in force, except that power off goes beyond it."""
         present = self._request.code
+        stopped = safety.stop_reason(present) != NO_REASON
         if present == safety.REQUEST_ABORT or (
-            present == safety.REQUEST_STOP and changes.get("code") != safety.REQUEST_ABORT
+            stopped and changes.get("code") != safety.REQUEST_ABORT
         ):
             changes["code"] = present
         self._request = self._request._replace(**changes)

@@ -495,4 +495,9 @@ def _code_messages(end: LoopResult | None) -> tuple[str, ...]:
     return (f"the tick ran interpreted, its code cannot be used: {end.code_problem}",)
 
 
-_STOP_PRIORITY = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
+_STOP_PRIORITY = {
+    safety.REQUEST_ABORT: 3,
+    safety.REQUEST_LOGGER_LOST: 2,
+    safety.REQUEST_STOP: 1,
+    safety.REQUEST_NO_OPERATOR: 1,
+}

@@ -59,8 +59,15 @@ class Reason(StopReason):
     FORCE_DISAGREES = 45, 0, "motor current and the force sensor at the motor shaft disagreed"
     POWER_SIGN = 46, 0, "the motor fed energy into the body, under a law that can only absorb"
     POWER_BALANCE = 47, 1, "two stations reported powers that no loss between them explains"
+    NO_OPERATOR = (
+        48,
+        1,
+        "manual mode had no operator for longer than `operator.dead_man_s` of the rig file",
+    )
 
 
+STOPS_OF_PEOPLE = (Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT, Reason.NO_OPERATOR)
+"""Reasons that are no fault of the rig: people stop it, or leave it alone."""
 AXIS_FAULTS = (
     Reason.STALE_ENCODER, Reason.STALE_DRIVE, Reason.DRIVE_FAULT, Reason.DRIVE_DROPPED,
     Reason.POSITION, Reason.VELOCITY, Reason.ENCODER_JUMP, Reason.CURRENT_DISAGREES,

@@ -73,6 +73,7 @@ REQUEST_HOLD = 3
 REQUEST_RESUME = 4
 REQUEST_LOGGER_LOST = 5
 REQUEST_SUPERVISOR_LOST = 6
+REQUEST_NO_OPERATOR = 7
 
 
 class Params(NamedTuple):
@@ -105,6 +106,8 @@ def stop_reason(request: int) -> int:
         return Reason.LOGGER_LOST.value
     if request == REQUEST_SUPERVISOR_LOST:
         return Reason.SUPERVISOR_LOST.value
+    if request == REQUEST_NO_OPERATOR:
+        return Reason.NO_OPERATOR.value
     return Reason.NONE.value
 
 

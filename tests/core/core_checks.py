@@ -64,6 +64,7 @@ REASONS = {
     "FORCE_DISAGREES": (45, 0),
     "POWER_SIGN": (46, 0),
     "POWER_BALANCE": (47, 1),
+    "NO_OPERATOR": (48, 1),
 }
 
 REQUESTS = {
@@ -74,6 +75,7 @@ REQUESTS = {
     "RESUME": (4, "NONE"),
     "LOGGER_LOST": (5, "LOGGER_LOST"),
     "SUPERVISOR_LOST": (6, "SUPERVISOR_LOST"),
+    "NO_OPERATOR": (7, "NO_OPERATOR"),
 }
 
 # Every pair of mode and event, by IEC 60204-1. "off": power removed (category 0); "damp": motion

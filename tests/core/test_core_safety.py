@@ -64,7 +64,8 @@ def test_every_reason_has_a_category() -> None:
         assert {reason.name for reason in Reason} <= set(known)
         assert all(table.categories[number] == category for number, category in known.values())
     assert {reason.name for table in tables for reason in table.reasons} == set(REASONS)
-    assert set(earlier_reasons().reasons) == {one for table in tables for one in table.reasons}
+    # Runs of today record their reasons; the numbers of earlier runs keep their meaning.
+    assert set(earlier_reasons().reasons) <= {one for table in tables for one in table.reasons}
 
 
 def test_a_kind_cannot_take_a_number_or_a_name_of_the_core() -> None:
@@ -201,7 +202,7 @@ class Interleavings(RuleBasedStateMachine):
 
     @rule(
         trip=st.sampled_from([0, 0, 0, *(r.value for r in Reason)]),
-        request=st.integers(0, 7),
+        request=st.integers(0, 8),
         plan_finished=st.booleans(),
         drive_on=st.booleans(),
         n=st.integers(1, 3),

@@ -29,7 +29,7 @@ from rig.realtime.safety import OFF, RUN, STOP_2
 from rig.realtime.sequence import MANUAL, STANDBY
 from rig.recording.journal import JOURNAL
 from rig.recording.runs import reader
-from rig.recording.runs.folder import MCAP
+from rig.recording.runs.folder import MCAP, STATUS
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
@@ -250,6 +250,11 @@ def test_without_an_operator_the_run_holds_and_stops(tmp_path: Path) -> None:
     entries = [json.loads(line) for line in (folder / JOURNAL).read_text().splitlines()]
     own = [each["request"] for each in entries if each["origin"] == "supervisor"]
     assert own == ["hold", "stop"]
+    status = json.loads((folder / STATUS).read_text())
+    assert (status["status"], status["reason"]) == ("stopped", "NO_OPERATOR")
+    shown = rig("show", folder).stdout
+    for text in (shown, (tmp_path / "output.txt").read_text()):
+        assert "Stopped early: manual mode had no operator for longer than" in text
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can mount a small disk")

@@ -15,8 +15,10 @@ from rig.people.orders import ARMING_S, REQUESTS, Asker
 from rig.people.seat import LEASE_S
 from rig.people.set_points import Checked, LiveSet
 from rig.realtime import safety
+from rig.realtime.reasons import Reason
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE
 from rig.realtime.sequence import MANUAL, STANDBY
+from rig.recording.runs.create import end_status
 
 SEAT_ACTS = ("take_seat", "beat", "leave_seat")
 DEAD_MAN_S = 1.0
@@ -193,8 +195,30 @@ def test_without_an_operator_manual_mode_holds_at_once_and_then_stops() -> None:
     run.go_on(250)
     assert STOP_1 in {row.safety.mode for row in run.rows}
     assert run.mode == STOP_0
+    assert run.rows[-1].safety.reason == Reason.NO_OPERATOR
+    assert end_status(run.rows[-1].safety.reason) == "stopped"  # no fault of the rig
     notes = [each for each in run.journal.entries if each.origin == "supervisor"]
     assert [each.request for each in notes] == ["hold", "stop"]
+
+
+def test_a_stop_for_want_of_an_operator_is_not_undone() -> None:
+    """An operator who comes back too late finds the stop, and may still cut the power at once."""
+    run = AttendedRun(manual=True, dead_man_s=DEAD_MAN_S)
+    run.go_on(40)
+    run.ask("page", "take_seat")
+    run.power_on("page")
+    run.ask("page", "leave_seat")
+    while run.mode != STOP_1:
+        run.go_on(POLL_TICKS)
+    run.ask("page", "take_seat")
+    for later in ("stop", "hold", "resume", "finish"):
+        run.ask("page", later)
+        run.go_on(1)
+        assert run.mode == STOP_1
+    run.ask("page", "abort")
+    run.go_on(1)
+    assert run.mode == STOP_0
+    assert run.rows[-1].safety.reason == Reason.NO_OPERATOR  # the first cause
 
 
 def test_an_operator_who_comes_back_goes_on() -> None:

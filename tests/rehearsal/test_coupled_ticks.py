@@ -202,6 +202,7 @@ def test_a_changeover_at_any_tick_keeps_every_bit(
         safety.REQUEST_HOLD,
         safety.REQUEST_LOGGER_LOST,
         safety.REQUEST_SUPERVISOR_LOST,
+        safety.REQUEST_NO_OPERATOR,
     ],
 )
 def test_a_request_acts_as_in_the_interpreted_loop(

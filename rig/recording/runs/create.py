@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rig.realtime.reasons import Reason
+from rig.realtime.reasons import STOPS_OF_PEOPLE, Reason
 from rig.recording.folder_watch import open_folder
 from rig.recording.journal import JOURNAL
 from rig.recording.runs.folder import MCAP, RECOVERED, STATUS, earlier_records
@@ -57,7 +57,7 @@ def end_status(reason: int) -> str:
     """Return the status of a run by the number of its first stop reason, in one word."""
     if reason == Reason.PLAN_END:
         return "complete"
-    if reason in (Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT):
+    if reason in STOPS_OF_PEOPLE:
         return "stopped"
     return "crashed" if reason == Reason.NONE else "fault"
 

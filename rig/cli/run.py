@@ -318,7 +318,7 @@ def lost_ticks(ended: RunResult) -> LostTicks | None:
 
 def exit_code(outcome: Outcome, trouble: str) -> int:
     """Return the command's exit code; ``trouble`` is a failure after the run (empty: none)."""
-    if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
+    if outcome.status == "crashed" or outcome.died or outcome.dropped or outcome.unsaved:
         return LOST
     if trouble or outcome.status == "refused" or (outcome.moved and outcome.status == "complete"):
         return FAILED

@@ -11,14 +11,15 @@ from typing import Any
 import pytest
 
 from rig.analysis import summary
-from rig.cli.run import row_as_json
+from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED
+from rig.cli.run import exit_code, row_as_json
 from rig.cli.run_panel import RunPanel
 from rig.config.problems import error_text
 from rig.host import disk
 from rig.kinds.wavebot import display
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.processes.child import Child
-from rig.processes.run_types import Snapshot
+from rig.processes.run_types import Outcome, Snapshot
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.reasons import reason_table
 from rig.realtime.sequence import Phase
@@ -41,6 +42,29 @@ def test_flags_of_every_axis_are_named() -> None:
         "surge.warned": ["POSITION"],
         "unlimited": 3,
     }
+
+
+@pytest.mark.parametrize(
+    ("changes", "trouble", "code"),
+    [
+        ({"status": "complete"}, "", OK),
+        ({"status": "complete"}, "a picture failed", FAILED),
+        ({"status": "complete", "moved": "the folder was moved"}, "", FAILED),
+        ({"status": "refused"}, "", FAILED),
+        ({"status": "stopped"}, "", STOPPED),
+        ({"status": "fault"}, "", FAULT),
+        ({"status": "fault", "moved": "the folder was moved"}, "", FAULT),
+        ({"status": "fault", "died": "line analyser ended: killed by SIGKILL"}, "", LOST),
+        ({"status": "complete", "died": "line analyser ended: killed by SIGKILL"}, "", LOST),
+        ({"status": "fault", "unsaved": 1}, "a picture failed", LOST),
+        ({"status": "stopped", "dropped": 1}, "", LOST),
+        ({"status": "crashed"}, "", LOST),
+    ],
+)
+def test_the_exit_code_of_a_run(changes: dict[str, Any], trouble: str, code: int) -> None:
+    none_lost = {"dropped": 0, "unsaved": 0, "logger_restarts": 0, "last_row": {}}
+    outcome = Outcome(**{"reason": "", "ticks": 9, "skipped": 0, **none_lost, **changes})
+    assert exit_code(outcome, trouble) == code
 
 
 def snapshot_of(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:

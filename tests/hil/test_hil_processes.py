@@ -22,6 +22,8 @@ from benchmarks.support.fault_runs import Trigger, power_off_time, restart_and_r
 from benchmarks.support.live_run import LiveRun, is_running, wait_realtime_free, wait_until
 from benchmarks.support.process_faults import child_with_stderr
 from drivers.canopen.heartbeat import NmtState
+from rig.cli.output import LOST
+from rig.cli.run import exit_code
 from rig.execution.task import RunResult, run_task
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.tasks import execution_task, wired_mode
@@ -103,6 +105,7 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     assert outcome.reason in DEATHS[process]
     assert outcome.died == f"{process} ended: killed by SIGKILL"
     assert outcome.dropped == outcome.unsaved == 0
+    assert exit_code(outcome, "") == LOST
     status = json.loads((result.folder / "run.json").read_text())
     assert status["died"] == outcome.died
     assert child_error_files() <= {"emulation.stderr"}  # only the shared emulated devices are left

@@ -8,9 +8,10 @@ import ctypes
 import json
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -165,8 +166,9 @@ def write_products(
     # Drawing takes longer than the rest. Forked processes need no time to import matplotlib.
     count = min(len(found.pictures), len(os.sched_getaffinity(0)))
     with ProcessPoolExecutor(count, get_context("fork"), initializer=_begin_drawing) as pool:
-        drawn = [pool.submit(draw, folder) for draw in found.pictures]
         try:
+            with _ctrl_c_waits():  # until the processes are there, which inherit that
+                drawn = [pool.submit(draw, folder) for draw in found.pictures]
             written = [*found.write_results(folder), *write_texts(found.summary, folder)]
             return [*written, *(path for each in drawn for path in each.result())]
         except BrokenProcessPool as error:
@@ -175,6 +177,16 @@ def write_products(
             for child in active_children():
                 child.kill()
             raise
+
+
+@contextmanager
+def _ctrl_c_waits() -> Iterator[None]:
+    """Hold Ctrl-C back until the end of the context, and from processes that begin in it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin_drawing() -> None:

@@ -14,6 +14,7 @@ class RunProducts(NamedTuple):
     text: str = ""  # summary for people
     rows_done: int | None = None  # None: unknown
     trouble: str = ""  # why products are missing; empty: none is
+    interrupted: str = ""  # the command for what Ctrl-C left out; empty: there was no Ctrl-C
 
 
 class RunSummary(NamedTuple):

@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rig.cli.output import STOPPED
+from rig.cli.stop_signals import repeated_interrupts
 from rig.kinds import registry
 from rig.kinds.registry import Command
 
@@ -82,7 +83,8 @@ class CommandGroup(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command and exit with its code; 3 on an interrupt that it did not handle."""
         try:
-            code = super().invoke(ctx)
+            with repeated_interrupts():
+                code = super().invoke(ctx)
         except KeyboardInterrupt:
             name = " ".join(filter(None, ("rig", ctx.invoked_subcommand)))  # none: during import
             print(f"\n{name}: interrupted", file=sys.stderr)

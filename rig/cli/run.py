@@ -46,8 +46,8 @@ from rig.recording.runs import RunError, create
 
 EXIT_CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
-requires; 2 bad input; 3 stopped by the operator or for want of one; 4 the rig tripped; 5 a \
-process died or rows were lost."""
+requires; 2 bad input; 3 stopped by the operator or for want of one, or Ctrl-C ended the drawing; \
+4 the rig tripped; 5 a process died or rows were lost."""
 _MAX_WARNINGS = 5
 _NAMES: dict[str, type[IntEnum]] = {"safety.mode": Mode, "plan.phase": Phase}
 _FLAGS: dict[str, type[IntFlag]] = {
@@ -194,14 +194,13 @@ def run_named(
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
         return fail(command_name, error, as_json=as_json, code=FAILED)
-    if importing.ident is not None:
-        importing.join()
     products = (
         RunProducts((), {}, rows_done=0, text="Manual mode: the journal has the set points.")
         if options.manual
-        else _analyse(kind, ended, len(plan.rows), quiet=as_json)
+        else _analyse(kind, ended, len(plan.rows), importing, quiet=as_json)
     )
-    trouble = "; ".join(filter(None, (ended.save_error, products.trouble)))
+    failed = "; ".join(filter(None, (ended.save_error, products.trouble)))
+    trouble = "; ".join(filter(None, (failed, products.interrupted)))
     outcome, lost = ended.outcome, lost_ticks(ended)
     if as_json:
         record = {
@@ -218,7 +217,7 @@ def run_named(
     else:
         print_end(ended, products.text, lost)
         _print_folder(ended, products.files, trouble)
-    return exit_code(outcome, trouble)
+    return exit_code(outcome, failed, interrupted=bool(products.interrupted))
 
 
 @contextmanager
@@ -281,22 +280,30 @@ def _import_products(kind: RigKind) -> None:
         kind.room("products")
 
 
-def _analyse(kind: RigKind, ended: RunResult, planned_rows: int, *, quiet: bool) -> RunProducts:
-    """Write the products of a run and the number of its complete rows."""
-    try:
-        room: Products = kind.room("products")
-    except KindError as error:
-        return RunProducts((), {}, trouble=str(error))
+def _analyse(
+    kind: RigKind, ended: RunResult, planned_rows: int, importing: Thread, *, quiet: bool
+) -> RunProducts:
+    """Write the products of a run and the number of its complete rows.
+
+    ``importing``: the thread that imports the room of the products, if it was started.
+    """
     folder, outcome = ended.folder, ended.outcome
-    if outcome.ticks == 0:
-        return room.NO_PRODUCTS
-    if not quiet:
-        print(f"{room.PROGRESS} ...", file=sys.stderr, flush=True)
+    products = RunProducts((), {})
     try:
+        if importing.ident is not None:
+            importing.join()
+        room: Products = kind.room("products")
+        products = room.NO_PRODUCTS
+        if outcome.ticks == 0:
+            return products
+        if not quiet:
+            print(f"{room.PROGRESS} ...", file=sys.stderr, flush=True)
         products = room.after_run(folder, outcome)
+    except KindError as error:
+        return products._replace(trouble=str(error))
     except KeyboardInterrupt:
-        trouble = f"interrupted; `rig plot {folder}` writes the products"
-        return room.NO_PRODUCTS._replace(trouble=trouble)
+        left_out = f"pictures are not complete: draw them with `rig plot {folder}`"
+        products = products._replace(interrupted=left_out)
     rows_done = products.rows_done
     if rows_done is None:  # all rows, or those before the one in which the run stopped
         complete = outcome.status == "complete"
@@ -316,12 +323,17 @@ def lost_ticks(ended: RunResult) -> LostTicks | None:
         return None  # the analysis has already reported the error in the record
 
 
-def exit_code(outcome: Outcome, trouble: str) -> int:
-    """Return the command's exit code; ``trouble`` is a failure after the run (empty: none)."""
+def exit_code(outcome: Outcome, trouble: str, *, interrupted: bool = False) -> int:
+    """Return the command's exit code.
+
+    ``trouble`` is a failure after the run (empty: none); ``interrupted``: Ctrl-C ended the drawing.
+    """
     if outcome.status == "crashed" or outcome.died or outcome.dropped or outcome.unsaved:
         return LOST
     if trouble or outcome.status == "refused" or (outcome.moved and outcome.status == "complete"):
         return FAILED
+    if interrupted and outcome.status == "complete":
+        return STOPPED
     return _EXIT_CODES[outcome.status]
 
 

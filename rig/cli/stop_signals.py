@@ -1,9 +1,38 @@
-"""Signals that ask a command to stop, for commands that have something to put away first."""
+"""Signals that ask a command to stop; caught where it has something to put away first."""
 
+import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Timer
 from types import FrameType
+from typing import Any
+
+_REPEAT_S = 0.01
+
+
+@contextmanager
+def repeated_interrupts() -> Iterator[None]:
+    """Repeat a Ctrl-C that came within a destructor or a callback of the interpreter.
+
+    No exception leaves these, so that the interpreter would print a traceback and go on.
+    """
+    before = sys.unraisablehook
+
+    def repeat(error: Any) -> None:
+        if not issubclass(error.exc_type, KeyboardInterrupt):
+            before(error)
+            return
+        timer = Timer(_REPEAT_S, os.kill, (os.getpid(), signal.SIGINT))
+        timer.daemon = True  # a command that ends before needs no Ctrl-C
+        timer.start()
+
+    sys.unraisablehook = repeat
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 @contextmanager

@@ -4,16 +4,23 @@ import errno
 import json
 import os
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rig_command import rig
 
 from rig.analysis import summary
+from rig.analysis.report import PROGRESS
+from rig.analysis.run_products import RunProducts
 from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED
-from rig.cli.run import exit_code, row_as_json
+from rig.cli.run import _analyse, exit_code, row_as_json
 from rig.cli.run_panel import RunPanel
+from rig.cli.stop_signals import repeated_interrupts
 from rig.config.problems import error_text
 from rig.host import disk
 from rig.kinds.wavebot import display
@@ -23,6 +30,13 @@ from rig.processes.run_types import Outcome, Snapshot
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.reasons import reason_table
 from rig.realtime.sequence import Phase
+from rig.recording.runs.folder import STATUS
+
+
+def ended(**changes: Any) -> Outcome:
+    """Return the end of a run without losses."""
+    none_lost = {"dropped": 0, "unsaved": 0, "logger_restarts": 0, "last_row": {}}
+    return Outcome(**{"reason": "", "ticks": 9, "skipped": 0, **none_lost, **changes})
 
 
 def test_flags_of_every_axis_are_named() -> None:
@@ -45,6 +59,101 @@ def test_flags_of_every_axis_are_named() -> None:
 
 
 @pytest.mark.parametrize(
+    ("status", "trouble", "code"),
+    [
+        ("complete", "", STOPPED),
+        ("complete", "the disk is full", FAILED),
+        ("stopped", "", STOPPED),
+        ("fault", "", FAULT),
+        ("crashed", "", LOST),
+    ],
+)
+def test_the_exit_code_of_a_run_whose_drawing_was_interrupted(
+    status: str, trouble: str, code: int
+) -> None:
+    assert exit_code(ended(status=status), trouble, interrupted=True) == code
+
+
+@pytest.mark.parametrize("point", ["import", "room", "products"])
+def test_ctrl_c_at_the_end_of_a_run_says_how_to_draw_later(point: str, tmp_path: Path) -> None:
+    """The import of the products may be interrupted, and their drawing."""
+
+    class Importing:
+        ident = 1
+
+        def join(self) -> None:
+            if point == "import":
+                raise KeyboardInterrupt
+
+    class Kind:
+        PROGRESS, NO_PRODUCTS = "drawing", RunProducts((), {"optima": []})
+
+        def room(self, name: str) -> Any:
+            if point == "room":
+                raise KeyboardInterrupt
+            return self
+
+        def after_run(self, folder: Path, outcome: Outcome) -> RunProducts:
+            raise KeyboardInterrupt
+
+    (tmp_path / STATUS).write_text("{}")
+    result: Any = SimpleNamespace(folder=tmp_path, outcome=ended(status="complete"))
+    kind, importing = Kind(), Importing()
+    products = _analyse(kind, result, 4, importing, quiet=True)  # type: ignore[arg-type]
+    left_out = f"pictures are not complete: draw them with `rig plot {tmp_path}`"
+    assert (products.interrupted, products.trouble) == (left_out, "")
+    assert json.loads((tmp_path / STATUS).read_text())["rows_done"] == 4
+
+
+def test_ctrl_c_while_pictures_are_drawn(tmp_path: Path) -> None:
+    """As a terminal sends it: to all processes of the command."""
+    command = [sys.executable, "-m", "rig", "run", "quick", "--runs", str(tmp_path)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith(PROGRESS):
+                break
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    (run,) = tmp_path.iterdir()
+    assert process.returncode == STOPPED, errors
+    assert f"pictures are not complete: draw them with `rig plot {run}`" in errors
+    assert "Traceback" not in errors
+    assert json.loads((run / STATUS).read_text())["rows_done"] == 4
+    assert not (run / "surfaces.png").exists()
+    drawn = rig("plot", run)
+    assert drawn.returncode == OK, drawn.stderr
+    assert (run / "surfaces.png").exists()
+    # Ctrl-C as early as a process that draws can get it: at its first instruction.
+    script = f"""
+import os, signal
+from pathlib import Path
+from rig.analysis.report import write_products
+os.register_at_fork(after_in_child=lambda: os.kill(os.getpid(), signal.SIGINT))
+write_products(Path({str(run)!r}))
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert (found.returncode, found.stderr) == (0, "")
+
+
+def test_ctrl_c_within_a_destructor_is_repeated() -> None:
+    class Victim:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    def work() -> None:
+        Victim()
+        time.sleep(10.0)
+
+    with pytest.raises(KeyboardInterrupt), repeated_interrupts():
+        work()
+
+
+@pytest.mark.parametrize(
     ("changes", "trouble", "code"),
     [
         ({"status": "complete"}, "", OK),
@@ -62,9 +171,7 @@ def test_flags_of_every_axis_are_named() -> None:
     ],
 )
 def test_the_exit_code_of_a_run(changes: dict[str, Any], trouble: str, code: int) -> None:
-    none_lost = {"dropped": 0, "unsaved": 0, "logger_restarts": 0, "last_row": {}}
-    outcome = Outcome(**{"reason": "", "ticks": 9, "skipped": 0, **none_lost, **changes})
-    assert exit_code(outcome, trouble) == code
+    assert exit_code(ended(**changes), trouble) == code
 
 
 def snapshot_of(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from enum import IntEnum, IntFlag
 from functools import partial
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Annotated, Any, NamedTuple
 
 import typer
@@ -170,8 +170,8 @@ def run_named(
         if not mode.real_clock:
             importing.start()
         with (
-            _page_of_run(runs, enabled=options.page) as began,
-            RunPanel(title, mode.name, plan, display, quiet=as_json) as view,
+            _page_of_run(runs, enabled=options.page) as page,
+            RunPanel(title, mode.name, plan, display, page.started, quiet=as_json) as view,
         ):
             task = attended_task(
                 tasks.execution_task(checked, plan),
@@ -189,7 +189,7 @@ def run_named(
             task = task._replace(plan=task.plan | plan_record)
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
-            ended = run_task(task, runs, view, mode, began, options.resume)
+            ended = run_task(task, runs, view, mode, page.run_began, options.resume)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
@@ -220,9 +220,16 @@ def run_named(
     return exit_code(outcome, failed, interrupted=bool(products.interrupted))
 
 
+class _PageCalls(NamedTuple):
+    """Calls by which a page follows its run; without a page they do nothing."""
+
+    run_began: Callable[[Path], None] = lambda folder: None
+    started: Callable[[], None] = lambda: None  # the first row is there: the run is not refused
+
+
 @contextmanager
-def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[Callable[[Path], None]]:
-    """Start the operator's page, print its address, and yield a function for the run's folder.
+def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[_PageCalls]:
+    """Start the operator's page, and yield its calls; once the run starts, print its address.
 
     The run needs the page for nothing: if it cannot start or ends, one line says why.
     """
@@ -235,17 +242,23 @@ def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[Callable[[Path], None
         except OSError as error:
             print(f"no page: {error_text(error)}", file=sys.stderr)
     if page is None:
-        yield lambda folder: None
+        yield _PageCalls()
         return
-    print(f"page: {page.url}", file=sys.stderr, flush=True)
+    has_started = Event()
+
+    def start() -> None:
+        print(f"page: {page.url}", file=sys.stderr, flush=True)
+        has_started.set()
 
     def report_failure() -> None:
-        if text := page.failure():
+        text = page.failure()
+        has_started.wait()  # a run that is refused has no page
+        if text:
             print(text, file=sys.stderr, flush=True)
 
     Thread(target=report_failure, name="page", daemon=True).start()
     try:
-        yield page.run_began
+        yield _PageCalls(page.run_began, start)
     finally:
         page.close()
 

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, Group
@@ -40,10 +41,18 @@ class RunPanel:
     """
 
     def __init__(
-        self, title: str, mode: str, plan: Any, display: "Display", *, quiet: bool
+        self,
+        title: str,
+        mode: str,
+        plan: Any,
+        display: "Display",
+        on_start: Callable[[], None] = lambda: None,
+        *,
+        quiet: bool,
     ) -> None:
+        """``on_start`` is called with the first row of the run; ``quiet``: draw nothing."""
         self._title, self._mode, self._plan, self._display = title, mode, plan, display
-        self._quiet = quiet
+        self._on_start, self._started, self._quiet = on_start, False, quiet
         self._console = Console(stderr=True, highlight=False)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._live_display = self._console.is_terminal and not quiet
@@ -66,6 +75,9 @@ class RunPanel:
 
     def __call__(self, snapshot: "Snapshot") -> None:
         """Draw the current state of the run."""
+        if snapshot.row and not self._started:
+            self._started = True
+            self._on_start()
         if self._quiet:
             return
         if snapshot.row.get("power.samples", 0) > 0:

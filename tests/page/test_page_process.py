@@ -10,9 +10,14 @@ import time
 from pathlib import Path
 
 import pytest
+from rig_command import rig_here
 
+from rig.cli.output import FAILED
+from rig.execution.task import View
 from rig.page import process
 from rig.page.process import ERRORS, PageOfRun, wait_for_run
+from rig.processes.run_types import Snapshot
+from rig.recording.runs.create import BusyError
 
 
 @pytest.fixture
@@ -45,6 +50,29 @@ def test_the_error_output_of_a_run_that_never_began_is_removed(tmp_path: Path) -
     page.close()
     assert page.failure() == "", "the run says why it did not begin"
     assert list((tmp_path / "runs").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "shown"), [([], False), ([{}], False), ([{}, {"time": 0.0}, {"time": 0.1}], True)]
+)
+def test_the_address_is_printed_when_the_run_starts(
+    rows: list[dict[str, float | int]],
+    shown: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A run that is refused, before its folder is there or after that, has no page."""
+
+    def refuse(task: object, runs: Path, view: View, *_: object) -> None:
+        for row in rows:
+            view(Snapshot(row, 0, 0, ""))
+        raise BusyError("the wire is taken")
+
+    monkeypatch.setattr("rig.cli.run.run_task", refuse)
+    code, output, errors = rig_here("run", "quick", "--page", "--json", "--runs", tmp_path)
+    assert code == FAILED
+    assert "the wire is taken" in output
+    assert errors.count("page: http://127.0.0.1:") == shown
 
 
 def test_a_page_without_a_run_ends(tmp_path: Path) -> None:

@@ -31,8 +31,9 @@ Watt = Annotated[float, "W"]
 
 
 class DriveFault(IntEnum):
-    """Cause of a drive fault, as the drive reports it."""
+    """Cause of a fault of an axis: as its drive reports it, above 0, or at its bus."""
 
+    FIELDBUS_LOST = -1  # the bus to the drive failed, or the drive left its operation
     NONE = 0
     GENERAL = 1
     UNDERVOLTAGE = 2  # the bus ran out of energy

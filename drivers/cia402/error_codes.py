@@ -59,6 +59,14 @@ REGISTER = (  # bits of the error register 0x1001
 )  # fmt: skip
 
 
+_COMMUNICATION = (0x7500, 0x8100, 0x8200, 0x8700)  # 0x87xx: synchronisation
+
+
+def is_communication(code: int) -> bool:
+    """Return whether a drive reports with a code that its bus failed, not the drive itself."""
+    return code & 0xFF00 in _COMMUNICATION
+
+
 def meaning(code: int) -> str:
     """Return the text of a code, or else of its class; every code has a text."""
     if code in CODES:

@@ -35,6 +35,8 @@ _ADVICE: dict[int, str] = {
     Reason.POWER_SIGN: "Check the signs of encoder and force before any power on.",
     Reason.POWER_BALANCE: "Check the sensors of both power stations.",
     Reason.NO_OPERATOR: "Take the seat in a new run, and keep the page open and its tab awake.",
+    Reason.FIELDBUS_LOST: "The messages name the devices; check their cables and supplies, then "
+    "`rig devices`.",
 }
 _OF_CATEGORY = (
     "Power was removed at once. Find the cause before a new run.",

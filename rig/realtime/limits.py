@@ -8,7 +8,7 @@ from enum import IntFlag
 from typing import NamedTuple
 
 from controllers.blocks import clamp, finite
-from controllers.signals import AxisCommand, AxisSense, Estimate
+from controllers.signals import AxisCommand, AxisSense, DriveFault, Estimate
 from rig.realtime.reasons import NO_REASON, Reason
 from rig.realtime.safety import ENABLING, RUN, STOP_1
 
@@ -84,6 +84,8 @@ def check_axis(
     total = current + encoder_age + drive_age + position + velocity + acceleration
     if state.not_finite == 1 or not finite(total):
         return Reason.NOT_FINITE.value
+    if fault == DriveFault.FIELDBUS_LOST.value:  # the cause of old values comes before them
+        return Reason.FIELDBUS_LOST.value
     # A negative age means that a clock is wrong, and then the true age is unknown.
     if not 0.0 <= encoder_age <= limits.encoder_age_stop:
         return Reason.STALE_ENCODER.value

@@ -64,6 +64,12 @@ class Reason(StopReason):
         1,
         "manual mode had no operator for longer than `operator.dead_man_s` of the rig file",
     )
+    FIELDBUS_LOST = (
+        49,
+        0,
+        "the bus to the drives was lost: a cable, a device without power or out of operation, or "
+        "the process that monitors it",
+    )
 
 
 STOPS_OF_PEOPLE = (Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT, Reason.NO_OPERATOR)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from controllers.signals import AxisSense, DriveFault
-from drivers.cia402 import scaling
+from drivers.cia402 import error_codes, scaling
 from drivers.cia402.positioning_drive import PositioningDrive, PositioningReading
 from drivers.cia402.torque_drive import TorqueDrive, TorqueDriveReading
 from rig.processes.mailbox import Mailbox
@@ -19,7 +19,7 @@ from rig.wires.messages import HEALTH_SUFFIX, NodeHealth
 
 # Codes of emergencies and 0x603F: a person must be able to distinguish these two from all others.
 _FAULTS = {0x3210: DriveFault.OVERVOLTAGE.value, 0x3220: DriveFault.UNDERVOLTAGE.value}
-_GENERAL_FAULT = DriveFault.GENERAL.value
+_GENERAL_FAULT, _LOST = DriveFault.GENERAL.value, DriveFault.FIELDBUS_LOST.value
 WARM_UP_TIMEOUT_S = 3.0  # s in which every drive must answer in every cycle
 _MAX_WARM_UP_AGE_TICKS = 5.0  # of every value of a drive at the end of the warm-up
 
@@ -132,16 +132,28 @@ class DriveAxes(ABC):
         return self._drives[name].limit_flags
 
     def sense(self, name: str, reading: TorqueDriveReading) -> AxisSense:
-        """Return an axis' status as the loop's signal: a lost or restarted node is a fault."""
-        fault = _FAULTS.get(reading.error, _GENERAL_FAULT) if reading.error else 0
-        health: NodeHealth | None = self._health[name].read()
-        if fault == 0 and health is not None:
-            silent = self.time - health.heartbeat_time > self._limits.heartbeat_lost
-            unmonitored = self.time - health.stamp > self._limits.health_age
-            # A restarted node has lost its set-up, and only a living service process can report it.
-            fault = _GENERAL_FAULT if silent or unmonitored or health.restarts > 0 else 0
+        """Return an axis' status as the loop's signal.
+
+        A lost bus is a fault, too: its own, unless the drive reports another cause.
+        """
+        error = reading.error
+        fault = _FAULTS.get(error, _GENERAL_FAULT) if error else 0
+        if (fault == 0 or error_codes.is_communication(error)) and self._is_lost(name):
+            fault = _LOST
         age = reading.age
         return AxisSense(reading.counts, age, reading.current, reading.acting, fault, age)
+
+    def _is_lost(self, name: str) -> bool:
+        """Return whether the bus has lost a drive, or nobody monitors the drive any more.
+
+        A restarted node has lost its set-up, and only a living service process can report it.
+        """
+        health: NodeHealth | None = self._health[name].read()
+        if health is None:
+            return False
+        silent = self.time - health.heartbeat_time > self._limits.heartbeat_lost
+        unmonitored = self.time - health.stamp > self._limits.health_age
+        return silent or unmonitored or health.restarts > 0
 
 
 def current_scale(settings: Mapping[str, Any], facts: Mapping[str, int]) -> scaling.CurrentScale:

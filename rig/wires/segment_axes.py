@@ -7,9 +7,8 @@ The newest answer is taken first, and all outputs are sent with the next frame.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from controllers.signals import AxisSense, DriveFault
 from drivers.cia402.positioning_drive import PositioningSettings
-from drivers.cia402.torque_drive import TorqueDriveReading, TorqueDriveSettings
+from drivers.cia402.torque_drive import TorqueDriveSettings
 from drivers.errors import CodecError, LinkError
 from drivers.ethercat import clock, terminal
 from drivers.ethercat.clock import ClockParams
@@ -26,7 +25,6 @@ from rig.wires.drive_axes import AxisRequest, DriveAxes, HealthLimits, current_s
 from rig.wires.messages import WHOLE_NUMBERS, block_message, message_type
 
 Reader = Callable[[memoryview], float]
-_GENERAL_FAULT = DriveFault.GENERAL.value
 _MAX_FOREIGN = 10  # frames of another master
 _MAX_OFFSETS = 86_400  # seconds whose clock offsets are kept
 _NEVER = -1e9  # s, earlier than any clock reading
@@ -297,22 +295,20 @@ class SegmentAxes(DriveAxes):
             f"(AL status {state.al_status:#06x}, by bitwise or)"
         )
 
-    def sense(self, name: str, reading: TorqueDriveReading) -> AxisSense:
-        """Return an axis' status.
-
-        A segment that left OP or is silent, or that another master uses, is a fault of all axes.
-        """
-        sense = super().sense(name, reading)
-        if sense.fault or not self._was_operational:
-            return sense
-        cycle = self._cycle
-        lost = self.time - cycle.sampled > self._settings.lost
-        disturbed = cycle.foreign > _MAX_FOREIGN  # another master could write outputs, too
-        ok = self._is_operational() and not lost and not disturbed
-        return sense._replace(fault=0 if ok else _GENERAL_FAULT)
-
     def close(self) -> None:
         self._cycle.close()
+
+    def _is_lost(self, name: str) -> bool:
+        """Return whether the segment left OP, is silent, or is used by another master as well.
+
+        All axes lose it then. Another master could write their outputs, too.
+        """
+        if self._was_operational:
+            cycle = self._cycle
+            is_silent = self.time - cycle.sampled > self._settings.lost
+            if is_silent or cycle.foreign > _MAX_FOREIGN or not self._is_operational():
+                return True
+        return super()._is_lost(name)
 
     def _is_operational(self) -> bool:
         return self._cycle.state.is_operational(len(self._settings.slaves))

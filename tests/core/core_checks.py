@@ -10,7 +10,7 @@ import itertools
 import math
 from typing import Any, NamedTuple
 
-from controllers.signals import AxisSense, Estimate
+from controllers.signals import AxisSense, DriveFault, Estimate
 
 MODES = {"OFF": 0, "ENABLING": 1, "RUN": 2, "STOP_2": 3, "STOP_1": 4, "STOP_0": 5}
 
@@ -65,6 +65,7 @@ REASONS = {
     "POWER_SIGN": (46, 0),
     "POWER_BALANCE": (47, 1),
     "NO_OPERATOR": (48, 1),
+    "FIELDBUS_LOST": (49, 0),
 }
 
 REQUESTS = {
@@ -304,6 +305,10 @@ def _check_trips(module: Any, limits: Any) -> None:
             got = module.check_axis(limits, healthy, mismatch, sense, measured, motion, mode)
             assert got == REASONS[found[0] if found else "NONE"][0], (mode, changes)
             assert type(got) is int
+            # A lost bus is the cause of old values, and of all that the drive does without it.
+            lost = sense._replace(fault=DriveFault.FIELDBUS_LOST.value)
+            got = module.check_axis(limits, healthy, mismatch, lost, measured, motion, mode)
+            assert got == REASONS["NOT_FINITE" if chosen[0] else "FIELDBUS_LOST"][0], changes
     run = MODES["RUN"]
     for name in ("current", "encoder_age", "drive_age", *Estimate._fields):
         for bad in (math.nan, math.inf, -math.inf):

@@ -60,6 +60,7 @@ def modified(part: str, **values: Any) -> Any:
         ({"drive_age": 0.5}, WaveBotReason.SURGE_STALE_DRIVE),
         ({"fault": 1}, WaveBotReason.SURGE_DRIVE_FAULT),
         ({"fault": DriveFault.UNDERVOLTAGE.value}, WaveBotReason.SURGE_DRIVE_FAULT),
+        ({"fault": DriveFault.FIELDBUS_LOST.value, "drive_age": 0.5}, Reason.FIELDBUS_LOST),
         ({"enabled": 0}, WaveBotReason.SURGE_DRIVE_DROPPED),
         ({"counts": 40_000}, WaveBotReason.SURGE_ENCODER_JUMP),
     ],
@@ -162,6 +163,7 @@ def test_surge_can_be_held_in_place() -> None:
         (DriveFault.GENERAL, Reason.DRIVE_FAULT),
         (DriveFault.UNDERVOLTAGE, WaveBotReason.BUS_UNDERVOLTAGE),
         (DriveFault.OVERVOLTAGE, WaveBotReason.BUS_OVERVOLTAGE),
+        (DriveFault.FIELDBUS_LOST, Reason.FIELDBUS_LOST),
     ],
 )
 def test_bus_faults_have_their_own_reasons(fault: DriveFault, reason: Reason) -> None:

@@ -79,7 +79,7 @@ def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBo
 # By killed process the possible reasons of the loop: the value that gets too old first.
 DEATHS = {
     "emulated devices": {"STALE_ENCODER", "STALE_DRIVE"},
-    "can": {"DRIVE_FAULT", "SURGE_DRIVE_FAULT"},
+    "can": {"FIELDBUS_LOST"},
     "line amplifiers": {"STALE_LOAD_CELL"},
     "line analyser": {"STALE_ANALYSER"},
 }

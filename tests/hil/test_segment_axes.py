@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from controllers.signals import DriveFault
 from drivers.cia402.scaling import CurrentScale
 from drivers.errors import LinkError
 from drivers.ethercat import terminal
@@ -195,6 +196,32 @@ def test_a_running_segment_has_no_fault(axes: SegmentAxes) -> None:
     assert faults(axes) == [0, 0]
 
 
+LOST = [DriveFault.FIELDBUS_LOST.value] * 2
+FAULTY = 0x0238  # statusword: fault
+STATUS_OF_HEAVE = struct.Struct("<HhibH")  # statusword, torque, position, mode, error code
+
+
+def test_a_fault_that_a_drive_reports_stays_its_own(axes: SegmentAxes, wire: Wire) -> None:
+    STATUS_OF_HEAVE.pack_into(wire.inputs, HEAVE, FAULTY, 0, 0, 10, 0x2310)
+    tick(axes, wire)
+    assert faults(axes) == [DriveFault.GENERAL.value, 0]
+    wire.al_status = 0x1C  # the fault makes the drive leave OP
+    tick(axes, wire)
+    assert faults(axes) == [DriveFault.GENERAL.value, DriveFault.FIELDBUS_LOST.value]
+
+
+@pytest.mark.parametrize("code", [0x7500, 0x8130, 0x8250, 0x8700])
+def test_a_drive_that_reports_a_lost_bus_only_confirms_it(
+    axes: SegmentAxes, wire: Wire, code: int
+) -> None:
+    STATUS_OF_HEAVE.pack_into(wire.inputs, HEAVE, FAULTY, 0, 0, 10, code)
+    tick(axes, wire)
+    assert faults(axes) == [DriveFault.GENERAL.value, 0]  # the segment is well
+    wire.al_status = 0x1C
+    tick(axes, wire)
+    assert faults(axes) == LOST
+
+
 @pytest.mark.parametrize(
     ("changed", "text"),
     [
@@ -208,7 +235,7 @@ def test_a_slave_that_is_gone_or_left_op_is_a_fault_in_the_next_tick(
     for name, value in changed.items():
         setattr(wire, name, value)
     tick(axes, wire)
-    assert all(faults(axes))
+    assert faults(axes) == LOST
     assert text in axes.trouble()
 
 
@@ -219,10 +246,19 @@ def test_a_wrong_working_counter_is_a_fault_after_the_time_of_the_rig_file(
     seen = []
     for _ in range(110):
         tick(axes, wire)
-        seen.append(any(faults(axes)))
+        seen.append(faults(axes) == LOST)
     # lost_ms: 100; the last right frame is two ticks old at the first wrong one
     assert seen.index(True) == pytest.approx(99, abs=1)
     assert axes.wire_report()["ethercat"]["wrong_working_counter"] == 110
+
+
+@pytest.mark.parametrize("change", [{"restarts": 1}, {"heartbeat_time": 0.0}, {"stamp": 0.0}])
+def test_a_drive_that_its_service_lost_is_lost(
+    axes: SegmentAxes, wire: Wire, change: dict[str, Any]
+) -> None:
+    axes._health["surge"].read = lambda: Health(wire).read()._replace(**change)  # type: ignore[method-assign]
+    tick(axes, wire)
+    assert faults(axes) == [0, DriveFault.FIELDBUS_LOST.value]
 
 
 def test_frames_of_another_master_are_a_fault(axes: SegmentAxes, wire: Wire) -> None:
@@ -230,7 +266,7 @@ def test_frames_of_another_master_are_a_fault(axes: SegmentAxes, wire: Wire) -> 
         wire.answers.append(bytes(60))
         axes.receive()
     tick(axes, wire)
-    assert all(faults(axes))
+    assert faults(axes) == LOST
     assert "another master sends frames, too" in axes.trouble()
 
 

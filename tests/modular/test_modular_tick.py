@@ -146,6 +146,7 @@ def test_each_axis_has_its_own_law_limits_and_units() -> None:
         ({"heave": {"fault": 1}}, "DRIVE_FAULT"),
         ({"heave": {"encoder_age": 0.03}}, "STALE_ENCODER"),
         ({"pitch": {"fault": 1}}, "PITCH_DRIVE_FAULT"),
+        ({"pitch": {"fault": -1, "encoder_age": 0.03}}, "FIELDBUS_LOST"),
         ({"pitch": {"enabled": 0}}, "PITCH_DRIVE_DROPPED"),
         ({"pitch": {"drive_age": 0.2}}, "PITCH_STALE_DRIVE"),
         ({"panel": PanelSense(1, 0, 0.0)}, "EMERGENCY_STOP"),

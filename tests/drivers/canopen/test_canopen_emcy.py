@@ -43,6 +43,14 @@ def test_codes_have_texts(code: int, text: str) -> None:
     assert error_codes.meaning(code) == text
 
 
+@pytest.mark.parametrize(
+    ("code", "is_communication"),
+    [(0x7500, True), (0x8110, True), (0x8250, True), (0x8700, True), (0x8611, False), (0, False)],
+)
+def test_communication_faults_are_no_faults_of_the_drive(code: int, is_communication: bool) -> None:
+    assert error_codes.is_communication(code) == is_communication
+
+
 def test_every_code_has_a_text_that_an_independent_table_does_not_contradict() -> None:
     same = {
         "Error Reset / No Error": "error reset", "Current": "current", "Voltage": "voltage",

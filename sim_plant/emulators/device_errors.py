@@ -22,6 +22,7 @@ PDO_TOO_SHORT = 0x8210
 PDO_TOO_LONG = 0x8220
 RPDO_TIMEOUT = 0x8250  # [C] CiA 301
 FOLLOWING_ERROR = 0x8611
+SYNCHRONISATION = 0x8700  # [C] CiA 402
 VENDOR = 0xFF00
 
 # Bit of the error register by the code's first digits; every error also sets bit 0.

@@ -9,7 +9,7 @@ from typing import Protocol
 from sim_plant.emulators.ethercat import registers
 from sim_plant.emulators.ethercat.controller import SlaveController
 
-OP_TIMEOUT_NS = 1_000_000_000  # from the request of OP to the first outputs
+OP_TIMEOUT_NS = 1_000_000_000  # from the request of OP to all that it waits for
 ERROR = ACKNOWLEDGE = 0x10  # bit of status, of control
 
 
@@ -31,10 +31,15 @@ class AlCode(IntEnum):
     UNKNOWN_STATE = 0x0012
     NO_BOOT = 0x0013
     INVALID_MAILBOX = 0x0016
+    SYNC_ERROR = 0x001A
     WATCHDOG = 0x001B
     INVALID_OUTPUTS = 0x001D
     INVALID_INPUTS = 0x001E
+    FATAL_SYNC_ERROR = 0x002C
+    NO_SYNC = 0x002D
     INVALID_SYNC = 0x0030
+    PLL_ERROR = 0x0032
+    SYNC0_CYCLE = 0x0036
     EEPROM_ERROR = 0x0051
 
 
@@ -49,8 +54,8 @@ class Application(Protocol):
         """Return the code against the step up to a state, 0 if there is none."""
         ...
 
-    def outputs_arrive(self) -> bool:
-        """Return whether OP may begin: outputs are fresh, or the slave has none."""
+    def missing(self) -> int:
+        """Return the code of what OP still waits for, 0 if it may begin."""
         ...
 
     def on_state(self, old: AlState, new: AlState, code: int) -> None:
@@ -69,7 +74,7 @@ class AlMachine:
         self._application = application
         self.state = AlState.INIT
         self.has_error = False
-        self._op_requested_at: int | None = None  # ns; waits for outputs
+        self._op_requested_at: int | None = None  # ns; waits for outputs and SYNC0
         self._clock = clock
         start = registers.AL_CONTROL
         controller.after_write.add(start, start + 2, self._on_control)
@@ -80,15 +85,16 @@ class AlMachine:
         self._show(AlCode.NONE)
 
     def poll(self, now: int) -> None:
-        """Finish or abandon a step to OP that waits for outputs; `now` in ns."""
+        """Finish or abandon a step to OP that waits for something; `now` in ns."""
         if self._op_requested_at is None:
             return
-        if self._application.outputs_arrive():
+        missing = self._application.missing()
+        if not missing:
             self._op_requested_at = None
             self._enter(AlState.OP)
         elif now - self._op_requested_at > OP_TIMEOUT_NS:
             self._op_requested_at = None
-            self._refuse(AlCode.WATCHDOG)
+            self._refuse(missing)
 
     def fail(self, state: AlState, code: int) -> None:
         """Fall back to a state with an error, without a request."""
@@ -118,7 +124,7 @@ class AlMachine:
             self._refuse(AlCode.INVALID_CHANGE)
         elif code := self._application.refusal(target):
             self._refuse(code)
-        elif target is AlState.OP and not self._application.outputs_arrive():
+        elif target is AlState.OP and self._application.missing():
             self._op_requested_at = self._clock()
         else:
             self._enter(target)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from sim_plant.emulators.device_objects import (
+    BOOLEAN,
     UINT8,
     UINT16,
     UINT32,
@@ -21,7 +22,7 @@ from sim_plant.emulators.ethercat.process_data import (
 from sim_plant.emulators.ethercat.sii import Identity
 
 FREE_RUN, WITH_OUTPUTS, WITH_SYNC0, INPUTS_WITH_OUTPUTS = 0, 1, 2, 0x22  # 0x1C32:01, 0x1C33:01
-SUPPORTED = 0x0007  # free run, with sync manager, with SYNC0
+SUPPORTED, ONLY_SYNC0 = 0x0007, 0x0004  # 0x1C32:04: free run, with sync manager, with SYNC0
 KEPT = {0x1000, 0x1001, 0x1003, 0x1010, 0x1011}  # of a CANopen device's communication area
 FIRST_OF_DEVICE = 0x2000
 
@@ -37,9 +38,12 @@ class Mappings(NamedTuple):
 
 
 def slave_objects(
-    identity: Identity, name: str, cycle_ns: int = 1_000_000
+    identity: Identity, name: str, cycle_ns: int = 1_000_000, *, needs_sync0: bool = False
 ) -> Iterator[ObjectEntry]:
-    """Yield device name, identity, types of sync managers and their synchronisation."""
+    """Yield device name, identity, types of sync managers and their synchronisation.
+
+    `needs_sync0`: the slave works with SYNC0 only.
+    """
     for index, title, text in (
         (0x1008, "device name", name),
         (0x1009, "hardware version", "1"),
@@ -52,22 +56,33 @@ def slave_objects(
     yield ObjectEntry((0x1C00, 0), "sync manager types", "number of entries", UINT8, 4)
     for sub in range(1, 5):
         yield ObjectEntry((0x1C00, sub), "sync manager types", f"SM{sub - 1}", UINT8, sub)
+    supported = ONLY_SYNC0 if needs_sync0 else SUPPORTED
     for index, title, kind in (
-        (0x1C32, "output synchronisation", WITH_OUTPUTS),
-        (0x1C33, "input synchronisation", INPUTS_WITH_OUTPUTS),
+        (0x1C32, "output synchronisation", WITH_SYNC0 if needs_sync0 else WITH_OUTPUTS),
+        (0x1C33, "input synchronisation", WITH_SYNC0 if needs_sync0 else INPUTS_WITH_OUTPUTS),
     ):
-        yield ObjectEntry((index, 0), title, "number of entries", UINT8, 0x0C)
+        yield ObjectEntry((index, 0), title, "number of entries", UINT8, 0x20)
         yield ObjectEntry((index, 1), title, "type", UINT16, kind, True, False, 0, 0x22)
         yield ObjectEntry((index, 2), title, "cycle, ns", UINT32, cycle_ns, True)
-        yield ObjectEntry((index, 4), title, "supported types", UINT16, SUPPORTED)
+        yield ObjectEntry((index, 4), title, "supported types", UINT16, supported)
         yield ObjectEntry((index, 5), title, "shortest cycle, ns", UINT32, 250_000)
         yield ObjectEntry((index, 6), title, "calculation and copy, ns", UINT32, 50_000)
         yield ObjectEntry((index, 0x0B), title, "missed events", UINT16)
         yield ObjectEntry((index, 0x0C), title, "exceeded cycles", UINT16)
+        yield ObjectEntry((index, 0x20), title, "synchronisation error", BOOLEAN)
+    title = "error settings"
+    yield ObjectEntry((0x10F1, 0), title, "number of entries", UINT8, 2)
+    yield ObjectEntry((0x10F1, 1), title, "local reaction", UINT32, 0, True)
+    yield ObjectEntry((0x10F1, 2), title, "limit of synchronisation errors", UINT16, 4, True)
 
 
 def drive_objects(
-    entries: Iterable[ObjectEntry], identity: Identity, name: str, mappings: Mappings
+    entries: Iterable[ObjectEntry],
+    identity: Identity,
+    name: str,
+    mappings: Mappings,
+    *,
+    needs_sync0: bool = False,
 ) -> Iterator[ObjectEntry]:
     """Yield the objects of a CANopen drive as those of a CoE slave.
 
@@ -76,7 +91,7 @@ def drive_objects(
     for entry in entries:
         if entry.key[0] in KEPT or entry.key[0] >= FIRST_OF_DEVICE:
             yield entry
-    yield from slave_objects(identity, name)
+    yield from slave_objects(identity, name, needs_sync0=needs_sync0)
     yield from mapping_objects({**mappings.rx, **mappings.tx}, slots=mappings.slots)
     for index, assigned, known in (
         (RX_ASSIGNMENT, mappings.rx_assigned, mappings.rx),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from sim_plant.emulators.device_objects import (
@@ -87,9 +87,9 @@ class DescribedTerminal(ObjectDevice):
         objects = [
             *_direction(description.outputs, RX_ASSIGNMENT, places),
             *_direction(description.inputs, TX_ASSIGNMENT, places),
-            *_settings(description.settings),
         ]
-        super().__init__([*entries, *objects], world, clock)
+        known = [*entries, *objects]
+        super().__init__([*known, *setting_objects(description.settings, known)], world, clock)
         self._inputs = [(*places[name], read) for name, read in reads.items()]
         self._outputs = [(*places[name], write) for name, write in writes.items()]
 
@@ -147,9 +147,15 @@ def _direction(
     yield from assignment_objects(assignment, tuple(mappings), slots=max(1, len(mappings)))
 
 
-def _settings(settings: Sequence[ObjectSetting]) -> Iterator[ObjectEntry]:
+def setting_objects(
+    settings: Sequence[ObjectSetting], known: Iterable[ObjectEntry]
+) -> Iterator[ObjectEntry]:
+    """Yield the objects of settings that a slave lacks; they have no effect."""
+    keys = {entry.key for entry in known}
     for index, sub, kind in settings:
-        yield ObjectEntry((index, sub), "settings", f"setting {sub}", _data_type(kind), 0, True)
+        if (index, sub) not in keys:
+            keys.add((index, sub))
+            yield ObjectEntry((index, sub), "settings", f"setting {sub}", _data_type(kind), 0, True)
 
 
 def _data_type(kind: str) -> int:

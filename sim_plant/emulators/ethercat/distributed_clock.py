@@ -30,22 +30,26 @@ class DistributedClock:
         self._rate = 1.0
         self._anchor = 0, 0  # true and local time when the rate was set
         self._correction = 0  # ns, of the control loop
+        self._arrived: int | None = None  # true time in ns of the frame that is here
+        self._stopped_at: int | None = None  # pulses of SYNC0 at the fault that ended them
         self.power_on(0)
         if controller.has_dc:
             start, end = registers.SYSTEM_TIME, registers.SYSTEM_TIME + 8
             controller.before_read.add(start, end, self._on_read)
             controller.after_write.add(start, end, self._on_reference)
+            start = registers.SPEED_START
+            controller.after_write.add(start, start + 2, self._on_speed_start)
             latch = registers.PORT_TIMES
             controller.after_write.add(latch, latch + 4, self._on_latch)
 
     def power_on(self, local_time: int) -> None:
         """Start the local clock at a time."""
-        self._anchor = self._clock(), local_time
+        self._anchor = self.true_time(), local_time
         self._correction = 0
 
     def set_drift(self, ppm: float) -> None:
         """Let the local clock run fast (or, negative, slow) from now on."""
-        self._anchor = self._clock(), self._own_time()
+        self._anchor = self.true_time(), self._own_time()
         self._rate = 1.0 + 1.0e-6 * ppm
 
     def jump(self, ns: int) -> None:
@@ -53,13 +57,25 @@ class DistributedClock:
         true, local = self._anchor
         self._anchor = true, local + ns
 
+    def hold(self, arrived: int | None) -> None:
+        """Let the clock stand at the true time at which a frame arrived; None: it goes on.
+
+        A controller takes the times of a frame as it passes, so those of all slaves are of one
+        moment, however long this process takes.
+        """
+        self._arrived = arrived
+
+    def true_time(self) -> int:
+        """Return the true time, ns."""
+        return self._clock() if self._arrived is None else self._arrived
+
     def local_time(self) -> int:
         """Return the local time at which a frame that is here now came in, ns."""
         return self._own_time() + self.receive_delay
 
     def _own_time(self) -> int:
         true, local = self._anchor
-        elapsed = self._clock() - true
+        elapsed = self.true_time() - true
         if self._rate != 1.0:
             elapsed = round(elapsed * self._rate)
         return local + elapsed
@@ -79,11 +95,23 @@ class DistributedClock:
 
     def sync0_count(self) -> int:
         """Return the number of SYNC0 pulses since the start time, 0 before it or while off."""
+        return self._count() if self._stopped_at is None else self._stopped_at
+
+    def stop_pulses(self, stopped: bool) -> None:
+        """Let SYNC0 give no more pulses, or go on: a fault of the unit."""
+        if stopped != (self._stopped_at is not None):
+            self._stopped_at = self._count() if stopped else None
+
+    def _count(self) -> int:
         cycle = self.sync0_cycle()
         if not cycle:
             return 0
         since = self.system_time() - self._controller.get(registers.SYNC_START, 8)
         return max(0, since // cycle + 1)
+
+    def difference(self) -> int:
+        """Return how far (ns) the clock is from the reference, as last compared."""
+        return self._controller.get(registers.SYSTEM_DIFFERENCE, 4) & 0x7FFF_FFFF
 
     def next_sync0(self) -> int:
         """Return the time in ns until the next pulse of SYNC0, which must be on."""
@@ -107,6 +135,10 @@ class DistributedClock:
         controller.set(registers.SYSTEM_DIFFERENCE, sign | magnitude, 4)
         step = difference // CORRECTION if difference > 0 else -(-difference // CORRECTION)
         self._correction -= step or (difference > 0) - (difference < 0)
+
+    def _on_speed_start(self) -> None:
+        """Begin the comparison anew: a write of 0x0930 empties its filters."""
+        self._controller.set(registers.SYSTEM_DIFFERENCE, 0, 4)
 
     def _on_latch(self) -> None:
         """Latch the times at which the frame came from the master and back from the slaves behind.

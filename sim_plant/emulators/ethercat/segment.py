@@ -120,8 +120,11 @@ class Segment:
             status |= PDI_RUNS if slave.eeprom.is_valid() else 0
             slave.controller.set(registers.DL_STATUS, status, 2)
 
-    def process(self, frame: bytes) -> bytes | None:
-        """Return the frame that comes back; None for a malformed one or without a slave."""
+    def process(self, frame: bytes, arrived: int | None = None) -> bytes | None:
+        """Return the frame that comes back; None for a malformed one or without a slave.
+
+        `arrived`: true time in ns at which it came; None: now. It passes all slaves at that time.
+        """
         try:
             datagrams = parse(frame)
         except FrameError:
@@ -130,8 +133,15 @@ class Segment:
         if not self._reachable:
             return None
         self.frames += 1
+        if arrived is None:
+            arrived = self._reachable[0].dc.true_time()
+        for slave in self._reachable:
+            slave.dc.hold(arrived)
+            slave.follow_sync0()
         for datagram in datagrams:
             self._pass(datagram)
+        for slave in self._reachable:
+            slave.dc.hold(None)
         return answer(frame, datagrams)
 
     def finish_frame(self) -> None:

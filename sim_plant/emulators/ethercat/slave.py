@@ -15,11 +15,17 @@ from sim_plant.emulators.ethercat.mailbox import COE, HEADER, Mailbox
 from sim_plant.emulators.ethercat.process_data import Direction, ProcessData
 from sim_plant.emulators.ethercat.slave_faults import SLAVE_FAULTS
 from sim_plant.emulators.ethercat.sync_manager import WATCHDOG_TRIGGER, SyncManager
+from sim_plant.emulators.ethercat.synchronisation import Sync0
 from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.object_device import ObjectDevice
 
-SYNC_TYPE, SYNC_CYCLE, SYNC_MISSED = (0x1C32, 1), (0x1C32, 2), (0x1C32, 0x0B)
-FOLLOWS_SYNC0 = 2  # 0x1C32:01
+LOSSES: dict[int, int] = {
+    AlCode.WATCHDOG: device_errors.RPDO_TIMEOUT,
+    AlCode.SYNC_ERROR: device_errors.SYNCHRONISATION,
+    AlCode.FATAL_SYNC_ERROR: device_errors.SYNCHRONISATION,
+    AlCode.PLL_ERROR: device_errors.SYNCHRONISATION,
+}
+"""The device's error by the AL code that ended OP."""
 SLOW_PERIOD = 5_000_000  # ns, of measuring slowly changing values
 FREE_RUN = 4_000_000  # ns, period of the application without frames
 
@@ -47,7 +53,8 @@ class Slave:
         self.eeprom = Eeprom(self.controller, sii.image(params.information))
         self.dc = DistributedClock(self.controller, clock)
         self.al = AlMachine(self.controller, self, clock)
-        self.process_data = ProcessData(self.objects, lambda: self.al.state is AlState.PREOP)
+        self.process_data = ProcessData(self.objects, self._is_in_preop)
+        self.sync0 = Sync0(self.objects, self.dc, self._is_in_preop)
         managers = self.controller.sync_managers
         kinds = [setting.type for setting in params.information.sync_managers]
         by_kind = dict(zip(kinds, managers, strict=False))
@@ -69,7 +76,6 @@ class Slave:
         self._new_outputs = b""
         self._last_outputs: int | None = None  # ns; None: none since SAFEOP
         self._last_step = self._last_slow = 0  # ns
-        self._pulses = 0  # SYNC0 at the last application cycle
         self.power_on()
 
     # ---- power and faults ------------------------------------------------------------------------
@@ -146,6 +152,7 @@ class Slave:
             self.mailbox.is_silent = "mailbox_silent" in active
         self.eeprom.is_damaged = "eeprom_damaged" in active
         self.dc.set_drift(active.get("dc_drift", 0.0))
+        self.dc.stop_pulses("sync0_lost" in active)
         information = self.params.information
         if "wrong_identity" in active:
             identity = information.identity._replace(product=int(active["wrong_identity"]))
@@ -158,12 +165,16 @@ class Slave:
     def _restart_device(self) -> None:
         now = self._clock()
         self._last_step = self._last_slow = now
-        self._event, self._pulses, self._last_outputs = False, 0, None
+        self._event, self._last_outputs = False, None
         self._new_outputs = b""
+        self.sync0.restart()
         self.device.reset(application=True, ready_at=now / NS)
         self._apply_faults()
 
     # ---- AL states -------------------------------------------------------------------------------
+
+    def _is_in_preop(self) -> bool:
+        return self.al.state is AlState.PREOP
 
     def refusal(self, target: AlState) -> int:
         """Return the AL code against the step up to a state, 0 if there is none."""
@@ -183,16 +194,17 @@ class Slave:
                 return AlCode.INVALID_OUTPUTS
             if not _fits(self._inputs, data.inputs):
                 return AlCode.INVALID_INPUTS
-        elif self._follows_sync0() and not self.dc.sync0_cycle():
-            return AlCode.INVALID_SYNC
+        elif self.sync0.is_chosen:
+            return self.sync0.refusal()
         return AlCode.NONE
 
-    def outputs_arrive(self) -> bool:
-        """Return whether OP may begin: outputs are fresh, or the slave has none."""
-        if not self.process_data.outputs.octets:
-            return True
-        limit, last = self._watchdog_ns(), self._last_outputs
-        return last is not None and (not limit or self._clock() - last <= limit)
+    def missing(self) -> int:
+        """Return the AL code of what OP waits for: fresh outputs, if it has any, and SYNC0."""
+        if self.process_data.outputs.octets:
+            limit, last = self._watchdog_ns(), self._last_outputs
+            if last is None or (limit and self._clock() - last > limit):
+                return AlCode.WATCHDOG
+        return self.sync0.missing() if self.sync0.is_chosen else AlCode.NONE
 
     def on_state(self, old: AlState, new: AlState, code: int) -> None:
         """Follow a change of state; `code` is its reason if it was not requested."""
@@ -200,15 +212,18 @@ class Slave:
             self._stop_communication(mailbox=new is AlState.INIT)
         elif old < AlState.SAFEOP:
             self._last_outputs = None
+            self.sync0.restart()
             self._block(False)
             self._cycle(self._clock())
         if old is AlState.OP:
-            error = device_errors.RPDO_TIMEOUT if code == AlCode.WATCHDOG else 0
+            self.sync0.restart()
+            error = LOSSES.get(code, 0)
             if error:
                 self.device.errors.raise_error(error)
             self.device.on_master_lost(error)
         elif new is AlState.OP:
-            self.device.clear_error(device_errors.RPDO_TIMEOUT)
+            for error in LOSSES.values():
+                self.device.clear_error(error)
             self._event = True
 
     def _stop_communication(self, mailbox: bool = True) -> None:
@@ -228,39 +243,46 @@ class Slave:
     def _on_outputs(self, data: bytes) -> None:
         self._new_outputs = data
         self._last_outputs = self._clock()
-        self._event = True
+        self._event = self.sync0.is_fresh = True
 
     def _on_inputs(self) -> None:
         self._event = True
+        if not self.process_data.outputs.octets:
+            self.sync0.is_fresh = True
 
     def finish_frame(self) -> None:
         """Run the application if a frame exchanged process data, unless it follows SYNC0."""
-        if self._event and not self._follows_sync0():
+        if self._event and not self.sync0.is_chosen:
             self._cycle(self._clock())
 
     def poll(self, now: int) -> None:
         """Check watchdog and state, follow SYNC0, run the application without frames."""
+        self.follow_sync0()
         self.al.poll(now)
         limit = self._watchdog_ns()
         expired = limit and self._last_outputs is not None and now - self._last_outputs > limit
         if self.al.state is AlState.OP and expired:
             self._on_watchdog()
-        if self._follows_sync0():
-            pulses = self.dc.sync0_count()
-            if pulses > self._pulses:
-                missed = pulses - self._pulses - int(self._event)
-                if self.al.state is AlState.OP and self._pulses:
-                    index, sub = SYNC_MISSED
-                    self.objects.put(index, self.objects.get(index, sub) + missed, sub)
-                self._pulses = pulses
-                self._cycle(now)
-                return
         if now - self._last_step >= FREE_RUN:
             self._cycle(now)
 
+    def follow_sync0(self) -> None:
+        """Run the application if SYNC0 came since the last look, and check the synchronisation.
+
+        Outputs are taken and inputs latched with the pulse: a frame that comes after it must find
+        this done, and its outputs wait for the next one.
+        """
+        if not self.sync0.is_chosen:
+            return
+        in_op = self.al.state is AlState.OP
+        if self.sync0.take_pulses(in_op=in_op):
+            self._cycle(self.dc.true_time())
+        if in_op and (code := self.sync0.failure()):
+            self.al.fail(AlState.SAFEOP, code)
+
     def next_due(self) -> int | None:
         """Return the time in ns until the slave needs a poll for SYNC0, None if it does not."""
-        if self.is_powered and self._follows_sync0() and self.dc.sync0_cycle():
+        if self.is_powered and self.sync0.is_chosen and self.dc.sync0_cycle():
             return self.dc.next_sync0()
         return None
 
@@ -281,12 +303,9 @@ class Slave:
         if slow or now - self._last_slow >= SLOW_PERIOD:
             self._last_slow = now
             device.measure_slow()
-        elapsed = (now - self._last_step) / NS
+        elapsed = max(0, now - self._last_step) / NS
         self._last_step = now
         device.step(now / NS, elapsed)
-
-    def _follows_sync0(self) -> bool:
-        return self.objects.values.get(SYNC_TYPE) == FOLLOWS_SYNC0
 
     def _watchdog_ns(self) -> int:
         """Return the time of the process-data watchdog in ns, 0 if it is off."""

@@ -19,5 +19,6 @@ SLAVE_FAULTS = (
     Fault("mailbox_silent", "takes boxes and answers none"),
     Fault("dc_drift", "its clock runs fast", "ppm", 100.0),
     Fault("dc_jump", "its clock jumps", "ns", 1.0e6, once=True),
+    Fault("sync0_lost", "its SYNC unit gives no pulses"),
     Fault("eeprom_damaged", "its EEPROM reads as erased; it stays in INIT at the next start"),
 )

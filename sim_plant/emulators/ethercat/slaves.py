@@ -201,18 +201,24 @@ def torque_drive_objects(
     eds: Iterable[ObjectEntry],
     mappings: Mappings = TORQUE_MAPPINGS,
     product: Identity = TORQUE_PRODUCT,
+    *,
+    needs_sync0: bool = False,
 ) -> tuple[ObjectEntry, ...]:
     """Return the objects of a CoE torque drive from those of a CANopen device file."""
-    return tuple(drive_objects(eds, product, "Torque drive", mappings))
+    title = "Torque drive"
+    return tuple(drive_objects(eds, product, title, mappings, needs_sync0=needs_sync0))
 
 
 def position_drive_objects(
     eds: Iterable[ObjectEntry],
     mappings: Mappings = POSITION_MAPPINGS,
     product: Identity = POSITION_PRODUCT,
+    *,
+    needs_sync0: bool = False,
 ) -> tuple[ObjectEntry, ...]:
     """Return the objects of a CoE position drive from those of a CANopen device file."""
-    return tuple(drive_objects(eds, product, "Position drive", mappings))
+    title = "Position drive"
+    return tuple(drive_objects(eds, product, title, mappings, needs_sync0=needs_sync0))
 
 
 def torque_drive(
@@ -240,8 +246,9 @@ def described_terminal(
     clock: ClockNs,
     *,
     mailbox: bool,
+    needs_sync0: bool = False,
 ) -> Slave:
     """Return a terminal as described; `reads` and `writes` as of `DescribedTerminal`."""
-    entries = tuple(slave_objects(product, title)) if mailbox else ()
+    entries = tuple(slave_objects(product, title, needs_sync0=needs_sync0)) if mailbox else ()
     device = DescribedTerminal(entries, description, reads, writes, world, seconds(clock))
     return (coe_slave if mailbox else simple_slave)(name, product, title, device, clock)

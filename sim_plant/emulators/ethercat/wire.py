@@ -57,6 +57,7 @@ class Wire:
         self._resume_at = 0  # ns, end of a stall
         self._longest_wait_ns = longest_wait_ns
         self._next_poll = 0
+        self._last_arrival = 0  # ns
         self._task = BackgroundTask()
 
     # ---- as one of the emulators of an event loop ------------------------------------------------
@@ -100,8 +101,7 @@ class Wire:
         self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
         self._socket.bind((self.interface, ETHERTYPE))
         self._socket.setblocking(False)
-        if self._longest_wait_ns:
-            self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._next_poll = clock()
         return self._socket.fileno()
 
@@ -140,15 +140,16 @@ class Wire:
     def step(self, now: int) -> None:
         """Deliver late frames and poll the segment."""
         while self._late and self._late[0][0] <= now:
-            _, _, to_host, frame = heapq.heappop(self._late)
+            due, _, to_host, frame = heapq.heappop(self._late)
             if to_host:
                 self._put(frame)
             else:
-                self._answer(frame)
+                self._answer(frame, due)
         for direction, to_host in ((self.link.to_device, False), (self.link.to_host, True)):
             if not direction.is_transparent(now / NS):
                 self._schedule(direction.due_arrivals(now / NS), to_host)
         if now >= self._next_poll:
+            self.receive(now)  # a frame that came before SYNC0 counts before it
             self.segment.poll(now)
             pulse = self.segment.next_due()
             later = POLL_PERIOD if pulse is None else min(pulse, POLL_PERIOD)
@@ -164,35 +165,27 @@ class Wire:
         direction = self.link.to_device
         for _ in range(MAX_BATCH):
             try:
-                if self._longest_wait_ns:
-                    frame, notes, _, _ = self._socket.recvmsg(MAX_FRAME, NOTES_SIZE)
-                    # After an injected stall all that waited is answered: that is the fault.
-                    if now > self._resume_at + POLL_PERIOD and self._waited_long(notes):
-                        self.segment.lost += 1
-                        continue
-                else:
-                    frame = self._socket.recv(MAX_FRAME)
+                frame, notes, _, _ = self._socket.recvmsg(MAX_FRAME, NOTES_SIZE)
             except BlockingIOError:
                 return
+            waited = _waited_ns(notes)
+            # After an injected stall all that waited is answered: that is the fault.
+            if now <= self._resume_at + POLL_PERIOD:
+                waited = 0
+            elif self._longest_wait_ns and waited > self._longest_wait_ns:
+                self.segment.lost += 1
+                continue
             if direction.is_transparent(now / NS):
-                self._answer(frame)
+                self._answer(frame, clock() - waited)
             else:
                 self._schedule(direction.transmit(frame, now / NS), False)
 
-    def _waited_long(self, notes: list[tuple[int, int, bytes]]) -> bool:
-        """Return whether a frame with these notes of the kernel came too long ago."""
-        for level, kind, data in notes:
-            if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS):
-                seconds, rest = struct.unpack("=qq", data)
-                waited: int = time.time_ns() - (NS * seconds + rest)
-                return waited > self._longest_wait_ns
-        return False
-
-    def _answer(self, frame: bytes) -> None:
+    def _answer(self, frame: bytes, arrived: int) -> None:
         now = clock()
         if self._capture is not None:
             self._capture.write(frame, now)
-        reply = self.segment.process(frame)
+        self._last_arrival = max(arrived, self._last_arrival)  # the host's time may be set
+        reply = self.segment.process(frame, min(self._last_arrival, now))
         if reply is not None:
             direction = self.link.to_host
             if direction.is_transparent(now / NS):
@@ -214,3 +207,13 @@ class Wire:
                 self._socket.send(frame)
             except OSError:  # the interface is down or its queue is full: a lost frame
                 self.segment.lost += 1
+
+
+def _waited_ns(notes: list[tuple[int, int, bytes]]) -> int:
+    """Return for how long a frame with these notes of the kernel has waited; 0 without a time."""
+    for level, kind, data in notes:
+        if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS):
+            seconds, rest = struct.unpack("=qq", data)
+            waited: int = time.time_ns() - (NS * seconds + rest)
+            return max(0, waited)
+    return 0

@@ -1,4 +1,4 @@
-"""The distributed clock: offset, drift, jump, the loop that follows the reference, SYNC0."""
+"""The distributed clock: offset, drift, jump, pulses of SYNC0."""
 
 from __future__ import annotations
 
@@ -83,23 +83,3 @@ def test_sync0_starts_at_its_time_and_counts() -> None:
     assert dc.sync0_count() == 1
     master.now += 10 * MS + 1
     assert dc.sync0_count() == 11
-
-
-def test_outputs_that_miss_sync0_are_counted() -> None:
-    """0x1C32:0B counts the pulses without new outputs; the device follows the pulses."""
-    master = two()
-    assert master.download(0, 0x1C32, 1, b"\x02\0") == 0
-    align(master)
-    master.write(0, 0x0990, times(master)[0] + 2 * MS, 8)
-    master.write(0, 0x09A0, MS, 4)
-    master.write(0, 0x0981, 3, 1)
-    master.reach_safeop()
-    master.cycle()
-    for number in range(2):
-        master.request(number, 8)
-    for _ in range(20):
-        master.cycle()
-    missed = master.upload(0, 0x1C32, 0x0B)
-    assert missed <= 1
-    master.pass_time(5)
-    assert master.upload(0, 0x1C32, 0x0B) - missed == 5

@@ -52,3 +52,29 @@ def step(params: ClockParams, state: ClockState, time_ns: int) -> tuple[ClockSta
     drift = max(-limit, min(limit, drift))
     correction = max(-limit, min(limit, drift - _PROPORTIONAL * found))
     return ClockState(found, drift, state.ticks + 1), round(correction)
+
+
+class Follower:
+    """The corrections of a loop, one for each new frame."""
+
+    def __init__(self, params: ClockParams) -> None:
+        self.params, self.state = params, start()
+        self._correction = 0
+
+    def take(self, time_ns: int) -> None:
+        """Take the time (ns) at which the reference clock saw the newest frame."""
+        self.state, self._correction = step(self.params, self.state, time_ns)
+
+    def correction(self) -> int:
+        """Return the correction (ns) of the next deadline, 0 without a new frame."""
+        correction, self._correction = self._correction, 0
+        return correction
+
+    def move_to(self, due_ns: int) -> None:
+        """Let the next correction move deadlines from multiples of the cycle to where others were.
+
+        ``due_ns``: one of the deadlines before, on the same clock.
+        """
+        cycle = self.params.cycle_ns
+        phase = due_ns % cycle
+        self._correction += phase - cycle if phase > cycle // 2 else phase

@@ -9,6 +9,7 @@ import fcntl
 import os
 import socket
 import struct
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import IntEnum
@@ -30,10 +31,12 @@ _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
 _GET_FLAGS, _SET_FLAGS, _PROMISCUOUS = 0x8913, 0x8914, 0x0100  # SIOCGIFFLAGS, SIOCSIFFLAGS
 _FIRST_STATION = 0x1001  # as pysoem counts them
 _FEATURES, _HAS_CLOCK = 0x0008, 0x04  # register and bit
+_DIFFERENCE, _AHEAD = 0x092C, 1 << 31  # register of a clock; bit: ahead of the reference
 _ERROR = 0x10  # bit of a state: an error; of a request: it is acknowledged
 _TIMEOUT_US = 4000
 _STATE_TIMEOUT_US = 3_000_000
 _ATTEMPTS = 5
+_REQUEST_INTERVAL_S = 1.5  # s from a request of OP to the next, which the first could have been lost for
 
 T = TypeVar("T")
 
@@ -92,6 +95,7 @@ class Service:
         self._pysoem = _pysoem()
         self._master = self._pysoem.Master()
         self._codes: dict[int, tuple[int, int, int]] = {}  # by slave: code, register, count
+        self._asked: dict[int, float] = {}  # by slave: when it was asked for OP, s
         self._interface = interface
         self._flags = _interface_flags(interface)
         before = set(os.listdir("/proc/self/fd"))
@@ -150,8 +154,8 @@ class Service:
         if self._master.state_check(AlState.SAFE_OPERATIONAL, _STATE_TIMEOUT_US) != (
             AlState.SAFE_OPERATIONAL
         ):
-            self._master.read_state()
-            raise ServiceError("\n".join(self._not_in(setups, AlState.SAFE_OPERATIONAL)))
+            names = [setup.name for setup in setups]
+            raise ServiceError("\n".join(self.missing(names, AlState.SAFE_OPERATIONAL)))
         for position, setup in enumerate(setups):
             slave = self._master.slaves[position]
             slave.add_emergency_callback(self._note_emergency(position))
@@ -166,26 +170,45 @@ class Service:
 
     def reference_clock(self) -> int:
         """Return the station of the first slave with a distributed clock; 0 without one."""
-        for place, slave in enumerate(self._master.slaves):
-            features = self._retry(partial(slave._fprd, _FEATURES, 2, _TIMEOUT_US))
-            if int.from_bytes(features, "little") & _HAS_CLOCK:
-                return _FIRST_STATION + place
-        return 0
+        clocks = (
+            place for place, slave in enumerate(self._master.slaves) if self._has_clock(slave)
+        )
+        return next((_FIRST_STATION + place for place in clocks), 0)
+
+    def clock_differences(self) -> tuple[int | None, ...]:
+        """Return how far (ns) each slave's clock is ahead of the reference; None without a clock.
+
+        They are those of the last frame with the reference time.
+        """
+        return tuple(
+            self._difference(slave) if self._has_clock(slave) else None
+            for slave in self._master.slaves
+        )
 
     def request(self, state: AlState) -> None:
         """Ask all slaves for a state; do not wait."""
+        self._asked.clear()
         self._master.state = state
         self._master.write_state()
 
     def request_operational(self) -> None:
         """Acknowledge the errors of slaves in SAFE_OPERATIONAL and ask those without for OP.
 
-        The states are those of the last `status`. A slave takes OP only while frames pass.
+        The states are those of the last `status`. A slave takes OP only while frames pass; it waits
+        for what it needs, and would begin to wait anew with each request, so it is asked again
+        only after that time.
         """
-        for slave in self._master.slaves:
-            if slave.state & 0xF == AlState.SAFE_OPERATIONAL:
-                faulty = slave.state & _ERROR
-                slave.state = AlState.SAFE_OPERATIONAL | _ERROR if faulty else AlState.OPERATIONAL
+        now = time.monotonic()
+        for place, slave in enumerate(self._master.slaves):
+            if slave.state & 0xF != AlState.SAFE_OPERATIONAL:
+                continue
+            if slave.state & _ERROR:
+                self._asked.pop(place, None)
+                slave.state = AlState.SAFE_OPERATIONAL | _ERROR
+                slave.write_state()
+            elif now - self._asked.get(place, -_REQUEST_INTERVAL_S) >= _REQUEST_INTERVAL_S:
+                self._asked[place] = now
+                slave.state = AlState.OPERATIONAL
                 slave.write_state()
 
     def status(self) -> tuple[SlaveStatus, ...]:
@@ -262,14 +285,30 @@ class Service:
         fmmus = (_Fmmu(*fields) for fields in _FMMU_LAYOUT.iter_unpack(data))
         return [each for each in fmmus if each.active & 1]
 
-    def _not_in(self, setups: Sequence[SlaveSetup], state: AlState) -> list[str]:
+    def missing(self, names: Sequence[str], state: AlState) -> list[str]:
+        """Return which slaves are not in a state, and why; ``names``: in the order of the line."""
+        self._master.read_state()
         return [
-            f"{setup.name}: does not reach {state.name}, is in {state_name(slave.state)} with "
-            f"AL status {slave.al_status:#06x}, "
-            f"{self._pysoem.al_status_code_to_string(slave.al_status)}"
-            for setup, slave in zip(setups, self._master.slaves, strict=True)
+            f"{name}: does not reach {state.name}, is in {state_name(slave.state)} with "
+            f"AL status {self.meaning(slave.al_status)}"
+            for name, slave in zip(names, self._master.slaves, strict=True)
             if slave.state != state
         ]
+
+    def meaning(self, code: int) -> str:
+        """Return an AL status code with its text."""
+        return f"{code:#06x}, {self._pysoem.al_status_code_to_string(code)}"
+
+    def _register(self, slave: Any, register: int, size: int) -> int:
+        data: bytes = self._retry(partial(slave._fprd, register, size, _TIMEOUT_US))
+        return int.from_bytes(data, "little")
+
+    def _has_clock(self, slave: Any) -> bool:
+        return bool(self._register(slave, _FEATURES, 2) & _HAS_CLOCK)
+
+    def _difference(self, slave: Any) -> int:
+        found = self._register(slave, _DIFFERENCE, 4)
+        return found - _AHEAD if found & _AHEAD else -found
 
     def _note_emergency(self, position: int) -> Callable[[Any], None]:
         def note(emergency: Any) -> None:

@@ -61,6 +61,7 @@ class SlaveDevice(FileModel):
     product: Unsigned32
     revision: Unsigned32 | None = None  # None: any
     mailbox: bool  # CoE: it has objects
+    sync0: bool = False  # it works with SYNC0 only
     outputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C12
     inputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C13
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)
@@ -95,7 +96,21 @@ class Slave(FileModel):
     product: Unsigned32 | None = None
     revision: Unsigned32 | None = None
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)  # besides its device's
-    sync0: bool = False  # it works with SYNC0, a pulse in each cycle of the segment's clock
+    # whether it works with SYNC0, a pulse in each cycle of the segment's clock; None: if it must
+    sync0: bool | None = None
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that a slave which needs SYNC0 has it, and that what has objects has a mailbox."""
+        if self.device.sync0 and self.sync0 is False:
+            yield self.violation("sync0", "the device works with SYNC0 only; allowed true")
+        if self.objects and not self.device.mailbox:
+            message = "a slave without mailbox has no objects to write"
+            yield RuleViolation(("objects",), message)
+
+    @property
+    def has_sync0(self) -> bool:
+        """Whether it is set up for SYNC0."""
+        return self.device.sync0 if self.sync0 is None else self.sync0
 
     @property
     def identity(self) -> tuple[int, int, int | None]:
@@ -133,7 +148,7 @@ class Segment(FileModel):
                 message = f"{slave.name} is the name of an earlier slave; allowed any other"
                 yield RuleViolation(("line", place, "name"), message, slave.name)
             seen.add(slave.name)
-            if slave.sync0 and self.clock != "distributed":
+            if slave.has_sync0 and self.clock != "distributed":
                 message = "needs clock: distributed of the segment"
                 yield RuleViolation(("line", place, "sync0"), message, slave.sync0)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from rig.config.segment import Pdo, Segment, Slave, SlaveDevice
+from rig.config.segment import Pdo, Segment, Slave
 from rig.config.wiring import Actuator, TorqueDrive, Wiring
 from rig.emulation.cable import Cable
 from rig.emulation.device_files import ACTUATOR_EDS, drive_parts, of_its_model
@@ -16,6 +16,7 @@ from sim_plant.emulators.ethercat.described_terminal import (
     DescribedValue,
     ObjectSetting,
     TerminalDescription,
+    setting_objects,
 )
 from sim_plant.emulators.ethercat.segment import Segment as EmulatedLine
 from sim_plant.emulators.ethercat.sii import Identity
@@ -72,9 +73,12 @@ class EmulatedSegment:
     ) -> EmulatedSlave:
         """Return the drive of a motor; arguments as of `rig.emulation.devices.EmulatedBus`."""
         eds, params = drive_parts(wiring, analog, encoder_increments)
-        product = _identity(self._by_name[name])
+        line, product = self._by_name[name], _identity(self._by_name[name])
         drive_file = of_its_model(load_entries(eds), wiring)
-        entries = slaves.torque_drive_objects(drive_file, product=product)
+        entries = slaves.torque_drive_objects(
+            drive_file, product=product, needs_sync0=line.device.sync0
+        )
+        entries = (*entries, *setting_objects(_settings(line), entries))
         device = EmulatedDrive(entries, params, self._world, self._schedule.time, motor)
         slave = slaves.torque_drive(name, device, clock, product)
         self._slaves[name] = slave
@@ -87,8 +91,11 @@ class EmulatedSegment:
         create: Callable[[tuple[ObjectEntry, ...]], ObjectDevice],
     ) -> None:
         """Add an actuator, which ``create`` returns for its objects."""
-        product = _identity(self._by_name[name])
-        entries = slaves.position_drive_objects(load_entries(ACTUATOR_EDS), product=product)
+        line, product = self._by_name[name], _identity(self._by_name[name])
+        entries = slaves.position_drive_objects(
+            load_entries(ACTUATOR_EDS), product=product, needs_sync0=line.device.sync0
+        )
+        entries = (*entries, *setting_objects(_settings(line), entries))
         self._slaves[name] = slaves.position_drive(name, create(entries), clock, product)
 
     def add_terminals(self, reads: Reads, writes: Writes) -> None:
@@ -131,12 +138,13 @@ class EmulatedSegment:
             slave.name,
             _identity(slave),
             slave.device.title,
-            _description(slave.device),
+            _description(slave),
             self._reads.get(slave.name, {}),
             self._writes.get(slave.name, {}),
             self._world,
             clock,
             mailbox=slave.device.mailbox,
+            needs_sync0=slave.device.sync0,
         )
 
 
@@ -153,7 +161,13 @@ def _identity(slave: Slave) -> Identity:
     return Identity(vendor, product, 1 if revision is None else revision)
 
 
-def _description(device: SlaveDevice) -> TerminalDescription:
+def _settings(slave: Slave) -> tuple[ObjectSetting, ...]:
+    """Return the objects that a run writes: those of the device file and of the rig file."""
+    given = (*slave.device.objects, *slave.objects)
+    return tuple(ObjectSetting(one.object, one.sub, one.type) for one in given)
+
+
+def _description(slave: Slave) -> TerminalDescription:
     def pdos(given: tuple[Pdo, ...]) -> tuple[DescribedPdo, ...]:
         return tuple(
             DescribedPdo(
@@ -166,5 +180,5 @@ def _description(device: SlaveDevice) -> TerminalDescription:
             for one in given
         )
 
-    settings = tuple(ObjectSetting(one.object, one.sub, one.type) for one in device.objects)
-    return TerminalDescription(pdos(device.outputs), pdos(device.inputs), settings)
+    device = slave.device
+    return TerminalDescription(pdos(device.outputs), pdos(device.inputs), _settings(slave))

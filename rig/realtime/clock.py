@@ -111,7 +111,10 @@ class RealClock:
             self._prepare = prepare
 
     def follow(self, correction: Callable[[], int]) -> None:
-        """Move the deadlines: the clock of the wires leads, e.g. that of an EtherCAT segment."""
+        """Move the deadlines: the clock of the wires leads, e.g. that of an EtherCAT segment.
+
+        The first correction moves them from multiples of the period of CLOCK_MONOTONIC.
+        """
         self._correction = correction
 
     def wait_next(self) -> Wake:

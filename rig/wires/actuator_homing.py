@@ -62,8 +62,9 @@ def home_actuators(
         if repeat:
             raise ServiceError("drives on EtherCAT restart by their power switch only")
         with closing(SegmentService(config["interface"])) as segment:
-            set_up_slaves(segment, config)
-            return _home_each(nodes, partial(home_slave, segment, config), stopped, on_begin)
+            facts = set_up_slaves(segment, config)
+            home = partial(home_slave, segment, config, facts)
+            return _home_each(nodes, home, stopped, on_begin)
     bus = BusSettings.from_json(config["bus"])
     if problem := bus_problem(bus):
         raise LinkError(problem)

@@ -16,6 +16,7 @@ from drivers.cia402.positioning_drive import PositioningDrive, PositioningReadin
 from drivers.cia402.torque_drive import TorqueDrive, TorqueDriveReading
 from rig.processes.mailbox import Mailbox
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth
+from rig.wires.pace import Pace
 
 # Codes of emergencies and 0x603F: a person must be able to distinguish these two from all others.
 _FAULTS = {0x3210: DriveFault.OVERVOLTAGE.value, 0x3220: DriveFault.UNDERVOLTAGE.value}
@@ -96,6 +97,7 @@ class DriveAxes(ABC):
         The last action is a command: the first tick finds the answers to it.
         """
         until = time.monotonic() + WARM_UP_TIMEOUT_S
+        self._pace = Pace(round(1e9 * dt))
         while True:
             self.receive()
             silent, trouble = self._silent(_MAX_WARM_UP_AGE_TICKS * dt), self.trouble()
@@ -105,7 +107,7 @@ class DriveAxes(ABC):
             if time.monotonic() > until:
                 text = f"no process data from {', '.join(silent)} in {WARM_UP_TIMEOUT_S:g} s"
                 raise OSError(trouble if trouble else text)
-            time.sleep(dt)
+            self._pace.wait(self.clock_correction() if self.clock_correction else 0)
 
     @abstractmethod
     def command_nothing(self) -> None:

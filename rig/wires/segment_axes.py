@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from drivers.cia402.positioning_drive import PositioningSettings
 from drivers.cia402.torque_drive import TorqueDriveSettings
 from drivers.errors import CodecError, LinkError
-from drivers.ethercat import clock, terminal
-from drivers.ethercat.clock import ClockParams
+from drivers.ethercat import terminal
+from drivers.ethercat.clock import ClockParams, Follower
 from drivers.ethercat.cycle import FrameLink, SegmentCycle
 from drivers.ethercat.frames import CyclicFrame
 from drivers.ethercat.link import Link
@@ -178,10 +178,10 @@ class SegmentAxes(DriveAxes):
         self._settings = settings
         self._ticks_per_second = max(1, 1_000_000_000 // settings.clock.cycle_ns)
         self._sent, self._taken, self._was_operational = 0, _NEVER, False
-        self._clock, self._clock_state = settings.clock, clock.start()
-        self._correction, self._offsets = 0, list[tuple[float, int, float]]()
+        self._clock = Follower(settings.clock)
+        self._offsets: list[tuple[float, int, float]] = []
         if facts.reference_clock:
-            self.clock_correction = self._take_correction
+            self.clock_correction = self._clock.correction
         drives = {*settings.axes, *settings.actuators}
         places = [
             ({}, {}) if name in drives else _places(name, each, area)
@@ -241,22 +241,18 @@ class SegmentAxes(DriveAxes):
 
     def _follow_clock(self, time_ns: int) -> None:
         """Compute the correction from the newest frame; keep offset and drift once a second."""
-        self._clock_state, self._correction = clock.step(self._clock, self._clock_state, time_ns)
-        state = self._clock_state
+        self._clock.take(time_ns)
+        state = self._clock.state
         if state.ticks % self._ticks_per_second == 0 and len(self._offsets) < _MAX_OFFSETS:
-            drift = 1e6 * state.drift_ns / self._clock.cycle_ns
+            drift = 1e6 * state.drift_ns / self._clock.params.cycle_ns
             self._offsets.append((self.time, state.offset_ns, drift))
-
-    def _take_correction(self) -> int:
-        correction, self._correction = self._correction, 0
-        return correction
 
     def wire_report(self) -> dict[str, Any]:
         """Return frames and ages, and with a leading clock its offset and drift each second."""
         report: dict[str, Any] = {"ethercat": self._cycle.statistics()}
         if self.clock_correction is not None:
             report["clock"] = {
-                "shift_ns": self._clock.shift_ns,
+                "shift_ns": self._clock.params.shift_ns,
                 "columns": ["monotonic_s", "offset_ns", "drift_ppm"],
                 "rows": self._offsets,
             }
@@ -275,6 +271,14 @@ class SegmentAxes(DriveAxes):
         for actuator in self._actuators.values():
             rest(actuator)
         self._cycle.send()
+
+    def warm_up(self, dt: float) -> None:
+        """Run cycles until every drive answers and all slaves are in OP.
+
+        With a leading clock they follow it, and the loop's deadlines begin where theirs end.
+        """
+        super().warm_up(dt)
+        self._clock.move_to(self._pace.due_ns)
 
     def trouble(self) -> str:
         if self._is_operational() and self._cycle.foreign <= _MAX_FOREIGN:

@@ -9,6 +9,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 from typing import Any
 
 from drivers.cia402 import homing, homing_run
@@ -16,9 +17,10 @@ from drivers.cia402.arming import SetupStep, format_mismatches
 from drivers.cia402.homing_run import HomingSettings
 from drivers.errors import ServiceError
 from drivers.ethercat import position_actuator
+from drivers.ethercat.clock import ClockParams, Follower
 from drivers.ethercat.cycle import SegmentCycle
-from drivers.ethercat.frames import CyclicFrame
-from drivers.ethercat.link import Link
+from drivers.ethercat.frames import SYSTEM_TIME, Command, CyclicFrame, Datagram, encode
+from drivers.ethercat.link import TICK_INDICES, Link
 from drivers.ethercat.process_image import Values, expected_wkc, image_bytes
 from drivers.ethercat.service import (
     AlState,
@@ -28,16 +30,21 @@ from drivers.ethercat.service import (
     SlaveStatus,
     state_name,
 )
+from drivers.ethercat.synchronisation import sync0_problem
 from rig.processes import handover
 from rig.processes.io_process import end_condition, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.processes.messages import IoJob, Notice, Ready, report
 from rig.wires.messages import HEALTH_SUFFIX, NodeHealth, open_mailboxes
+from rig.wires.pace import Pace
 
 _POLL_INTERVAL_S = 0.02  # s between two looks at the states
 _SILENT_S = 0.3  # s without an answer of a slave until people read of it
-_TICK_S = 0.001  # s between two frames while an actuator homes
 _OP_TIMEOUT_S = 3.0  # s
+_NO_FRAMES = 0x001B  # AL status code
+# Frames that bring the clocks together: at most, between two looks, and what they must reach.
+_MAX_ALIGNING, _ALIGNING, _ALIGNED_NS = 15_000, 100, 1_000
+_ANSWER_S = 0.002  # s
 
 Slaves = Sequence[dict[str, Any]]
 """The set-up of each slave, as of `rig.wires.segment_slaves`."""
@@ -49,10 +56,12 @@ def serve(job: IoJob) -> None:
     slaves: Slaves = config["slaves"]
     with closing(Service(config["interface"])) as service:
         facts = set_up_slaves(service, config)
-        for slave in slaves:
-            if slave["homes"]:
-                home_slave(service, config, slave, ended)
+        homing_slaves = [slave for slave in slaves if slave["homes"]]
+        for slave in homing_slaves:
+            home_slave(service, config, facts, slave, ended)
         watch = _Watch(service, slaves, open_mailboxes(job.mailboxes))
+        if homing_slaves:  # with its last frames a slave would take OP once more, and lose it
+            time.sleep(watch.watchdog_s)
         watch.look()
         report(Ready(facts))
         while not ended():
@@ -89,7 +98,7 @@ def set_up_slaves(service: Service, config: dict[str, Any]) -> dict[str, Any]:
     """Bring the slaves to SAFE_OPERATIONAL; return what the loop needs to know of them.
 
     ``config``: of `rig.wires.segment_slaves.segment_service`. ServiceError lists every slave that
-    is another one or does not take its settings.
+    is another one or does not take its settings; LinkError if the interface cannot be opened.
     """
     slaves: Slaves = config["slaves"]
     distributed = config["clock"] == "distributed"  # the loop follows the clock of the segment
@@ -121,28 +130,66 @@ def set_up_slaves(service: Service, config: dict[str, Any]) -> dict[str, Any]:
         values[slave["name"]] = facts
         if missing := [name for name, value in facts.items() if value is None]:
             problems.append(f"{slave['name']} does not give {', '.join(missing)}")
+        if cycle := slave["sync0_ns"]:
+            problem = sync0_problem(partial(service.read, place), cycle)
+            problems += [f"{slave['name']}: {problem}"] if problem else []
     if problems:
         raise ServiceError("\n".join(problems))
     areas = service.areas()
+    reference = service.reference_clock() if distributed else 0
+    if reference:
+        _align_clocks(service, config["interface"], slaves, reference)
     return {
         "drives": values,
         "segment": [
             [list(each.outputs or ()) for each in areas],
             [list(each.inputs or ()) for each in areas],
-            service.reference_clock() if distributed else 0,
+            reference,
         ],
         "slaves": [each._asdict() for each in found],
     }
 
 
+def _align_clocks(service: Service, interface: str, slaves: Slaves, reference: int) -> None:
+    """Bring all clocks to that of the reference, a station, before any slave relies on them.
+
+    A controller removes a small part of its difference with each frame, so masters send many of
+    them at the start. ServiceError names the slaves whose clocks stay away.
+    """
+    address = reference | SYSTEM_TIME << 16
+    frame = bytearray(encode((Datagram(Command.FRMW, TICK_INDICES[0], address, bytes(8)),)))
+    away: list[str] = []
+    with closing(Link(interface)) as link:
+        for _ in range(_MAX_ALIGNING // _ALIGNING):
+            for _ in range(_ALIGNING):
+                link.send(frame)
+                until = time.monotonic() + _ANSWER_S
+                while not link.receive() and time.monotonic() < until:
+                    time.sleep(0.0)
+            away = [
+                f"{slave['name']}: its clock is {ns} ns from that of the reference; allowed "
+                f"{_ALIGNED_NS} ns"
+                for slave, ns in zip(slaves, service.clock_differences(), strict=True)
+                if ns is not None and abs(ns) > _ALIGNED_NS
+            ]
+            if not away:
+                return
+    raise ServiceError("\n".join(away))
+
+
 def home_slave(
-    service: Service, config: dict[str, Any], slave: dict[str, Any], stopped: Callable[[], bool]
+    service: Service,
+    config: dict[str, Any],
+    facts: dict[str, Any],
+    slave: dict[str, Any],
+    stopped: Callable[[], bool],
 ) -> bool:
     """Home an actuator with frames of this process; return whether it moved.
 
-    Its watchdog stops it if this process dies. ServiceError names the failure.
+    ``config``, ``facts``: of the service, and of `set_up_slaves`. Its watchdog stops it if this
+    process dies. ServiceError names the failure.
     """
-    access = _FrameAccess(service, config["interface"], slave["node"] - 1)
+    access = _FrameAccess(service, config, facts["segment"][2], slave["node"] - 1)
     try:
         settings = handover.loads(HomingSettings, json.dumps(slave["homing"]))
         return homing_run.home(access, slave["name"], settings, stopped)
@@ -154,11 +201,16 @@ def home_slave(
 class _FrameAccess:
     """A drive as `homing_run` needs it, in frames of this process."""
 
-    def __init__(self, service: Service, interface: str, place: int) -> None:
+    def __init__(
+        self, service: Service, config: dict[str, Any], reference: int, place: int
+    ) -> None:
+        """``reference``: station whose clock leads, 0: none."""
         self._service, areas = service, service.areas()
-        frame = CyclicFrame(image_bytes(areas), None)
-        self._cycle = SegmentCycle(Link(interface), frame, expected_wkc(areas))
-        self._slaves = len(areas)
+        frame = CyclicFrame(image_bytes(areas), reference or None)
+        self._cycle = SegmentCycle(Link(config["interface"]), frame, expected_wkc(areas))
+        self._names = [slave["name"] for slave in config["slaves"]]
+        self._clock = Follower(ClockParams(**config["pace"]))
+        self._pace = Pace(self._clock.params.cycle_ns)
         outputs, inputs = areas[place]
         assert outputs is not None
         assert inputs is not None
@@ -167,11 +219,13 @@ class _FrameAccess:
         self._mode = self._controlword = 0
 
     def select_mode(self) -> None:
-        until = time.monotonic() + _OP_TIMEOUT_S
-        while not self._cycle.state.is_operational(self._slaves):
+        until, refusals = time.monotonic() + _OP_TIMEOUT_S, _Refusals(self._service, self._names)
+        while not self._cycle.state.is_operational(len(self._names)):
+            refusals.take(self._service.status())
             if time.monotonic() > until:
-                raise ServiceError(f"the slaves do not reach OP in {_OP_TIMEOUT_S:g} s")
-            self._service.status()
+                missing = self._service.missing(self._names, AlState.OPERATIONAL)
+                problems = refusals.texts or missing
+                raise ServiceError("\n".join(problems) or f"no OP in {_OP_TIMEOUT_S:g} s")
             self._service.request_operational()
             self.wait()
         self._mode = homing.MODE
@@ -198,15 +252,38 @@ class _FrameAccess:
         self._controlword = controlword
 
     def wait(self) -> None:
-        end = time.monotonic() + homing_run.PERIOD_S
+        cycle, end = self._cycle, time.monotonic() + homing_run.PERIOD_S
         while time.monotonic() < end:
-            self._cycle.receive()
-            self._outputs.write(self._cycle.outputs, 0, 0, self._controlword, self._mode)
-            self._cycle.send()
-            time.sleep(_TICK_S)
+            sampled = cycle.sampled
+            cycle.receive()
+            if cycle.state.time_ns and cycle.sampled != sampled:
+                self._clock.take(cycle.state.time_ns)
+            self._outputs.write(cycle.outputs, 0, 0, self._controlword, self._mode)
+            cycle.send()
+            self._pace.wait(self._clock.correction())
 
     def close(self) -> None:
         self._cycle.close()
+
+
+class _Refusals:
+    """The reasons with which slaves refuse OP, or leave it before all have reached it."""
+
+    def __init__(self, service: Service, names: Sequence[str], *ignored: int) -> None:
+        """``ignored``: AL status codes that are none."""
+        self.texts: list[str] = []  # each once
+        self._service, self._names, self._ignored = service, names, (0, *ignored)
+
+    def take(self, status: Sequence[SlaveStatus]) -> list[str]:
+        """Return the reasons that are new."""
+        found = [
+            f"{name} refuses OP: AL status code {self._service.meaning(each.error)}"
+            for name, each in zip(self._names, status, strict=True)
+            if each.error not in self._ignored
+        ]
+        new = [text for text in found if text not in self.texts]
+        self.texts += new
+        return new
 
 
 class _Watch:
@@ -219,12 +296,14 @@ class _Watch:
         self._falls = [0] * len(slaves)  # times that each left OP
         self._states = [AlState.SAFE_OPERATIONAL.value] * len(slaves)
         # OP counts once it outlasts every watchdog: before, it may rest on frames of a homing.
-        watchdog = max((1e-3 * slave["watchdog_ms"] for slave in slaves), default=0.0)
-        self._must_last = 2.0 * watchdog + _POLL_INTERVAL_S
+        self.watchdog_s = max(1e-3 * slave["watchdog_ms"] for slave in slaves)
+        self._must_last = 2.0 * self.watchdog_s + _POLL_INTERVAL_S
         self._since = now  # s, all have been in OP from then on
         self._reached = False  # all were in OP for that long
         self._answered = [now] * len(slaves)
         self._reported: set[str] = set()  # names of slaves that did not answer for too long
+        names = [slave["name"] for slave in slaves]
+        self._refusals = _Refusals(service, names, _NO_FRAMES)  # the loop may not have begun
 
     def look(self) -> None:
         """Post each drive's health; ask for OP until all slaves have reached it."""
@@ -233,6 +312,8 @@ class _Watch:
         if not self._reached:
             if not all(each.state == AlState.OPERATIONAL for each in status):
                 self._since = now
+                for text in self._refusals.take(status):
+                    report(Notice(text))
                 self._service.request_operational()
             self._reached = now - self._since > self._must_last
         silent: set[str] = set()

@@ -17,6 +17,7 @@ from drivers.ethercat.pdo_steps import (
     only_pdo_steps,
     pdo_list_steps,
 )
+from drivers.ethercat.synchronisation import sync0_steps
 from drivers.ethercat.terminal import TerminalEntry
 from rig.config.segment import Pdo, Segment, Slave, TerminalBlock
 from rig.config.wiring import Actuator, BlockContent, Drive, TorqueDrive
@@ -59,10 +60,20 @@ def segment_service(segment: Segment, drives: Mapping[str, Drive], rate: float) 
             problems.append(f"{slave.name}: {error}")
     if problems:
         raise SetupError("\n".join(problems))
-    config = {"interface": segment.interface, "clock": segment.clock, "slaves": slaves}
+    config = {
+        "interface": segment.interface,
+        "clock": segment.clock,
+        "pace": clock_params(segment, rate)._asdict(),
+        "slaves": slaves,
+    }
     health = {f"{name}{HEALTH_SUFFIX}": message_fields(NodeHealth) for name in drives}
     module = f"{__package__}.segment_service"
     return IoProcess("ethercat", module, config, health, ready_timeout(drives))
+
+
+def clock_params(segment: Segment, rate: float) -> ClockParams:
+    """Return cycle and shift of a segment's frames at a rate of the loop (Hz)."""
+    return ClockParams(round(1e9 / rate), round(1e9 / rate * segment.frame_at))
 
 
 def _slave_setup(
@@ -70,13 +81,18 @@ def _slave_setup(
 ) -> dict[str, Any]:
     """Return the set-up of a slave by the service process, as JSON values."""
     vendor, product, revision = slave.identity
+    cycle_ns = round(1e9 / rate) if slave.has_sync0 else 0
     return {
         "name": slave.name,
         "vendor": vendor,
         "product": product,
         "revision": revision,
-        "steps": _drive_steps(drive) if drive is not None else _terminal_steps(slave),
-        "sync0_ns": round(1e9 / rate) if slave.sync0 else 0,
+        "steps": [
+            *(_drive_steps(drive) if drive is not None else _terminal_steps(slave)),
+            *(sync0_steps(cycle_ns) if cycle_ns and slave.device.mailbox else ()),
+            *_object_steps(slave),
+        ],
+        "sync0_ns": cycle_ns,
         "watchdog_ms": segment.watchdog_ms if drive is not None or slave.device.outputs else 0.0,
         "facts": [] if drive is None else scale_objects(drive),
         "homing": None if drive is None else homing_settings(drive),
@@ -101,14 +117,20 @@ def _drive_steps(drive: Drive) -> list[SetupStep]:
 
 
 def _terminal_steps(slave: Slave) -> list[SetupStep]:
-    """Return the steps that choose a terminal's PDOs and write its objects."""
+    """Return the steps that choose a terminal's PDOs."""
     device = slave.device
     if not device.mailbox:
         return []
     steps: list[SetupStep] = []
     for assigned, pdos in ((OUTPUTS, device.outputs), (INPUTS, device.inputs)):
         steps += pdo_list_steps(assigned, tuple(each.pdo for each in pdos))
-    for each in (*device.objects, *slave.objects):
+    return steps
+
+
+def _object_steps(slave: Slave) -> list[SetupStep]:
+    """Return the steps that write the objects of a slave's device file and of the rig file."""
+    steps: list[SetupStep] = []
+    for each in (*slave.device.objects, *slave.objects):
         name = f"{each.object:#06x}:{each.sub}"
         value = in_range(name, each.type, each.value)
         steps.append(SetupStep(each.object, each.sub, each.type, name, value, Access.SET, -1))
@@ -140,7 +162,7 @@ def segment_axes(
         HealthLimits(_MAX_HEALTH_AGE_S, _MAX_SILENCE_S),
         1e-3 * segment.lost_ms,
         segment.actuator_divider,
-        ClockParams(round(1e9 * dt), round(1e9 * dt * segment.frame_at)),
+        clock_params(segment, rate),
         axes,
         actuators,
         tuple(_terminal_settings(slave) for slave in segment.line),

@@ -8,7 +8,7 @@ import statistics
 import pytest
 
 from drivers.ethercat import clock
-from drivers.ethercat.clock import ClockParams
+from drivers.ethercat.clock import ClockParams, Follower
 
 MS = 1_000_000  # ns
 
@@ -51,6 +51,17 @@ def test_after_a_jump_a_tick_moves_by_ten_microseconds_at_most() -> None:
     slow = ClockParams(5 * MS, 0)
     state, correction = clock.step(slow, clock.start()._replace(ticks=5), 2 * MS)
     assert (state.offset_ns, correction) == (2 * MS, -10_000)
+
+
+def test_each_frame_gives_one_correction_and_deadlines_begin_where_others_ended() -> None:
+    follower = Follower(ClockParams(MS, 500_000))
+    follower.take(7 * MS + 600_000)
+    assert follower.correction() == -100_000
+    assert follower.correction() == 0
+    for phase, correction in ((300_000, 300_000), (700_000, -300_000), (0, 0)):
+        follower.move_to(123 * MS + phase)
+        assert follower.correction() == correction
+    assert follower.state.ticks == 1  # it goes on with what it knows of the drift
 
 
 def test_an_offset_is_within_half_a_cycle() -> None:

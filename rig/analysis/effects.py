@@ -24,10 +24,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
-from scipy.special import stdtrit
 
 from rig.analysis import labels
 from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.ranking import CONFIDENCE, half_width
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases
 from rig.recording.table_file import write_table
@@ -35,7 +35,6 @@ from rig.row_contents import CATEGORICAL, Column, main_columns
 from rig.spectra.periods import Floats
 from rig.stations import Station, find, shown
 
-CONFIDENCE = 0.95
 _MIN_REPETITION_DOF = 3  # with fewer degrees of freedom, periods are the better source
 
 REPETITIONS, PERIODS, MISFIT = "repetitions", "wave periods", "misfit"
@@ -152,13 +151,6 @@ def weighted_sum_error(weights: Floats, variances: RowVariances) -> tuple[float,
             variances.dof if variances.pooled else variances.dof.sum()
         )
     return float(np.sqrt(variance)), float(variance**2 / np.sum(parts * parts / variances.dof))
-
-
-def half_width(standard_error: float, dof: float) -> float:
-    """Return the half width of Student's interval; NaN without a degree of freedom."""
-    if not dof > 0.0:
-        return float("nan")
-    return float(stdtrit(dof, 0.5 + 0.5 * CONFIDENCE) * standard_error)
 
 
 def row_variances(

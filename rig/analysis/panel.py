@@ -107,6 +107,13 @@ def draw_surface(
     axes.margins(0.05)
 
 
+_ALIKE: dict[str, Any] = {
+    **{"ls": "", "marker": "o", "ms": 9, "mfc": "none", "mec": ACCENT, "mew": 1.4},
+    **{"clip_on": False, "zorder": 4},
+}
+"""A ring: the power there cannot be told apart from that of the best point."""
+
+
 def mark_best(axes: Axes, x: float, y: float) -> None:
     """Draw a star at the best point."""
     axes.plot(x, y, "*", ms=13, mfc=ACCENT, mec="white", mew=0.9, clip_on=False, zorder=5)
@@ -114,6 +121,10 @@ def mark_best(axes: Axes, x: float, y: float) -> None:
 
 def _mark_optimum(axes: Axes, slice_: Slice, best: Optimum) -> None:
     place = (best.point.setting[slice_.x.name], best.point.setting[slice_.y.name])
+    if alike := [p for p in best.alike or () if p in slice_.points]:
+        names = slice_.x.name, slice_.y.name
+        places = display_xy(slice_, [(p.setting[names[0]], p.setting[names[1]]) for p in alike])
+        axes.plot(*zip(*places, strict=True), **_ALIKE)
     mark_best(axes, *display_xy(slice_, [place])[0])
 
 

@@ -22,6 +22,8 @@ class Point(NamedTuple):
     error: dict[str, float]  # W, standard error of `power`; NaN where unknown
     rows: tuple[int, ...]
     actuator: float = float("nan")  # position of the actuator of the panel column
+    dof: dict[str, float] = {}  # noqa: RUF012 (degrees of freedom of `error` by station)
+    by_seed: dict[int, dict[str, float]] = {}  # noqa: RUF012 (W, by seed of the sea and station)
 
 
 class Matrix(NamedTuple):
@@ -79,7 +81,8 @@ def row_settings(table: xarray.Dataset) -> list[Setting]:
 def gain_matrix(table: xarray.Dataset) -> Matrix:
     """Return the gain matrix of a row table; rows with equal set points form one point.
 
-    The standard error of a repeated point comes from the scatter of its rows.
+    The standard error of a repeated point comes from the scatter of its rows. Of a point in seas of
+    several seeds, it comes from the scatter of the means of the seas, which count alike.
     """
     stations, matrix_columns = stations_of(table), columns_of(table)
     if "state" not in table or table.sizes["row"] == 0:
@@ -94,22 +97,14 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
         if columns["state"][i] == COMPLETE:
             members.setdefault(key, []).append(i)
 
-    def error(name: str, rows: list[int]) -> float:
-        if len(rows) > 1:
-            return standard_error(columns[f"power_{name}"][rows])
-        return float(columns[f"power_{name}_se"][rows[0]])
-
     panel = with_role(matrix_columns, PANEL)
     actuator = panel.actuator if panel else None
     points = tuple(
-        Point(
+        _point(
             settings[rows[0]],
-            {
-                name: float(columns[f"power_{name}"][rows].mean())
-                for name in station_names(stations)
-            },
-            {name: error(name, rows) for name in station_names(stations)},
-            tuple(columns["row"][rows].tolist()),
+            columns,
+            rows,
+            station_names(stations),
             float(columns[actuator.name][rows[0]]) if actuator else float("nan"),
         )
         for rows in members.values()
@@ -117,10 +112,38 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
     return Matrix(points, tuple(planned.values()), matrix_columns, stations)
 
 
+def _point(
+    setting: Setting, columns: dict[str, Any], rows: list[int], names: list[str], actuator: float
+) -> Point:
+    """Return the point of rows with one set point; ``columns`` are those of the row table."""
+    seeds = columns["seed"][rows] if "seed" in columns else np.zeros(len(rows), np.int64)
+    in_sea = {
+        int(seed): [r for r, s in zip(rows, seeds, strict=True) if s == seed] for seed in seeds
+    }
+    power, error, dof = dict[str, float](), dict[str, float](), dict[str, float]()
+    by_seed: dict[int, dict[str, float]] = {seed: {} for seed in in_sea} if len(in_sea) > 1 else {}
+    for name in names:
+        values = columns[f"power_{name}"]
+        means = values[rows]
+        if by_seed:
+            means = np.array([values[group].mean() for group in in_sea.values()])
+            for seed, mean in zip(in_sea, means.tolist(), strict=True):
+                by_seed[seed][name] = mean
+        power[name] = float(means.mean())
+        if len(means) > 1:
+            error[name], dof[name] = standard_error(means), len(means) - 1.0
+        else:
+            error[name] = float(columns[f"power_{name}_se"][rows[0]])
+            dof[name] = float(columns["periods"][rows[0]]) - 1.0 if "periods" in columns else 0.0
+    return Point(
+        setting, power, error, tuple(columns["row"][rows].tolist()), actuator, dof, by_seed
+    )
+
+
 def error_source(points: Iterable[Point]) -> str:
     """Return the source of the points' standard errors as text; empty if no error is known."""
     sources = {
-        "repetitions" if len(point.rows) > 1 else "wave periods"
+        "seeds" if point.by_seed else "repetitions" if len(point.rows) > 1 else "wave periods"
         for point in points
         if any(np.isfinite(error) for error in point.error.values())
     }

@@ -16,6 +16,7 @@ from scipy.special import gammaincinv
 
 from rig.analysis.labels import format_quantity, panel_title
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
+from rig.analysis.ranking import not_worse
 from rig.row_contents import LAW, Column, X, Y, find_column, with_role
 from rig.spectra.periods import Floats
 from rig.stations import Station, find
@@ -74,6 +75,7 @@ _MIN_LEVELS = 3  # of a column, so that a level can lie inside its range
 
 WITHIN_ERRORS = "within errors"
 WITHIN_SHARE = f"within {100.0 * NEGLIGIBLE_SHARE:g} %"
+UNDECIDED = "undecided: no standard error"
 _NO_SPREAD = "differences within errors"
 
 
@@ -87,6 +89,8 @@ class Optimum(NamedTuple):
     points: int  # number of measured points compared
     flat: str  # range within which all points of the slice lie; empty if they differ
     without_effect: tuple[str, ...]  # sliced columns along which power does not change
+    alike: tuple[Point, ...] | None = ()
+    """The other points that cannot be told apart from it; None where errors are unknown."""
 
     @property
     def caveat(self) -> str:
@@ -94,8 +98,11 @@ class Optimum(NamedTuple):
 
         Edge and gap mean nothing where the points of the slice do not differ.
         """
+        if self.flat:
+            return self.flat
         edge = "grid's edge" if self.at_edge else "next to a gap" if self.at_gap else ""
-        return self.flat or edge
+        known = UNDECIDED if self.alike is None else f"1 of {1 + len(self.alike)} alike"
+        return "; ".join(filter(None, (known if self.alike != () else "", edge)))
 
     @property
     def power(self) -> float:
@@ -176,6 +183,7 @@ def slice_matrix(
         len(points),
         _flatness(name, in_slice, 3),
         tuple(n for n in sliced if _flatness(name, _points_along(n, best_point, points), 2)),
+        not_worse(points, best_point, name),
     )
     missing = tuple(sorted(planned - measured))
     return Slice(station, x, y, fixed, sliced, in_slice, missing, best, matrix.columns)

@@ -1,6 +1,7 @@
 """Summary of a run: conditions, end, best points, alarms and timing."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ import xarray
 from rig.analysis import labels
 from rig.analysis.effects import Effects, all_effects, effects_json, effects_text, is_designed
 from rig.analysis.points import error_source, gain_matrix, varied_columns
+from rig.analysis.ranking import CONFIDENCE
 from rig.analysis.rows import COMPLETE, INCOMPLETE, INTERRUPTED
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
@@ -114,6 +116,9 @@ def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> l
     for i in np.flatnonzero(table["state"].values == INTERRUPTED).tolist():
         messages.append(f"row {rows[i]} was cut short ({reasons[i]})")
     return messages
+
+
+_MAX_ALIKE = 3  # points listed that cannot be told apart from the best one
 
 
 class Summary(NamedTuple):
@@ -273,6 +278,9 @@ def _best_json(summary: Summary, optimum: Optimum) -> dict[str, Any]:
         },
         "further_without_effect": optimum.without_effect,
         "flat": optimum.flat or None,
+        "rows_alike": None
+        if optimum.alike is None
+        else [row for point in optimum.alike for row in point.rows],
         "mean_w": optimum.power,
         "standard_error_w": optimum.error,
         "at_edge_of_grid": optimum.at_edge,
@@ -323,6 +331,25 @@ def as_text(summary: Summary) -> str:
     return "\n".join([*lines, "", summary.timing, ""])
 
 
+def alike_text(optimum: Optimum, main: Sequence[Column]) -> str:
+    """Return the points that cannot be told apart from the best one; empty without any."""
+    if not optimum.alike or optimum.flat:
+        return ""
+    name = optimum.station.name
+    points = [
+        f"{phrases.format_power(point.power[name], point.error[name])} at "
+        + ", ".join(
+            labels.format_setting(column, point.setting[column.name])
+            for column in main
+            if column.name in point.setting
+        )
+        for point in optimum.alike[:_MAX_ALIKE]
+    ]
+    more = len(optimum.alike) - len(points)
+    listed = "; ".join([*points, *([f"and {more} more"] if more else [])])
+    return f"alike at {100.0 * CONFIDENCE:g} %: {listed}"
+
+
 def _result_lines(summary: Summary) -> list[str]:
     """Return the best points of the matrix, or the findings of a run without best points."""
     if summary.findings:
@@ -343,6 +370,8 @@ def _result_lines(summary: Summary) -> list[str]:
         )
         if further := summary.further_text(optimum):
             lines.append(f"  {'':<32} {further}")
+        if alike := alike_text(optimum, summary.main):
+            lines.append(f"  {'':<32} {alike}")
     if note := summary.flatness_text:
         lines.append(f"  {note}")
     if not summary.optima:

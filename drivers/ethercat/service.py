@@ -36,7 +36,7 @@ _ERROR = 0x10  # bit of a state: an error; of a request: it is acknowledged
 _TIMEOUT_US = 4000
 _STATE_TIMEOUT_US = 3_000_000
 _ATTEMPTS = 5
-_REQUEST_INTERVAL_S = 1.5  # s from a request of OP to the next, which the first could have been lost for
+_REQUEST_INTERVAL_S = 1.5  # s from one request of OP to the next: it may be lost
 
 T = TypeVar("T")
 

@@ -46,7 +46,8 @@ def sample_record(source: reader.RunFiles, fields: Sequence[str]) -> dict[str, A
     for contents in source.contents:
         every = -(-len(contents.chunks) // _SAMPLE_CHUNKS) or 1
         spread.append(contents._replace(chunks=contents.chunks[every // 2 :: every]))
-    blocks = list(reader.blocks(source._replace(contents=tuple(spread)), None, fields))
+    stage = reader.Stage(tuple(spread))
+    blocks = [*reader.blocks(source._replace(stages=(stage,)), None, fields)]
     return {name: np.concatenate([block[name] for block in blocks]) for name in fields if blocks}
 
 

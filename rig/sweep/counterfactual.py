@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis import effects
+from rig.analysis import ranking
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
@@ -263,7 +263,7 @@ def correct_powers(
         scale = gross_power(powers, name)
         corrected[name] = powers[name] + mean * scale
         error = scatter * math.sqrt(1.0 + 1.0 / count) * scale
-        half_width[name] = effects.half_width(error, count - 1)
+        half_width[name] = ranking.half_width(error, count - 1)
     return corrected, half_width
 
 

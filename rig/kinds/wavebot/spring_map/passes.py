@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.effects import half_width
+from rig.analysis.ranking import half_width
 from rig.analysis.rows import standard_error
 from rig.spectra.periods import Floats
 

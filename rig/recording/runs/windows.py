@@ -6,7 +6,7 @@ incomplete; the loop counts them. Ticks lost directly before or after a window b
 as far as the window is shorter than its plan.
 
 The reader keeps one window in memory at a time, so a run of many hours needs no more memory than
-its longest row.
+its longest row; only `complete_windows` returns all at once.
 """
 
 import os
@@ -241,27 +241,30 @@ def missing_rows(
     return {row: reason for row in planned[: max(positions, default=0)] if row not in seen}
 
 
-class ExcludedRows:
-    """Collects the rows of a run without a complete window, and the reasons."""
+def complete_windows(
+    run: str | os.PathLike[str],
+    source: reader.RunFiles,
+    fields: Iterable[str],
+    plan: Mapping[str, Any],
+    *,
+    incomplete_rows: bool,
+) -> tuple[list[Window], tuple[str, ...]]:
+    """Return the complete windows of a run, and a message for each row that has none.
 
-    def __init__(self) -> None:
-        self._reasons: dict[int, str] = {}
-
-    def accept(self, window: Window) -> bool:
-        """Return whether a window is complete; store the reason if it is not."""
-        if self._reasons.get(window.row, "not yet") != "":
-            self._reasons[window.row] = window.incomplete_reason
-        return not window.incomplete_reason
-
-    def messages(self, plan: Mapping[str, Any], record: RecordState) -> tuple[str, ...]:
-        """Return a message for each excluded row, including rows whose ticks are all missing."""
-        reasons = {
-            **self._reasons,
-            **missing_rows(plan, self._reasons, record),
-        }
-        return tuple(
-            f"row {row} is left out: {reasons[row]}" for row in sorted(reasons) if reasons[row]
-        )
+    The arguments are those of `read_windows`.
+    """
+    reading, windows = RecordCheck(source.contents, source.damage), list[Window]()
+    reasons: dict[int, str] = {}
+    for window in read_windows(
+        source, list(fields), plan, incomplete_rows=incomplete_rows, reading=reading
+    ):
+        if not window.incomplete_reason:
+            windows.append(window)
+        if reasons.get(window.row, "not yet") != "":
+            reasons[window.row] = window.incomplete_reason
+    reasons |= missing_rows(plan, reasons, reading.state(run))
+    left_out = (f"row {row} is left out: {reasons[row]}" for row in sorted(reasons) if reasons[row])
+    return windows, tuple(left_out)
 
 
 class IncompleteWindows(NamedTuple):

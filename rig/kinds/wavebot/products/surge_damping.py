@@ -18,13 +18,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.interpolate import PchipInterpolator
 
-from rig.analysis.rows import period_means, standard_error
+from rig.analysis.rows import period_means, standard_error, wave_period
 from rig.presentation import picture
 from rig.presentation.json_values import json_value
 from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.recording.runs import RunError, RunInfo, reader, run_info
-from rig.recording.runs.state import RecordCheck
-from rig.recording.runs.windows import ExcludedRows, Window, read_windows
+from rig.recording.runs.windows import Window, complete_windows
 from rig.recording.table_file import write_table
 from rig.spectra.periods import Floats
 
@@ -90,10 +89,8 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     """
     source = reader.open_files(run)
     run_facts = run_info(run, source.contents)
-    frequency = (run_facts.plan.get("sea") or {}).get("frequency_hz")
-    period = (run_facts.plan.get("sea") or {}).get("period_s")
-    frequency = frequency or (1.0 / period if period else None)
-    if not frequency:
+    period = wave_period(run_facts.plan)
+    if period is None or (run_facts.plan.get("sea") or {}).get("kind") != "regular":
         raise RunError(f"{run}: no surge damping campaign (its sea is not regular)")
     planned = {row["row"]: row for row in run_facts.plan["rows"]}
     if not all("surge_kp" in row for row in planned.values()):
@@ -101,16 +98,14 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     for name in (column.name for column in run_facts.row_contents.columns):
         if name != "surge_kp" and len({row.get(name) for row in planned.values()}) > 1:
             raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
-    ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
     rows: dict[float, DampingRow] = {}
-    reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
-    for window in read_windows(
-        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
-    ):
+    complete, messages = complete_windows(
+        run, source, _FIELDS, run_facts.plan, incomplete_rows=incomplete_rows
+    )
+    for window in complete:
         damping = -float(planned[window.row]["surge_kp"])
-        if excluded.accept(window) and damping > 0.0:
-            rows[damping] = _measure_row(window, damping, ticks)
-    messages = excluded.messages(run_facts.plan, reading.state(run))
+        if damping > 0.0:
+            rows[damping] = _measure_row(window, damping, period / float(run_facts.plan["dt"]))
     if len(rows) < 3:
         reason = f"{len(rows)} surge dampings have a complete window; at least 3 needed"
         raise RunError(f"{run}: {'; '.join([reason, *messages])}")

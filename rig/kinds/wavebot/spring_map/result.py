@@ -18,8 +18,7 @@ from rig.kinds.wavebot.spring_map.passes import (
 from rig.presentation.phrases import format_signed
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, RunInfo, reader, run_info
-from rig.recording.runs.state import RecordCheck
-from rig.recording.runs.windows import ExcludedRows, Window, read_windows
+from rig.recording.runs.windows import Window, complete_windows
 
 MAX_CELL_DISAGREEMENT = 0.05  # of the larger rate; larger differences of the cells are reported
 _MIN_SPEED_SHARE = 0.2  # of the hoist's speed; a slower body is reversing
@@ -89,12 +88,11 @@ def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) ->
     balance, speed = _balance_angle(source), float(run_facts.plan["hoist"]["speed_m_per_s"])
     point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
     by_point: dict[int, list[Window]] = {}  # repetitions of a station are combined
-    reading, rows = RecordCheck(source.contents, source.damage), ExcludedRows()
-    for window in read_windows(
-        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
-    ):
-        if rows.accept(window):
-            by_point.setdefault(point_of_row[window.row], []).append(window)
+    complete, excluded = complete_windows(
+        run, source, _FIELDS, run_facts.plan, incomplete_rows=incomplete_rows
+    )
+    for window in complete:
+        by_point.setdefault(point_of_row[window.row], []).append(window)
     stations = []
     for windows in by_point.values():
         parts = [
@@ -104,7 +102,6 @@ def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) ->
         stator = np.mean([window.data["spring_sense.position"].mean() for window in windows])
         stations.append(_evaluate_station(float(stator), samples, rig))
     stations.sort(key=lambda station: station.values["station"])
-    excluded = rows.messages(run_facts.plan, reading.state(run))
     if not stations:
         reason = "; ".join(["no stator position was completed", *excluded])
         raise RunError(f"{run}: {reason}")

@@ -1,7 +1,7 @@
 """Models that the rig files of all kinds share."""
 
-from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
@@ -135,25 +135,32 @@ class BaseRigFile(FileModel):
 _RELATIVE_TOLERANCE = 1e-6
 
 
-class SharedValue(NamedTuple):
-    """One value: its key and number in the rig file and in the plant's file."""
-
-    rig_key: KeyPath
-    rig_value: float
-    plant_key: KeyPath
-    plant_value: float
-
-
 def mismatches(
-    rig: SourceMap, plant: SourceMap, shared: Iterable[SharedValue], title: str
+    rig: Any,
+    locate_rig: SourceMap,
+    plant: Any,
+    locate_plant: SourceMap,
+    keys: Mapping[KeyPath, KeyPath],
+    title: str,
 ) -> Iterator[Problem]:
-    """Yield a problem of each value that differs; ``title``: of the plant, for people."""
-    for rig_key, rig_value, plant_key, plant_value in shared:
+    """Yield a problem of each number of a rig that its plant has otherwise.
+
+    ``keys``: of the number in the rig's model or mapping, and in the plant's; ``title``: of the
+    plant, for people.
+    """
+    for rig_key, plant_key in keys.items():
+        rig_value, plant_value = _number_at(rig, rig_key), _number_at(plant, plant_key)
         if abs(rig_value - plant_value) > _RELATIVE_TOLERANCE * abs(plant_value):
-            place = plant(plant_key)
-            yield rig.problem(
+            place = locate_plant(plant_key)
+            yield locate_rig.problem(
                 rig_key,
                 rig_value,
                 f"{format_number(rig_value)} is not the {title}'s {format_number(plant_value)} "
                 f"({display_path(place.path)}:{place.line}); the two must agree",
             )
+
+
+def _number_at(parts: Any, key: KeyPath) -> float:
+    for name in key:
+        parts = parts[name] if isinstance(parts, dict) else getattr(parts, str(name))
+    return float(parts)

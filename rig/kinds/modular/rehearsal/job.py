@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from rig.campaign import AnyCampaign
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import problems_from
-from rig.config.rig_file import SharedValue, mismatches
+from rig.config.rig_file import mismatches
 from rig.config.yaml_source import KeyPath, SourceMap
 from rig.emulation.campaign_sea import campaign_sea
 from rig.kinds.modular.build import campaign_composition
@@ -120,7 +120,13 @@ def plant_problems(
         return None, found
     if rig is not None and rig_locate is not None:
         found += (*_missing_parts(model.plant, rig, rig_locate),)
-        found += (*mismatches(rig_locate, plant.locate, _shared(model.plant, rig), "plant"),)
+        keys = {
+            own: of_plant
+            for name, axis in rig.axes.items()
+            if name in model.plant.axes
+            for own, of_plant in matching_keys(name, axis.motion)
+        }
+        found += (*mismatches(rig, rig_locate, model.plant, plant.locate, keys, "plant"),)
     try:
         World(model, sea_states.calm(), dt=1.0 / rate_hz, seed=_DEFAULT_SEED)
     except (ValueError, ArithmeticError) as error:
@@ -147,22 +153,8 @@ def _missing_parts(plant: Plant, rig: RigFile, locate: SourceMap) -> Iterator[Pr
                 yield locate.problem((section, name), None, message)
 
 
-def _shared(plant: Plant, rig: RigFile) -> Iterator[SharedValue]:
-    """Yield the scales that rig and plant must have in common: commands would mean other things."""
-    for name, axis in rig.axes.items():
-        if name not in plant.axes:
-            continue
-        other = plant.axes[name]
-        for own, of_plant in matching_keys(name, axis.motion):
-            one, theirs = (
-                float(getattr(axis, str(own[-1]))),
-                float(getattr(other, str(of_plant[-1]))),
-            )
-            yield SharedValue(own, one, of_plant, theirs)
-
-
 def matching_keys(axis: str, motion: str) -> Iterator[tuple[KeyPath, KeyPath]]:
-    """Yield the keys of an axis in the rig file and in the plant that must have the same value."""
+    """Yield an axis' keys in rig and plant of equal values: commands would mean other things."""
     gear = "gear_ratio" if motion == ROTATION else "gear_ratio_rad_per_m"
     for own, of_plant in (
         ("torque_constant_n_m_per_a", "torque_constant_n_m_per_a"),

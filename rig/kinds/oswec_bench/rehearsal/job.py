@@ -1,26 +1,27 @@
 """The supervisor's side of a rehearsed session: settings and checks of the simulated bench."""
 
 from collections.abc import Iterator
-from functools import reduce
 from typing import Any
 
 from pydantic import ValidationError
 
 from rig.config.problems import Problem, display_path
 from rig.config.pydantic_errors import problems_from
-from rig.config.rig_file import SharedValue, mismatches
+from rig.config.rig_file import mismatches
+from rig.config.yaml_source import KeyPath
 from rig.kinds.oswec_bench.config.session_file import SESSION_KINDS
 from rig.kinds.oswec_bench.sessions.files import Session, SessionParts
 from rig.kinds.oswec_bench.sessions.plan import session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
-MATCHING_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
+MATCHING_KEYS: dict[KeyPath, KeyPath] = {
     ("servo", "gear_ratio"): ("motor", "gear_ratio", "value"),
     ("servo", "encoder", "counts_per_revolution"): ("sensors", "motor_counts", "value"),
     ("shaft_encoder", "counts_per_revolution"): ("sensors", "shaft_counts", "value"),
 }
-"""Keys of the rig and the plant's keys that must have the same value."""
+"""Keys of the rig and the plant's keys that must have the same value, or counts would have other
+meanings. Constants that sessions identify are not among them."""
 
 
 def plant_settings(session: Session) -> dict[str, Any]:
@@ -39,7 +40,13 @@ def problems(pieces: SessionParts) -> tuple[Problem, ...]:
         plant = model.model_validate(pieces.plant.mapping)
     except ValidationError as error:
         return problems_from(error, pieces.plant.locate, model)
-    return (*_mismatches(pieces, plant), *_flap_problems(pieces, plant))
+    found: list[Problem] = []
+    if pieces.rig is not None and pieces.rig_file is not None:
+        found += mismatches(
+            pieces.rig_file, pieces.rig.locate, plant, pieces.plant.locate, MATCHING_KEYS,
+            "simulated bench",
+        )  # fmt: skip
+    return (*found, *_flap_problems(pieces, plant))
 
 
 def _flap_problems(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
@@ -59,19 +66,3 @@ def _flap_problems(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]
         message = f"the simulated plant {coupling_state} ({plant_path}); a session {kind} "
         message += f"needs a flap with its rigid coupling {coupling}"
         yield pieces.session.locate.problem(("session",), kind, message)
-
-
-def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
-    """Yield the scales in which rig and bench differ, so that counts would have other meanings.
-
-    Constants that sessions identify are not compared.
-    """
-    if pieces.rig is None or pieces.rig_file is None or pieces.plant is None:
-        return
-    rig: Any = pieces.rig_file
-    bench: Any = plant
-    shared = [
-        SharedValue(own, reduce(getattr, own, rig), theirs, reduce(getattr, theirs, bench))
-        for own, theirs in MATCHING_KEYS.items()
-    ]
-    yield from mismatches(pieces.rig.locate, pieces.plant.locate, shared, "simulated bench")

@@ -30,7 +30,7 @@ SESSION_KEYS = tuple(
 
 def matching_keys(rig: Mapping[str, Any]) -> dict[KeyPath, KeyPath]:
     """Return the keys of a rig file and those of its plant that must have the same value."""
-    return dict(MATCHING_KEYS.items())
+    return MATCHING_KEYS
 
 
 def open_session(path: Path, load: MappingLoader) -> Session:

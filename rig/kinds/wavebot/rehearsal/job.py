@@ -3,7 +3,6 @@
 import zipfile
 import zlib
 from collections.abc import Iterator
-from functools import reduce
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -12,7 +11,7 @@ from rig.campaign import CampaignParts
 from rig.campaign.files import valid_key
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
 from rig.config.problems import ConfigError, Problem, format_number
-from rig.config.rig_file import Axis, SharedValue, mismatches
+from rig.config.rig_file import Axis, mismatches
 from rig.config.yaml_source import KeyPath
 from rig.design.axis_params import estimator_params
 from rig.emulation.campaign_sea import campaign_sea, sea_problems
@@ -32,12 +31,13 @@ _UNREADABLE = (
 )  # fmt: skip
 _HEAVE: TypeAdapter[Axis] = TypeAdapter(Axis)
 
-MATCHING_KEYS: dict[str, tuple[str, ...]] = {
-    "counts_per_revolution": ("sensors", "encoder_counts", "value"),
-    "gear_ratio_rad_per_m": ("pto", "gear_ratio", "value"),
-    "torque_constant_n_m_per_a": ("pto", "torque_constant", "value"),
+MATCHING_KEYS: dict[KeyPath, KeyPath] = {
+    ("heave", "counts_per_revolution"): ("sensors", "encoder_counts", "value"),
+    ("heave", "gear_ratio_rad_per_m"): ("pto", "gear_ratio", "value"),
+    ("heave", "torque_constant_n_m_per_a"): ("pto", "torque_constant", "value"),
 }
-"""Keys of the rig's heave axis and the plant's keys that must have the same value."""
+"""Keys of the rig and the plant's keys that must have the same value, or commands would mean other
+things."""
 
 _DEFAULT_RAMP_S = 0.1  # where the rig's heave axis is invalid
 _DEFAULT_SEED = 0  # no check depends on phases or noise
@@ -84,8 +84,11 @@ def problems(pieces: CampaignParts) -> tuple[Problem, ...]:
         bem, unreadable = _load_bem(pieces.plant, ("bem",))
         surge, unreadable_too = _load_bem(pieces.plant, ("surge", "bem"))
         found += [*reader.problems, *unreadable, *unreadable_too]
-        if plant is not None:
-            found += _mismatches(pieces, heave, plant)
+        if plant is not None and heave is not None and pieces.rig is not None:
+            found += mismatches(
+                {"heave": heave}, pieces.rig.locate, plant, pieces.plant.locate, MATCHING_KEYS,
+                "simulated plant",
+            )  # fmt: skip
         if plant is not None and bem is not None and surge is not None:
             impossible = _world_problems(pieces, plant, (bem, surge), pieces.plant)
             bem = None if impossible else bem  # so that the sea is not blamed
@@ -141,19 +144,3 @@ def _world_problems(
     except (ValueError, ArithmeticError) as error:
         return (source.locate.problem((), None, f"cannot be simulated: {error}"),)
     return ()
-
-
-def _mismatches(pieces: CampaignParts, heave: Axis | None, plant: Plant) -> Iterator[Problem]:
-    """Yield the scales in which rig and plant differ: commands would mean other things."""
-    if pieces.rig is None or pieces.plant is None or heave is None:
-        return
-    shared = (
-        SharedValue(
-            ("heave", name),
-            float(getattr(heave, name)),
-            key,
-            float(reduce(getattr, key, plant)),  # type: ignore[arg-type]
-        )
-        for name, key in MATCHING_KEYS.items()
-    )
-    yield from mismatches(pieces.rig.locate, pieces.plant.locate, shared, "simulated plant")

@@ -32,7 +32,7 @@ requested_sea = campaign_sea.requested_sea
 
 def matching_keys(rig: Mapping[str, Any]) -> dict[KeyPath, KeyPath]:
     """Return the keys of a rig file and those of its plant that must have the same value."""
-    return {("heave", name): path for name, path in job.MATCHING_KEYS.items()}
+    return job.MATCHING_KEYS
 
 
 def row_contents(campaign: Campaign) -> RowContents:

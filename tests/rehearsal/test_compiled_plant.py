@@ -44,7 +44,9 @@ def step(rig: World, k: int) -> Readings:
     return readings
 
 
-@pytest.mark.parametrize("name", ["wavebot", "wavebot_linear", "wavebot_custom_islanded"])
+@pytest.mark.parametrize(
+    "name", ["wavebot", "wavebot_linear", "wavebot_as_measured", "wavebot_custom_islanded"]
+)
 def test_interpreted_and_compiled_read_the_same(name: str) -> None:
     sea = sea_states.jonswap(0.254, 2.5, 3.3, 30.0, seed=1)
     interpreted, compiled = (world(sea, name, stepper=kind) for kind in (Stepper, CompiledStepper))

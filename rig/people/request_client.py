@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from rig.people.request_socket import MAX_LINE, VERSION, short_path
+from rig.people.request_socket import MAX_CLIENTS, MAX_LINE, VERSION, short_path
 
 TIMEOUT_S = 10.0
 
@@ -25,6 +25,7 @@ class RequestClient:
 
         Raises RequestError if the run does not listen.
         """
+        self._folder = folder
         self._own = {"session": session, "person": person, "origin": origin}
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(TIMEOUT_S)
@@ -61,11 +62,26 @@ class RequestClient:
                 self._socket.sendall((json.dumps(message) + "\n").encode())
                 line, descriptors = self._receive()
                 answer = json.loads(line)
-            except (OSError, ValueError) as error:
-                raise RequestError(f"the run does not answer: {error}") from None
+            except TimeoutError:
+                raise RequestError(f"no answer of the run within {TIMEOUT_S:g} s") from None
+            except (OSError, EOFError):  # a broken pipe, a reset, a closed socket
+                raise RequestError(self._why_closed()) from None
+            except ValueError:
+                answer = None
         if not isinstance(answer, dict):
-            raise RequestError("the run sent no answer")
+            raise RequestError("the answer of the run cannot be read")
         return answer, descriptors
+
+    def _why_closed(self) -> str:
+        """Return why the run has closed the connection: one that still listens has not ended."""
+        try:
+            RequestClient(self._folder).close()
+        except RequestError:
+            return "the run has ended"
+        return (
+            f"the run closed this connection: it has more than {MAX_CLIENTS} clients, or could not "
+            f"read the last message (JSON, at most {MAX_LINE} bytes); connect anew"
+        )
 
     def _receive(self) -> tuple[bytes, list[int]]:
         received: list[int] = []
@@ -73,7 +89,7 @@ class RequestClient:
         while b"\n" not in self._waiting:
             data, extra, _, _ = self._socket.recvmsg(MAX_LINE, socket.CMSG_SPACE(size))
             if not data:
-                raise RequestError("the run has ended")
+                raise EOFError
             for level, kind, rights in extra:
                 if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
                     received += array.array("i", rights[: len(rights) // size * size])

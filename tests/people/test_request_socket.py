@@ -293,9 +293,36 @@ def test_a_client_of_a_run_that_ends(served: tuple[Path, AttendedRun], tmp_path:
     with closing(RequestClient(other)) as client:
         assert client.ask("state")["accepted"]
         server.close()
-        with pytest.raises(RequestError):
-            client.ask("state")
+        for _ in range(2):
+            with pytest.raises(RequestError, match=r"\Athe run has ended\Z"):
+                client.ask("state")
     os.close(fd)
+
+
+def test_a_client_that_was_cut_off_learns_why(served: tuple[Path, AttendedRun]) -> None:
+    """The run goes on: the client asked for too long, or others took its place."""
+    why = f"the run closed this connection: it has more than {MAX_CLIENTS} clients, or could not "
+    with closing(RequestClient(served[0])) as client:
+        with pytest.raises(RequestError, match=why):
+            client.ask("annotate", text="x" * 4 * MAX_LINE)
+        with pytest.raises(RequestError, match=why):  # the pipe is broken by now
+            client.ask("state")
+
+
+@pytest.mark.parametrize(("line", "why"), [(b"", "within 0.2 s"), (b"[1]\n{", "cannot be read")])
+def test_a_run_that_answers_nothing_that_can_be_read(
+    line: bytes, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rig.people.request_client.TIMEOUT_S", 0.2)
+    with socket.socket(socket.AF_UNIX) as listener, short_path(tmp_path) as path:
+        listener.bind(path)
+        listener.listen()
+        with closing(RequestClient(tmp_path)) as client:
+            other, _ = listener.accept()
+            with other:
+                other.sendall(line)
+                with pytest.raises(RequestError, match=why):
+                    client.ask("state")
 
 
 def test_exit_codes_of_the_command(tmp_path: Path) -> None:

@@ -21,11 +21,15 @@ def only_pdo_steps(assigned: int, pdo: int, entries: tuple[Entry, ...]) -> tuple
 def pdo_list_steps(assigned: int, pdos: tuple[int, ...]) -> tuple[SetupStep, ...]:
     """Return the steps that make these PDOs, as the slave has them, those of a sync manager.
 
-    ``assigned``: `OUTPUTS` or `INPUTS`; ``pdos``: indices of their mappings.
+    ``assigned``: `OUTPUTS` or `INPUTS`; ``pdos``: indices of their mappings. Without one the slave
+    may lack the list: the areas of its process data show whether it has taken the step.
     """
     name = f"{assigned:#06x}"
+    empty = SetupStep(assigned, 0, "u8", f"{name} count", 0, Access.TRANSIENT, -1)
+    if not pdos:
+        return (empty,)
     return (
-        SetupStep(assigned, 0, "u8", f"{name} count", 0, Access.TRANSIENT, -1),
+        empty,
         *(
             SetupStep(assigned, place, "u16", f"{name} PDO {place}", pdo, Access.SET, -1)
             for place, pdo in enumerate(pdos, 1)

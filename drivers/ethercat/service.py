@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeVar
 from drivers.cia402 import arming
 from drivers.cia402.arming import Mismatch, SetupStep
 from drivers.cia402.process_data import from_bytes, to_bytes
-from drivers.errors import LinkError, ServiceError
+from drivers.errors import LinkError
 from drivers.ethercat.link import filter_indices
 from drivers.ethercat.process_image import Area
 
@@ -31,12 +31,12 @@ _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
 _GET_FLAGS, _SET_FLAGS, _PROMISCUOUS = 0x8913, 0x8914, 0x0100  # SIOCGIFFLAGS, SIOCSIFFLAGS
 _FIRST_STATION = 0x1001  # as pysoem counts them
 _FEATURES, _HAS_CLOCK = 0x0008, 0x04  # register and bit
-_DIFFERENCE, _AHEAD = 0x092C, 1 << 31  # register of a clock; bit: ahead of the reference
+_DIFFERENCE, _SIZE = 0x092C, 0x7FFF_FFFF  # register of a clock; bits without the sign
 _ERROR = 0x10  # bit of a state: an error; of a request: it is acknowledged
 _TIMEOUT_US = 4000
 _STATE_TIMEOUT_US = 3_000_000
-_ATTEMPTS = 5
-_REQUEST_INTERVAL_S = 1.5  # s from one request of OP to the next: it may be lost
+_ATTEMPTS, _READ_ATTEMPTS = 5, 3
+_REQUEST_INTERVAL_S = 1.5  # s from a request of OP, which may be lost, to the next one
 
 T = TypeVar("T")
 
@@ -50,6 +50,10 @@ class AlState(IntEnum):
     BOOT = 3
     SAFE_OPERATIONAL = 4
     OPERATIONAL = 8
+
+
+class ServiceError(OSError):
+    """A segment or slave that cannot be set up; names slave and reason."""
 
 
 class SlaveIdentity(NamedTuple):
@@ -176,12 +180,13 @@ class Service:
         return next((_FIRST_STATION + place for place in clocks), 0)
 
     def clock_differences(self) -> tuple[int | None, ...]:
-        """Return how far (ns) each slave's clock is ahead of the reference; None without a clock.
+        """Return how far (ns) each slave's clock is from the reference; None without a clock.
 
-        They are those of the last frame with the reference time.
+        They are those of the last frame with the reference time, without a sign, which controllers
+        of several makers define differently.
         """
         return tuple(
-            self._difference(slave) if self._has_clock(slave) else None
+            self._register(slave, _DIFFERENCE, 4) & _SIZE if self._has_clock(slave) else None
             for slave in self._master.slaves
         )
 
@@ -256,11 +261,14 @@ class Service:
         )
 
     def _read(self, slave: Any, index: int, sub: int, kind: str) -> int | None:
-        try:
-            data = slave.sdo_read(index, sub)
-        except self._mailbox_errors():
-            return None
-        return from_bytes(kind, data)
+        for _ in range(_READ_ATTEMPTS):
+            try:
+                return from_bytes(kind, slave.sdo_read(index, sub))
+            except self._pysoem.SdoError:  # the slave's answer: it has no such object
+                return None
+            except self._mailbox_errors():  # no answer, or an emergency in its place
+                continue
+        return None
 
     def _retry(self, request: Callable[[], T]) -> T:
         """Return the result of a request whose frame comes back in time at last.
@@ -305,10 +313,6 @@ class Service:
 
     def _has_clock(self, slave: Any) -> bool:
         return bool(self._register(slave, _FEATURES, 2) & _HAS_CLOCK)
-
-    def _difference(self, slave: Any) -> int:
-        found = self._register(slave, _DIFFERENCE, 4)
-        return found - _AHEAD if found & _AHEAD else -found
 
     def _note_emergency(self, position: int) -> Callable[[Any], None]:
         def note(emergency: Any) -> None:

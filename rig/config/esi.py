@@ -3,11 +3,12 @@
 A rig file names one as `device: FILE.xml#TYPE`; TYPE is the type in the file, such as EL3104. Of
 several revisions the newest counts, unless `@REVISION` follows. The process data are those that the
 file assigns by default; names join those of PDO and entry. CoE objects that the file sets on the
-way to SAFEOP are written before a run.
+way to SAFEOP are written before a run. A device of profile 402 is a drive, whose process data the
+drivers choose. One whose every mode of operation has SYNC0 works with SYNC0 only.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -16,16 +17,23 @@ from rig.regular_file import read_regular
 
 MAX_ESI_BYTES = 64 * 1024 * 1024
 _TYPES = {
-    "BOOL": "bit", "BIT": "bit",
-    "SINT": "i8", "USINT": "u8", "BYTE": "u8", "BITARR8": "u8",
+    "BOOL": "bit", "BIT": "bit", "BIT1": "bit", "BOOLEAN": "bit",
+    "SINT": "i8", "USINT": "u8", "BYTE": "u8", "BITARR8": "u8", "BIT8": "u8",
     "INT": "i16", "UINT": "u16", "WORD": "u16", "BITARR16": "u16",
     "DINT": "i32", "UDINT": "u32", "DWORD": "u32", "BITARR32": "u32",
-    "LINT": "i64", "ULINT": "u64", "REAL": "f32", "LREAL": "f64",
+    "LINT": "i64", "ULINT": "u64", "LWORD": "u64", "REAL": "f32", "LREAL": "f64",
+    # not of ETG.2000, but of tools that write such files
+    "INT8": "i8", "UINT8": "u8", "INT16": "i16", "UINT16": "u16",
+    "INT32": "i32", "UINT32": "u32", "INT64": "i64", "UINT64": "u64",
 }  # fmt: skip
 _BITS = {"bit": 1} | {f"{sign}{bits}": bits for sign in "iuf" for bits in (8, 16, 32, 64)}
 _ARRAY = re.compile(r"ARRAY\s*\[(\d+)\.\.(\d+)\]\s*OF\s*(\w+)")
 _SET_TYPES = {1: "u8", 2: "u16", 4: "u32"}  # of an object, by its bytes
 _MAX_GAP = 256  # bits of one gap
+_MAX_BITS = 8 * 1486  # of an entry: a frame has no more
+_ENGLISH = "1033"  # LcId of a text
+_DRIVE_PROFILE = 402
+_CYCLIC_SYNC0, _SYNC1 = 0x0300, 0x0400  # of AssignActivate, whose high byte is register 0x0981
 
 
 class EsiError(ValueError):
@@ -52,11 +60,11 @@ def read_esi(path: Path, chosen: str) -> dict[str, Any]:
     if root.tag != "EtherCATInfo":
         raise EsiError(f"no ESI file: it begins with {root.tag}, not EtherCATInfo")
     name, _, revision = chosen.partition("@")
-    found = [device for device in root.iter("Device") if name in ("", _type(device).text)]
+    found = [device for device in root.iter("Device") if name in ("", _type_name(device))]
     if revision:
         number = _parse(revision.replace("0x", "#x"))
         found = [each for each in found if _number(_type(each), "RevisionNo") == number]
-    types = sorted({str(_type(device).text) for device in root.iter("Device")})
+    types = sorted({_type_name(device) for device in root.iter("Device")})
     if not found or (not name and len(types) > 1):
         fault = f"no type {chosen}" if chosen else "several types"
         raise EsiError(f"{fault}; the file has {', '.join(types) or 'none'}: FILE.xml#TYPE")
@@ -70,13 +78,18 @@ def _mapping(root: ElementTree.Element, device: ElementTree.Element) -> dict[str
     if vendor is None:
         raise EsiError("no vendor")
     mailbox = device.find("Mailbox/CoE")
-    outputs, inputs = list(_pdos(device, "RxPdo")), list(_pdos(device, "TxPdo"))
+    is_drive = any(
+        _parse(each.text or "0") == _DRIVE_PROFILE for each in device.iterfind("Profile//ProfileNo")
+    )
+    pdos = {} if is_drive else {tag: list(_pdos(device, tag)) for tag in ("RxPdo", "TxPdo")}
+    outputs, inputs = pdos.get("RxPdo", []), pdos.get("TxPdo", [])
     return {
-        "title": (device.findtext("Name") or kind.text or "slave").strip(),
-        "type": "terminal" if outputs or inputs else "coupler",
+        "title": _title(device),
+        "type": "drive" if is_drive else "terminal" if outputs or inputs else "coupler",
         "vendor": _parse(vendor.text or ""),
         "product": _number(kind, "ProductCode"),
         "mailbox": mailbox is not None,
+        "sync0": _needs_sync0(device),
         "outputs": outputs,
         "inputs": inputs,
         "objects": [] if mailbox is None else list(_objects(mailbox)),
@@ -86,12 +99,17 @@ def _mapping(root: ElementTree.Element, device: ElementTree.Element) -> dict[str
 def _pdos(device: ElementTree.Element, tag: str) -> Iterator[dict[str, Any]]:
     """Yield the PDOs of a direction that a sync manager has by default."""
     taken: set[str] = set()
+    bases = {
+        (each.findtext("Name") or "").strip(): (each.findtext("BaseType") or "").strip()
+        for each in device.iterfind("Profile//DataType")
+    }
     for pdo in device.findall(tag):
-        if pdo.get("Sm") is None:
-            continue  # it could be chosen, but is not
+        is_assigned = pdo.get("Sm") is not None or _flag(pdo, "Mandatory")
+        if not is_assigned or _flag(pdo, "Virtual"):
+            continue  # it could be chosen, but is not; or only a tool of the maker has it
         title = pdo.findtext("Name") or ""
         values = []
-        for entry in _joined([_entry(each) for each in pdo.findall("Entry")]):
+        for entry in _joined([_entry(each, bases) for each in pdo.findall("Entry")]):
             if not entry.kind:
                 values += [
                     {"type": "bit", "count": min(_MAX_GAP, entry.number - done)}
@@ -112,13 +130,18 @@ def _pdos(device: ElementTree.Element, tag: str) -> Iterator[dict[str, Any]]:
             yield {"pdo": _parse(pdo.findtext("Index") or "0"), "values": values}
 
 
-def _entry(entry: ElementTree.Element) -> _Entry:
+def _entry(entry: ElementTree.Element, bases: Mapping[str, str]) -> _Entry:
+    """Return an entry; ``bases``: base types of the types that the device defines."""
     index, sub = _parse(entry.findtext("Index") or "0"), _parse(entry.findtext("SubIndex") or "0")
     bits, kind = _parse(entry.findtext("BitLen") or "0"), (entry.findtext("DataType") or "").strip()
+    if not 0 <= bits <= _MAX_BITS:
+        raise EsiError(f"object {index:#06x}:{sub} has {bits} bits; allowed 0 to {_MAX_BITS}")
     number = 1
     if array := _ARRAY.match(kind):
         number, kind = 1 + int(array[2]) - int(array[1]), array[3]
-    known = _TYPES.get(kind, "")
+    known = _TYPES.get(kind) or _TYPES.get(bases.get(kind, ""), "")
+    if known == "bit" and bits in (8, 16, 32):
+        known = f"u{bits}"  # a truth value that fills octets
     if index == 0 or not known or _BITS[known] * number != bits:
         return _Entry("", 0, 0, "", bits)
     return _Entry((entry.findtext("Name") or "").strip(), index, sub, known, number)
@@ -149,18 +172,63 @@ def _stem(name: str) -> str:
 
 def _objects(mailbox: ElementTree.Element) -> Iterator[dict[str, Any]]:
     """Yield the objects that are set from PREOP to SAFEOP, but for the choice of PDOs."""
-    for command in mailbox.findall("InitCmd"):
+    for command in mailbox.iter("InitCmd"):
         index = _parse(command.findtext("Index") or "0")
-        data = bytes.fromhex(command.findtext("Data") or "")
-        transitions = {each.text for each in command.findall("Transition")}
-        if "PS" not in transitions or 0x1C00 <= index <= 0x1C3F or len(data) not in _SET_TYPES:
+        transitions = {(each.text or "").strip() for each in command.findall("Transition")}
+        if "PS" not in transitions or 0x1C00 <= index <= 0x1C3F:
             continue
+        sub, text = _parse(command.findtext("SubIndex") or "0"), command.findtext("Data") or ""
+        try:
+            data = bytes.fromhex(text)
+        except ValueError:
+            raise EsiError(f"object {index:#06x}:{sub}: data {text!r} are no octets") from None
+        if len(data) not in _SET_TYPES:
+            raise EsiError(
+                f"object {index:#06x}:{sub} is set with {len(data)} octets at once; allowed 1, 2, "
+                "4: describe the slave in a device file of your own"
+            )
         yield {
             "object": index,
-            "sub": _parse(command.findtext("SubIndex") or "0"),
+            "sub": sub,
             "type": _SET_TYPES[len(data)],
             "value": int.from_bytes(data, "little"),
         }
+
+
+def _needs_sync0(device: ElementTree.Element) -> bool:
+    """Return whether a slave works with SYNC0 only: every mode of operation has it.
+
+    EsiError if it needs more than a SYNC0 in each tick, such as SYNC1, or SYNC0 several times.
+    """
+    modes = device.findall("Dc/OpMode")
+    activations = [_parse(each.findtext("AssignActivate") or "0") for each in modes]
+    if not modes or not all(each & _CYCLIC_SYNC0 == _CYCLIC_SYNC0 for each in activations):
+        return False
+    for mode, activation in zip(modes, activations, strict=True):
+        cycle = mode.find("CycleTimeSync0")
+        factor = 1 if cycle is None else _parse(cycle.get("Factor", "1"))
+        if activation == _CYCLIC_SYNC0 and factor in (0, 1):
+            return True
+    shown = ", ".join(f"{each:#06x}" for each in activations)
+    raise EsiError(
+        f"its modes of operation have AssignActivate {shown}; allowed one with "
+        f"{_CYCLIC_SYNC0:#06x}, SYNC0 once in a cycle, or one without"
+    )
+
+
+def _flag(element: ElementTree.Element, attribute: str) -> bool:
+    return element.get(attribute, "0").strip().lower() in ("1", "true")
+
+
+def _title(device: ElementTree.Element) -> str:
+    names = device.findall("Name")
+    english = [each for each in names if each.get("LcId") in (None, _ENGLISH)]
+    found = next((each.text for each in (*english, *names) if each.text), None)
+    return (found or _type_name(device) or "slave").strip()
+
+
+def _type_name(device: ElementTree.Element) -> str:
+    return (_type(device).text or "").strip()
 
 
 def _type(device: ElementTree.Element) -> ElementTree.Element:

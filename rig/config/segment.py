@@ -21,8 +21,8 @@ ValueType = Literal["bit", "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64",
 
 RESERVED = ("segment", "ethercat")
 """Names of faults of the whole line, and of its cable, at emulated devices."""
-TORQUE_DRIVE, POSITION_DRIVE = "torque drive", "position drive"
-"""Types of devices whose process data are those of the drivers."""
+TORQUE_DRIVE, POSITION_DRIVE, ANY_DRIVE = "torque drive", "position drive", "drive"
+"""Types of devices whose process data are those of the drivers; `ANY_DRIVE`: either."""
 
 
 class ProcessValue(FileModel):
@@ -56,7 +56,7 @@ class SlaveDevice(FileModel):
     """Identity, process data and settings of a slave; a file of `configs/devices`."""
 
     title: str = Field(min_length=1)
-    type: Literal["coupler", "terminal", "torque drive", "position drive"]
+    type: Literal["coupler", "terminal", "torque drive", "position drive", "drive"]
     vendor: Unsigned32
     product: Unsigned32
     revision: Unsigned32 | None = None  # None: any

@@ -17,6 +17,7 @@ from drivers.modbus.registers import BIT_TABLES, MAX_SIZE, REGISTER_COUNT
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
 from rig.config.segment import (
+    ANY_DRIVE,
     POSITION_DRIVE,
     TORQUE_DRIVE,
     Segment,
@@ -426,7 +427,7 @@ class Wiring(FileModel):
         if found is None:
             names = ", ".join(segment.places())
             yield RuleViolation(key, f"no slave has this name; the line has {names}")
-        elif found.device.type != drive.slave_type:
+        elif found.device.type not in (drive.slave_type, ANY_DRIVE):
             message = (
                 f"the slave of this name is a {found.device.type}; allowed a {drive.slave_type}"
             )

@@ -170,7 +170,7 @@ def _align_clocks(service: Service, interface: str, slaves: Slaves, reference: i
                 f"{slave['name']}: its clock is {ns} ns from that of the reference; allowed "
                 f"{_ALIGNED_NS} ns"
                 for slave, ns in zip(slaves, service.clock_differences(), strict=True)
-                if ns is not None and abs(ns) > _ALIGNED_NS
+                if ns is not None and ns > _ALIGNED_NS
             ]
             if not away:
                 return

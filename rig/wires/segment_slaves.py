@@ -1,6 +1,6 @@
 """The slaves of a rig's EtherCAT segment, derived from its wiring: set-up, and the loop's part."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from drivers.cia402.arming import SetupError, SetupStep, in_range, parameter_steps
@@ -19,7 +19,7 @@ from drivers.ethercat.pdo_steps import (
 )
 from drivers.ethercat.synchronisation import sync0_steps
 from drivers.ethercat.terminal import TerminalEntry
-from rig.config.segment import Pdo, Segment, Slave, TerminalBlock
+from rig.config.segment import ObjectSetting, Pdo, Segment, Slave, TerminalBlock
 from rig.config.wiring import Actuator, BlockContent, Drive, TorqueDrive
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess
@@ -87,17 +87,27 @@ def _slave_setup(
         "vendor": vendor,
         "product": product,
         "revision": revision,
-        "steps": [
-            *(_drive_steps(drive) if drive is not None else _terminal_steps(slave)),
-            *(sync0_steps(cycle_ns) if cycle_ns and slave.device.mailbox else ()),
-            *_object_steps(slave),
-        ],
+        "steps": _steps(slave, drive, cycle_ns),
         "sync0_ns": cycle_ns,
         "watchdog_ms": segment.watchdog_ms if drive is not None or slave.device.outputs else 0.0,
         "facts": [] if drive is None else scale_objects(drive),
         "homing": None if drive is None else homing_settings(drive),
         "homes": isinstance(drive, Actuator) and drive.homing,  # before every run
     }
+
+
+def _steps(slave: Slave, drive: Drive | None, cycle_ns: int) -> list[SetupStep]:
+    """Return what is written to a slave, in its order; a later step replaces an earlier one.
+
+    The objects of a drive's device file come first, because an ESI file may have others of those
+    that the drivers need. The rig file's own are last.
+    """
+    device = _object_steps(slave.device.objects)
+    return [
+        *([*device, *_drive_steps(drive)] if drive else [*_terminal_steps(slave), *device]),
+        *(sync0_steps(cycle_ns) if cycle_ns and slave.device.mailbox else ()),
+        *_object_steps(slave.objects),
+    ]
 
 
 def _drive_steps(drive: Drive) -> list[SetupStep]:
@@ -127,10 +137,10 @@ def _terminal_steps(slave: Slave) -> list[SetupStep]:
     return steps
 
 
-def _object_steps(slave: Slave) -> list[SetupStep]:
-    """Return the steps that write the objects of a slave's device file and of the rig file."""
+def _object_steps(objects: Iterable[ObjectSetting]) -> list[SetupStep]:
+    """Return the steps that write objects of a file."""
     steps: list[SetupStep] = []
-    for each in (*slave.device.objects, *slave.objects):
+    for each in objects:
         name = f"{each.object:#06x}:{each.sub}"
         value = in_range(name, each.type, each.value)
         steps.append(SetupStep(each.object, each.sub, each.type, name, value, Access.SET, -1))

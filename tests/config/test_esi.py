@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from drivers.cia402.torque_drive import TORQUE_MODE
 from rig.config.esi import EsiError, read_esi
 from rig.config.pydantic_errors import load
 from rig.config.segment import SlaveDevice
 from rig.kinds.wavebot.config import RigFile
+from rig.kinds.wavebot.hardware.job import build_job
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -160,3 +162,151 @@ def test_a_rig_file_may_name_a_slave_of_an_esi_file(path: Path) -> None:
     assert segment is not None
     assert segment.line[4].device.title == "DI4 4 inputs"
     assert path in locate.files
+
+
+# A drive and terminals with what makers' files have besides: texts in two languages, hidden types,
+# white space, virtual and mandatory PDOs, types of the device's own, truth values of a byte.
+DRIVE = """\
+<?xml version="1.0"?>
+<EtherCATInfo xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" Version="1.2">
+  <Vendor><Id>195890880</Id></Vendor>
+  <Descriptions><Devices>
+    <Device Physics="YY">
+      <Type ProductCode="1281" RevisionNo="#x0a000002">
+        Motor Controller
+      </Type>
+      <HideType RevisionNo="#x0a000001"/>
+      <Name LcId="1031">Antrieb</Name><Name LcId="1033"><![CDATA[Drive]]></Name>
+      <Profile><ProfileNo>402</ProfileNo></Profile>
+      <RxPdo Fixed="true" Sm="2"><Index>#x1600</Index><Name>Outputs</Name>
+        <Entry><Index>#x6040</Index><SubIndex>0</SubIndex><BitLen>16</BitLen>
+          <Name>Controlword</Name><DataType>UINT</DataType></Entry></RxPdo>
+      <Mailbox DataLinkLayer="true"><CoE SdoInfo="true" PdoAssign="false">{command}</CoE></Mailbox>
+      <Dc>{modes}</Dc>
+    </Device>
+    <Device Physics="KK">
+      <Type ProductCode="#x2" RevisionNo="1">Mixed</Type><Name LcId="1031">Gemischt</Name>
+      <Profile><Dictionary><DataTypes>
+        <DataType><Name>DT0800EN16</Name><BaseType>UINT</BaseType><BitSize>16</BitSize></DataType>
+      </DataTypes></Dictionary></Profile>
+      <TxPdo Sm="3" Virtual="1"><Index>#x1a0f</Index><Name>Tool</Name>
+        <Entry><Index>#x1</Index><BitLen>32</BitLen><DataType>UDINT</DataType></Entry></TxPdo>
+      <TxPdo Mandatory="true"><Index>#x1a00</Index><Name>State</Name>
+        <Entry><Index>#x6000</Index><SubIndex>1</SubIndex><BitLen>2</BitLen><Name>Limit</Name>
+          <DataType>BIT2</DataType></Entry>
+        <Entry><Index>#x0</Index><BitLen>6</BitLen><DataType></DataType></Entry>
+        <Entry><Index>#x6000</Index><SubIndex>2</SubIndex><BitLen>8</BitLen><Name>Ready</Name>
+          <DataType>BOOL</DataType></Entry>
+        <Entry><Index>#x6000</Index><SubIndex>3</SubIndex><BitLen>16</BitLen><Name>Range</Name>
+          <DataType>DT0800EN16</DataType></Entry>
+        <Entry><Index>#x6000</Index><SubIndex>4</SubIndex><BitLen>32</BitLen><Name>Time</Name>
+          <DataType>UINT32</DataType></Entry></TxPdo>
+    </Device>
+  </Devices></Descriptions>
+</EtherCATInfo>
+"""
+
+
+def mode(activate: str, cycle: str = "") -> str:
+    return f"<OpMode><Name>x</Name><AssignActivate>{activate}</AssignActivate>{cycle}</OpMode>"
+
+
+def drive(folder: Path, modes: str = "", command: str = "") -> SlaveDevice:
+    file = folder / "drive.xml"
+    file.write_text(DRIVE.replace("{modes}", modes).replace("{command}", command))
+    return device(file, "Motor Controller")
+
+
+def test_a_device_of_profile_402_is_a_drive_whose_process_data_the_drivers_choose(
+    tmp_path: Path,
+) -> None:
+    found = drive(tmp_path)
+    assert (found.title, found.type) == ("Drive", "drive")
+    assert (found.vendor, found.product) == (0x0BAD0EC0, 0x501)
+    assert (found.outputs, found.inputs, found.sync0) == ((), (), False)
+
+
+@pytest.mark.parametrize(
+    ("modes", "needed"),
+    [
+        ("", False),
+        (mode("#x0") + mode("#x300"), False),
+        (mode("#x300") + mode("#x700"), True),
+        (mode("#x0300", '<CycleTimeSync0 Factor="0">0</CycleTimeSync0>'), True),
+        (mode("#x0300", '<CycleTimeSync0 Factor="-10">0</CycleTimeSync0>') + mode("768"), True),
+    ],
+)
+def test_a_slave_without_a_mode_but_sync0_needs_it(
+    tmp_path: Path, modes: str, needed: bool
+) -> None:
+    assert drive(tmp_path, modes).sync0 == needed
+
+
+@pytest.mark.parametrize(
+    ("modes", "shown"),
+    [
+        (mode("#x700"), "0x0700"),
+        (mode("#x730") + mode("#x700"), "0x0730, 0x0700"),
+        (mode("#x300", '<CycleTimeSync0 Factor="-10">0</CycleTimeSync0>'), "0x0300"),
+    ],
+)
+def test_a_slave_that_needs_more_than_one_sync0_in_a_cycle_is_refused(
+    tmp_path: Path, modes: str, shown: str
+) -> None:
+    with pytest.raises(EsiError, match=f"have AssignActivate {shown}; allowed one with 0x0300"):
+        drive(tmp_path, modes)
+
+
+def test_types_of_a_device_and_of_other_tools(tmp_path: Path) -> None:
+    drive(tmp_path)
+    found = device(tmp_path / "drive.xml", "Mixed")
+    assert (found.title, found.mailbox) == ("Gemischt", False)
+    (pdo,) = found.inputs  # not the virtual one
+    assert pdo.pdo == 0x1A00
+    assert [(value.name, value.type, value.count) for value in pdo.values] == [
+        ("", "bit", 2), ("", "bit", 6), ("state_ready", "u8", 1), ("state_range", "u16", 1),
+        ("state_time", "u32", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("data", "what"),
+    [
+        ("00112233445566", "object 0x8000:6 is set with 7 octets at once; allowed 1, 2, 4"),
+        ("0x12", "object 0x8000:6: data '0x12' are no octets"),
+    ],
+)
+def test_an_object_that_cannot_be_set_is_refused(tmp_path: Path, data: str, what: str) -> None:
+    command = (
+        "<InitCmd><Transition> PS </Transition><Index>#x8000</Index><SubIndex>6</SubIndex>"
+        f"<Data>{data}</Data></InitCmd>"
+    )
+    with pytest.raises(EsiError, match=what):
+        drive(tmp_path, command=command)
+
+
+def test_an_entry_longer_than_a_frame_is_refused(path: Path) -> None:
+    path.write_text(ESI.replace("<BitLen>15</BitLen>", "<BitLen>1000000000</BitLen>"))
+    with pytest.raises(EsiError, match="0x0000:0 has 1000000000 bits; allowed 0 to 11888"):
+        read_esi(path, "AI2")
+
+
+def test_a_drive_of_an_esi_file_may_be_either_drive_of_the_rig(tmp_path: Path) -> None:
+    """Its objects come before those of the drivers, which must win: 0x6060 is torque mode."""
+    command = (
+        "<InitCmd><Transition>PS</Transition><Index>#x6060</Index><SubIndex>0</SubIndex>"
+        "<Data>08</Data></InitCmd>"
+    )
+    drive(tmp_path, command=command)
+    text = (CONFIGS / "rigs" / "wavebot_ethercat.yaml").read_text()
+    text = text.replace("extends: wavebot.yaml", f"extends: {CONFIGS / 'rigs' / 'wavebot.yaml'}")
+    for name, kind in (("heave", "torque_drive"), ("stator", "position_drive")):
+        old, new = f"name: {name}, device: {kind}", 'device: "drive.xml#Motor Controller"'
+        assert old in text
+        text = text.replace(old, f"name: {name}, {new}")
+    (tmp_path / "rig.yaml").write_text(text)
+    file, _ = load(tmp_path / "rig.yaml", RigFile)
+    (service,) = (one for one in build_job(file).io_processes if one.name == "ethercat")
+    steps = service.config["slaves"][0]["steps"]
+    modes = [step[4] for step in steps if step[:2] == (0x6060, 0)]
+    assert modes == [8, TORQUE_MODE]

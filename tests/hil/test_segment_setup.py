@@ -1,4 +1,4 @@
-"""What the service process writes to the slaves of a rig file."""
+"""Steps that the service process takes with the slaves of a rig file, in their order."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from benchmarks.support.campaigns import write_yaml
+from drivers.cia402.drive_objects import Access
 from rig.config.problems import ConfigError
 from rig.config.pydantic_errors import load
 from rig.kinds.wavebot.config import RigFile
@@ -50,6 +51,15 @@ def test_a_drive_with_sync0_gets_its_type_and_the_tick_as_cycle(tmp_path: Path) 
     assert config["slaves"][1]["sync0_ns"] == 0
     assert not [each for each in steps(config, 1) if each[0] in (0x1C32, 0x1C33)]
     assert config["pace"] == {"cycle_ns": 1_000_000, "shift_ns": 500_000, "max_ns": 10_000}
+
+
+def test_a_terminal_without_outputs_may_lack_their_list(tmp_path: Path) -> None:
+    config = service_config(tmp_path, {})
+    terminal = config["slaves"][6]["steps"]
+    assert [(step[0], step[1], step[5]) for step in terminal if step[0] == 0x1C12] == [
+        (0x1C12, 0, Access.TRANSIENT)  # tried, and not compared
+    ]
+    assert [step[4] for step in terminal if step[:2] == (0x1C13, 0)] == [0, 2]
 
 
 def test_objects_of_a_drive_come_after_all_others(tmp_path: Path) -> None:

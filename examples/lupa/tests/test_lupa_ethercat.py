@@ -12,15 +12,14 @@ from test_lupa_numbers import LUPA
 from test_lupa_runs import write_campaign
 
 pytestmark = [pytest.mark.realtime, pytest.mark.long(group="EtherCAT")]
-RIG = LUPA / "rigs" / "one_body_ethercat.yaml"
 # A command arrives a tick later than in the rehearsal, and the host loses ticks now and then.
 SHARE, LEAST_W = 0.02, 0.02
 
 
-def wired(folder: Path) -> Path:
+def wired(folder: Path, bodies: str) -> Path:
     """Write the rig with an interface of its own."""
-    path = folder / "wired.yaml"
-    path.write_text(f"extends: {RIG}\nwiring: {{ethercat: {{interface: lup{os.getpid()}}}}}\n")
+    path, base = folder / "wired.yaml", LUPA / "rigs" / f"{bodies}_ethercat.yaml"
+    path.write_text(f"extends: {base}\nwiring: {{ethercat: {{interface: lup{os.getpid()}}}}}\n")
     return path
 
 
@@ -32,13 +31,14 @@ def powers(runs: Path) -> list[dict[str, float]]:
     return [{name: float(row[f"{name} [W]"]) for name in names} for row in rows]
 
 
-def test_powers_are_those_of_the_rehearsal(rig: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("bodies", ["one_body", "two_body"])
+def test_powers_are_those_of_the_rehearsal(rig: Any, tmp_path: Path, bodies: str) -> None:
     pytest.importorskip("pysoem")
     if problem := cable_problem("luptest"):
         pytest.skip(problem)
     timing = {"settle_s": 5, "interval_s": 10}
-    path = write_campaign(tmp_path, "one_body", start={"lead_in_s": 15}, timing=timing)
-    done = rig("run", path, "--rig", wired(tmp_path), "--runs", tmp_path / "wired", "--sim")
+    path = write_campaign(tmp_path, bodies, start={"lead_in_s": 15}, timing=timing)
+    done = rig("run", path, "--rig", wired(tmp_path, bodies), "--runs", tmp_path / "wired", "--sim")
     assert done.returncode == 0, done.stdout + done.stderr
     rehearsed = rig("run", path, "--runs", tmp_path / "rehearsed")
     assert rehearsed.returncode == 0, rehearsed.stdout + rehearsed.stderr

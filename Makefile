@@ -89,14 +89,17 @@ compiled: setup
 
 test: setup
 	@$(MAKE) --no-print-directory --jobs 2 lint compiled
-	@rm -f $(FLAKY); mkdir -p .pytest_cache
+	@rm -rf $(FLAKY) .pytest_cache/with*_clock; mkdir -p .pytest_cache
 	@echo "tests in real time; the others at the same time, their output follows below"; \
 	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
 	trap "kill $$others 2>/dev/null" EXIT; \
-	$(PYTEST) $(WITH_CLOCK) -n 1; with_clock=$$?; \
+	two=popen; ! eval "$$OWN_NETWORK true" || two="2*popen//python=$$OWN_NETWORK $(BIN)/python"; \
+	$(PYTEST) $(PAIRED) --tx "$$two" --dist worksteal; paired=$$?; \
+	$(PYTEST) $(ALONE) -n 1; alone=$$?; \
 	wait $$others; without_clock=$$?; cat $(LOG); \
 	[ $$without_clock -eq 0 ] || $(PYTEST) $(WITHOUT_CLOCK) $(SECOND_TRY); without_clock=$$?; \
-	[ $$with_clock -eq 0 ] || $(PYTEST) $(WITH_CLOCK) $(SECOND_TRY) && [ $$without_clock -eq 0 ]
+	[ $$paired -eq 0 ] || $(PYTEST) $(PAIRED) $(SECOND_TRY); paired=$$?; \
+	[ $$alone -eq 0 ] || $(PYTEST) $(ALONE) $(SECOND_TRY) && [ $$paired$$without_clock = 00 ]
 	@if [ -s $(FLAKY) ]; then echo "FLAKY TESTS (failed once, then passed alone):"; cat $(FLAKY); fi
 
 test-long: LONG := all

@@ -27,6 +27,7 @@ for _number, _default in (
 
 PARTS = 5  # a run of the test command takes one in so many of the long and of the sampled tests
 COSTLY = "costly_files.txt"
+STREAMS = ("paired", "realtime")  # of the tests in real time: two at a time, or alone
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 
 
@@ -83,24 +84,51 @@ def _place(seed: str, name: str) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed}:{name}".encode()).digest()[:8], "big")
 
 
-def _in_part(item: pytest.Item, seed: str) -> bool:
-    """Return whether a long test is chosen; tests with one ``group`` share a run and the choice."""
-    (marker, *_) = item.iter_markers("long")
-    return _place(seed, marker.kwargs.get("group", item.nodeid)) % PARTS == 0
+def _stream(item: pytest.Item) -> str:
+    """Return which tests run with a test: in real time two by two or alone, or none of these."""
+    names = [name for name in STREAMS if item.get_closest_marker(name)]
+    return names[0] if names else ""
 
 
-def _costly_left_out(root: Path, seed: str) -> frozenset[str]:
-    """Return the costly files that this run leaves out: all but one of `PARTS` equal parts."""
+def _costly_left_out(root: Path, items: list[pytest.Item], seed: str) -> list[pytest.Item]:
+    """Return the tests of costly files that are left out: all but one of `PARTS` equal parts.
+
+    Parts are equal in processor time, and those of tests in real time in their duration.
+    """
     lines = (root / "tests" / COSTLY).read_text().splitlines()
-    costs = sorted((line.split() for line in lines if line[:1] != "#"), key=lambda c: -int(c[0]))
-    parts: list[list[str]] = [[] for _ in range(PARTS)]
-    seconds = [0] * PARTS
-    for cost, file in costs:  # the dearest first, each to the part that has least
-        at = seconds.index(min(seconds))
-        parts[at].append(file)
-        seconds[at] += int(cost)
+    files = [line.split() for line in lines if line[:1] != "#"]
     chosen = _place(seed, COSTLY) % PARTS
-    return frozenset(file for i, part in enumerate(parts) if i != chosen for file in part)
+    left_out = set()
+    for column, in_real_time in enumerate((False, True)):
+        seconds = [0] * PARTS
+        for file in sorted(files, key=lambda file: -int(file[column])):
+            at = seconds.index(min(seconds))  # the dearest first, each to the part that has least
+            seconds[at] += int(file[column])
+            if at != chosen:
+                left_out.add((file[-1], in_real_time))
+    return [
+        item for item in items if (item.nodeid.partition("::")[0], _stream(item) != "") in left_out
+    ]
+
+
+def _long_left_out(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
+    """Return the long tests that are left out: of each `PARTS` by name all but one.
+
+    Tests with one ``group`` share a run and count as one. Each stream counts alone: more tests of
+    it than its share would take minutes.
+    """
+    units: dict[tuple[str, str], list[pytest.Item]] = {}
+    for item in items:
+        if marker := item.get_closest_marker("long"):
+            unit = _stream(item), marker.kwargs.get("group", item.nodeid)
+            units.setdefault(unit, []).append(item)
+    first = _place(seed, "long") % PARTS
+    left_out = []
+    for stream in ("", *STREAMS):
+        names = sorted(unit for unit in units if unit[0] == stream)
+        for name in {*names} - {*names[first::PARTS]}:
+            left_out += units[name]
+    return left_out
 
 
 def _unsampled(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
@@ -133,17 +161,14 @@ def pytest_report_header(config: pytest.Config) -> str | None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect the long and sampled tests that this run leaves out."""
     which = config.getoption("--long")
-    if which == "all":
+    if which == "all" or config.getoption("--second-try"):  # all tests that failed were chosen
         return
     seed = _seed(config)
-    files = _costly_left_out(config.rootpath, seed)
-    left_out = {
-        item
-        for item in items
-        if item.nodeid.partition("::")[0] in files
-        or (item.get_closest_marker("long") and (which == "none" or not _in_part(item, seed)))
-    }
-    left_out.update(_unsampled([item for item in items if item not in left_out], seed))
+    left_out = set(_costly_left_out(config.rootpath, items, seed))
+    if which == "none":
+        left_out.update(item for item in items if item.get_closest_marker("long"))
+    for unchosen in (_long_left_out, _unsampled):
+        left_out.update(unchosen([item for item in items if item not in left_out], seed))
     config.hook.pytest_deselected(items=list(left_out))
     items[:] = [item for item in items if item not in left_out]
 

@@ -1,4 +1,4 @@
-"""Slaves that come back after a lost segment: the next run brings them up, and nothing else does."""
+"""Slaves that come back after a lost segment: the next run brings them up, and nothing before."""
 
 from __future__ import annotations
 

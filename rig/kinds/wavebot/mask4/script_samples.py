@@ -21,8 +21,7 @@ import numpy as np
 from rig.kinds.wavebot.mask4.fields import SAMPLE_RATE
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.state import RecordCheck
-from rig.recording.runs.windows import ExcludedRows, Window, read_windows
+from rig.recording.runs.windows import Window, complete_windows
 from rig.spectra.periods import Flags, Floats, Ticks
 
 LEAD_S = 120.0
@@ -121,20 +120,16 @@ def _complete_rows(
     run: Path, source: reader.RunFiles, data: dict[str, Any], plan: dict[str, Any]
 ) -> tuple[list[_RowSpan], list[str]]:
     """Return the last complete attempt of each row in order of time, and remarks on the others."""
-    reading, rows = RecordCheck(source.contents, source.damage), ExcludedRows()
     ticks, moving = data["tick"], data["plan.phase"] == Phase.MOVING
     labels = (data["plan.row"], data["plan.attempt"], moving)
     changed = np.any([values[1:] != values[:-1] for values in labels], axis=0)
     edges = np.array([ticks[0], *ticks[1:][changed], ticks[-1] + 1])
-    spans: dict[int, _RowSpan] = {}
-    for window in read_windows(source, ["time"], plan, reading=reading):
-        if window.row != NO_ROW and rows.accept(window):
-            spans[window.row] = _row_span(window, edges)
-    messages = list(rows.messages(plan, reading.state(run)))
+    windows, messages = complete_windows(run, source, ["time"], plan, incomplete_rows=False)
+    spans = {each.row: _row_span(each, edges) for each in windows if each.row != NO_ROW}
     if not spans:
         reasons = "".join(f"; {message}" for message in messages)
         raise RunError(f"{run}: no completely measured row for the scripts of the test{reasons}")
-    return sorted(spans.values(), key=lambda span: span.begin), messages
+    return sorted(spans.values(), key=lambda span: span.begin), [*messages]
 
 
 def _row_span(window: Window, edges: Ticks) -> _RowSpan:

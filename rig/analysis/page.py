@@ -148,8 +148,8 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         text = "Other columns of the best points at the other stations: see summary.txt"
         _note(figure, _LEFT, y, text)
         y -= 0.0135
-    if summary.flatness_text:
-        _note(figure, _LEFT, y, summary.flatness_text)
+    if summary.caveat_text:
+        _note(figure, _LEFT, y, summary.caveat_text)
         y -= 0.0135
     return y - 0.008
 

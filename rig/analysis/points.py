@@ -134,7 +134,8 @@ def _point(
             error[name], dof[name] = standard_error(means), len(means) - 1.0
         else:
             error[name] = float(columns[f"power_{name}_se"][rows[0]])
-            dof[name] = float(columns["periods"][rows[0]]) - 1.0 if "periods" in columns else 0.0
+            periods = float(columns["periods"][rows[0]]) if "periods" in columns else 0.0
+            dof[name] = periods - 1.0 if periods >= 2.0 else np.inf  # an error from elsewhere
     return Point(
         setting, power, error, tuple(columns["row"][rows].tolist()), actuator, dof, by_seed
     )

@@ -34,13 +34,14 @@ def difference(point: Point, best: Point, name: str) -> tuple[float, float]:
         pairs = np.array([point.by_seed[s][name] - best.by_seed[s][name] for s in seeds])
         return float(pairs.mean()), half_width(standard_error(pairs), len(pairs) - 1)
     variances = np.array([each.error[name] ** 2 for each in (point, best)])
-    dofs = np.array([each.dof.get(name, 0.0) for each in (point, best)])
+    dofs = np.array([each.dof.get(name, np.inf) for each in (point, best)])
     watts, variance = point.power[name] - best.power[name], float(variances.sum())
     if not np.isfinite(variance) or not (dofs > 0).all():
         return watts, float("nan")
     if variance == 0.0:
         return watts, 0.0
-    return watts, half_width(np.sqrt(variance), variance**2 / float(np.sum(variances**2 / dofs)))
+    spread = float(np.sum(variances**2 / dofs))
+    return watts, half_width(np.sqrt(variance), variance**2 / spread if spread else np.inf)
 
 
 def not_worse(points: Iterable[Point], best: Point, name: str) -> tuple[Point, ...] | None:

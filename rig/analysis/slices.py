@@ -75,7 +75,7 @@ _MIN_LEVELS = 3  # of a column, so that a level can lie inside its range
 
 WITHIN_ERRORS = "within errors"
 WITHIN_SHARE = f"within {100.0 * NEGLIGIBLE_SHARE:g} %"
-UNDECIDED = "undecided: no standard error"
+UNDECIDED = "undecided"
 _NO_SPREAD = "differences within errors"
 
 

@@ -179,7 +179,18 @@ class Summary(NamedTuple):
         return f", ± standard error by {source}" if source else ""
 
     @property
-    def flatness_text(self) -> str:
+    def caveat_text(self) -> str:
+        """Explanation of remarks that power does not differ, or may not; empty without any."""
+        alike = [optimum for optimum in self.optima if not optimum.flat]
+        texts = [self._flatness_text]
+        if any(optimum.alike is None for optimum in alike):
+            texts.append("Undecided: a standard error is unknown (one period, no repetition)")
+        if any(optimum.alike for optimum in alike):
+            texts.append(f"Alike: not different at {100.0 * CONFIDENCE:g} %")
+        return ". ".join(filter(None, texts))
+
+    @property
+    def _flatness_text(self) -> str:
         """Explanation of remarks that power does not differ; empty without such a remark."""
         remarks = {optimum.flat for optimum in self.optima} - {""}
         if any(optimum.without_effect for optimum in self.optima):
@@ -372,7 +383,7 @@ def _result_lines(summary: Summary) -> list[str]:
             lines.append(f"  {'':<32} {further}")
         if alike := alike_text(optimum, summary.main):
             lines.append(f"  {'':<32} {alike}")
-    if note := summary.flatness_text:
+    if note := summary.caveat_text:
         lines.append(f"  {note}")
     if not summary.optima:
         lines.append("  no complete row")

@@ -16,10 +16,12 @@ from rig.analysis.rows import NOT_RUN, column_units, motion_fields, reduce_windo
 from rig.campaign.equal_rows import EqualRows, find_equal_rows
 from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.kind import AnyCampaign, AnyPlan
+from rig.config.law_settings import shown_columns, value_text
 from rig.config.problems import Problem
 from rig.planning.windows import repeat_period
 from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
+from rig.presentation.phrases import unit_text
 from rig.realtime.reasons import Reason
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import Window
@@ -77,11 +79,18 @@ class SimulatedRows(NamedTuple):
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """The columns of the matrix that a table shows: the main ones, and those that vary."""
+        """The columns of the matrix that a table shows.
+
+        They are the main ones, those of the laws among which rows choose, and those that vary.
+        """
+        choices = [each for each in self.campaign.axis_laws.values() if each.law.parts]
+        chosen = {each.name for each in shown_columns(choices, self.rows)}
         return tuple(
             each
             for each in self.contents.columns
-            if each.role in (PANEL, X, Y) or len({row[each.name] for row in self.rows}) > 1
+            if each.role in (PANEL, X, Y)
+            or each.name in chosen
+            or len({row[each.name] for row in self.rows}) > 1
         )
 
     @property
@@ -127,7 +136,7 @@ class SimulatedRows(NamedTuple):
     def show(self, *, every_row: bool) -> None:
         """Print the rows as a table, the first ones or all."""
         console, numbers, columns = table_console(), self.numbers, self.columns
-        headings = [(each.heading or each.label, each.unit) for each in columns]
+        headings = [(each.heading or each.label, unit_text(each.unit)) for each in columns]
         powers = {f"power_{each.name}": each.heading for each in self.contents.stations}
         for name in numbers:  # others than these two are ranges
             heading = _MOTION.get(name) or powers.get(name)
@@ -144,8 +153,9 @@ class SimulatedRows(NamedTuple):
             padding=(0, 1, 0, 0),
             **style,
         )
+        axis_laws = self.campaign.axis_laws.values()
         for row in rows:
-            values = [f"{row[each.name]:g}" for each in columns]
+            values = [value_text(axis_laws, each, row) for each in columns]
             if row["state"] == NOT_RUN:
                 values += ["-"] * len(numbers)
             else:

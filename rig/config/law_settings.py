@@ -1,5 +1,6 @@
 """The `law` key of a campaign or rig file: a law by name or path, and its parameters."""
 
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -12,6 +13,8 @@ from rig.config.matrix import KindColumns
 from rig.config.model import FileModel, TupleOf
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import KeyPath, SourceMap
+from rig.law_choice import CHOICE
+from rig.row_contents import Column
 
 DEFAULT_LAW = "impedance"
 IMPEDANCE = laws.own(DEFAULT_LAW)
@@ -31,6 +34,58 @@ class AxisLaw(NamedTuple):
     def set_point(self, values: Any) -> Any:
         """Return the law's SetPoint from an object with an attribute for each column's name."""
         return self.law.module.SetPoint(*(getattr(values, each.name) for each in self.columns))
+
+    @property
+    def needed_columns(self) -> tuple[LawColumn, ...]:
+        """The columns that rows of each law need, and that of the choice among several."""
+        parts = (each for law in self.law.members for each in law.columns)
+        return self._with_keys({CHOICE, *(each.key for each in parts if each.default is None)})
+
+    def columns_in_force(self, values: Mapping[str, Any]) -> tuple[LawColumn, ...]:
+        """Return the columns of the law that acts at a set point, and that of the choice.
+
+        ``values`` of the set point by name of the column.
+        """
+        if not self.law.parts:
+            return self.columns
+        (choice,) = self._with_keys({CHOICE})
+        law = self.law.parts[int(values[choice.name])]
+        return self._with_keys({CHOICE, *(each.key for each in law.columns)})
+
+    def _with_keys(self, own: set[str]) -> tuple[LawColumn, ...]:
+        """Return the columns that the law itself has by these keys."""
+        pairs = zip(self.law.columns, self.columns, strict=True)
+        return tuple(each for column, each in pairs if column.key in own)
+
+
+def shown_columns(
+    axis_laws: Iterable[AxisLaw], rows: Iterable[Mapping[str, Any]]
+) -> tuple[LawColumn, ...]:
+    """Return the columns that a table of rows shows: those that any row's law needs.
+
+    ``rows``: set points by name of the column.
+    """
+    return tuple(
+        column
+        for law in axis_laws
+        for column in law.needed_columns
+        if any(column in law.columns_in_force(row) for row in rows)
+    )
+
+
+def value_text(
+    axis_laws: Iterable[AxisLaw], column: Column | LawColumn, values: Mapping[str, Any]
+) -> str:
+    """Return the value of a set point in a column as text: a name, if it has names.
+
+    "-" where the law that acts has no such column. ``values`` by name of the column.
+    """
+    for law in axis_laws:
+        acting = {each.name for each in law.columns_in_force(values)}
+        if column.name in {each.name for each in law.columns} - acting:
+            return "-"
+    value = values[column.name]
+    return column.choices[int(value)] if column.choices else f"{value:g}"
 
 
 class TransferFunction(FileModel):

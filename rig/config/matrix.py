@@ -71,16 +71,16 @@ class KindColumns:
     law_details: Mapping[str, dict[str, Any]]  # further fields of a law's columns by key
 
     @property
-    def _leading(self) -> tuple[Column, ...]:
-        return () if self.first is None else (self.first,)
-
-    @property
     def actuator(self) -> Column | None:
         """The position of the device that moves between rows for the first column."""
         return None if self.first is None else self.first.actuator
 
     def with_law(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
         """Return the columns of a matrix: the first, those of the law, the others."""
+        return (*self.first_and(law_columns), *self.others)
+
+    def first_and(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
+        """Return the first column, if there is one, and columns of the law."""
         from_law = (
             Column(
                 each.key,
@@ -93,18 +93,15 @@ class KindColumns:
             )
             for each in law_columns
         )
-        return (*self._leading, *from_law, *self.others)
+        return (*(() if self.first is None else (self.first,)), *from_law)
 
     def required(self, law_columns: Iterable[LawColumn]) -> tuple[Column, ...]:
         """Return the columns of every matrix: the first, and the law's without a default."""
-        law_columns = tuple(law_columns)
-        needed = {each.key for each in law_columns if each.default is None}
-        needed |= {each.key for each in self._leading}
-        return tuple(each for each in self.with_law(law_columns) if each.key in needed)
+        return self.first_and(each for each in law_columns if each.default is None)
 
     def problems(self, law_columns: Iterable[LawColumn]) -> tuple[str, ...]:
         """Return the clashes of a law's columns with the other columns of a matrix."""
-        own = (*self._leading, *self.others)
+        own = self.with_law(())
         taken = {each.key for each in own} | {each.name for each in own} | _ROW_TABLE_NAMES
         if self.actuator is not None:
             taken.add(self.actuator.name)

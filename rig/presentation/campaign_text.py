@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from rig.config.law_settings import AxisLaw, value_text
 from rig.log_fields import label_of
 from rig.presentation.phrases import phase_text, plan_end_text, unit_text
 from rig.realtime.sequence import NO_ROW, Phase
@@ -32,8 +33,13 @@ def fields_text(
     )
 
 
-def row_text(plan: Any, log_row: LogRow, columns: Iterable[Column]) -> str:
-    """Return number, phase and set point of the row in progress; ``columns``: those shown."""
+def row_text(
+    plan: Any, log_row: LogRow, columns: Iterable[Column], axis_laws: Iterable[AxisLaw] = ()
+) -> str:
+    """Return number, phase and set point of the row in progress.
+
+    ``columns``: those shown, without those that the row's ``axis_laws`` do not have.
+    """
     row = int(log_row["plan.row"])
     phase = Phase(int(log_row["plan.phase"]))
     count = len(plan.rows)
@@ -43,15 +49,21 @@ def row_text(plan: Any, log_row: LogRow, columns: Iterable[Column]) -> str:
         return f"{phase_text(phase)}   set point {int(log_row['plan.live'])}"
     if row == NO_ROW:
         return f"- of {count}   {phase_text(phase)}"
-    setting, shown = plan.rows[row].setting, tuple(columns)
-    values = set_point_text(shown, {each.name: getattr(setting, each.name) for each in shown})
-    return f"{row} ({row + 1} of {count})   {phase_text(phase)}   {values}"
+    values = plan.rows[row].setting._asdict()
+    text = set_point_text(columns, values, axis_laws)
+    return f"{row} ({row + 1} of {count})   {phase_text(phase)}   {text}"
 
 
-def set_point_text(columns: Iterable[Column], values: Mapping[str, float]) -> str:
-    """Return labels, values and units of a set point; ``values``: by name of the column."""
+def set_point_text(
+    columns: Iterable[Column], values: Mapping[str, float], axis_laws: Iterable[AxisLaw] = ()
+) -> str:
+    """Return labels, values and units of a set point; ``values``: by name of the column.
+
+    Columns that the ``axis_laws`` that act do not have are left out.
+    """
+    texts = ((each, value_text(axis_laws, each, values)) for each in columns)
     return "   ".join(
-        f"{each.label} {values[each.name]:g} {unit_text(each.unit)}".strip() for each in columns
+        f"{each.label} {text} {unit_text(each.unit)}".strip() for each, text in texts if text != "-"
     )
 
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import namedtuple
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -197,7 +198,7 @@ def test_a_line_shows_the_power_of_the_previous_row(
     """A line comes when a row is finished, and shows its power, seen last in its measurement."""
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
-    setting = SimpleNamespace(kp=-2000.0, ki=0.0, spring_rate=490.9)
+    setting = namedtuple("Setting", "kp ki spring_rate")(-2000.0, 0.0, 490.9)
     rows = (SimpleNamespace(setting=setting),) * 2
     plan = SimpleNamespace(
         rows=rows, duration=60.0, wave_seconds=50.0, axis_laws=CampaignFile.axis_laws

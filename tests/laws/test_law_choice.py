@@ -16,8 +16,12 @@ from rig_command import rig_here
 from controllers import impedance, latching, nonlinear_damping
 from controllers.signals import Estimate
 from rig import laws
-from rig.analysis.rows import row_table
+from rig.analysis.rows import NOT_RUN, row_table
+from rig.campaign.simulated_rows import SimulatedRows
 from rig.kinds.rig_file import kind_of_task
+from rig.kinds.wavebot.display import plan_position
+from rig.kinds.wavebot.row_contents import row_contents
+from rig.realtime.sequence import Phase
 
 DT = 1e-3  # s
 RAMP = 0.2  # s
@@ -179,6 +183,68 @@ def test_rows_choose_their_law(tmp_path: Path) -> None:
     assert [each["name"] for each in recorded] == ["impedance", "own", "nonlinear damping"]
     _, out, _ = rig_here("show", run)
     assert "law impedance" in out
+
+
+DAMPER = """
+from typing import NamedTuple
+from controllers import impedance
+from controllers.law import Column
+from controllers.signals import Demand
+
+COLUMNS = (Column("c_n_s_per_m", "c", "N*s/m", "c", 0.0, 20_000.0, "Damping."),)
+PARAMETERS = ()
+
+class SetPoint(NamedTuple):
+    c: float
+
+Params, State, params, start = impedance.Params, impedance.State, impedance.params, impedance.start
+
+def step(params, state, setpoint, motion, reference, deficit, dt):
+    gains = impedance.SetPoint(-setpoint.c, 0.0, 0.0)
+    return impedance.step(params, state, gains, motion, reference, deficit, dt)
+
+def linear(params, setpoint, omega):
+    return complex(-setpoint.c)
+"""
+
+
+def test_a_check_shows_the_columns_of_all_laws(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each row has its own law's values, and none of the others; so has the panel of a run."""
+    (tmp_path / "damper.py").write_text(DAMPER)
+    path = tmp_path / "laws.yaml"
+    row = "spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0"
+    path.write_text(
+        f"extends: {CONFIGS / 'campaigns' / 'quick.yaml'}\nname: laws\n"
+        "law: {use: [impedance, ./damper.py, latching], hold_stiffness_n_per_m: 1e5, "
+        "hold_damping_n_s_per_m: 1e4}\nmatrix:\n  grid: null\n  list:\n"
+        f"    - {{{row}}}\n    - {{{row}, law: damper, c_n_s_per_m: 1500}}\n"
+    )
+    code, out, _ = rig_here("check", path, "--rows")
+    assert code == 0, out
+
+    def cells(text: str) -> dict[str, list[str]]:
+        return {line.split()[0]: line.split()[1:6] for line in text.splitlines() if line.strip()}
+
+    settings = {
+        "row": ["spring", "Kp", "Ki", "c", "law"],  # no row is latched
+        "0": ["490.9", "-2000", "0", "-", "impedance"],
+        "1": ["490.9", "-", "-", "1500", "damper"],
+    }
+    predicted = cells(out[out.index("All 2 rows") :])
+    assert {key: predicted[key] for key in settings} == settings
+    report = kind_of_task(path).room("tasks").examine(path)
+    contents = row_contents(report.campaign.file.law_columns())
+    results = {"state": NOT_RUN, "incomplete_reason": "", "warned": "", "limits": "", "flags": ""}
+    found = tuple({"row": i, **each.row.setting._asdict(), **results}
+                  for i, each in enumerate(report.prediction.rows))  # fmt: skip
+    units = dict.fromkeys(SimulatedRows(report.campaign, 2, found, "", contents, {}).numbers, "m")
+    SimulatedRows(report.campaign, 2, found, "PLAN_END", contents, units).show(every_row=True)
+    simulated = cells(capsys.readouterr().out)
+    assert {key: simulated[key] for key in settings} == settings
+    _, text = plan_position(report.plan, {"plan.row": 1, "plan.phase": int(Phase.MEASURE)})
+    assert text.endswith("c 1500 N·s/m   law damper   spring rate 490.9 N/m")
 
 
 @pytest.mark.parametrize(

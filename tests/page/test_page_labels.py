@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -61,7 +62,7 @@ def test_motion_and_powers_of_a_campaign(recorded: Path) -> None:
 def test_set_points_of_a_campaign(recorded: Path) -> None:
     found, plan = described(recorded), run_info(recorded).plan
     columns = [c for c in columns_from_records(plan["columns"]) if c.role in ("panel", "x", "y")]
-    setting = SimpleNamespace(**plan["rows"][0])
+    setting = namedtuple("Setting", plan["rows"][0])(**plan["rows"][0])
     task = SimpleNamespace(rows=[SimpleNamespace(setting=setting)])
     row = {"plan.row": 0, "plan.phase": int(Phase.MEASURE), "safety.reason": 0}
     text = row_text(task, row, columns)

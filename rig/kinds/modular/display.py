@@ -32,8 +32,9 @@ def show_report(report: CheckReport, *, every_row: bool) -> None:
 
 def plan_position(plan: Any, row: LogRow) -> tuple[str, str]:
     """Return a label and the text of the position in the plan."""
-    gains = [column for each in plan.axis_laws.values() for column in each.columns]
-    return "row", row_text(plan, row, COLUMNS.required(gains))
+    laws = plan.axis_laws.values()
+    columns = COLUMNS.first_and(column for each in laws for column in each.needed_columns)
+    return "row", row_text(plan, row, columns, laws)
 
 
 def detail_lines(plan: Any, row: LogRow, measured: LogRow) -> list[tuple[str, str]]:

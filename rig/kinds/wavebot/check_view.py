@@ -12,6 +12,7 @@ from rich.text import Text
 from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
 from rig.campaign.simulated_rows import show_equal_rows
+from rig.config.law_settings import AxisLaw, shown_columns, value_text
 from rig.config.problems import Problem
 from rig.design.margin import tightest
 from rig.kinds.wavebot.predictions.prediction import (
@@ -21,7 +22,7 @@ from rig.kinds.wavebot.predictions.prediction import (
 )
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.presentation.console import WIDTH, plain_table, table_console
-from rig.presentation.phrases import count_text, format_duration
+from rig.presentation.phrases import count_text, format_duration, unit_text
 from rig.stations import shown
 
 ROWS_SHOWN = 8  # without --rows
@@ -90,7 +91,7 @@ class CheckView:
     def _print_spring_rates(self, forecast: Prediction) -> set[int]:
         """Print a line for each spring rate, and return the points that are refused."""
         refused = {row.row.point for row in forecast.rows if any(row.blocking())}
-        columns = _law_columns(forecast)
+        law, columns = forecast.campaign.axis_laws["heave"], _law_columns(forecast)
         stations = shown(PREDICTED_STATIONS)
         stations = stations if self._console.width >= WIDTH else stations[1:]
         table = _table(
@@ -109,7 +110,10 @@ class CheckView:
                 str(len(rows)),
                 _range_text([row.predicted.position_peak for row in rows], ".3f"),
                 _range_text([row.predicted.current_peak for row in rows], ".1f"),
-                *(_best_text(allowed, f"power_{station.name}", columns) for station in stations),
+                *(
+                    _best_text(allowed, f"power_{station.name}", law, columns)
+                    for station in stations
+                ),
             )
         self._console.print()
         self._console.print(table)
@@ -127,10 +131,10 @@ class CheckView:
             rows = sorted(rows, key=lambda row: -tightest(row.margins).used)[:ROWS_SHOWN]
             title = f"The {ROWS_SHOWN} of {len(forecast.rows)} rows nearest to a limit"
         caption = "--rows shows all" if len(rows) < len(forecast.rows) else ""
-        law = _law_columns(forecast)
+        law, law_columns = forecast.campaign.axis_laws["heave"], _law_columns(forecast)
         columns = [
             *_LEADING_COLUMNS,
-            *((each.label, each.unit.replace("*", " ")) for each in law),
+            *((each.label, unit_text(each.unit)) for each in law_columns),
             *_varying_columns(forecast.rows),
             *_RESULT_COLUMNS,
         ]
@@ -140,7 +144,7 @@ class CheckView:
             kept = [(name, unit) for name, unit in columns if name not in left_out]
             table = _table(title, caption, kept, "most used\n")
             for row in shown_rows:
-                cells = _cells(row, law)
+                cells = _cells(row, law, law_columns)
                 style = "red" if row.row.point in refused else ""
                 table.add_row(*(cells[name] for name, _ in kept), _most_used_text(row), style=style)
             return table
@@ -186,9 +190,10 @@ def _table(title: str, caption: str, columns: Iterable[tuple[str, str]], *last: 
     return plain_table(*headings, *last, title=text, padding=(0, 1, 0, 0), **style)
 
 
-def _law_columns(forecast: Prediction) -> list[LawColumn]:
-    """Return the columns of the law that every matrix has."""
-    return [column for column in forecast.campaign.file.heave_law.columns if column.default is None]
+def _law_columns(forecast: Prediction) -> tuple[LawColumn, ...]:
+    """Return the columns that rows of the law need; of several laws those that any row has."""
+    settings = [each.row.setting._asdict() for each in forecast.rows]
+    return shown_columns([forecast.campaign.axis_laws["heave"]], settings)
 
 
 def _varying_columns(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
@@ -201,13 +206,13 @@ def _varying_columns(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
     ]
 
 
-def _cells(prediction: RowPrediction, law: list[LawColumn]) -> dict[str, str]:
+def _cells(prediction: RowPrediction, law: AxisLaw, columns: Iterable[LawColumn]) -> dict[str, str]:
     """Return the cells of a row by column name."""
     predicted, setting = prediction.predicted, prediction.row.setting
     return {
         "row": str(prediction.row.row) if prediction.row.row >= 0 else "lead-in",
         "spring": f"{setting.spring_rate:g}",
-        **{each.label: f"{getattr(setting, each.name):g}" for each in law},
+        **{each.label: value_text([law], each, setting._asdict()) for each in columns},
         **{
             label: f"{getattr(setting, name, 0.0):g}"
             for name, (label, _) in _VARYING_COLUMNS.items()
@@ -239,13 +244,20 @@ def _range_text(values: list[float], digits: str) -> str:
     return low if low == high else f"{low}-{high}"
 
 
-def _best_text(rows: list[RowPrediction], field: str, law: list[LawColumn]) -> str:
+def _best_text(
+    rows: list[RowPrediction], field: str, law: AxisLaw, columns: Iterable[LawColumn]
+) -> str:
     if not rows:
         return "-"
     best = min(rows, key=lambda row: float(getattr(row.predicted, field)))
-    power, setting = getattr(best.predicted, field), best.row.setting
-    gains = {tuple(getattr(row.row.setting, each.name) for each in law) for row in rows}
-    label = ["/".join(f"{getattr(setting, each.name):g}" for each in law)]
+    power = getattr(best.predicted, field)
+
+    def gains_text(row: RowPrediction) -> str:
+        values = row.row.setting._asdict()
+        return "/".join(value_text([law], each, values) for each in columns)
+
+    gains = {gains_text(row) for row in rows}
+    label = [gains_text(best)]
     if len({row.row.point for row in rows}) > len(gains):  # other settings vary, too
         label = [*(label if len(gains) > 1 else []), f"row {best.row.row}"]
     return f"{power:.1f} at {', '.join(label)}"

@@ -73,8 +73,9 @@ def plan_position(plan: Plan, row: LogRow) -> tuple[str, str]:
     """Return a label and the text of the position in the plan."""
     if not plan.rows:
         return "waves", _waves_text(plan, row)
-    spring, *gains = COLUMNS.required(plan.axis_laws["heave"].columns)
-    return "row", row_text(plan, row, (*gains, spring))
+    law = plan.axis_laws["heave"]
+    spring, *gains = COLUMNS.first_and(law.needed_columns)
+    return "row", row_text(plan, row, (*gains, spring), [law])
 
 
 def detail_lines(plan: Plan, row: LogRow, measured: LogRow) -> list[tuple[str, str]]:

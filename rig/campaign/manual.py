@@ -19,7 +19,7 @@ from rig.config.matrix import law_column_type
 from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.yaml_source import load_mapping
 from rig.people import set_points
-from rig.people.set_points import Amplitude, Checked, KeptRows, LiveSet, Row, field_range
+from rig.people.set_points import Amplitude, Checked, Kept, KeptRows, LiveSet, Row, field_range
 from rig.planning.input_files import ConfigSource, load_named_source
 from rig.processes.run_types import Task
 from rig.realtime import axis
@@ -28,6 +28,11 @@ from rig.realtime.sequence import MEASURE
 from rig.row_contents import Column
 
 Examine = Callable[[Path], CheckReport]
+_SIGNAL_KEYS = {
+    "sine": ("amplitude", "frequency_hz"),
+    "step": ("amplitude",),
+    "chirp": ("amplitude", "frequency_hz", "end_frequency_hz", "sweep_s"),
+}
 
 
 def write_task(
@@ -200,9 +205,16 @@ class ManualSetPoints:
                         f"from the set point before is at its place, at most {self.moving_s:g} s"
                     )
 
-    def keep(self, chosen: LiveSet, comment: str) -> str:
-        """Append a set point to the file of kept rows, a campaign; return its path."""
-        return self._kept.add(chosen.values, comment)
+    def keep(self, chosen: LiveSet, comment: str) -> Kept:
+        """Append a set point to the file of kept rows, a campaign, without its signal."""
+        signal = chosen.signal
+        if signal["kind"] == "none" or signal["amplitude"] == 0.0:
+            return Kept(self._kept.add(chosen.values, comment))
+        shown = [each for each in self._signal if each["key"] in _SIGNAL_KEYS[signal["kind"]]]
+        numbers = (f"{each['label']} {signal[each['key']]:g} {each['unit']}" for each in shown)
+        without = f"its signal ({', '.join([signal['kind'], *numbers])})"
+        path = self._kept.add(chosen.values, f"{comment}, without {without}".removeprefix(", "))
+        return Kept(path, f"{without}: the rows of a campaign have one `reference` for all")
 
     def _text(self, path: Path, rows: Sequence[Row]) -> str:
         name = derived_name(self._campaign.file.name, "-kept")

@@ -441,9 +441,10 @@ class Orders:
         live = self._live()
         with self._choosing:
             chosen = self._present_sets(while_stopped=True)[-1]
-            path = live.keep(chosen, _text(given.get("comment", "")))
+            path, left_out = live.keep(chosen, _text(given.get("comment", "")))
         self._kept = path
-        return Answer(True, f"row in {path}", {"file": path})
+        without = f", kept without {left_out}" if left_out else ""
+        return Answer(True, f"row in {path}{without}", {"file": path, "left_out": left_out})
 
     def annotate(self, asker: Asker, given: dict[str, Any]) -> Answer:
         self._require(bool(_text(given.get("text"))), "the text is missing")

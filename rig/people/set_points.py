@@ -39,6 +39,13 @@ class Checked(NamedTuple):
     problems: tuple[str, ...] = ()
 
 
+class Kept(NamedTuple):
+    """A set point that became a row of a file."""
+
+    path: str
+    left_out: str = ""  # what a row cannot have, and why; empty: nothing is left out
+
+
 class LiveColumns(Protocol):
     """The set points that people may choose, of a kind of rig."""
 
@@ -64,8 +71,8 @@ class LiveColumns(Protocol):
     def left_behind(self, before: Sequence[LiveSet], row: int) -> str:
         """Return why a row cannot go on after these set points; empty if it can."""
 
-    def keep(self, chosen: LiveSet, comment: str) -> str:
-        """Append a set point to the campaign file of kept rows; return its path."""
+    def keep(self, chosen: LiveSet, comment: str) -> Kept:
+        """Append a set point to the campaign file of kept rows."""
 
 
 class Amplitude(NamedTuple):

@@ -14,7 +14,7 @@ from core_runs import bench, bench_params, plan
 
 from rig.people.attendance import Attendance, attended
 from rig.people.orders import Answer, Asker, Orders, People
-from rig.people.set_points import Checked, LiveSet
+from rig.people.set_points import Checked, Kept, LiveSet
 from rig.realtime import safety
 from rig.realtime.cycle import Timing
 from rig.realtime.loop import _RequestReader
@@ -82,9 +82,9 @@ class Gains:
             return Checked((), (f"kp: {kp:g} is out of range",))
         return Checked((kp, ki))
 
-    def keep(self, chosen: LiveSet, comment: str) -> str:
+    def keep(self, chosen: LiveSet, comment: str) -> Kept:
         self.kept.append((chosen, comment))
-        return "kept.yaml"
+        return Kept("kept.yaml", "its tail" if comment == "too long" else "")
 
 
 class AttendedRun:

@@ -380,7 +380,8 @@ def test_kept_rows_extend_the_session(
     first = found.first()
     chosen = LiveSet(first.values, first.signal | {"kind": "sine", amplitude: 5.0})
     for text in ("one", "two"):
-        path = found.keep(chosen, text)
+        path, left_out = found.keep(chosen, text)
+        assert left_out == ""  # a row of a session has its sine
     report = tasks.examine(Path(path))
     assert report.plan is not None, report.text()
     assert report.checked is not None

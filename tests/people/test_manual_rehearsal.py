@@ -83,12 +83,38 @@ def test_kept_rows_overwrite_no_file(tmp_path: Path) -> None:
     live = manual_task(WAVEBOT, tmp_path, predict=False)[0].people.live
     assert live is not None
     for text in ("one", "two"):
-        file = live.keep(live.first(), text)
+        file, left_out = live.keep(live.first(), text)
+        assert left_out == ""
     assert file == str(tmp_path / "kept_2.yaml")
     assert (tmp_path / "kept.yaml").read_text() == "mine\n"
     kept = kind_of_task(Path(file)).room("tasks").examine(Path(file), predict=False)
     assert kept.ok, kept.text()
     assert len(kept.plan.rows) == 2
+
+
+@pytest.mark.parametrize(
+    ("signal", "text"),
+    [
+        ({"kind": "sine", "amplitude": 200.0, "frequency_hz": 0.4},
+         "its signal (sine, amplitude 200 N, frequency 0.4 Hz)"),
+        ({"kind": "step", "amplitude": 50.0}, "its signal (step, amplitude 50 N)"),
+        ({"kind": "chirp", "amplitude": 50.0, "frequency_hz": 0.1, "end_frequency_hz": 2.0},
+         "its signal (chirp, amplitude 50 N, frequency 0.1 Hz, end frequency 2 Hz, sweep 60 s)"),
+        ({"kind": "sine"}, ""),
+        ({"amplitude": 200.0}, ""),
+    ],
+)  # fmt: skip
+def test_a_row_is_kept_without_its_signal_and_says_so(
+    signal: dict[str, Any], text: str, tmp_path: Path
+) -> None:
+    live = manual_task(WAVEBOT, tmp_path, predict=False)[0].people.live
+    assert live is not None
+    chosen = live.first()
+    kept = live.keep(chosen._replace(signal=chosen.signal | signal), "good")
+    because = f"{text}: the rows of a campaign have one `reference` for all" if text else ""
+    assert kept.left_out == because
+    (row,) = [line for line in Path(kept.path).read_text().splitlines() if "# good" in line]
+    assert row.endswith(f"# good, without {text}" if text else "# good")
 
 
 @pytest.mark.parametrize(

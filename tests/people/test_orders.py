@@ -272,6 +272,16 @@ def test_a_refused_set_changes_nothing_and_a_full_disk_refuses() -> None:
     assert "stopped" in run.ask("command", "set", values={"kp": -50.0}).reason
 
 
+def test_the_answer_says_what_a_kept_row_lacks() -> None:
+    run = AttendedRun(manual=True)
+    run.power_on()
+    whole, part = (run.ask("command", "keep", comment=each) for each in ("good", "too long"))
+    assert (whole.reason, whole.facts["file"]) == ("row in kept.yaml", "kept.yaml")
+    assert part.accepted
+    assert part.reason == "row in kept.yaml, kept without its tail"
+    assert run.journal.entries[-1].reason == part.reason
+
+
 def test_a_check_without_a_disk_is_an_answer() -> None:
     run = AttendedRun(manual=True)
     run.power_on()

@@ -27,6 +27,7 @@ from rig.people.set_points import (
     Amplitude,
     Checked,
     Description,
+    Kept,
     KeptRows,
     LiveSet,
     RefusedError,
@@ -204,8 +205,8 @@ class BenchSetPoints:
             return Checked((), tuple(problems))
         return Checked(numbers_at(setpoint_table((self._setpoint(chosen),)), 0))
 
-    def keep(self, chosen: LiveSet, comment: str) -> str:
-        """Append a set point to the file of kept rows, a session; return its path.
+    def keep(self, chosen: LiveSet, comment: str) -> Kept:
+        """Append a set point to the file of kept rows, a session.
 
         RefusedError lists all reasons why a session of this kind has no such row.
         """
@@ -219,7 +220,7 @@ class BenchSetPoints:
             size /= self._session.rig.servo.torque_constant_n_m_per_a
         row = {requirements.amplitude_column: size, "period_s": 1.0 / float(signal["frequency_hz"])}
         brake = {key: float(chosen.values.get(key, 0.0)) for key in requirements.optional_columns}
-        return self._kept.add(row | brake, comment)
+        return Kept(self._kept.add(row | brake, comment))
 
     # --- checks of several values together
 

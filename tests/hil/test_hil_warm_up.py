@@ -193,6 +193,6 @@ def test_every_reading_is_stored_in_any_memory(config: CanAxesSettings) -> None:
     assert math.isnan(stored.wave.elevation)
     memory.set("command", example(Command)._replace(wave_trigger=1))
     posted: list[Any] = []
-    devices._outputs.post = posted.append  # type: ignore[method-assign]
+    devices._trigger.post = posted.append  # type: ignore[method-assign]
     devices.write_in_place()
     assert [trigger for trigger, _ in posted] == [1]

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 from rig.kinds.modular.tick import Composition, compose
 from rig.processes.mailbox import Mailbox
-from rig.realtime.devices import FlatDevices
 from rig.wires import bus_axes
+from rig.wires.bus_axes import BusDevices
 from rig.wires.drive_axes import DriveAxes
-from rig.wires.messages import open_mailboxes, wait_for_values
+from rig.wires.messages import open_mailboxes
 
 
 class SensorSource(NamedTuple):
@@ -26,7 +26,7 @@ class SensorSource(NamedTuple):
     offset: float
 
 
-class ModularDevices(FlatDevices):
+class ModularDevices(BusDevices):
     """All devices of a modular rig on their wires."""
 
     def __init__(
@@ -38,8 +38,6 @@ class ModularDevices(FlatDevices):
         trigger_divider: int,
     ) -> None:
         """``sources``: one of each sensor; ``trigger_divider``: ticks between two posts of it."""
-        self._drives = drives
-        self.clock_correction = drives.clock_correction
         self._axes = [axis.name for axis in composition.axes]
         by_name = {source.name: source for source in sources}
         given = [by_name[part.name] for part in composition.sensors]
@@ -50,12 +48,10 @@ class ModularDevices(FlatDevices):
             (part.name, devices.index(each.device), each.place, each.scale, each.offset)
             for part, each in zip(composition.sensors, given, strict=True)
         ]
-        self._inputs = {name: slots[name] for name in (*polled, "inputs")}
-        *self._polled, self._panel = self._inputs.values()
-        self._trigger = slots.get("outputs")
-        self._trigger_divider = trigger_divider
-        self._writes = 0
-        super().__init__(composed.Sense, composed.Command)
+        inputs = {name: slots[name] for name in (*polled, "inputs")}
+        *self._polled, self._panel = inputs.values()
+        records = composed.Sense, composed.Command
+        super().__init__(drives, inputs, slots.get("outputs"), trigger_divider, *records)
 
     def attach(self, sense: Any, command: Any) -> None:
         """Look up the place of each axis and sensor in the composed `Sense` and `Command`."""
@@ -65,14 +61,6 @@ class ModularDevices(FlatDevices):
         self._commands = [getattr(command, name) for name in self._drives.names]
         self._get_waves = command.waves
         sense.wave(math.nan)  # only a simulated basin knows the undisturbed elevation
-
-    def warm_up(self, dt: float) -> None:
-        """Wait for a value of every device and for an answer of every drive in every tick.
-
-        OSError names those without one.
-        """
-        wait_for_values(self._inputs, dt)
-        self._drives.warm_up(dt)
 
     def read_in_place(self, now: float) -> None:
         """Store the composed `Sense`."""
@@ -96,27 +84,7 @@ class ModularDevices(FlatDevices):
         """Send the composed `Command`: one command of each axis, then the wave trigger."""
         commands = [get() for get in self._commands]
         self._drives.send([(current, enable) for _, current, enable, _ in commands])
-        if self._writes % self._trigger_divider == 0:
-            (waves,) = self._get_waves()
-            self._post_trigger(waves)
-        self._writes += 1
-
-    def stop(self, reason: int) -> None:
-        """Command no current and no waves."""
-        self._drives.release()
-        self._post_trigger(0)
-
-    def wire_report(self) -> dict[str, Any]:
-        """Return what the record keeps of the drives' bus."""
-        return self._drives.wire_report()
-
-    def close(self) -> None:
-        """Give the bus back."""
-        self._drives.close()
-
-    def _post_trigger(self, on: int) -> None:
-        if self._trigger is not None:
-            self._trigger.post((on, self._drives.time))
+        self._send_waves(self._get_waves)
 
 
 def connect(config: dict[str, Any], dt: float) -> ModularDevices:

@@ -10,39 +10,26 @@ from typing import Any
 
 from rig.kinds.wavebot.tick import Command, Sense
 from rig.processes.mailbox import Mailbox
-from rig.realtime.devices import FlatDevices
 from rig.wires import bus_axes
+from rig.wires.bus_axes import BusDevices
 from rig.wires.drive_axes import DriveAxes
-from rig.wires.messages import open_mailboxes, wait_for_values
+from rig.wires.messages import open_mailboxes
 
 _NO_DUMP = 0
 _POLLED = ("analyser", "cells", "probes", "inputs")
 _NEVER_AGE_S = 1e9  # s, age of a value that never came
 
 
-class WaveBotDevices(FlatDevices):
+class WaveBotDevices(BusDevices):
     """All devices of a WaveBot on their wires."""
 
     def __init__(
         self, drives: DriveAxes, slots: Mapping[str, Mailbox], trigger_divider: int
     ) -> None:
         """``trigger_divider``: ticks between two posts of the outputs."""
-        self._drives = drives
-        self.clock_correction = drives.clock_correction
-        self._polled = {name: slots[name] for name in _POLLED}
-        self._analyser, self._cells, self._probes, self._panel = self._polled.values()
-        self._outputs = slots["outputs"]
-        self._trigger_divider = trigger_divider
-        self._writes = 0
-        super().__init__(Sense, Command)
-
-    def warm_up(self, dt: float) -> None:
-        """Wait for a value of every unit and for an answer of every drive in every tick.
-
-        OSError names those without one.
-        """
-        wait_for_values(self._polled, dt)
-        self._drives.warm_up(dt)
+        polled = {name: slots[name] for name in _POLLED}
+        self._analyser, self._cells, self._probes, self._panel = polled.values()
+        super().__init__(drives, polled, slots["outputs"], trigger_divider, Sense, Command)
 
     def attach(self, sense: Any, command: Any) -> None:
         self._sense, self._command = sense, command
@@ -80,21 +67,7 @@ class WaveBotDevices(FlatDevices):
         self._drives.send(
             ((heave_current, heave_enable), (surge_current, surge_enable)), ((target, move),)
         )
-        if self._writes % self._trigger_divider == 0:
-            (trigger,) = command.wave_trigger()
-            self._outputs.post((trigger, self._drives.time))
-        self._writes += 1
-
-    def stop(self, reason: int) -> None:
-        self._drives.release()
-        self._outputs.post((0, self._drives.time))
-
-    def wire_report(self) -> dict[str, Any]:
-        """Return what the record keeps of the drives' bus."""
-        return self._drives.wire_report()
-
-    def close(self) -> None:
-        self._drives.close()
+        self._send_waves(command.wave_trigger)
 
 
 def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:

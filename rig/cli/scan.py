@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.service import NodeIdentity
 from drivers.modbus.line import RtuSettings, TcpSettings
 from rig.cli.options import Json
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
@@ -81,7 +82,7 @@ def can(
     except (OSError, ValueError) as error:
         return fail("scan can", error, as_json=as_json, code=FAILED)
     if as_json:
-        node_data = [{"node": node.node, **node.identity._asdict()} for node in nodes]
+        node_data = [{"node": node, **identity._asdict()} for node, identity in nodes.items()]
         print_json({"status": "complete", "nodes": node_data})
     elif nodes:
         table_console().print(_node_table(nodes))
@@ -232,10 +233,10 @@ def _tcp_settings(address: str, timeout: float) -> TcpSettings:
     return TcpSettings(host, int(port), timeout)
 
 
-def _node_table(nodes: tuple[scan.DetectedNode, ...]) -> Table:
+def _node_table(nodes: dict[int, NodeIdentity]) -> Table:
     identity_columns = ("device type", "vendor", "product", "revision", "serial", "errors")
     table = plain_table(">node", *identity_columns, "name…")
-    for node, identity in nodes:
+    for node, identity in nodes.items():
         table.add_row(
             str(node),
             *map(_hex_text, identity[:5]),  # device type to serial number

@@ -33,13 +33,6 @@ from rig.wires.wire_check import bus_problem, listening_problem, port_problem, t
 _GATEWAY_EXCEPTIONS = (10, 11)  # of a gateway: no path to the unit, no answer from it
 
 
-class DetectedNode(NamedTuple):
-    """One CAN node that answers or sends."""
-
-    node: int
-    identity: NodeIdentity
-
-
 class UnitResponse(NamedTuple):
     """The result of a request to one Modbus unit."""
 
@@ -49,12 +42,12 @@ class UnitResponse(NamedTuple):
     answer: str  # empty: none came
 
 
-def scan_nodes(bus: BusSettings, timeout_s: float) -> tuple[DetectedNode, ...]:
+def scan_nodes(bus: BusSettings, timeout_s: float) -> dict[int, NodeIdentity]:
     """Return the nodes that answer within ``timeout_s``; LinkError if the bus is out of reach."""
     if why := bus_problem(bus):
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
     with closing(Service(bus)) as service:
-        return tuple(DetectedNode(node, service.identity(node)) for node in service.scan(timeout_s))
+        return {node: service.identity(node) for node in service.scan(timeout_s)}
 
 
 def listen_for_nodes(bus: BusSettings, timeout_s: float) -> tuple[int, ...]:

@@ -131,22 +131,19 @@ def stepped(
 def test_a_row_with_missing_ticks_is_left_out_and_reported(tmp_path: Path) -> None:
     damaged = stepped(tmp_path / "torn", slice(100, 150))
     message = "row 3 is left out: 50 of 1000 ticks missing from the record"
-    measured = measure_rows(damaged)
-    assert [row.row for row in measured.rows] == [0, 1, 2, 4]
-    assert measured.notes == (message,)
-    choice = choose_damping(measured.rows, 0.1)._replace(notes=measured.notes)
+    rows, notes = measure_rows(damaged)
+    assert [row.row for row in rows] == [0, 1, 2, 4]
+    assert notes == (message,)
+    choice = choose_damping(rows, 0.1)._replace(notes=notes)
     assert f"note: {message}" in as_text(choice)
     assert as_dict(choice)["notes"] == [message]
     code, out, _ = rig_here("surge-damping", damaged, "--stroke-m", "0.1", "--json")
     assert json.loads(out)["notes"] == [message], code
-    with_incomplete = measure_rows(damaged, incomplete_rows=True)
-    assert ([row.row for row in with_incomplete.rows], with_incomplete.notes) == (
-        [0, 1, 2, 3, 4],
-        (),
-    )
-    gone = measure_rows(stepped(tmp_path / "gone", slice(None)))
-    assert [row.row for row in gone.rows] == [0, 1, 2, 4]
-    assert gone.notes == ("row 3 is left out: all of its ticks are missing from the record",)
+    rows, notes = measure_rows(damaged, incomplete_rows=True)
+    assert ([row.row for row in rows], notes) == ([0, 1, 2, 3, 4], ())
+    rows, notes = measure_rows(stepped(tmp_path / "gone", slice(None)))
+    assert [row.row for row in rows] == [0, 1, 2, 4]
+    assert notes == ("row 3 is left out: all of its ticks are missing from the record",)
 
 
 @pytest.mark.slow
@@ -160,7 +157,7 @@ def test_rows_agree_with_the_bem(finished: Path) -> None:
         frequency, size = bem["f_hz"], np.abs(bem["Fe_complex"])
         added, radiated = (float(np.interp(0.5, frequency, bem[key])) for key in ("A", "B"))
         force = float(np.interp(0.5, frequency, size))
-    for row in measure_rows(finished).rows:
+    for row in measure_rows(finished)[0]:
         own = radiated + 1300.0
         z = 16500.0 - (1420.0 + added) * OMEGA**2 + 1j * OMEGA * (own + row.damping)
         stroke = 0.1 * force / abs(z)
@@ -199,7 +196,7 @@ def test_rows_of_another_law_may_vary_in_the_damping_alone(tmp_path: Path) -> No
         Column("surge_kp_n_s_per_m", "surge_kp", "N*s/m", "surge Kp"),
     )
     run = stepped(tmp_path / "equal", slice(0), columns, level=[300.0] * 5)
-    assert [row.damping for row in measure_rows(run).rows] == [500.0 * i for i in range(1, 6)]
+    assert [row.damping for row in measure_rows(run)[0]] == [500.0 * i for i in range(1, 6)]
     run = stepped(tmp_path / "varied", slice(0), columns, level=[300.0] * 4 + [400.0])
     code, _, err = rig_here("surge-damping", run)
     assert (code, "level varies as well; only the surge damping may vary" in err) == (2, True)

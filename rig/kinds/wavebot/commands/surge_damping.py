@@ -41,12 +41,10 @@ def command(
     """
     with input_errors("surge-damping", as_json=as_json):
         path = find_run_of_kind(KIND, run, runs)
-        measurement = surge_damping.measure_rows(path, incomplete_rows=incomplete_rows)
+        rows, notes = surge_damping.measure_rows(path, incomplete_rows=incomplete_rows)
         run_facts = run_info(path)
         allowed = surge_damping.allowed_stroke(run_facts) if stroke is None else stroke
-        choice = surge_damping.choose_damping(measurement.rows, allowed, keep)._replace(
-            notes=measurement.notes
-        )
+        choice = surge_damping.choose_damping(rows, allowed, keep)._replace(notes=notes)
         folder = run_folder(path)
         picture = folder / "surge_damping.png"
         written = [

@@ -57,13 +57,6 @@ class DampingRow(NamedTuple):
     settled: bool
 
 
-class DampingRows(NamedTuple):
-    """The measured dampings of a run."""
-
-    rows: tuple[DampingRow, ...]  # in order of increasing damping
-    notes: tuple[str, ...]  # rows that are left out, with the reason
-
-
 class DampingChoice(NamedTuple):
     """The chosen surge damping and the rows it is based on."""
 
@@ -81,8 +74,10 @@ class DampingChoice(NamedTuple):
         return -self.damping
 
 
-def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> DampingRows:
-    """Return the rows of a run in order of increasing damping.
+def measure_rows(
+    run: str | os.PathLike[str], *, incomplete_rows: bool = False
+) -> tuple[tuple[DampingRow, ...], tuple[str, ...]]:
+    """Return the rows of a run in order of increasing damping, and notes on those left out.
 
     ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError unless the
     sea is regular, the surge damping alone varies, and at least 3 dampings were measured.
@@ -109,7 +104,7 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     if len(rows) < 3:
         reason = f"{len(rows)} surge dampings have a complete window; at least 3 needed"
         raise RunError(f"{run}: {'; '.join([reason, *messages])}")
-    return DampingRows(tuple(rows[damping] for damping in sorted(rows)), messages)
+    return tuple(rows[damping] for damping in sorted(rows)), messages
 
 
 def _measure_row(window: Window, damping: float, period: float) -> DampingRow:

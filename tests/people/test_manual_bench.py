@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from chance_set_points import ManualRig, manual_task, run_by_chance, with_pool
+from rig_command import rig_here
 
 from controllers import signal_generator
 from controllers.signal_generator import CHIRP, SINE, STEP
@@ -458,3 +459,24 @@ def test_the_torque_loop_needs_a_clamped_shaft(tmp_path: Path) -> None:
         write_task(bench, tmp_path, "torque")
     assert "shaft: clamped" in write_task(bench, tmp_path, "torque", clamped=True).read_text()
     assert write_task(CONFIGS / "sessions" / "torque_open_loop.yaml", tmp_path).exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "parts"),
+    [
+        ("rigs/oswec_flap_free.yaml", (), ("oswec_flap_free.yaml", "free of the motor")),
+        ("sessions/flap_rao.yaml", (), ("flap_rao.yaml:4: session: flap_rao", "free of the motor")),
+        ("rigs/oswec_bench.yaml", ("--drive", "torque"), ("a free shaft", "say so with --clamped")),
+        ("rigs/oswec_bench.yaml", ("--clamped",), ("driveline moves the shaft", "leave --clamped")),
+        ("sessions/flap_pto_sweep.yaml", ("--clamped",), ("moves the shaft", "leave --clamped")),
+        ("rigs/wavebot.yaml", ("--clamped",), ("no shaft to clamp",)),
+        ("sessions/driveline.yaml", ("--drive", "torque"), ("uses the velocity loop",)),
+    ],
+)
+def test_what_cannot_be_moved_by_hand_is_refused(
+    file: str, options: tuple[str, ...], parts: tuple[str, ...], tmp_path: Path
+) -> None:
+    code, _, errors = rig_here("manual", CONFIGS / file, *options, "--runs", tmp_path)
+    assert code == 2
+    for each in parts:
+        assert each in errors

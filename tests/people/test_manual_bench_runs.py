@@ -22,7 +22,19 @@ from rig.recording.runs import open_run
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 BENCH = CONFIGS / "rigs" / "oswec_bench.yaml"
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
+paired = pytest.mark.paired
 MANUAL_RUN = ("manual", "--realtime", "--unattended")
+SESSION = """\
+name: short
+session: driveline
+rig: rig.yaml
+rows:
+  - {amplitude_deg: 10, damping_n_m_s_per_rad: 62.5, period_s: 1}
+  - {amplitude_deg: 5, damping_n_m_s_per_rad: 83.3, period_s: 1}
+timing: {rise_s: 0.5, settle_periods: 1, periods: 3}
+tare: {duration_s: 0.5}
+"""
+RIG = f"extends: {BENCH}\n"
 
 
 def to_manual(run: Run) -> None:
@@ -44,9 +56,10 @@ def refused(run: Run, name: str, *parts: str, **given: Any) -> None:
         assert each in found["reason"], found
 
 
+@paired
 def test_a_manual_run_of_the_velocity_loop(tmp_path: Path) -> None:
     """Jog, brake, signal, hold, undo; the kept row passes the check and runs."""
-    with started(tmp_path, *MANUAL_RUN, campaign=BENCH) as run:
+    with started(tmp_path, *MANUAL_RUN, campaign=SESSION, rig_text=RIG) as run:
         to_manual(run)
         in_force(run, {"velocity_rad_per_s": 0.2})
         time.sleep(1.5)
@@ -81,6 +94,7 @@ def test_a_manual_run_of_the_velocity_loop(tmp_path: Path) -> None:
     assert row["damping_n_m_s_per_rad"] == 42.0
 
 
+@paired
 def test_a_manual_run_of_the_torque_loop(tmp_path: Path) -> None:
     with started(tmp_path, *MANUAL_RUN, "--drive", "torque", "--clamped", campaign=BENCH) as run:
         to_manual(run)
@@ -117,8 +131,10 @@ def test_a_manual_run_on_emulated_devices(tmp_path: Path) -> None:
     assert float(turned[-1] - turned[0]) == pytest.approx(-0.25, abs=0.15)
 
 
+@paired
 def test_without_an_operator_the_bench_holds_and_stops(tmp_path: Path) -> None:
-    with started(tmp_path, "manual", "--realtime", campaign=BENCH) as run:
+    soon = f"{RIG}operator: {{dead_man_s: 1}}\n"
+    with started(tmp_path, "manual", "--realtime", campaign=SESSION, rig_text=soon) as run:
         run.until(lambda row: row["plan.phase"] == STANDBY)
         run.must("take_seat")
         run.must("arm")
@@ -131,32 +147,19 @@ def test_without_an_operator_the_bench_holds_and_stops(tmp_path: Path) -> None:
     assert own == ["hold", "stop"]
 
 
-SESSION = """\
-name: short
-session: driveline
-rig: ../rig.yaml
-rows:
-  - {amplitude_deg: 5, damping_n_m_s_per_rad: 42, period_s: 1}
-  - {amplitude_deg: 10, damping_n_m_s_per_rad: 62.5, period_s: 1}
-  - {amplitude_deg: 5, damping_n_m_s_per_rad: 83.3, period_s: 1}
-timing: {rise_s: 1, settle_periods: 1, periods: 3}
-tare: {duration_s: 0.5}
-"""
-
-
 def points(folder: Path) -> list[dict[str, float]]:
     """Return the result of each row."""
     found: list[dict[str, float]] = load_mapping(folder / "calibration.yaml")[0]["driveline"]
     return found
 
 
+@paired
 def test_manual_mode_within_a_session(tmp_path: Path) -> None:
     """The interrupted row starts over, and the results are those of a run without interruption."""
     (tmp_path / "a").mkdir()
-    rig_text = f"extends: {BENCH}\noperator: {{dead_man_s: none}}\n"
-    (tmp_path / "rig.yaml").write_text(rig_text)
-    with started(tmp_path / "a", "run", "--realtime", campaign=SESSION) as run:
-        run.until(lambda row: row["plan.row"] == 1 and row["plan.phase"] == Phase.MEASURE)
+    rig_text = f"{RIG}operator: {{dead_man_s: none}}\n"
+    with started(tmp_path / "a", "run", "--realtime", campaign=SESSION, rig_text=rig_text) as run:
+        run.until(lambda row: row["plan.row"] == 0 and row["plan.phase"] == Phase.MEASURE)
         time.sleep(0.5)
         run.must("hold")
         run.until(lambda row: row["safety.mode"] == STOP_2)
@@ -182,24 +185,3 @@ def test_manual_mode_within_a_session(tmp_path: Path) -> None:
     for interrupted, each in zip(points(folder), points(reference), strict=True):
         # Scatter of three periods; a difference of two amplitudes of 10 deg has that of both.
         assert interrupted == pytest.approx(each, rel=0.03, abs=0.005)
-
-
-@pytest.mark.parametrize(
-    ("file", "options", "parts"),
-    [
-        ("rigs/oswec_flap_free.yaml", (), ("oswec_flap_free.yaml", "free of the motor")),
-        ("sessions/flap_rao.yaml", (), ("flap_rao.yaml:4: session: flap_rao", "free of the motor")),
-        ("rigs/oswec_bench.yaml", ("--drive", "torque"), ("a free shaft", "say so with --clamped")),
-        ("rigs/oswec_bench.yaml", ("--clamped",), ("driveline moves the shaft", "leave --clamped")),
-        ("sessions/flap_pto_sweep.yaml", ("--clamped",), ("moves the shaft", "leave --clamped")),
-        ("rigs/wavebot.yaml", ("--clamped",), ("no shaft to clamp",)),
-        ("sessions/driveline.yaml", ("--drive", "torque"), ("uses the velocity loop",)),
-    ],
-)
-def test_what_cannot_be_moved_by_hand_is_refused(
-    file: str, options: tuple[str, ...], parts: tuple[str, ...], tmp_path: Path
-) -> None:
-    found = rig("manual", CONFIGS / file, *options, "--runs", tmp_path)
-    assert found.returncode == 2
-    for each in parts:
-        assert each in found.stderr

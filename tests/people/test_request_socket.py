@@ -21,7 +21,9 @@ import pytest
 from attended_run import AttendedRun
 from core_kinds import BENCH
 from rig_command import rig
+from test_manual_runs import started
 
+from rig.cli.output import OK, STOPPED
 from rig.people.request_client import RequestClient, RequestError
 from rig.people.request_socket import (
     MAX_CLIENTS,
@@ -33,6 +35,7 @@ from rig.people.request_socket import (
 )
 from rig.recording import ring
 from rig.recording.journal import JOURNAL, Entry, Journal, read_journal
+from rig.recording.runs import reader
 from rig.recording.runs.folder import SOCKET
 
 
@@ -331,3 +334,20 @@ def test_exit_codes_of_the_command(tmp_path: Path) -> None:
     assert rig("request", "explode", "--runs", tmp_path).returncode == 2
     for wrong in (("hold", "a=1"), ("set",), ("set", "kp"), ("set", "other.kp=1")):
         assert rig("request", *wrong, "--runs", tmp_path).returncode == 2, wrong
+
+
+@pytest.mark.slow
+def test_two_runs_at_once(tmp_path: Path) -> None:
+    """Each has its socket; a command reaches the one in its folder of runs."""
+    (tmp_path / "a").mkdir()
+    with started(tmp_path / "a", "manual", "--unattended") as run:
+        second = run.folder.parent.parent / "b"
+        second.mkdir()
+        with started(second, "manual", "--unattended") as other:
+            code = rig("request", "stop", "--runs", second / "runs").returncode
+            assert code == OK
+            assert other.process.wait(60.0) == STOPPED
+        assert run.process.poll() is None
+        run.must("stop")
+        assert run.process.wait(60.0) == STOPPED
+    assert len(reader.open_files(run.folder).leaves) > 10

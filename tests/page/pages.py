@@ -165,23 +165,34 @@ class Command:
         return dict(json.loads((self.run_folder() / "run.json").read_text()))
 
 
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+TWO_ROWS = """\
+  list:
+    - {spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0}
+    - {spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 4000}
+"""
+
+
 def short_campaign(folder: Path, matrix: str = "") -> Path:
     """Write a campaign of two short rows, for a host that pauses now and then; return it.
 
     With a ``matrix`` (YAML) it has its rows, still shorter ones.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    subprocess.run(
-        [sys.executable, "-m", "rig", "copy", "quick"], cwd=folder, check=True, capture_output=True
+    limits, rig = CONFIGS / "limits" / "wavebot.yaml", CONFIGS / "rigs" / "wavebot.yaml"
+    (folder / "limits.yaml").write_text(f"extends: {limits}\nloop: {{lost_ticks_stop: 9999}}\n")
+    (folder / "rig.yaml").write_text(f"extends: {rig}\nlimits: limits.yaml\n")
+    timing = "{settle_s: 1, interval_s: 3}" if matrix else "{settle_s: 2, interval_s: 6}"
+    lines = (
+        "name: quick",
+        "rig: rig.yaml",
+        "sea: {kind: regular, amplitude_m: 0.127, frequency_hz: 0.5}",
+        "tare: {duration_s: 1}",
+        "start: {set_point_s: 1, lead_in_s: 2}",
+        f"timing: {timing}",
+        "matrix:",
+        matrix or TWO_ROWS,
     )
-    limits, campaign = folder / "limits" / "wavebot.yaml", folder / "campaigns" / "quick.yaml"
-    limits.write_text(limits.read_text().replace("lost_ticks_stop: 100 ", "lost_ticks_stop: 9999 "))
-    kept = campaign.read_text().partition("    - {spring_n_per_m: -2763")[0]
-    times = {"lead_in_s": 6, "settle_s": 2, "interval_s": 6}
-    if matrix:
-        kept = re.sub(r"(?s)(matrix:\n).*", rf"\g<1>{matrix}", kept)
-        times["interval_s"] = 4
-    for key, value in times.items():
-        kept = re.sub(rf"{key}: \d+", f"{key}: {value}", kept)
-    campaign.write_text(kept)
+    campaign = folder / "quick.yaml"
+    campaign.write_text("\n".join(lines))
     return campaign

@@ -13,7 +13,7 @@ import pytest
 from pages import Command, ask, browse, get, receive, short_campaign, wait_until
 from websockets.exceptions import ConnectionClosed
 
-pytestmark = [pytest.mark.realtime, pytest.mark.slow]
+pytestmark = [pytest.mark.realtime, pytest.mark.paired, pytest.mark.slow]
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 
@@ -44,7 +44,7 @@ def test_a_run_does_not_notice_the_end_of_its_page(tmp_path: Path, fate: signal.
 
 
 def test_people_act_through_the_page(tmp_path: Path) -> None:
-    command = Command(tmp_path, "manual", "wavebot", "--realtime", "--page")
+    command = Command(tmp_path, "manual", str(short_campaign(tmp_path)), "--realtime", "--page")
     port = command.port()
     try:
         with browse(port, session="one") as one, browse(port, session="two") as two:
@@ -94,14 +94,14 @@ def test_a_page_that_comes_late_shows_the_rows_before(tmp_path: Path) -> None:
             lambda: (tmp_path / "runs").is_dir() and list((tmp_path / "runs").iterdir()), 60
         )[0]
         wait_until((folder / "requests.sock").exists, 60)
-        time.sleep(20)  # row 0 was measured: tare, drive, lead-in, row
+        time.sleep(11)  # row 0 was measured: tare, drive, lead-in, row
         late = Command(tmp_path / "late", "page", "--runs", str(tmp_path / "runs"), "--port", "0")
         address = wait_until(lambda: "http://" in late.text() and late.text(), 60)
         port = int(address.rpartition(":")[2].strip("/ \n"))
         with browse(port) as browser:
             history = receive(browser, "history", 30)
             times = history["levels"][0]["time"]
-            assert times[-1] - times[0] > 12.0
+            assert times[-1] - times[0] > 6.0
             wait_until(lambda: receive(browser, "state")["rows"].get("0"), 30)
         assert command.process.wait(200) == 0
     finally:

@@ -22,6 +22,7 @@ from rig.page.subject import replay
 
 pytestmark = [
     pytest.mark.realtime,
+    pytest.mark.paired,
     pytest.mark.slow,
     pytest.mark.skipif(PROGRAM is None, reason="no chromium"),
 ]
@@ -112,7 +113,7 @@ def test_manual_mode_by_the_keyboard_alone(
     tmp_path: Path, browser: Chromium, pictures: Path
 ) -> None:
     """Seat, checklist, arming, a set point, hold, resume, a note, and stop: no mouse."""
-    command = Command(tmp_path, "manual", "wavebot", "--realtime", "--page")
+    command = Command(tmp_path, "manual", str(short_campaign(tmp_path)), "--realtime", "--page")
     try:
         browser.size(*SIZES["desk"])
         browser.open(command.url())

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.support.control_client import ControlClient
-from benchmarks.support.emulated_bench import emulated_bench
-from benchmarks.support.emulated_wavebot import emulated_wavebot
+from benchmarks.support.emulated_bench import EmulatedBench, emulated_bench
+from benchmarks.support.emulated_wavebot import EmulatedWaveBot, emulated_wavebot
 from benchmarks.support.fault_runs import power_off_time
 from benchmarks.support.live_run import (
     LiveRun,
@@ -49,32 +49,36 @@ class WiredRig(NamedTuple):
         return power_off_time(self.control, timeout)
 
 
+def wired_wavebot(emulated: EmulatedWaveBot) -> WiredRig:
+    """Return the emulated WaveBot, with a campaign that damps it in waves for some seconds."""
+    arguments = ("run", str(emulated.folder / "campaign.yaml"))
+    fields = ("heave.sense.enabled", "heave.command.force")
+    return WiredRig(
+        "wavebot", emulated.control, arguments, WaveBotRow, emulated.io_processes, 2.0, *fields
+    )
+
+
+def wired_bench(emulated: EmulatedBench) -> WiredRig:
+    """Return the emulated bench, with a session that oscillates its shaft for some seconds."""
+    arguments = ("bench", str(emulated.folder / "session.yaml"))
+    fields = ("servo.enabled", "servo.current")
+    return WiredRig(
+        "oswec_bench", emulated.control, arguments, BenchRow, emulated.io_processes, 1.0, *fields
+    )
+
+
 @contextmanager
 def wavebot(folder: Path) -> Iterator[WiredRig]:
-    """Emulate the WaveBot, with a campaign that damps it in waves for some seconds."""
+    """Emulate the WaveBot."""
     with emulated_wavebot(folder) as emulated:
-        arguments = ("run", str(folder / "campaign.yaml"))
-        fields = ("heave.sense.enabled", "heave.command.force")
-        yield WiredRig(
-            "wavebot", emulated.control, arguments, WaveBotRow, emulated.io_processes, 2.0, *fields
-        )
+        yield wired_wavebot(emulated)
 
 
 @contextmanager
 def oswec_bench(folder: Path) -> Iterator[WiredRig]:
-    """Emulate the bench, with a session that oscillates its shaft for some seconds."""
+    """Emulate the bench."""
     with emulated_bench(folder) as emulated:
-        arguments = ("bench", str(folder / "session.yaml"))
-        fields = ("servo.enabled", "servo.current")
-        yield WiredRig(
-            "oswec_bench",
-            emulated.control,
-            arguments,
-            BenchRow,
-            emulated.io_processes,
-            1.0,
-            *fields,
-        )
+        yield wired_bench(emulated)
 
 
 WIRED_RIGS = {"wavebot": wavebot, "oswec_bench": oswec_bench}

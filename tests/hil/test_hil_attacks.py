@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.support.wired_attacks import draw_attacks, run_attack
-from benchmarks.support.wired_rigs import WIRED_RIGS
+from benchmarks.support.wired_rigs import WiredRig
 
 pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
@@ -23,11 +23,11 @@ PARTS = 5  # of one attack on each rig; the long form is `python -m benchmarks c
 
 
 @pytest.mark.parametrize("part", range(PARTS))
-@pytest.mark.parametrize("name", WIRED_RIGS)
-def test_any_process_may_be_lost_at_any_moment(name: str, part: int, tmp_path: Path) -> None:
+def test_any_process_may_be_lost_at_any_moment(
+    wired_rig: WiredRig, part: int, tmp_path: Path
+) -> None:
     print(f"ATTACK_SEED={SEED}")  # shown if it fails
-    with WIRED_RIGS[name](tmp_path) as rig:
-        attack = draw_attacks(random.Random(SEED), rig, PARTS, 3.0)[part]
-        outcome = run_attack(rig, tmp_path / "run", attack)
+    attack = draw_attacks(random.Random(SEED), wired_rig, PARTS, 3.0)[part]
+    outcome = run_attack(wired_rig, tmp_path / "run", attack)
     print(f"{attack}: power off {outcome.power_off_after} s later; {outcome.rows_put} rows")
     assert outcome.failures == ()

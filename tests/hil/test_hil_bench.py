@@ -38,8 +38,8 @@ BRAKE_LATE = 0.0016
 # Of the amplitude difference, for each second later than that: T = R v(t - lag) is not zero at the
 # reversal (rehearsed with a filter longer by 1 ms: +2.4 %).
 SHARE_PER_LATE = 24.0
-PERIODS = 14  # on wires half strokes of one period scatter by 4 %, their median by 1.3 %
-TRIES = 5  # a shared host has bad minutes; each try takes one minute
+PERIODS = 10  # on wires half strokes of one period scatter by 4 %, their median by 1.6 %
+TRIES = 5  # a shared host has bad minutes; each try takes 50 s
 ROWS = (
     {"amplitude_deg": 5, "damping_n_m_s_per_rad": 42, "period_s": 1.5},
     {"amplitude_deg": 15, "damping_n_m_s_per_rad": 83.3, "period_s": 1.5},
@@ -135,7 +135,7 @@ def brake_delay(result: RunResult) -> float:
 def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     folder = tmp_path_factory.mktemp("bench")
     keys = {
-        "name": "wires", "session": "driveline", "rows": list(ROWS), "tare": {"duration_s": 1},
+        "name": "wires", "session": "driveline", "rows": list(ROWS), "tare": {"duration_s": 0.5},
         "rig": str(CONFIGS / "rigs" / "oswec_bench.yaml"),
         "timing": {"rise_s": 1.5, "settle_periods": 1, "periods": PERIODS},
     }  # fmt: skip

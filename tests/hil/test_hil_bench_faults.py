@@ -7,12 +7,11 @@ drivers are those of the rig, so the tick is compiled alone, never coupled with 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 
 import pytest
 from hil_processes import EXECUTIONS, assert_executed, in_execution
 
-from benchmarks.support.emulated_bench import EmulatedBench, emulated_bench
+from benchmarks.support.emulated_bench import EmulatedBench
 from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.fault_runs import available_faults, measure_fault, mismatches
 from benchmarks.support.fault_table import FaultRow, missing_rows
@@ -23,19 +22,13 @@ TABLE = RIGS["oswec_bench"].rows()
 CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE if row.short]
 
 
-@pytest.fixture(scope="module")
-def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedBench]:
-    with emulated_bench(tmp_path_factory.mktemp("bench_faults")) as started_stage:
-        yield started_stage
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("execution", EXECUTIONS)
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
 def test_the_bench_reacts_to_faults_as_in_the_table(
-    on: EmulatedBench, row: FaultRow, execution: str
+    on_bench: EmulatedBench, row: FaultRow, execution: str
 ) -> None:
-    rig = in_execution(on, execution)
+    rig = in_execution(on_bench, execution)
     finding = measure_fault(rig, row)
     print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
     if mismatches(row, finding):  # a loaded host may stop a run: the second run counts
@@ -46,5 +39,5 @@ def test_the_bench_reacts_to_faults_as_in_the_table(
     assert_executed(finding.run_result, execution)
 
 
-def test_every_fault_of_the_bench_has_its_row(on: EmulatedBench) -> None:
-    assert missing_rows(TABLE, available_faults(on)) == []
+def test_every_fault_of_the_bench_has_its_row(on_bench: EmulatedBench) -> None:
+    assert missing_rows(TABLE, available_faults(on_bench)) == []

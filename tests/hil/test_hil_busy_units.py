@@ -163,6 +163,7 @@ def analyser_age_limit() -> float:
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 @pytest.mark.parametrize("code", [5, 6])
 def test_half_busy_units_keep_giving_values(code: int, tmp_path: Path) -> None:
     """Requests for the analyser's counter and values and the coupler's set-up are repeated."""
@@ -178,6 +179,7 @@ def test_half_busy_units_keep_giving_values(code: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 def test_an_always_busy_unit_is_reported_and_delays_no_other(tmp_path: Path) -> None:
     alone = poll_units({}, tmp_path)
     observation = poll_units({1: (1.0, 6)}, tmp_path)

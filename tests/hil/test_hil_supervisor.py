@@ -8,14 +8,12 @@ from __future__ import annotations
 import json
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.support.wired_rigs import (
-    WIRED_RIGS,
     WiredRig,
     start_run,
     wait_for_end,
@@ -31,14 +29,6 @@ pytestmark = pytest.mark.realtime
 TIMEOUT = 1.0  # s, default of supervisor_timeout_s in a rig file
 REACTION = 0.1  # s until the loop has reacted and its drives are off
 MARGIN = 0.25  # s of a host with other work
-
-
-@pytest.fixture(scope="module", params=WIRED_RIGS)
-def on(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[WiredRig]:
-    with WIRED_RIGS[request.param](tmp_path_factory.mktemp("supervisor")) as started_rig:
-        yield started_rig
 
 
 def assert_stopped(
@@ -61,27 +51,33 @@ def assert_stopped(
 
 
 def test_a_killed_supervisor_leaves_the_whole_stop_to_the_loop(
-    on: WiredRig, tmp_path: Path
+    wired_rig: WiredRig, tmp_path: Path
 ) -> None:
-    with start_run(on, tmp_path) as run:
-        wait_for_power(on, run)
-        time.sleep(1.0)
+    with start_run(wired_rig, tmp_path) as run:
+        wait_for_power(wired_rig, run)
+        time.sleep(0.5)
         at = time.monotonic()
         run.process.kill()
-        power_lost_at = on.power_off_time(10.0)
+        power_lost_at = wired_rig.power_off_time(10.0)
         assert power_lost_at is not None
         run.process.wait()
         wait_for_end(tmp_path)
-        assert_stopped(on, run.folder, power_lost_at - at, on.damping - 0.01, on.damping + REACTION)
+        assert_stopped(
+            wired_rig,
+            run.folder,
+            power_lost_at - at,
+            wired_rig.damping - 0.01,
+            wired_rig.damping + REACTION,
+        )
 
 
-def test_a_suspended_supervisor_is_a_controlled_stop(on: WiredRig, tmp_path: Path) -> None:
-    with start_run(on, tmp_path) as run:
-        wait_for_power(on, run)
-        time.sleep(1.0)
+def test_a_suspended_supervisor_is_a_controlled_stop(wired_rig: WiredRig, tmp_path: Path) -> None:
+    with start_run(wired_rig, tmp_path) as run:
+        wait_for_power(wired_rig, run)
+        time.sleep(0.5)
         at = time.monotonic()
         run.process.send_signal(signal.SIGSTOP)
-        power_lost_at = on.power_off_time(10.0)
+        power_lost_at = wired_rig.power_off_time(10.0)
         assert power_lost_at is not None
         wait_for_end(tmp_path, except_for=("supervisor",))
         run.process.send_signal(signal.SIGCONT)
@@ -90,7 +86,7 @@ def test_a_suspended_supervisor_is_a_controlled_stop(on: WiredRig, tmp_path: Pat
         assert (status["status"], status["reason"]) == ("fault", "SUPERVISOR_LOST")
         assert status["died"] == ""
         assert status["dropped_rows"] == status["unsaved_rows"] == 0
-        due = on.damping + TIMEOUT  # since the last heartbeat
+        due = wired_rig.damping + TIMEOUT  # since the last heartbeat
         assert_stopped(
-            on, run.folder, power_lost_at - at, due - POLL_INTERVAL_S - 0.05, due + REACTION
+            wired_rig, run.folder, power_lost_at - at, due - POLL_INTERVAL_S - 0.05, due + REACTION
         )

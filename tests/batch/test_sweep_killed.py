@@ -73,7 +73,7 @@ def run_sweep(campaign: Path, sweeps: Path) -> dict[str, Any]:
 def kill_sweep(campaign: Path, sweeps: Path, least: int) -> list[bytes]:
     """Kill a sweep after at least ``least`` cases; return the lines of its journal."""
     command = [sys.executable, "-m", "rig", *arguments(campaign, sweeps)]
-    with subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL) as child:
+    with subprocess.Popen(command, process_group=0, stdout=subprocess.DEVNULL) as child:
         while len(journal_lines(sweeps)) < least and child.poll() is None:
             time.sleep(0.002)
         os.killpg(child.pid, signal.SIGKILL)

@@ -20,7 +20,7 @@ from benchmarks.support.recorded import write_campaign_file
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.paired]
 
 SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
 KILLS = 3  # in each of the parts on the virtual clock; 300 of them: python -m benchmarks crash

@@ -150,6 +150,7 @@ def test_a_recorded_elevation_is_played(tmp_path: Path) -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 def test_real_clock_run_is_certified(tmp_path: Path) -> None:
     path = short(
         tmp_path,

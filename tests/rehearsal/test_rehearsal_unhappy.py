@@ -214,13 +214,17 @@ def test_a_view_that_breaks_does_not_end_the_run(
 
 
 def start_process(*arguments: object) -> subprocess.Popen[str]:
-    """Start a process in a group of its own."""
+    """Start a process in a group of its own.
+
+    A session of its own would have its own share of the processor, also at the idle priority
+    (sched(7), autogroup).
+    """
     return subprocess.Popen(
         [sys.executable, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        start_new_session=True,
+        process_group=0,
     )
 
 
@@ -289,6 +293,7 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 def test_a_stalled_host_is_reported_as_the_cause(
     execution: Execution, campaign: Path, tmp_path: Path
 ) -> None:
@@ -312,6 +317,7 @@ def test_a_stalled_host_is_reported_as_the_cause(
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c(execution: Execution, presses: int, campaign: Path, tmp_path: Path) -> None:
     """Once: damping for 2 s, then off. Twice: off at once. The data is kept either way."""
@@ -366,6 +372,7 @@ def test_ctrl_z_stops_instead_of_suspending(
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 def test_a_blocked_terminal_neither_stops_the_rig_nor_keeps_it_from_stopping(
     execution: Execution, brief: Path, tmp_path: Path
 ) -> None:
@@ -420,6 +427,7 @@ def test_two_rehearsals_at_once_get_their_own_folders(
 
 
 @pytest.mark.realtime
+@pytest.mark.paired
 def test_only_one_run_may_use_the_real_clock(tmp_path: Path) -> None:
     campaign = write_repeated_row(tmp_path, 1)
     with acquire((REALTIME_WIRE,), "campaign another"):

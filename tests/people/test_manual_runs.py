@@ -28,7 +28,6 @@ from rig.people.request_client import RequestClient, RequestError
 from rig.realtime.safety import OFF, RUN, STOP_2
 from rig.realtime.sequence import MANUAL, STANDBY
 from rig.recording.journal import JOURNAL
-from rig.recording.runs import reader
 from rig.recording.runs.folder import MCAP, STATUS
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"

@@ -72,13 +72,17 @@ lint: setup
 # failed. A test whose process dies fails, and xdist replaces the process; therefore even tests that
 # run one after the other use one worker process (-n 1). The distribution is worksteal, because with
 # distribution by file xdist 3.8 waits for ever for the tests of a dead worker. Tests in real time
-# are sought in the files that mark some, because imports of all files take ten seconds.
+# are sought in the files that mark some, because imports of all files take ten seconds. Paired ones
+# run in two workers, each in a network of its own, with its own lock of the loop in real time.
 PYTEST := $(BIN)/python -m pytest
 LONG := part
 WITHOUT_CLOCK := -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
-WITH_CLOCK := $$(grep -rl --include="test_*.py" mark.realtime tests examples) -m realtime --long $(LONG) -o cache_dir=.pytest_cache/with_clock
+REALTIME = $$(grep -rl --include="test_*.py" mark.$(1) tests examples) --long $(LONG)
+PAIRED := $(call REALTIME,paired) -m "realtime and paired" -o cache_dir=.pytest_cache/with_paired_clock
+ALONE := $(call REALTIME,realtime) -m "realtime and not paired" -o cache_dir=.pytest_cache/with_clock
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
+export OWN_NETWORK := unshare --net sh -c 'ip link set lo up && exec "$$0" "$$@"'
 LOG := .pytest_cache/without_clock.log
 
 # Rehearsals whose loop and plant are compiled start without the compiler and tick 20 times as fast.

@@ -42,6 +42,13 @@ _BODY = (
 )  # the state of the plant, and the excitation at the present tick
 
 
+def _place(field: str, state: WaveBotState) -> slice:
+    """Return the place of a field's numbers among those of the state."""
+    fields = list(state._fields)
+    before = sum(len(lifting.flatten(each)) for each in state[: fields.index(field)])
+    return slice(before, before + len(lifting.flatten(getattr(state, field))))
+
+
 class CompiledStepper(Stepper):
     """A `Stepper` that runs compiled, on one array."""
 
@@ -55,11 +62,10 @@ class CompiledStepper(Stepper):
             imported=(Actuation,),
             reading=Readings,
         )
-        excitation, probes, hoist = len(NO_EXCITATION), len(Probes._fields), len(Hoist._fields)
-        self._excitation = compiled.numbers[-excitation:]
-        self._state = compiled.numbers[:-excitation]
-        self._probes = self._state[-probes:]  # the last numbers of the state, the hoist before them
-        self._hoist = self._state[-probes - hoist : -probes]
+        self._excitation = compiled.numbers[-len(NO_EXCITATION) :]
+        self._state = compiled.numbers[: -len(NO_EXCITATION)]
+        self._probes = self._state[_place("probes", start.state)]
+        self._hoist = self._state[_place("hoist", start.state)]
         self._step, self._x = compiled.code.advance, compiled.array
         super().__init__(start)
 

@@ -19,7 +19,6 @@ from golden_runs import facts_without_limits
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
-from rig.execution import replay as replays
 from rig.execution.replay import replay
 from rig.kinds.oswec_bench import recorded
 from rig.kinds.oswec_bench.recorded import resolved_session, session_as_logged
@@ -27,7 +26,7 @@ from rig.kinds.oswec_bench.sessions.assemble import bench_params
 from rig.kinds.oswec_bench.sessions.check import check_session
 from rig.kinds.oswec_bench.sessions.plan import plan_session
 from rig.kinds.oswec_bench.tick import stations
-from rig.recording.runs import RunError, open_run, run_info
+from rig.recording.runs import RunError, folder, open_run, run_info
 
 LAST_BITS = 1e-9
 NEWER_FIELDS = tuple(f"power.{field}" for field in stations.Power._fields)
@@ -107,7 +106,7 @@ NEWER_LIMITS = ("motor.current_difference_", "motor.velocity_difference_", "powe
 
 def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such runs lack the comparison of motor and load cell with the command."""
-    monkeypatch.setattr(replays, "run_info", facts_without_limits(*NEWER_LIMITS))
+    monkeypatch.setattr(folder, "run_info", facts_without_limits(*NEWER_LIMITS))
     assert replay(record("bench_torque")).identical
 
 
@@ -120,6 +119,6 @@ def test_run_without_constants_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
         remaining = {key: value for key, value in run_facts.config.items() if key != "constants"}
         return run_facts._replace(config=remaining)
 
-    monkeypatch.setattr(replays, "run_info", facts_without_constants)
+    monkeypatch.setattr(folder, "run_info", facts_without_constants)
     with pytest.raises(RunError, match="constants"):
         replay(record("bench_torque"))

@@ -19,10 +19,9 @@ from golden_runs import IN_WAVES, KINDS, MOST_BYTES, facts_without_limits, recor
 from rig_command import rig_here
 
 from rig.analysis.rows import row_table
-from rig.execution import replay as replays
 from rig.execution.replay import replay
 from rig.kinds.wavebot import recorded
-from rig.recording.runs import open_run
+from rig.recording.runs import folder, open_run
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -48,8 +47,8 @@ NEWER_LIMITS = ("heave.current_difference_", "surge.current_difference_", "power
 
 def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such runs lack the comparison of current, force and power with the command."""
-    monkeypatch.setattr(replays, "run_info", facts_without_limits(*NEWER_LIMITS))
-    subject = recorded.recorded_task(replays.run_info(record("cots")))
+    monkeypatch.setattr(folder, "run_info", facts_without_limits(*NEWER_LIMITS))
+    subject = recorded.recorded_task(folder.run_info(record("cots")))
     assert subject.params.rig.heave.limits.current_difference_stop == 500.0
     assert replay(record("cots")).identical
 

@@ -209,6 +209,6 @@ def test_run_without_configuration_is_refused(regular: Path, tmp_path: Path) -> 
 
 
 def test_run_without_ticks_is_refused(regular: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replays.reader, "blocks", lambda source: iter(()))
+    monkeypatch.setattr(replays.reader, "stage_blocks", lambda stage: iter(()))
     with pytest.raises(RunError, match="it logged no tick"):
         replay(regular)

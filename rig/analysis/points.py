@@ -116,7 +116,9 @@ def _point(
     setting: Setting, columns: dict[str, Any], rows: list[int], names: list[str], actuator: float
 ) -> Point:
     """Return the point of rows with one set point; ``columns`` are those of the row table."""
-    seeds = columns["seed"][rows] if "seed" in columns else np.zeros(len(rows), np.int64)
+    # A sweep has one seed, or is over seeds: no column of its rows.
+    has_seeds = "seed" in columns and columns["seed"].ndim == 1
+    seeds = columns["seed"][rows] if has_seeds else np.zeros(len(rows), np.int64)
     in_sea = {
         int(seed): [r for r, s in zip(rows, seeds, strict=True) if s == seed] for seed in seeds
     }

@@ -111,7 +111,7 @@ _ALIKE: dict[str, Any] = {
     **{"ls": "", "marker": "o", "ms": 9, "mfc": "none", "mec": ACCENT, "mew": 1.4},
     **{"clip_on": False, "zorder": 4},
 }
-"""A ring: the power there cannot be told apart from that of the best point."""
+"""A ring: the power there cannot be distinguished from that of the best point."""
 
 
 def mark_best(axes: Axes, x: float, y: float) -> None:

@@ -1,4 +1,4 @@
-"""Points that cannot be told apart from the best one, by the errors of their mean powers.
+"""Points that cannot be distinguished from the best one, by the errors of their mean powers.
 
 Two points that were measured in the same seas are compared sea by sea: the differences between seas
 are larger than those between points, and cancel. Without several seeds, the errors of both points
@@ -45,7 +45,7 @@ def difference(point: Point, best: Point, name: str) -> tuple[float, float]:
 
 
 def not_worse(points: Iterable[Point], best: Point, name: str) -> tuple[Point, ...] | None:
-    """Return the other points that cannot be told apart from the best one, the best of them first.
+    """Return the other points that cannot be distinguished from the best one, the best one first.
 
     None if the error of one of the points is unknown: then the best point is not certain.
     """

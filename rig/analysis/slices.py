@@ -90,7 +90,7 @@ class Optimum(NamedTuple):
     flat: str  # range within which all points of the slice lie; empty if they differ
     without_effect: tuple[str, ...]  # sliced columns along which power does not change
     alike: tuple[Point, ...] | None = ()
-    """The other points that cannot be told apart from it; None where errors are unknown."""
+    """The other points that cannot be distinguished from it; None where errors are unknown."""
 
     @property
     def caveat(self) -> str:

@@ -118,7 +118,7 @@ def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> l
     return messages
 
 
-_MAX_ALIKE = 3  # points listed that cannot be told apart from the best one
+_MAX_ALIKE = 3  # points listed that cannot be distinguished from the best one
 
 
 class Summary(NamedTuple):
@@ -343,7 +343,7 @@ def as_text(summary: Summary) -> str:
 
 
 def alike_text(optimum: Optimum, main: Sequence[Column]) -> str:
-    """Return the points that cannot be told apart from the best one; empty without any."""
+    """Return the points that cannot be distinguished from the best one; empty without any."""
     if not optimum.alike or optimum.flat:
         return ""
     name = optimum.station.name

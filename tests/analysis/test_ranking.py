@@ -1,4 +1,4 @@
-"""Points that cannot be told apart: against the tests of scipy."""
+"""Points that cannot be distinguished: against the tests of scipy."""
 
 from __future__ import annotations
 

@@ -60,5 +60,5 @@ def test_the_run_after_a_lost_segment_needs_no_restart(
     control.request("clear")
     time.sleep(CALM_S)
     assert control.request("world")["nodes"]["heave"]["state"] != 8  # nothing is armed by itself
-    again = run_when_free(lambda: segment.run(SilentView()))
-    assert again.outcome.status == "complete", again.outcome
+    next_run = run_when_free(lambda: segment.run(SilentView()))
+    assert next_run.outcome.status == "complete", next_run.outcome

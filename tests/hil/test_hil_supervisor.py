@@ -55,7 +55,7 @@ def test_a_killed_supervisor_leaves_the_whole_stop_to_the_loop(
 ) -> None:
     with start_run(wired_rig, tmp_path) as run:
         wait_for_power(wired_rig, run)
-        time.sleep(0.5)
+        time.sleep(1.0)  # the body or shaft moves by then
         at = time.monotonic()
         run.process.kill()
         power_lost_at = wired_rig.power_off_time(10.0)
@@ -74,7 +74,7 @@ def test_a_killed_supervisor_leaves_the_whole_stop_to_the_loop(
 def test_a_suspended_supervisor_is_a_controlled_stop(wired_rig: WiredRig, tmp_path: Path) -> None:
     with start_run(wired_rig, tmp_path) as run:
         wait_for_power(wired_rig, run)
-        time.sleep(0.5)
+        time.sleep(1.0)  # the body or shaft moves by then
         at = time.monotonic()
         run.process.send_signal(signal.SIGSTOP)
         power_lost_at = wired_rig.power_off_time(10.0)

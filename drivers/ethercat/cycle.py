@@ -14,6 +14,7 @@ from drivers.ethercat.frames import CyclicFrame
 from drivers.ethercat.link import TICK_INDICES
 
 OPERATIONAL = 8  # AL status of all slaves in this state, without an error
+_STATE = 0x1F  # bits of state and error; above is the flag of a device's own number
 _MAX_FRAMES = 256  # of one look; a wire that held back more is looked at again in the next tick
 _NEVER = -1e9  # s, earlier than any clock reading
 _OPEN = 1024  # frames whose time of sending is kept
@@ -54,7 +55,7 @@ class SegmentState(NamedTuple):
 
     def is_operational(self, slaves: int) -> bool:
         """Return whether all of a number of slaves answered, in OP and without an error."""
-        return self.al_status == OPERATIONAL and self.slaves == slaves
+        return self.al_status & _STATE == OPERATIONAL and self.slaves == slaves
 
 
 class SegmentCycle:

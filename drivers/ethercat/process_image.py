@@ -59,9 +59,9 @@ def write_bit(image: memoryview, bit: int, value: int) -> None:
 
 
 def image_bytes(areas: Iterable[tuple[Area | None, Area | None]]) -> int:
-    """Return the size of an image; ``areas``: outputs and inputs of each slave."""
+    """Return the size of an image, 0 without data; ``areas``: outputs and inputs of each slave."""
     ends = [each.first_bit + each.bits for pair in areas for each in pair if each is not None]
-    return -(-max(ends) // 8)
+    return -(-max(ends, default=0) // 8)
 
 
 def expected_wkc(areas: Sequence[tuple[Area | None, Area | None]]) -> int:

@@ -27,6 +27,10 @@ from drivers.ethercat.process_image import Area
 SERVICE_INDICES = range(16)  # pysoem uses no others
 _FMMU, _FMMU_SIZE, _FMMUS = 0x0600, 16, 4  # register, bytes, number of those that are used
 _FMMU_LAYOUT = struct.Struct("<IHBB3xBB3x")
+_WATCHDOG_DIVIDER, _WATCHDOG_TIME = 0x0400, 0x0420  # registers; ticks of 40 ns, and their number
+_WATCHDOG_ROUNDING_MS = 0.2
+_SYNC_MANAGER, _SYNC_MANAGERS = 0x0800, 4  # register of the first, number of those that are used
+_DIRECTION_AND_MODE, _BUFFERED_OUTPUTS, _TRIGGERS_WATCHDOG = 0x0F, 0x04, 0x40  # of its control
 _READ, _WRITE = 1, 2  # type of an FMMU: inputs, outputs
 _GET_FLAGS, _SET_FLAGS, _PROMISCUOUS = 0x8913, 0x8914, 0x0100  # SIOCGIFFLAGS, SIOCSIFFLAGS
 _FIRST_STATION = 0x1001  # as pysoem counts them
@@ -100,6 +104,7 @@ class Service:
         self._master = self._pysoem.Master()
         self._codes: dict[int, tuple[int, int, int]] = {}  # by slave: code, register, count
         self._asked: dict[int, float] = {}  # by slave: when it was asked for OP, s
+        self._mute: set[Any] = set()  # slaves whose mailbox has not answered
         self._interface = interface
         self._flags = _interface_flags(interface)
         before = set(os.listdir("/proc/self/fd"))
@@ -125,8 +130,8 @@ class Service:
         """Write and read back the objects of each slave, and map the process data.
 
         ``distributed``: the clocks follow that of the first slave that has one. Return the
-        mismatches of each slave. ServiceError names slaves whose mailbox fails, or that do not
-        reach SAFE_OPERATIONAL.
+        mismatches of each slave. ServiceError names slaves whose mailbox fails, that do not reach
+        SAFE_OPERATIONAL, or whose watchdog would not stop them.
         """
         found: list[tuple[Mismatch, ...]] = [()] * len(setups)
         problems: list[str] = []
@@ -166,6 +171,10 @@ class Service:
             if setup.watchdog_ms > 0.0:
                 watchdog = partial(slave.set_watchdog, "processdata", setup.watchdog_ms)
                 self._retry(watchdog)
+                if problem := self._watchdog_problem(slave, setup.watchdog_ms):
+                    problems.append(f"{setup.name}: {problem}")
+        if problems:
+            raise ServiceError("\n".join(problems))
         return tuple(found)
 
     def areas(self) -> tuple[SlaveAreas, ...]:
@@ -261,13 +270,16 @@ class Service:
         )
 
     def _read(self, slave: Any, index: int, sub: int, kind: str) -> int | None:
-        for _ in range(_READ_ATTEMPTS):
+        for _ in range(1 if slave in self._mute else _READ_ATTEMPTS):
             try:
-                return from_bytes(kind, slave.sdo_read(index, sub))
+                data = slave.sdo_read(index, sub)
             except self._pysoem.SdoError:  # the slave's answer: it has no such object
                 return None
             except self._mailbox_errors():  # no answer, or an emergency in its place
                 continue
+            self._mute.discard(slave)
+            return from_bytes(kind, data)
+        self._mute.add(slave)  # a mailbox that is silent costs 0.7 s each time
         return None
 
     def _retry(self, request: Callable[[], T]) -> T:
@@ -279,6 +291,29 @@ class Service:
             with suppress(self._pysoem.WkcError, self._pysoem.PacketError):
                 return request()
         return request()
+
+    def _watchdog_problem(self, slave: Any, expected_ms: float) -> str:
+        """Return why a slave would not stop without process data; empty if it would.
+
+        Its watchdog runs only for outputs whose sync manager triggers it, by its EEPROM.
+        """
+        divider = self._register(slave, _WATCHDOG_DIVIDER, 2) + 2
+        found_ms = 4e-5 * divider * self._register(slave, _WATCHDOG_TIME, 2)
+        if abs(found_ms - expected_ms) > max(_WATCHDOG_ROUNDING_MS, 0.01 * expected_ms):
+            return f"its watchdog lasts {found_ms:g} ms; expected {expected_ms:g} ms"
+        for place in range(_SYNC_MANAGERS):
+            at = _SYNC_MANAGER + 8 * place
+            length, control, activate = (
+                self._register(slave, at + offset, size)
+                for offset, size in ((2, 2), (4, 1), (6, 1))
+            )
+            has_outputs = control & _DIRECTION_AND_MODE == _BUFFERED_OUTPUTS
+            if activate & 1 and length and has_outputs and not control & _TRIGGERS_WATCHDOG:
+                return (
+                    f"its outputs do not trigger its watchdog ({at + 4:#06x} is {control:#04x}), "
+                    "so it would go on without frames; its EEPROM decides that"
+                )
+        return ""
 
     def _mailbox_errors(self) -> tuple[type[Exception], ...]:
         # An emergency in the mailbox comes in place of an answer.

@@ -4,11 +4,15 @@ A terminal's process data are its PDOs one behind the other, each value where th
 """
 
 import struct
+import sys
 from collections.abc import Callable, Iterable
+from math import isnan
 from typing import NamedTuple
 
 from drivers.errors import CodecError
 from drivers.ethercat.process_image import SIZES, TYPE_CODES, Area, read_bit, write_bit
+
+_LARGEST = {"f32": (2.0 - 2.0**-23) * 2.0**127, "f64": sys.float_info.max}
 
 
 class TerminalEntry(NamedTuple):
@@ -59,8 +63,11 @@ def places(entries: Iterable[TerminalEntry], area: Area | None) -> dict[str, Pla
 def reader(place: Place) -> Callable[[memoryview], float]:
     """Return the function that reads a value from an image; of several their mean."""
     first, kind, number = place
-    if kind == "bit":
+    if kind == "bit" and number == 1:
         return lambda image: read_bit(image, first)
+    if kind == "bit":
+        bits = range(first, first + number)
+        return lambda image: sum(read_bit(image, bit) for bit in bits) / number
     unpack, at = struct.Struct(f"<{number}{TYPE_CODES[kind]}").unpack_from, first // 8
     if number == 1:
         return lambda image: unpack(image, at)[0]
@@ -68,13 +75,34 @@ def reader(place: Place) -> Callable[[memoryview], float]:
 
 
 def writer(place: Place) -> Callable[[memoryview, float], None]:
-    """Return the function that stores a value in an image; numbers are rounded and clamped."""
-    first, kind, _ = place
+    """Return the function that stores a value in an image, in each of several.
+
+    Numbers are clamped and rounded; a value that is no number stores 0.
+    """
+    first, kind, number = place
     if kind == "bit":
-        return lambda image, value: write_bit(image, first, 1 if value else 0)
-    pack, at = struct.Struct("<" + TYPE_CODES[kind]).pack_into, first // 8
+        bits = range(first, first + number)
+
+        def write_bits(image: memoryview, value: float) -> None:
+            for bit in bits:
+                write_bit(image, bit, 0 if isnan(value) or not value else 1)
+
+        return write_bits
+    pack, at = struct.Struct(f"<{number}{TYPE_CODES[kind]}").pack_into, first // 8
+    low, high = _range(kind)
+    is_whole = kind[0] != "f"
+
+    def write(image: memoryview, value: float) -> None:
+        stored = max(low, min(high, value)) if not isnan(value) else 0
+        pack(image, at, *(round(stored) if is_whole else stored,) * number)
+
+    return write
+
+
+def _range(kind: str) -> tuple[float, float]:
+    """Return the range of a type of numbers."""
     if kind[0] == "f":
-        return lambda image, value: pack(image, at, value)
+        largest = _LARGEST[kind]
+        return -largest, largest
     bits = 8 * SIZES[kind]
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
-    return lambda image, value: pack(image, at, max(low, min(high, round(value))))
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)

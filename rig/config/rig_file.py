@@ -126,9 +126,9 @@ class BaseRigFile(FileModel):
     operator: Operator = Operator()
 
     def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that drives expect a command in each tick."""
+        """Check that drives and bus fit the rate of the loop."""
         if self.wiring is not None:
-            for key, message, value in self.wiring.interpolation_rules(self.rate_hz):
+            for key, message, value in self.wiring.rate_rules(self.rate_hz):
                 yield RuleViolation(("wiring", *key), message, value)
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
+from rig.config.problems import format_number
 
 Object = Annotated[WholeNumber, Field(ge=0, le=0xFFFF)]
 """Index of an object, or of a mapping."""
@@ -18,6 +19,8 @@ Sub = Annotated[WholeNumber, Field(ge=0, le=0xFF)]
 Unsigned32 = Annotated[WholeNumber, Field(ge=0, le=2**32 - 1)]
 ObjectType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
 ValueType = Literal["bit", "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
+
+_LEAST_TICKS = 3  # without a frame, until the slaves or the loop may stop the rig
 
 RESERVED = ("segment", "ethercat")
 """Names of faults of the whole line, and of its cable, at emulated devices."""
@@ -35,6 +38,12 @@ class ProcessValue(FileModel):
     count: WholeNumber = Field(default=1, ge=1, le=256)  # their mean is the value
     invalid_mask: Unsigned32 = 0  # bits of a status: with one of them the slave's inputs are wrong
 
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that a status is one whole number."""
+        if self.invalid_mask and (self.type[0] == "f" or self.count > 1):
+            message = "a status is one whole number or bit; allowed no count, and no type f"
+            yield RuleViolation(("invalid_mask",), message, self.invalid_mask)
+
 
 class Pdo(FileModel):
     """A process data object with its values, in their order."""
@@ -50,6 +59,14 @@ class ObjectSetting(FileModel):
     sub: Sub
     type: ObjectType
     value: WholeNumber = Field(ge=-(2**31), le=2**32 - 1)
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the value fits its type."""
+        bits, signed = int(self.type[1:]), self.type[0] == "i"
+        low, high = -(1 << bits - 1) if signed else 0, (1 << bits - signed) - 1
+        if not low <= self.value <= high:
+            message = f"does not fit {self.type}; allowed {low} .. {high}"
+            yield RuleViolation(("value",), message, self.value)
 
 
 class SlaveDevice(FileModel):
@@ -151,6 +168,17 @@ class Segment(FileModel):
             if slave.has_sync0 and self.clock != "distributed":
                 message = "needs clock: distributed of the segment"
                 yield RuleViolation(("line", place, "sync0"), message, slave.sync0)
+
+    def rate_rules(self, rate: int) -> Iterator[RuleViolation]:
+        """Yield a violation for each time that some late frames exceed; ``rate`` in Hz."""
+        least = _LEAST_TICKS * 1e3 / rate
+        for key in ("watchdog_ms", "lost_ms"):
+            if getattr(self, key) < least:
+                yield self.violation(
+                    key,
+                    f"{format_number(getattr(self, key))} is less than {_LEAST_TICKS} ticks at "
+                    f"rate_hz = {rate}; allowed at least {format_number(least)} ms",
+                )
 
     def places(self) -> dict[str, int]:
         """Return the place of each slave by its name, 0 next to the computer."""

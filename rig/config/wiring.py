@@ -448,7 +448,14 @@ class Wiring(FileModel):
             for part in parts:
                 yield from _source_rules(slaves, written, *part)
 
-    def interpolation_rules(self, rate: int) -> Iterator[RuleViolation]:
+    def rate_rules(self, rate: int) -> Iterator[RuleViolation]:
+        """Yield a violation for each drive or time that does not fit the rate of the loop (Hz)."""
+        yield from self._interpolation_rules(rate)
+        if segment := self.segment():
+            for key, message, value in segment.rate_rules(rate):
+                yield RuleViolation(("ethercat", *key), message, value)
+
+    def _interpolation_rules(self, rate: int) -> Iterator[RuleViolation]:
         """Yield a violation for each drive whose interpolation time (0x60C2) is not the tick.
 
         ``rate`` in Hz. The drive would reach the command of a tick too early or too late.

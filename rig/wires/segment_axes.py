@@ -5,7 +5,8 @@ The newest answer is taken first, and all outputs are sent with the next frame.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 from drivers.cia402.positioning_drive import PositioningSettings
 from drivers.cia402.torque_drive import TorqueDriveSettings
@@ -28,6 +29,7 @@ Reader = Callable[[memoryview], float]
 _MAX_FOREIGN = 10  # frames of another master
 _MAX_OFFSETS = 86_400  # seconds whose clock offsets are kept
 _NEVER = -1e9  # s, earlier than any clock reading
+_NO_AREA = Area(0, 0)
 
 
 class TerminalSettings(NamedTuple):
@@ -164,15 +166,18 @@ class SegmentAxes(DriveAxes):
     ) -> None:
         """``slots``: the mailboxes of the drives' health, among others."""
         areas = facts.areas()
-        frame = CyclicFrame(image_bytes(areas), facts.reference_clock or None)
+        try:
+            frame = CyclicFrame(image_bytes(areas), facts.reference_clock or None)
+        except CodecError as error:
+            raise LinkError(f"EtherCAT on {settings.interface}: {error}") from error
         self._cycle = SegmentCycle(link, frame, expected_wkc(areas))
         by_name = dict(zip(settings.slaves, areas, strict=True))
         self._axes = {
-            name: TorqueAxis(TorqueAxisSettings(each, *_both(by_name[name])))
+            name: _mapped(name, by_name[name], partial(_torque_axis, each))
             for name, each in settings.axes.items()
         }
         self._actuators = {
-            name: PositionActuator(ActuatorSettings(each, *_both(by_name[name])))
+            name: _mapped(name, by_name[name], partial(_position_actuator, each))
             for name, each in settings.actuators.items()
         }
         self._settings = settings
@@ -318,11 +323,27 @@ class SegmentAxes(DriveAxes):
         return self._cycle.state.is_operational(len(self._settings.slaves))
 
 
-def _both(areas: tuple[Area | None, Area | None]) -> tuple[Area, Area]:
+def _torque_axis(drive: TorqueDriveSettings, outputs: Area, inputs: Area) -> TorqueAxis:
+    return TorqueAxis(TorqueAxisSettings(drive, outputs, inputs))
+
+
+def _position_actuator(drive: PositioningSettings, outputs: Area, inputs: Area) -> PositionActuator:
+    return PositionActuator(ActuatorSettings(drive, outputs, inputs))
+
+
+T = TypeVar("T")
+
+
+def _mapped(
+    name: str, areas: tuple[Area | None, Area | None], create: Callable[[Area, Area], T]
+) -> T:
+    """Return a drive on its areas; LinkError if they are not those of the mapped values."""
     outputs, inputs = areas
-    assert outputs is not None
-    assert inputs is not None
-    return outputs, inputs
+    try:
+        return create(outputs or _NO_AREA, inputs or _NO_AREA)
+    except CodecError as error:
+        text = f"{name} does not exchange what the drivers have mapped: {error}"
+        raise LinkError(text) from error
 
 
 Places = dict[str, terminal.Place]

@@ -1,4 +1,4 @@
-"""Slaves that come back after a lost segment: the next run brings them up, and nothing before."""
+"""Slaves that come back after a lost segment: the next run brings them up, nothing else does."""
 
 from __future__ import annotations
 
@@ -60,5 +60,5 @@ def test_the_run_after_a_lost_segment_needs_no_restart(
     control.request("clear")
     time.sleep(CALM_S)
     assert control.request("world")["nodes"]["heave"]["state"] != 8  # nothing is armed by itself
-    next_run = run_when_free(lambda: segment.run(SilentView()))
-    assert next_run.outcome.status == "complete", next_run.outcome
+    following = run_when_free(lambda: segment.run(SilentView()))
+    assert following.outcome.status == "complete", following.outcome

@@ -188,6 +188,28 @@ def test_a_terminal_with_other_process_data_than_described_is_refused_by_name(wi
         connected(wire, inputs=inputs)
 
 
+@pytest.mark.parametrize(
+    ("heave", "what"), [((160, 112), "expected 120 from a whole byte, got 112"), ((), "got 0")]
+)
+def test_a_drive_with_other_process_data_than_mapped_is_refused_by_name(
+    wire: Wire, heave: tuple[int, ...], what: str
+) -> None:
+    with pytest.raises(LinkError, match=f"heave does not exchange what the drivers.*{what}"):
+        connected(wire, inputs=(heave, *INPUTS[1:]))
+
+
+def test_more_process_data_than_a_frame_has_are_refused(wire: Wire) -> None:
+    inputs = (*INPUTS[:-1], (2224, 12_000))
+    with pytest.raises(LinkError, match="expected 1 to 1400 bytes, got 1778"):
+        connected(wire, inputs=inputs)
+
+
+def test_a_slave_that_shows_its_own_number_is_in_op(axes: SegmentAxes, wire: Wire) -> None:
+    wire.al_status = 0x28  # bit 5: an explicit device ID
+    tick(axes, wire)
+    assert faults(axes) == [0, 0]
+
+
 def faults(axes: SegmentAxes) -> list[int]:
     return [axes.sense(name, axes.read(name)).fault for name in axes.names]
 

@@ -73,7 +73,7 @@ class Console:
         try:
             match command.split():
                 case ["inject", slave, fault, *value] if len(value) <= 1:
-                    self._switch(slave, fault, float(int(value[0], 0)) if value else None)
+                    self._switch(slave, fault, _number(value[0]) if value else None)
                 case ["clear", slave, fault]:
                     self._clear(slave, fault)
                 case ["report"]:
@@ -113,6 +113,11 @@ class Console:
             for name in ("segment", *segment.slaves)
         }
         return {**found, "link": LINK_FAULTS}
+
+
+def _number(text: str) -> float:
+    """Return a number: decimal with or without a fraction, or hexadecimal after 0x."""
+    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
 
 
 def main() -> int:

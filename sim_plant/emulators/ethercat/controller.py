@@ -113,6 +113,8 @@ class SlaveController:
             for manager in self.sync_managers:
                 if manager.covers(address, length):
                     return manager.read(address, length)
+        elif end > registers.REGISTERS_END:
+            return None  # from registers into the process memory, past its sync managers
         else:
             self.before_read.run(address, end)
         return bytes(self.memory[address:end]) if end <= MEMORY else None
@@ -128,7 +130,7 @@ class SlaveController:
                 return False
             self.memory[address:end] = data
             return True
-        return self._write_registers(address, data)
+        return end <= registers.REGISTERS_END and self._write_registers(address, data)
 
     def write_bits(self, address: int, value: int, mask: int) -> bool:
         """Write single bits of the octets from an address on."""

@@ -101,8 +101,8 @@ def test_an_object_that_is_missing_or_silent_has_no_value(
     slaves[0].answers = [SdoError(), b"\1"]
     assert service.read(0, 0x8000, 1, "u8") is None
     assert slaves[0].answers == [b"\1"]  # an abort is an answer
-    slaves[0].answers = [WkcError()] * 3 + [b"\1"]
-    assert service.read(0, 0x8000, 1, "u8") is None
+    slaves[0].answers = [*[WkcError()] * 5, b"\1", WkcError(), b"\2"]
+    assert [service.read(0, 0x8000, 1, "u8") for _ in range(5)] == [None, None, None, 1, 2]
 
 
 def test_op_is_requested_once_in_a_while_and_anew_after_an_error(
@@ -149,3 +149,33 @@ def test_slaves_that_stay_behind_are_named_with_their_codes(
         "b: does not reach OPERATIONAL, is in SAFE_OPERATIONAL with an error with AL status "
         "0x0036, a text"
     ]
+
+
+WATCHED = {
+    0x0400: 2498, 0x0420: 200,  # 20 ms
+    0x0802: 128, 0x0804: 0x26, 0x0806: 1,  # mailbox
+    0x0812: 4, 0x0814: 0x64, 0x0816: 1,  # outputs that trigger the watchdog
+    0x081A: 15, 0x081C: 0x20, 0x081E: 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({}, ""),
+        ({0x0400: 498, 0x0420: 1000}, ""),  # another divider
+        ({0x0420: 0}, "its watchdog lasts 0 ms; expected 20 ms"),
+        ({0x0420: 2000}, "its watchdog lasts 200 ms"),
+        ({0x0814: 0x24}, "its outputs do not trigger its watchdog (0x0814 is 0x24)"),
+        ({0x0814: 0x24, 0x0812: 0}, ""),  # no outputs
+        ({0x0814: 0x24, 0x0816: 0}, ""),
+        ({0x0804: 0x24}, "its outputs do not trigger its watchdog (0x0804 is 0x24)"),
+    ],
+)
+def test_a_slave_that_would_not_stop_without_frames_is_found(
+    service: Service, slaves: list[Slave], changed: dict[int, int], text: str
+) -> None:
+    slaves[0].registers = WATCHED | changed
+    problem = service._watchdog_problem(slaves[0], 20.0)
+    assert text in problem
+    assert bool(problem) == bool(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 import pytest
@@ -57,9 +58,27 @@ def test_a_number_within_a_byte_is_refused() -> None:
         ("u8", -3.0, b"\0"),
         ("u16", 2.6, struct.pack("<H", 3)),
         ("f32", 0.5, struct.pack("<f", 0.5)),
+        ("f32", 1e300, struct.pack("<f", 3.4028234663852886e38)),
+        ("f64", -math.inf, struct.pack("<d", -1.7976931348623157e308)),
+        ("i32", math.inf, struct.pack("<i", 2**31 - 1)),
+        ("u64", 1e30, struct.pack("<Q", 2**64 - 1)),
+        ("i16", math.nan, b"\0\0"),
+        ("f32", math.nan, bytes(4)),
     ],
 )
 def test_outputs_are_rounded_and_stay_in_range(kind: str, value: float, data: bytes) -> None:
-    image = bytearray(8)
+    image = bytearray(10)
     writer(Place(16, kind))(memoryview(image), value)
     assert bytes(image[2 : 2 + len(data)]) == data
+
+
+def test_several_of_one_type_are_written_alike_and_read_as_their_mean() -> None:
+    image = memoryview(bytearray(8))
+    writer(Place(8, "i16", 3))(image, -2.0)
+    assert bytes(image) == b"\0" + struct.pack("<3h", -2, -2, -2) + b"\0"
+    assert reader(Place(8, "i16", 3))(image) == -2.0
+    writer(Place(4, "bit", 3))(image, 1.0)
+    assert image[0] == 0b0111_0000
+    assert reader(Place(3, "bit", 4))(image) == 0.75
+    writer(Place(5, "bit", 1))(image, 0.0)
+    assert image[0] == 0b0101_0000

@@ -79,6 +79,14 @@ def test_the_status_of_a_sync_manager_is_read_only() -> None:
     assert c.read(0x0805, 3) == b"\0\x01\0"
 
 
+def test_an_access_from_registers_into_process_memory_is_refused() -> None:
+    """It would pass the sync managers; the controller has nothing that spans the border."""
+    (slave,) = FrameMaster("torque_drive").slaves
+    assert slave.controller.read(0x0FF8, 16) is None
+    assert slave.controller.write(0x0FF8, bytes(16)) is False
+    assert slave.controller.read(0x0FF8, 8) == bytes(8)
+
+
 def test_watchdog_defaults_and_counts() -> None:
     c = SlaveController(has_dc=True)
     assert [c.get(address, 2) for address in (0x0400, 0x0410, 0x0420)] == [2498, 1000, 1000]

@@ -12,10 +12,12 @@ from frame_master import MS, OP, SAFEOP, FrameMaster
 
 from sim_plant.emulators.cia402 import State
 from sim_plant.emulators.eds_file import load_entries
+from sim_plant.emulators.ethercat.__main__ import Console
 from sim_plant.emulators.ethercat.flywheel_bench import Flywheel, FlywheelCommand, FlywheelParams
 from sim_plant.emulators.ethercat.line import BenchLine
 from sim_plant.emulators.ethercat.slaves import torque_drive_objects
 from sim_plant.emulators.ethercat.terminals import FULL_SCALE
+from sim_plant.emulators.ethercat.wire import Wire
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.torque_drive import TorqueDrive
 
@@ -357,3 +359,14 @@ def test_names_of_a_line_are_checked_all_at_once() -> None:
     line = FrameMaster("digital_in", "digital_in:8").line
     assert isinstance(line, BenchLine)
     assert list(line.segment.slaves) == ["digital_in", "digital_in_2"]
+
+
+def test_the_console_takes_decimal_and_hexadecimal_values() -> None:
+    line = FrameMaster("coupler", "torque_drive").line
+    console = Console(line, Wire(line.segment, "none"))
+    assert console.execute("inject segment stall 0.3") == {"done": "inject segment stall 0.3"}
+    assert line.segment.stall_ns == 300_000_000
+    drive = line.segment.slaves["torque_drive"]
+    console.execute("inject torque_drive al_refusal 0x1D")
+    assert drive.active["al_refusal"] == 0x1D
+    assert "error" in console.execute("inject segment stall soon")

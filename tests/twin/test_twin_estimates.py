@@ -219,6 +219,10 @@ def test_excitation_scale_is_identified() -> None:
     assert (left == 0.0).tolist() == [False, True, True, False]
     assert excitation_scale(calm_records, hull_model, bem).by_name[SCALE] == 1.0
     assert measured_bands(calm_records, bem) == ()
+    wide = {**sea, "cycles": [1, 2], "amplitude_m": [0.1, 0.02], "phase_rad": [0.0, 0.0]}
+    rows_in_wide = [in_waves._replace(sea=wide)]  # one factor for all its lines: in that sea only
+    assert measured_bands(rows_in_wide, bem) == ()
+    assert measured_bands(rows_in_wide, bem, dict(wide)) == ((0.5, 1.0),)
     identified = bem._replace(measured=((0.2, 1.0),))
     assert not bem_deviation(frequency, measured_bands(calm_records, identified)).any()
 

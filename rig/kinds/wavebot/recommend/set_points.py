@@ -100,7 +100,8 @@ class SetPointPredictor:
             campaign = campaign._replace(plant=plant_file.mapping(twin, shift))
         model = build_model(campaign, QUICK_RATE if quick else MIN_RATE)
         frequency = model.grid.omega / (2.0 * np.pi)
-        error = bem_error * seas.bem_deviation(frequency, twin.measured_excitation)
+        measured = seas.measured_bands(twin.records, twin.coefficient, requested_sea(campaign))
+        error = bem_error * seas.bem_deviation(frequency, measured)
         heave = model.heave._replace(excitation=(factor + error) * model.heave.excitation)
         self.campaign = campaign
         self._model = model._replace(heave=heave)

@@ -45,11 +45,6 @@ class Twin(NamedTuple):
     notes: tuple[str, ...]  # excluded data, with reasons
 
     @property
-    def measured_excitation(self) -> tuple[seas.Band, ...]:
-        """Bands in which rows in waves measured the excitation; elsewhere it is from BEM."""
-        return seas.measured_bands(self.records, self.coefficient)
-
-    @property
     def values(self) -> dict[str, float]:
         """Every estimate by name."""
         return {name: value for group in self.groups for name, value in group.by_name.items()}

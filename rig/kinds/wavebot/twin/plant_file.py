@@ -161,7 +161,7 @@ def as_dict(twin: Twin) -> dict[str, Any]:
             for each in ([record.amplitudes[name] for record in twin.records],)
         },
         "excitation": twin.coefficient.source,
-        "excitation_measured_hz": twin.measured_excitation,
+        "excitation_measured_hz": seas.measured_bands(twin.records, twin.coefficient),
         "notes": list(twin.notes),
     }
 

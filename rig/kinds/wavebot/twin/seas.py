@@ -11,8 +11,8 @@ At frequencies that no row in waves had, the excitation of a BEM file has the st
 which an identification in a tank differed from BEM: see `BEM_DEVIATION`.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,13 +47,19 @@ class Coefficient(NamedTuple):
     measured: tuple[Band, ...] = ()  # where it is identified; elsewhere it is from BEM
 
 
-def measured_bands(records: Sequence[Record], coefficient: Coefficient) -> tuple[Band, ...]:
-    """Return where excitation was measured: identified, or in rows in waves, by strong lines."""
+def measured_bands(
+    records: Sequence[Record], coefficient: Coefficient, predicted: Mapping[str, Any] | None = None
+) -> tuple[Band, ...]:
+    """Return where excitation was measured: identified, or in rows in waves, by strong lines.
+
+    Rows in a sea of many frequencies give one factor for all of them, which holds in that sea
+    only: they count if it is the ``predicted`` one (commanded lines, as in a record).
+    """
     bands = set(coefficient.measured)
     for sea in (record.sea for record in records if record.sea is not None):
         amplitude, cycles = np.array(sea["amplitude_m"]), np.array(sea["cycles"])
         strong = cycles[amplitude > 0.1 * amplitude.max(initial=0.0)] / float(sea["repeat_s"])
-        if strong.size:
+        if strong.size and (sea == predicted or np.ptp(strong) <= MARGIN):
             bands.add((float(strong.min()), float(strong.max())))
     return tuple(sorted(bands))
 

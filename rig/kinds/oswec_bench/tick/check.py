@@ -4,7 +4,7 @@ Checks whose reason allows no controlled stop (stop category 0) come first.
 """
 
 from controllers.blocks import finite
-from controllers.signals import AxisSense
+from controllers.signals import AxisSense, DriveFault
 from rig.kinds.oswec_bench.tick.reasons import BenchReason
 from rig.kinds.oswec_bench.tick.signals import Motion, Sense, WrenchSense
 from rig.kinds.oswec_bench.tick.state import LoadLimits, Params, State, zeros_in_use
@@ -17,7 +17,9 @@ def motor_sense(sense: Sense) -> AxisSense:
     """Return encoder and servo readings in the form of an axis."""
     encoders, servo, _, _, _ = sense
     current, enabled, fault, age = servo
-    return AxisSense(encoders.motor_counts, encoders.age, current, enabled, fault, age)
+    # The drive's own number of an error, which may be negative, is a fault of the drive.
+    general = DriveFault.GENERAL.value if fault != 0 else 0
+    return AxisSense(encoders.motor_counts, encoders.age, current, enabled, general, age)
 
 
 def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int) -> int:

@@ -74,6 +74,7 @@ FAULTS: list[tuple[str, dict[str, Any], Reason]] = [
     ("encoders", {"shaft_counts": 1_000}, BenchReason.SHAFT_ENCODER_JUMP),
     ("servo", {"age": 0.5}, Reason.STALE_DRIVE),
     ("servo", {"fault": 7}, Reason.DRIVE_FAULT),
+    ("servo", {"fault": -1}, Reason.DRIVE_FAULT),  # a drive has negative numbers of errors, too
     ("servo", {"enabled": 0}, Reason.DRIVE_DROPPED),
     ("load", {"tz": 121.0}, BenchReason.LOAD_CELL_OVERLOAD),
     ("load", {"tz": -121.0}, BenchReason.LOAD_CELL_OVERLOAD),

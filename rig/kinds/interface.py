@@ -18,7 +18,6 @@ from rig.campaign.kind import CampaignKind
 from rig.config.problems import Problem
 from rig.config.rig_file import BaseRigFile
 from rig.config.yaml_source import SourceMap
-from rig.interop.tables import KindFormat
 from rig.kinds.registry import Command
 from rig.people.set_points import LiveColumns
 from rig.processes.io_processes import IoProcess
@@ -27,7 +26,8 @@ from rig.realtime import cycle
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunInfo
 
-if TYPE_CHECKING:  # drivers of wires, which a rehearsal does not need
+if TYPE_CHECKING:  # xarray and drivers of wires, which a check does not need
+    from rig.interop.tables import KindFormat
     from rig.wires.job import WiredJob
 
 LogRow = dict[str, float | int]
@@ -277,7 +277,7 @@ class Commands(Protocol):
 class Exports(Protocol):
     """Room `exports`, optional: formats of `rig export` for the tools of one test."""
 
-    FORMATS: dict[str, KindFormat]
+    FORMATS: "dict[str, KindFormat]"
     """The formats by name (`--as`)."""
 
 

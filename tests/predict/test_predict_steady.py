@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.fft import next_fast_len
 from scipy.integrate import solve_ivp
 
 from rig.design.grid import (
@@ -129,3 +130,9 @@ def test_samples_of_a_spectrum() -> None:
     w = 2.0 * math.pi / 20.0
     expected = ((2.0 + 1.0j) * np.exp(-3j * w * t) + 0.5j * np.exp(-7j * w * t)).real
     np.testing.assert_allclose(samples, expected, atol=1e-12)
+
+
+def test_the_samples_of_a_period_are_the_fewest_with_a_quick_transform() -> None:
+    for period in (*range(1, 2000, 7), 7.3, 3600.0, 36000.0):
+        least = math.ceil(max(512, math.ceil(32.0 * period)) / 2)
+        assert build_grid(period).samples == 2 * next_fast_len(least, real=True)

@@ -30,7 +30,7 @@ PHASE = 0.03  # % of the period
 EXECUTED = 0.99
 LOADED, EXECUTED_LOADED = 0.5, 0.9  # cores of other work; executed share that is then sufficient
 # A run without stalls of the host. A run with stalls at reversals and 0.2 % lost ticks was up to
-# 9 % off in amplitude difference; that is allowed if every try has stalls.
+# 9 % off in amplitude difference; that is allowed if both tries have stalls.
 UNDISTURBED, SHARE_DISTURBED = 0.999, 0.1
 # s, delay of the brake's measured current beyond that in rehearsal: about 1.1 ms, most of it the
 # measuring amplifier's own filter. A larger delay shows other work on the host, or a slow host.
@@ -40,6 +40,7 @@ BRAKE_LATE = 0.0016
 SHARE_PER_LATE = 24.0
 PERIODS = 10  # on wires half strokes of one period scatter by 4 %, their median by 1.6 %
 TRIES = 5  # a shared host has bad minutes; each try takes 50 s
+TRIES_UNDISTURBED = 2  # for a run without stalls, if one with stalls is complete
 ROWS = (
     {"amplitude_deg": 5, "damping_n_m_s_per_rad": 42, "period_s": 1.5},
     {"amplitude_deg": 15, "damping_n_m_s_per_rad": 83.3, "period_s": 1.5},
@@ -155,6 +156,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
         if complete and (best is None or share > best[0]):
             best = share, result, late, load
         if complete and share >= UNDISTURBED and late <= BRAKE_LATE:
+            break
+        if best is not None and best[0] >= EXECUTED and attempt + 1 >= TRIES_UNDISTURBED:
             break
     assert best is not None, result.outcome
     _, result, late, load = best

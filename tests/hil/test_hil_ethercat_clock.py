@@ -18,7 +18,7 @@ pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):
     pytest.skip(problem, allow_module_level=True)
 
-pytestmark = [pytest.mark.realtime, pytest.mark.long(group="EtherCAT")]
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 PPM = 300.0
 
 

@@ -21,7 +21,7 @@ pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):
     pytest.skip(problem, allow_module_level=True)
 
-pytestmark = [pytest.mark.realtime, pytest.mark.long(group="EtherCAT")]
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 CALM_S = 12.0  # s in which the body comes to rest after a stop without damping
 
 

@@ -24,7 +24,7 @@ pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):
     pytest.skip(problem, allow_module_level=True)
 
-pytestmark = [pytest.mark.realtime, pytest.mark.long(group="EtherCAT")]
+pytestmark = [pytest.mark.realtime, pytest.mark.long(group="SYNC0")]
 # A missed SYNC0 adds 3, and loop and emulation share a host that stands still for 40 ms.
 PATIENT = {"object": 0x10F1, "sub": 2, "type": "u16", "value": 300}
 REST = (

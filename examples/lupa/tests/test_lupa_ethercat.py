@@ -11,7 +11,7 @@ from rig.emulation.cable import cable_problem
 from test_lupa_numbers import LUPA
 from test_lupa_runs import write_campaign
 
-pytestmark = [pytest.mark.realtime, pytest.mark.long(group="EtherCAT")]
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 # A command arrives a tick later than in the rehearsal, and the host loses ticks now and then.
 SHARE, LEAST_W = 0.02, 0.02
 

@@ -123,11 +123,16 @@ class IoProcesses:
             self.loop_end = -1
 
     def end(self, timeout_s: float) -> None:
-        """End all processes in reverse order, kill those that do not end, close the mailboxes."""
-        for _, child in reversed(self._children):
+        """End all processes in reverse order, kill those that do not end, close the mailboxes.
+
+        Their last messages may be the cause of the loop's end.
+        """
+        for process, child in reversed(self._children):
             if child.alive():
                 child.process.terminate()
             child.end(timeout_s)
+            notices = (each for each in child.read_reports() if isinstance(each, Notice))
+            self.messages += (f"{process.name}: {notice.text}" for notice in notices)
         self.release_lifeline()
         for fd in (self._lifeline, *(slot.fd for slot in self.slots.values())):
             os.close(fd)

@@ -67,6 +67,7 @@ def serve(job: IoJob) -> None:
         while not ended():
             time.sleep(_POLL_INTERVAL_S)
             watch.look()
+        watch.look_last()
 
 
 def identity_problems(found: Sequence[SlaveIdentity], slaves: Slaves) -> list[str]:
@@ -329,6 +330,16 @@ class _Watch:
         if new := silent - self._reported:
             self._reported |= new
             report(Notice(f"{', '.join(sorted(new))}: no answer for {_SILENT_S:g} s"))
+
+    def look_last(self) -> None:
+        """Report which slaves left OP in the last cycles, which is why the loop may have ended.
+
+        A slave whose watchdog lapsed misses the frames of the loop that has ended.
+        """
+        status, now = self._service.status(), time.monotonic()
+        for place, each in enumerate(status):
+            if each.state != AlState.NONE and each.error != _NO_FRAMES:
+                self._note(place, self._states[place], each, now)
 
     def _note(self, place: int, was: int, status: SlaveStatus, now: float) -> None:
         """Take the state of a slave that answers."""

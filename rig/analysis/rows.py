@@ -222,13 +222,16 @@ def _evaluate(check: Check, data: Records) -> float:
 
 
 def _add_repetition_errors(table: list[dict[str, Any]], stations: Iterable[Station]) -> None:
-    """Fill unknown standard errors of rows with the standard deviation over repetitions."""
+    """Fill unknown standard errors of rows with the standard deviation over repetitions.
+
+    Those in seas of other seeds are other rows.
+    """
     for station in stations:
         name = f"power_{station.name}"
-        by_point: dict[int, list[dict[str, Any]]] = {}
+        by_point: dict[tuple[int, int], list[dict[str, Any]]] = {}
         for row in table:
             if row["state"] == COMPLETE and np.isnan(row[f"{name}_se"]):
-                by_point.setdefault(row["point"], []).append(row)
+                by_point.setdefault((row["point"], row.get("seed", 0)), []).append(row)
         for rows in by_point.values():
             if len(rows) > 1:
                 scatter = float(np.std([row[name] for row in rows], ddof=1))
@@ -350,6 +353,8 @@ def _merge_plan(
         measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}
     entry = measured | {"point": int(planned.get("point", row))}
     entry["repetition"] = int(planned.get("repetition", 0))
+    if "seed" in planned:  # of the sea, where a run has rows in several
+        entry["seed"] = int(planned["seed"])
     for name in settings:
         value = planned.get(name, planned.get(f"{name}_position"))
         if value is not None:
@@ -382,7 +387,7 @@ def _build_dataset(
     import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
 
     names = list(table[0]) if table else ["row"]
-    order = ["row", "point", "repetition", "state", *settings]
+    order = ["row", "point", "repetition", "seed", "state", *settings]
     names = [n for n in order if n in names] + [n for n in names if n not in order]
     variables = {
         name: xarray.Variable(

@@ -201,6 +201,14 @@ class Summary(NamedTuple):
         return f"{', '.join(sorted(remarks))}: power differs {limit}".capitalize()
 
 
+def _timing_text(run_facts: RunInfo) -> str:
+    """Return the timing of a run, or of the last stage of one that was resumed."""
+    timing = run_facts.timing.get("summary")
+    if not timing:
+        return "No timing certificate: the run did not reach its end."
+    return f"Last stage: {timing}" if run_facts.status.get("resumed_utc") else str(timing)
+
+
 def _sea_text(plan: dict[str, Any]) -> str:
     sea = plan.get("sea") or {}
     if sea.get("words"):
@@ -242,7 +250,7 @@ def summarise(
     """
     ending = describe_ending(run_facts.status, stop.lost)
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
-    timing, matrix = run_facts.timing.get("summary"), gain_matrix(table)
+    matrix = gain_matrix(table)
     main, rig = main_columns(matrix.columns), run_facts.config.get("rig")
     return Summary(
         run=run_facts.run,
@@ -265,7 +273,7 @@ def summarise(
         main=main,
         further=tuple(c for c in varied_columns(matrix) if c not in main),
         alarms=tuple(alarms(table, run_facts, unfinished)),
-        timing=str(timing or "No timing certificate: the run did not reach its end."),
+        timing=_timing_text(run_facts),
         stopped=stop.location,
         findings=findings,
         effects=all_effects(table) if is_designed(matrix) else (),

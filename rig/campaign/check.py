@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Protocol
 from rig.campaign.files import ExtraCheck, no_extra_check, open_campaign
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.campaign.law_checks import trial_problems
-from rig.campaign.plan import build_plan
-from rig.campaign.record import moves_entry
+from rig.campaign.plan import build_plan, stage_plans
+from rig.campaign.record import moves_entry, seeds_text
 from rig.campaign.simulated_rows import SimulatedRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
@@ -110,7 +110,8 @@ class CheckReport(NamedTuple):
             "rows": len(planned.rows),
             "points": len(campaign.points),
             "repeat": file.repeat,
-            "duration_s": planned.duration,
+            **({"seas": len(file.seeds)} if len(file.seeds) > 1 else {}),
+            "duration_s": sum(stage.duration for stage in stage_plans(campaign)),
             "wave_clock_s": planned.wave_seconds,
             "measured_s": planned.phases.measure,
             **moves_entry(campaign, planned),
@@ -157,12 +158,15 @@ class CheckReport(NamedTuple):
             equal = len({row.measure for row in planned.rows}) == 1
             measured += " per row" if equal else " or more per row"
             points = count_text(len(campaign.points), "point")
-            rows = f"{len(planned.rows)} ({points} x {file.repeat}), {file.order}"
+            seas = f" x {len(file.seeds)} seas" if len(file.seeds) > 1 else ""
+            rows = f"{len(planned.rows)} ({points} x {file.repeat}{seas}), {file.order}"
             waits = ", plus waiting for the drive"
             if first is not None and first.actuator is not None:
                 rows += f", {count_text(planned.moves, f'{first.heading} move')}"
                 waits = f", plus waiting for {first.actuator.label} and drive"
-        seed = "".join(f", phases of seed {value}" for value in _phases_seed(file).values())
+        seed = ""
+        if hasattr(file.sea, "seed"):
+            seed = f", phases of {seeds_text(file)}"
         phases = (f"{_phase_label(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
         return [
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
@@ -175,7 +179,7 @@ class CheckReport(NamedTuple):
             (
                 "duration",
                 f"{format_duration(planned.duration)}{waits}; "
-                f"wave clock {planned.wave_seconds:.6g} s",
+                f"wave clock {planned.wave_seconds:.6g} s{seas_text(campaign)}",
             ),
             ("phases", ", ".join(phases)),
             *campaign.kind.report_lines(campaign, planned),
@@ -256,6 +260,15 @@ def check_campaign(
     )
 
 
+def seas_text(campaign: AnyCampaign) -> str:
+    """Return how often a campaign runs its plan, and the duration of all; empty for one sea."""
+    stages = stage_plans(campaign)
+    if len(stages) == 1:
+        return ""
+    total = format_duration(sum(stage.duration for stage in stages))
+    return f", in each of {len(stages)} seas, one after the other: {total}"
+
+
 def _shortest_windows(campaign: AnyCampaign, planned: AnyPlan) -> RowWindows:
     """Return the windows of the rows, those of the shortest one where a tank ends them."""
     windows = campaign.kind.windows(campaign.file)
@@ -294,9 +307,12 @@ def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:
     return lines
 
 
-def _phases_seed(file: BaseCampaignFile) -> dict[str, int]:
+def _phases_seed(file: BaseCampaignFile) -> dict[str, int | list[int]]:
     """Return the seed of a sea's phases; empty for a sea without random phases."""
-    return {"seed": file.sea_seed} if hasattr(file.sea, "seed") else {}
+    if not hasattr(file.sea, "seed"):
+        return {}
+    seeds = [file.sea_seed(seed) for seed in file.seeds]
+    return {"seed": seeds if len(seeds) > 1 else seeds[0]}
 
 
 def _phase_label(phase: str) -> str:

@@ -139,6 +139,7 @@ def open_campaign(
         elevation,
         record,
         tuple(files),
+        file.seeds[0],
     )
     try:
         if file.tank is not None:
@@ -163,7 +164,13 @@ def _campaign_problems(
     locate: SourceMap,
 ) -> list[Problem]:
     """Return the problems of sea, windows and number of rows."""
-    problems = [*largest_elevation_problems(file.sea, file.sea_seed, locate)]
+    problems = [
+        *dict.fromkeys(
+            problem
+            for seed in file.seeds
+            for problem in largest_elevation_problems(file.sea, file.sea_seed(seed), locate)
+        )
+    ]
     try:
         kind.windows(file)
     except WindowError as error:
@@ -172,7 +179,7 @@ def _campaign_problems(
     count = len(points or ())
     if points is None and matrix is not None:  # too many to build: its lengths give their number
         count = count_points(matrix.grid, matrix.combinations)
-    rows = file.repeat * count
+    rows = len(file.seeds) * file.repeat * count
     if rows > MAX_ROWS:
         key = ("repeat",) if file.repeat > 1 else ("matrix",)
         problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MAX_ROWS}"))

@@ -148,11 +148,18 @@ class Campaign(NamedTuple, Generic[F, R, L]):
     elevation: Elevation | None  # of a recorded sea
     record: ReferenceRecord | None  # of a recorded reference
     files: tuple[InputFile, ...]  # with the files that they extend
+    seed: int  # one of those of the file; the others have seas, and plans, of their own
 
     @property
     def axis_laws(self) -> dict[str, AxisLaw]:
         """The law of each axis."""
         return dict(self.file.axis_laws)
+
+    @property
+    def sea_seed(self) -> int:
+        """Seed of the sea's phases."""
+        seed: int = self.file.sea_seed(self.seed)
+        return seed
 
     def validity_warnings(self, day: date) -> tuple[Problem, ...]:
         """Return warnings about calibrations that are not valid on a day (UTC)."""
@@ -169,6 +176,7 @@ class CampaignRow(NamedTuple, Generic[S]):
     row: int  # from 0, in the order of the plan
     point: int  # from 0, in the order of the file
     repetition: int  # from 0
+    seed: int  # of the sea
     place: float  # of the part that moves between rows, in the unit of its column
     setting: S
     periods: int  # wave or repeat periods measured; 0: not a whole number
@@ -199,6 +207,7 @@ class Plan(NamedTuple, Generic[S, T]):
     phases: PhaseSeconds
     axis_laws: Mapping[str, AxisLaw]
     rig: Rig  # its file, for displays
+    seed: int  # of the rows that the segments measure
 
 
 AnyPlan = Plan[Any, Any]

@@ -6,6 +6,9 @@ runs from the first segment of the lead-in; the wave clock counts its seconds. B
 which a part of the rig moves, its combination is held for an extra interval (MASK4 report (Sandia),
 section 3.2.3).
 
+A campaign with several seeds measures all rows in the sea of the first one, then in those of the
+others. The waves start anew with each sea, so each has a plan of its own, a stage of the run.
+
 Without rows (a wave calibration) there is only a lead-in and one window of whole repeat periods;
 the drive stays off.
 """
@@ -71,9 +74,32 @@ def measured_before(plan: Mapping[str, Any]) -> Measured:
 def build_plan(campaign: PlanInputs, measured: Measured = NOTHING) -> AnyPlan:
     """Return the plan of a campaign that passed all checks of `open_campaign`.
 
-    Its segments leave out what is already ``measured``; its rows are those of the whole campaign.
-    Raises `WindowError` if the window of a row does not fit.
+    Its segments are those of the first seed with rows that are not ``measured``, without what is
+    measured; its rows are those of the whole campaign. Raises `WindowError` if the window of a row
+    does not fit.
     """
+    stages = stage_plans(campaign)
+    chosen = next(
+        (each for each in stages if any(row.row not in measured.rows for row in each.rows)),
+        stages[0],
+    )
+    rows = tuple(row for stage in stages for row in stage.rows)
+    if measured.rows or measured.periods:
+        chosen = _plan_of_seed(campaign, chosen.seed, chosen.rows[0].row, measured)
+    return chosen._replace(rows=rows)
+
+
+def stage_plans(campaign: PlanInputs) -> list[AnyPlan]:
+    """Return the plan of each seed of a campaign, each with the rows of that seed."""
+    plans: list[AnyPlan] = []
+    for seed in campaign.file.seeds:
+        first_row = sum(len(plan.rows) for plan in plans)
+        plans.append(_plan_of_seed(campaign, seed, first_row, NOTHING))
+    return plans
+
+
+def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Measured) -> AnyPlan:
+    """Return the plan of the rows of a seed, the first of which has a number."""
     kind, file, rig, points = campaign.kind, campaign.file, campaign.rig, campaign.points
     windows = kind.windows(file)
     rows: tuple[CampaignRow[Any], ...] = ()
@@ -84,12 +110,13 @@ def build_plan(campaign: PlanInputs, measured: Measured = NOTHING) -> AnyPlan:
                 row,
                 repetition.point,
                 repetition.repetition,
+                seed,
                 places[repetition.point],
                 row_setting(kind, file, rig, points[repetition.point]),
                 windows.periods,
                 windows.measure,
             )
-            for row, repetition in enumerate(order_rows(file, places))
+            for row, repetition in enumerate(order_rows(file, places, seed), first_row)
         )
         left = [row for row in rows if row.row not in measured.rows]
         plan_segments = _row_segments(kind, file, rig, left, windows, measured.periods)
@@ -116,6 +143,7 @@ def build_plan(campaign: PlanInputs, measured: Measured = NOTHING) -> AnyPlan:
         PhaseSeconds(*phases),
         file.axis_laws,
         rig,
+        seed,
     )
 
 
@@ -128,11 +156,14 @@ def _measured(row: CampaignRow[Any], seconds: float, file: BaseCampaignFile) -> 
     return row._replace(measure=seconds, periods=periods * math.isclose(seconds, periods * period))
 
 
-def order_rows(file: BaseCampaignFile, places: Any) -> tuple[PointRepetition, ...]:
-    """Return the sequence of points and repetitions, from the place for each point."""
+def order_rows(file: BaseCampaignFile, places: Any, seed: int) -> tuple[PointRepetition, ...]:
+    """Return the sequence of points and repetitions, from the place for each point.
+
+    ``seed``: of a random order.
+    """
     orders: dict[str, Order] = {"as given": "as given", "random": "random"}
     order = orders.get(file.order, "least travel")
-    return order_points(places, order, file.repeat, file.seed)
+    return order_points(places, order, file.repeat, seed)
 
 
 def _calibration_segments(file: BaseCampaignFile, windows: RowWindows) -> list[PlanSegment[Any]]:

@@ -22,6 +22,8 @@ from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo
 from rig.row_contents import RowContents
 
+SEED = "seed"  # key of a recorded plan and of its rows, with several seeds
+
 
 def resolved_config(campaign: AnyCampaign) -> str:
     """Return JSON text with every key of every file, with defaults, points, and files with sha256.
@@ -68,13 +70,17 @@ def law_source(campaign: AnyCampaign) -> str:
 def plan_record(campaign: AnyCampaign, plan: AnyPlan, contents: RowContents) -> dict[str, Any]:
     """Return the plan as a run records it, as JSON values; a kind adds the reference's scale."""
     sea, actuator = campaign.file.sea, campaign.file.kind_columns.actuator
+    several = len(campaign.file.seeds) > 1
+    description = sea.description() + (f", {seeds_text(campaign.file)}" if several else "")
     return {
         "dt": plan.dt,
+        **({SEED: plan.seed} if several else {}),
         "rows": [
             {
                 "row": r.row,
                 "point": r.point,
                 "repetition": r.repetition,
+                **({SEED: r.seed} if several else {}),
                 **({} if actuator is None else {actuator.name: r.place}),
                 **r.setting._asdict(),
                 "periods": r.periods,
@@ -84,11 +90,17 @@ def plan_record(campaign: AnyCampaign, plan: AnyPlan, contents: RowContents) -> 
         ],
         "device": "present" if plan.rows else "absent",
         "repeat_s": repeat_period(sea),
-        "sea": sea.model_dump(mode="json") | {"words": sea.description()},
+        "sea": sea.model_dump(mode="json") | {"words": description},
         **contents.as_records(),
         **moves_entry(campaign, plan),
         "duration_s": plan.duration,
     }
+
+
+def seeds_text(file: BaseCampaignFile) -> str:
+    """Return the seeds of the phases of a campaign's seas as text."""
+    seeds = [str(file.sea_seed(seed)) for seed in file.seeds]
+    return f"seed{'s' if len(seeds) > 1 else ''} {', '.join(seeds)}"
 
 
 def moves_entry(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, int]:
@@ -130,16 +142,23 @@ class RecordedCampaign(NamedTuple):
     limits: Any
     points: tuple[Point, ...]  # as recorded, without their locations in a file
     record: ReferenceRecord | None  # of a recorded reference
+    seed: int  # one of those of the file
+
+    @property
+    def sea_seed(self) -> int:
+        """Seed of the sea's phases."""
+        seed: int = self.file.sea_seed(self.seed)
+        return seed
 
 
 def campaign_from_record(
-    kind: CampaignKind, config: dict[str, Any], law_text: bytes = b""
+    kind: CampaignKind, config: dict[str, Any], law_text: bytes = b"", seed: int | None = None
 ) -> RecordedCampaign:
     """Return the campaign of a run, with the recorded reference that it names.
 
-    ``law_text`` is that of `law_source`. Raises KeyError if the record lacks a part, and
-    ValueError if the current models refuse it, the file of the reference has changed, or a law
-    cannot be used here.
+    ``law_text`` is that of `law_source`, ``seed`` one of its seeds (None: the first). Raises
+    KeyError if the record lacks a part, and ValueError if the current models refuse it, the file of
+    the reference has changed, or a law cannot be used here.
     """
     laws_of_axes = laws_from_record(config, law_text, kind.axes(config["rig"]))
     file = kind.model(laws_of_axes, config["rig"]).model_validate(config["campaign"])
@@ -153,13 +172,20 @@ def campaign_from_record(
             for values in config["points"]
         ),
         _read_record(file, config),
+        file.seeds[0] if seed is None else seed,
     )
+
+
+def recorded_campaign(kind: CampaignKind, run: RunInfo) -> RecordedCampaign:
+    """Return the campaign of a run in the sea of its last rows; raises `campaign_from_record`'s."""
+    seed = run.plan.get(SEED)
+    return campaign_from_record(kind, run.config, run.law_source, seed)
 
 
 def logged_campaign(kind: CampaignKind, run: RunInfo) -> RecordedCampaign:
     """Return the campaign of a run; RunError if its record has none that is valid today."""
     try:
-        return campaign_from_record(kind, run.config, run.law_source)
+        return recorded_campaign(kind, run)
     except KeyError as error:
         raise RunError(f"{run.run}: its record holds no configuration ({error})") from None
     except ValueError as error:

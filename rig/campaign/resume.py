@@ -1,7 +1,7 @@
 """The rest of a campaign whose run ended early: rows and periods that it has not measured."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,14 +53,39 @@ def resume_campaign(run: Path, campaign: AnyCampaign, *, accept_changes: bool) -
     measured = measured_so_far(run, keep_periods=_keeps_phase(campaign))
     if len(measured.rows) == len(info.plan["rows"]):
         raise RunError(f"{info.run}: all of its {len(measured.rows)} rows are measured")
-    plan = build_plan(campaign, measured)
+    return _resumption(run, info, campaign, measured, differences)
+
+
+def next_sea(run: Path, campaign: AnyCampaign, seed: int) -> Resumption | None:
+    """Return the plan in the next sea of a run that has measured its rows in the sea of ``seed``.
+
+    None after the last sea. Rows that people skipped in the seas before do not come again.
+    """
+    seeds = campaign.file.seeds
+    before = seeds[: seeds.index(seed) + 1]
+    measured = measured_so_far(run, keep_periods=False)
+    passed = frozenset(row.row for row in build_plan(campaign).rows if row.seed in before)
+    measured = measured._replace(rows=measured.rows | passed)
+    info = run_info(run)
+    if len(measured.rows) == len(info.plan["rows"]):
+        return None
+    return _resumption(run, info, campaign, measured)
+
+
+def _resumption(
+    run: Path,
+    info: RunInfo,
+    campaign: AnyCampaign,
+    measured: Measured,
+    differences: Sequence[str] = (),
+) -> Resumption:
     before = info.plan.get(RESUMED) or {}
     record = measured.as_record() | {
         "stage": before.get("stage", 1) + 1,
         "last_tick": _last_tick(run),
         "differences": [*before.get("differences", []), *differences],
     }
-    return Resumption(plan, measured, {RESUMED: record})
+    return Resumption(build_plan(campaign, measured), measured, {RESUMED: record})
 
 
 def measured_so_far(run: Path, *, keep_periods: bool) -> Measured:

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from enum import IntEnum, IntFlag
 from functools import partial
@@ -14,6 +14,8 @@ import typer
 
 from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
+from rig.campaign import AnyCampaign, CheckReport
+from rig.campaign.resume import Resumption, next_sea
 from rig.cli.check import examine, print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim, WithPage
@@ -34,7 +36,7 @@ from rig.config.wiring import WiringError
 from rig.execution.attended import attended_task
 from rig.execution.task import RunResult, run_task
 from rig.host import disk
-from rig.kinds.interface import Checked, Display, Products, Tasks
+from rig.kinds.interface import Checked, Display, Products, Report, Tasks
 from rig.kinds.registry import KindError, RigKind
 from rig.kinds.rig_file import kind_of_task
 from rig.processes.run_types import ExecutionMode, Outcome
@@ -142,6 +144,7 @@ def run_named(
     """
     with input_errors(command_name, as_json=as_json):
         path, rig = input_file(name, *folders), rig_file(options.rig)
+        options = options._replace(rig=rig)
         kind = kind or kind_of_task(path, rig)
         tasks: Tasks = kind.room("tasks")
         display: Display = kind.room("display")
@@ -149,7 +152,7 @@ def run_named(
     checked, plan = report.checked, report.plan
     if checked is None or plan is None:
         return print_problems(report, as_json=as_json)
-    plan_record: dict[str, Any] = {}
+    plan_record: Mapping[str, Any] = {}
     if options.resume is not None:
         from rig.cli.resume import rest_of_run
 
@@ -163,33 +166,14 @@ def run_named(
         # A full disk stops the rig.
         if shortage := disk.space_shortage(runs, plan.duration, 1.0 / plan.dt):
             print(f"warning: {shortage}", file=sys.stderr)
-    title = f"{checked.file.name} on {checked.rig.name}"
     try:
-        mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
+        mode = _execution_mode(tasks, checked, options)
         importing = Thread(target=_import_products, args=(kind,), name="products")
         if not mode.real_clock:
             importing.start()
-        with (
-            _page_of_run(runs, enabled=options.page) as page,
-            RunPanel(title, mode.name, plan, display, page.started, quiet=as_json) as view,
-        ):
-            task = attended_task(
-                tasks.execution_task(checked, plan),
-                checked,
-                plan,
-                options.manual or path,
-                partial(tasks.examine, rig=rig),
-                options.kept,
-                arming=options.arm,
-                manual=options.manual is not None,
-                unattended=options.unattended,
-            )
-            if (log_fields := getattr(display, "log_fields", None)) is not None:
-                plan_record["log_fields"] = log_fields(checked.rig).as_record()
-            task = task._replace(plan=task.plan | plan_record)
-            if task.people.live is not None:
-                view.columns = task.people.live.describe()
-            ended = run_task(task, runs, view, mode, page.run_began, options.resume)
+        with _page_of_run(runs, enabled=options.page) as page:
+            stages = _Stages(tasks, display, report, path, runs, options, page, quiet=as_json)
+            ended = stages.run(plan, plan_record, options.resume)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
@@ -218,6 +202,87 @@ def run_named(
         print_end(ended, products.text, lost)
         _print_folder(ended, products.files, trouble)
     return exit_code(outcome, failed, interrupted=bool(products.interrupted))
+
+
+class _Stages:
+    """The plans of a run, executed one after the other: one, or one in the sea of each seed."""
+
+    def __init__(
+        self,
+        tasks: Tasks,
+        display: Display,
+        report: Report,
+        path: Path,
+        runs: Path,
+        options: RunOptions,
+        page: "_PageCalls",
+        *,
+        quiet: bool,
+    ) -> None:
+        self._tasks, self._display, self._report = tasks, display, report
+        self._path, self._runs, self._options = path, runs, options
+        self._page, self._quiet = page, quiet
+
+    def run(self, plan: Any, record: Mapping[str, Any], resumed: Path | None) -> RunResult:
+        """Run a plan and those that follow it; ``record``, ``resumed``: of a run that goes on."""
+        ended = self._run_one(plan, record, resumed)
+        while (rest := self._next_stage(plan, ended)) is not None:
+            plan = rest.plan
+            ended = self._run_one(plan, rest.plan_record, ended.folder)
+        return ended
+
+    def _run_one(self, plan: Any, record: Mapping[str, Any], resumed: Path | None) -> RunResult:
+        tasks, options, checked, sea = self._tasks, self._options, self._report.checked, ""
+        assert checked is not None
+        if (campaign := self._campaign) is not None:
+            checked = campaign._replace(seed=plan.seed)
+            sea = f", seed {plan.seed}" if len(campaign.file.seeds) > 1 else ""
+        mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
+        title = f"{checked.file.name} on {checked.rig.name}{sea}"
+        with RunPanel(
+            title, mode.name, plan, self._display, self._page.started, quiet=self._quiet
+        ) as view:
+            task = attended_task(
+                tasks.execution_task(checked, plan),
+                checked,
+                plan,
+                options.manual or self._path,
+                partial(tasks.examine, rig=options.rig),
+                options.kept,
+                arming=options.arm,
+                manual=options.manual is not None,
+                unattended=options.unattended,
+            )
+            fields = {}
+            if (log_fields := getattr(self._display, "log_fields", None)) is not None:
+                fields["log_fields"] = log_fields(checked.rig).as_record()
+            task = task._replace(plan=task.plan | dict(record) | fields)
+            if task.people.live is not None:
+                view.columns = task.people.live.describe()
+            return run_task(task, self._runs, view, mode, self._page.run_began, resumed)
+
+    @property
+    def _campaign(self) -> AnyCampaign | None:
+        return self._report.campaign if isinstance(self._report, CheckReport) else None
+
+    def _next_stage(self, plan: Any, ended: RunResult) -> Resumption | None:
+        """Return the plan in the next sea of a run that has measured in the sea before."""
+        campaign, options = self._campaign, self._options
+        if campaign is None or options.manual or exit_code(ended.outcome, ended.save_error) != OK:
+            return None
+        if len(campaign.file.seeds) == 1:
+            return None
+        rest = next_sea(ended.folder, campaign, plan.seed)
+        by_itself = campaign.rig.wiring is None or options.emulated or options.arm
+        if rest is not None and not by_itself:
+            print(
+                f"the rows in the sea of seed {plan.seed} are measured; give the wave maker that "
+                f"of seed {rest.plan.seed}, wait for calm water, then: "
+                f"rig run --resume {ended.folder}",
+                file=sys.stderr,
+            )
+            return None
+        return rest
 
 
 class _PageCalls(NamedTuple):

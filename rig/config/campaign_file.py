@@ -3,7 +3,7 @@
 The model of a kind of rig adds its own keys; `with_laws` adds the columns and parameters of laws.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
@@ -11,10 +11,10 @@ from pydantic import Field, create_model, field_validator
 
 from rig.config.law_settings import AxisLaw, ExpandName, LawSettings, law_model
 from rig.config.matrix import KindColumns, LawColumns, Matrix, matrix_model
-from rig.config.model import FileModel, WholeNumber, rule_error
+from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_value
 from rig.config.reference import Reference
-from rig.config.sea import Sea
+from rig.config.sea import Sea, Seeds
 from rig.config.tank import Tank
 from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
 from rig.row_contents import Column
@@ -34,7 +34,7 @@ class CampaignHead(FileModel):
     name: FolderName
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
-    seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
+    seed: Seeds = 1  # several: the rows are measured in the sea of each, one after the other
     sea: Sea  # or the name of a file that holds it
     tank: Tank | None = None  # or the name of a file
 
@@ -70,11 +70,32 @@ class BaseCampaignFile(CampaignHead):
             raise rule_error(f"{format_value(axis)} is not known; allowed {allowed}", "axis")
         return {**value, "axis": axis}
 
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that each of several seeds gives a sea of its own."""
+        if isinstance(self.seed, int):
+            return
+        if not hasattr(self.sea, "seed"):
+            yield self.violation(
+                "seed",
+                f"several seeds, but a {self.sea.kind} sea has no random phases; "
+                "repeat: measures each row several times",
+            )
+        for i, seed in enumerate(self.seed):
+            if seed in self.seed[:i]:
+                yield RuleViolation(("seed", i), f"{seed} is listed twice", seed)
+
     @property
-    def sea_seed(self) -> int:
-        """Seed of the sea's phases: that of the sea, or that of the campaign."""
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds, in whose seas the rows are measured one after the other."""
+        return (self.seed,) if isinstance(self.seed, int) else self.seed
+
+    def sea_seed(self, seed: int) -> int:
+        """Return the seed of the sea's phases for ``seed``, which is one of `seeds`.
+
+        Only several seeds replace the sea's own one.
+        """
         own: int | None = getattr(self.sea, "seed", None)
-        return self.seed if own is None else own
+        return seed if own is None or len(self.seeds) > 1 else own
 
     @property
     def tare_duration(self) -> float:

@@ -100,9 +100,13 @@ def _descend(candidates: Iterable[AllowedValues], part: str | int) -> Iterable[A
         if matches:
             yield from (AllowedValues(f.annotation, tuple(f.metadata)) for f in matches)
             continue
-        tagged = [m for m, meta in members if _is_model(m) and part in (*_tags(m), *_given(meta))]
+        tagged = [
+            AllowedValues(m, meta)
+            for m, meta in members
+            if part in (*(_tags(m) if _is_model(m) else ()), *_given(meta))
+        ]
         if tagged:
-            yield from (AllowedValues(m, ()) for m in tagged)
+            yield from tagged
             continue
         for member, _ in members:
             arguments = get_args(member)
@@ -161,7 +165,7 @@ def _tags(model: Any) -> tuple[object, ...]:
 
 
 def _given(metadata: Iterable[object]) -> tuple[object, ...]:
-    """Return the tags that a union gives to one of its models."""
+    """Return the tags that a union gives to one of its members."""
     return tuple(item.tag for item in metadata if isinstance(item, Tag))
 
 

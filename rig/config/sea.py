@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
-from rig.config.model import FileModel, RuleViolation, WholeNumber
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
 from rig.config.problems import format_number
 
 MIN_AMPLITUDE_M, MAX_AMPLITUDE_M = 0.001, 0.5  # of a regular sea
@@ -25,6 +25,13 @@ Repeat = Annotated[float, Field(ge=10, le=3600)]
 
 Seed = Annotated[WholeNumber, Field(ge=0, le=4_294_967_295)]
 """Seed of random phases."""
+
+Seeds = Annotated[
+    Annotated[Seed, Tag("one")]
+    | Annotated[TupleOf[Seed], Field(min_length=2, max_length=100), Tag("several")],
+    Discriminator(lambda value: "several" if isinstance(value, list | tuple) else "one"),
+]
+"""A seed, or a list of them."""
 
 
 class CalmSea(FileModel):

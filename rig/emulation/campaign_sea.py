@@ -21,7 +21,7 @@ _DEFAULT_SEED = 0  # no check depends on phases
 
 def campaign_sea(campaign: Any) -> dict[str, Any]:
     """Return the sea of a campaign (`rig.campaign.Campaign`) as JSON values for `build_sea`."""
-    return sea_settings(campaign.file.sea, campaign.file.sea_seed, campaign.elevation)
+    return sea_settings(campaign.file.sea, campaign.sea_seed, campaign.elevation)
 
 
 def sea_settings(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
@@ -81,6 +81,16 @@ def requested_sea(campaign: Any) -> dict[str, Any]:
         "amplitude_m": np.abs(sea.amplitude[kept]).tolist(),
         "phase_rad": (-np.angle(sea.amplitude[kept])).tolist(),
     }
+
+
+def sea_record(campaign: Any) -> dict[str, Any]:
+    """Return the lines of a campaign's sea, and of those of several seeds, for its run's plan."""
+    seeds = campaign.file.seeds
+    if campaign.file.sea.kind == "calm":
+        return {}
+    seas = {str(each): requested_sea(campaign._replace(seed=each)) for each in seeds}
+    several = {"requested_seas": seas} if len(seeds) > 1 else {}
+    return {"requested_sea": seas[str(campaign.seed)], **several}
 
 
 def sea_problems(

@@ -155,7 +155,7 @@ def _cut_experiment(
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     data, reference, dt = window.data, run_facts.plan["reference"], float(run_facts.plan["dt"])
-    sea = run_facts.plan.get("requested_sea")
+    sea = run_facts.requested_sea(row)
     repeats = [float(reference["period_s"]), *([float(sea["repeat_s"])] if sea else [])]
     period = common_period_ticks(repeats, dt, window.span)
     start = float(data[WAVE_CLOCK][0])

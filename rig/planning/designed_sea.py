@@ -11,7 +11,7 @@ DesignedSea = PinkSea | MultisineSea
 def design_sea(sea: DesignedSea, seed: int) -> Multisine:
     """Return the lines of a sea, with amplitudes in m and an exact Hm0.
 
-    ``seed`` is used if the sea has no seed of its own.
+    ``seed``: of their phases (`BaseCampaignFile.sea_seed`).
     """
     return design_multisine(
         sea.low_hz,
@@ -19,7 +19,7 @@ def design_sea(sea: DesignedSea, seed: int) -> Multisine:
         sea.repeat_s,
         rms=sea.rms,
         exponent=sea.exponent,
-        seed=seed if sea.seed is None else sea.seed,
+        seed=seed,
         realisation=sea.realisation,
         draws=sea.draws if isinstance(sea, MultisineSea) else 1,
     )

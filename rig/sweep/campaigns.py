@@ -183,6 +183,9 @@ class CampaignTasks:
         The law fails its trial or cannot be compiled.
         """
         campaign = task.campaign
+        if len(campaign.file.seeds) > 1:
+            message = "a sweep varies it by --over seed=1,2,3; allowed one seed"
+            raise ConfigError([campaign.locate.problem(("seed",), None, message)])
         if not_simulated := tuple(simulation_of(campaign).sweep_problems(campaign)):
             raise ConfigError(not_simulated)
         if self._lead_in is not None:

@@ -119,6 +119,9 @@ def counterfactual_for_run(
     if missing := sorted(set(fields) - {leaf.name for leaf in source.leaves}):
         raise RunError(f"{run_facts.run}: it did not log {', '.join(missing)}")
     logged_campaign = _logged_campaign(run_facts, model or campaign)
+    for name, each in ((run_facts.run, logged_campaign), (campaign.file.name, campaign)):
+        if len(each.file.seeds) > 1:
+            raise RunError(f"{name}: rows in the seas of several seeds; allowed one sea")
     logged_campaign = logged_campaign._replace(elevation=campaign.elevation)  # the same sea
     logged_rows = row_table(run)
     names = [str(name) for name in logged_rows.variables]

@@ -2,10 +2,14 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 from rig.campaign import CheckReport
-from rig.campaign.simulated_rows import MAX_SECONDS, simulate_rows
+from rig.campaign.kind import AnyCampaign
+from rig.campaign.plan import stage_plans
+from rig.campaign.simulated_rows import MAX_SECONDS, SimulatedRows, simulate_rows
 from rig.kinds.registry import KindError
+from rig.realtime.reasons import Reason
 from rig.sweep.simulator import Simulator, simulation_of
 
 NOT_COMPILED = (
@@ -43,15 +47,45 @@ def with_simulated_rows(
             compile_loop(simulator)
         elif not simulator.is_compiled():
             return report._replace(not_simulated=NOT_COMPILED)
-        limit = MAX_SECONDS if unasked else math.inf
-        contents = simulation.row_contents(campaign)
-        simulated, row_type = simulator.simulate(plan), simulator.kind.row_type
-        rows = simulate_rows(
-            campaign, plan, simulated, row_type, contents,
-            simulation.equilibrium_check(campaign), limit, progress,
-        )  # fmt: skip
+        rows = _simulate(campaign, math.inf if compile_loop else MAX_SECONDS, progress)
     except KindError as error:
         return report if unasked else report._replace(not_simulated=str(error))
     except (ValueError, ArithmeticError) as error:
         return report._replace(not_simulated=f"the rig cannot be simulated: {error}")
     return report._replace(simulated=rows)
+
+
+def _simulate(
+    campaign: AnyCampaign, max_seconds: float, progress: Callable[[int], None]
+) -> SimulatedRows:
+    """Return the rows of a campaign in the seas of all its seeds, up to ``max_seconds`` of each."""
+    simulation = simulation_of(campaign)
+    equilibrium = simulation.equilibrium_check(campaign)
+    stages: list[SimulatedRows] = []
+    for plan in stage_plans(campaign):
+        in_sea = campaign._replace(seed=plan.seed)
+        simulator = simulation.open_simulator(in_sea, plan)
+        done = sum(len(each.rows) for each in stages)
+        stages.append(
+            simulate_rows(
+                in_sea,
+                plan,
+                simulator.simulate(plan),
+                simulator.kind.row_type,
+                simulation.row_contents(in_sea),
+                equilibrium,
+                max_seconds,
+                partial(_report_after, progress, done),
+            )
+        )
+    reasons = (each.reason for each in stages)
+    return stages[0]._replace(
+        campaign=campaign,
+        planned=sum(each.planned for each in stages),
+        rows=tuple(row for each in stages for row in each.rows),
+        reason=next((each for each in reasons if each != Reason.PLAN_END.name), stages[-1].reason),
+    )
+
+
+def _report_after(progress: Callable[[int], None], before: int, done: int) -> None:
+    progress(before + done)

@@ -287,7 +287,7 @@ def test_any_plan_is_consistent(
         }
     )  # fmt: skip
     rig = RIG.model_copy(update={"rate_hz": rate})
-    planned = build_plan(RecordedCampaign(CAMPAIGNS, campaign, rig, None, points, None))
+    planned = build_plan(RecordedCampaign(CAMPAIGNS, campaign, rig, None, points, None, 1))
     s = planned.segments
     n = len(s.phase)
     row_window = row_windows(campaign.sea, campaign.timing)

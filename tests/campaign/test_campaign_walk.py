@@ -54,7 +54,7 @@ def small_plan(frequency: float = 0.3) -> Plan:
         )
         for rate in (0.0, 0.0, 8340.0)
     )
-    return build_plan(RecordedCampaign(CAMPAIGNS, campaign, RIG_100_HZ, None, points, None))
+    return build_plan(RecordedCampaign(CAMPAIGNS, campaign, RIG_100_HZ, None, points, None, 1))
 
 
 def run_plan(planned: Plan, ticks: Any, ready: Any = None, stopped_ticks: Any = ()) -> list[Tick]:

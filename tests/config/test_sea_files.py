@@ -34,7 +34,7 @@ def test_a_sea_can_be_the_name_of_a_file(tmp_path: Path) -> None:
     top = write(tmp_path, "campaigns/a.yaml", HEAD + "sea: ../seas/pink.yaml\n")
     file, locate = load(top, CampaignFile)
     assert isinstance(file.sea, PinkSea)
-    assert (file.sea.hm0_m, file.sea_seed) == (0.2, 4)
+    assert (file.sea.hm0_m, file.sea_seed(1)) == (0.2, 4)
     assert locate(("sea", "hm0_m")) == SourceLocation(sea, 2)
     assert locate(("sea", "missing")) == SourceLocation(sea, 1)
     assert locate(("rig",)) == SourceLocation(top, 2)

@@ -79,7 +79,7 @@ def params(
     segments: sequence.Segments = SHORT, setpoints: Setpoints = SETPOINTS, **bounds: float
 ) -> cycle.Params:
     """Return parameters of a run; ``bounds`` replace limits outside the axes."""
-    campaign = RecordedCampaign(CAMPAIGNS, *shipped_files(), points=(), record=None)
+    campaign = RecordedCampaign(CAMPAIGNS, *shipped_files(), points=(), record=None, seed=1)
     run_params = wavebot_params(campaign, segments, setpoints)
     inner = run_params.rig._replace(limits=run_params.rig.limits._replace(**bounds))
     return run_params._replace(rig=inner)

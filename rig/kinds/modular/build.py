@@ -47,7 +47,7 @@ def campaign_params(campaign: Any, plan: AnyPlan) -> cycle.Params:
         reference,
         newtons_per_ampere(rig.axes[axis]),
         rig.rate_hz,
-        file.seed,
+        campaign.seed,
         realisations,
         campaign.record,
     )

@@ -1,7 +1,7 @@
 """The task of a recorded campaign of a modular rig."""
 
 from rig.campaign import build_plan, measured_before
-from rig.campaign.record import campaign_from_record, law_notice
+from rig.campaign.record import law_notice, recorded_campaign
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CAMPAIGNS
 from rig.kinds.modular.tick import compose
@@ -14,7 +14,7 @@ def recorded_task(run: RunInfo) -> RecordedTask:
 
     Raises KeyError if the record lacks a part, ValueError if a part is not valid today.
     """
-    campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
+    campaign = recorded_campaign(CAMPAIGNS, run)
     plan = build_plan(campaign, measured_before(run.plan))
     composition = campaign_composition(campaign)
     composed = compose(composition)

@@ -11,7 +11,7 @@ from rig.campaign.record import law_source, plan_record, reference_record
 from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem
 from rig.design.axis_params import newtons_per_ampere
-from rig.emulation.campaign_sea import campaign_sea, requested_sea
+from rig.emulation.campaign_sea import campaign_sea, sea_record
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
@@ -101,9 +101,7 @@ def _plan_record(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, Any]:
         newtons_per_ampere(motor),
         lambda axis: axis_channels(rig, axis, file.axis_laws.values()),
     )
-    if file.sea.kind != "calm":
-        record["requested_sea"] = requested_sea(campaign)
-    return record
+    return record | sea_record(campaign)
 
 
 def rehearsal_mode(campaign: AnyCampaign, *, real_clock: bool) -> ExecutionMode:

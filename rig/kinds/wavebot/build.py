@@ -42,7 +42,9 @@ def reference_table(
     """
     file, rig = campaign.file, campaign.rig
     scale = newtons_per_ampere(getattr(rig, file.excited_axis))
-    return force_table(file.reference, scale, rig.rate_hz, file.seed, realisations, campaign.record)
+    return force_table(
+        file.reference, scale, rig.rate_hz, campaign.seed, realisations, campaign.record
+    )
 
 
 def wavebot_params(

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
+from rig.campaign.check import seas_text
 from rig.campaign.simulated_rows import show_equal_rows
 from rig.config.law_settings import AxisLaw, shown_columns, value_text
 from rig.config.problems import Problem
@@ -267,7 +268,8 @@ def _duration_text(planned: Travel, forecast: Prediction) -> Text:
     text = format_duration(planned.duration)
     if planned.waiting_time > 0.05:
         text += f", {planned.waiting_time:.3g} s of it waits for the stator"
-    return Text(f"{text}; wave clock {forecast.plan.wave_seconds:.6g} s")
+    clock = f"wave clock {forecast.plan.wave_seconds:.6g} s{seas_text(forecast.campaign)}"
+    return Text(f"{text}; {clock}")
 
 
 def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:

@@ -2,7 +2,7 @@
 
 from rig import laws
 from rig.campaign import build_plan, measured_before
-from rig.campaign.record import campaign_from_record, law_notice
+from rig.campaign.record import law_notice, recorded_campaign
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import CAMPAIGNS
 from rig.kinds.wavebot.tick import KIND, kind_with_law
@@ -15,7 +15,7 @@ def recorded_task(run: RunInfo) -> RecordedTask:
 
     Raises KeyError if the record lacks a part, ValueError if a part is not valid today.
     """
-    campaign = campaign_from_record(CAMPAIGNS, run.config, run.law_source)
+    campaign = recorded_campaign(CAMPAIGNS, run)
     file, plan = campaign.file, build_plan(campaign, measured_before(run.plan))
     params = wavebot_params(campaign, plan.segments, plan.setpoints)
     kind = KIND if file.zc_law is not None else kind_with_law(file.heave_law.module)

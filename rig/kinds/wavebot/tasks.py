@@ -9,7 +9,7 @@ from rig.campaign import CheckReport, resolved_config
 from rig.campaign.law_checks import compilation_problems
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.design.axis_params import newtons_per_ampere
-from rig.emulation.campaign_sea import requested_sea
+from rig.emulation.campaign_sea import sea_record
 from rig.kinds.wavebot.build import wavebot_params
 from rig.kinds.wavebot.campaign import Campaign, Plan, check_campaign
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
@@ -102,6 +102,4 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     if hoist is not None:  # as the spring map's analysis needs it
         motion = {"period_s": hoist.period, "words": hoist.description()}
         record["hoist"] = hoist.model_dump(mode="json") | motion
-    if file.sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
-        record["requested_sea"] = requested_sea(campaign)
-    return record
+    return record | sea_record(campaign)  # for wave calibration, excitation and twin

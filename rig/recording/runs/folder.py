@@ -136,6 +136,14 @@ class RunInfo(NamedTuple):
         """The contents of the row table in the plan."""
         return row_contents.from_records(self.plan, earlier_contents())
 
+    def requested_sea(self, row: dict[str, Any]) -> dict[str, Any] | None:
+        """Return the lines that the wave maker was to make in a row of the plan; None if calm."""
+        seas: dict[str, Any] = self.plan.get("requested_seas") or {}
+        sea: dict[str, Any] | None = seas.get(str(row.get("seed"))) or self.plan.get(
+            "requested_sea"
+        )
+        return sea
+
     @property
     def reasons(self) -> ReasonTable:
         """The reasons of a stop in the plan."""

@@ -53,7 +53,7 @@ def emulator_process(campaign: AnyCampaign) -> IoProcess:
             "add outputs with wave_trigger, or use sea: {kind: calm}"
         )
     plant = ConfigSource(campaign.plant, campaign.plant_locate)
-    return _emulated_rig(rig, plant, campaign_sea(campaign), file.seed)
+    return _emulated_rig(rig, plant, campaign_sea(campaign), campaign.seed)
 
 
 def emulate_rig(

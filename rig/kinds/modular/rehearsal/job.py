@@ -46,7 +46,7 @@ def campaign_settings(campaign: AnyCampaign) -> dict[str, Any]:
         campaign.rig,
         campaign_composition(campaign),
         campaign_sea(campaign),
-        campaign.file.seed,
+        campaign.seed,
     )
 
 

@@ -131,7 +131,7 @@ def _point_problems(
     yield from (each for each, _ in equilibrium_problems(points, check, locate))
     yield from drive_setting_problems(file, points, rig, locate)
     if file and points and not outside_map and file.repeat * len(points) <= MAX_ROWS:
-        first = points[order_rows(file, stator_positions(rig, points))[0].point]
+        first = points[order_rows(file, stator_positions(rig, points), file.seeds[0])[0].point]
         yield from set_point_stability_problems(file, first, rig.stability, locate)
 
 

@@ -162,6 +162,7 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check reference, hoist and device; without the device, only waves are measured."""
+        yield from super().check_rules()
         if self.start.set_point is not None and self.zc_law is None:
             message = "only the impedance law has these gains; leave the key out"
             yield RuleViolation(("start", "set_point"), message)
@@ -183,6 +184,8 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
             # The configuration in a run's record has every key, so defaults must be accepted.
             if getattr(self, key) != type(self).model_fields[key].default:
                 yield RuleViolation((key,), "device: absent has no use for it; leave the key out")
+        if len(self.seeds) > 1:
+            yield RuleViolation(("seed",), "device: absent has no rows to repeat; allowed one seed")
         if self.start.set_point is not None:
             message = "device: absent has no gains; leave the key out"
             yield RuleViolation(("start", "set_point"), message)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.campaign.plan import stage_plans
 from rig.design.grid import Floats
 from rig.design.linear_form import NotLinearError
 from rig.design.margin import Margin
@@ -43,12 +44,14 @@ def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
     """
     if not _has_free_body(campaign, planned) or unpredicted_reason(campaign, planned):
         return None
-    model = build_model(campaign)
-    rows = [*_lead_in(campaign, planned), *planned.rows]
-    predictions = [
-        RowPrediction(row, values, compute_margins(model, row.setting, values))
-        for row, values in zip(rows, predict_rows(model, planned, rows), strict=True)
-    ]
+    model, *others = (build_model(campaign._replace(seed=seed)) for seed in campaign.file.seeds)
+    predictions: list[RowPrediction] = []
+    for stage, in_sea in zip(stage_plans(campaign), (model, *others), strict=True):
+        rows = [*([] if predictions else _lead_in(campaign, stage)), *stage.rows]
+        predictions += (
+            RowPrediction(row, values, compute_margins(in_sea, row.setting, values))
+            for row, values in zip(rows, predict_rows(in_sea, stage, rows), strict=True)
+        )
     lead_in = predictions[0] if predictions[0].row.row == NO_ROW else None
     return Prediction(
         campaign,

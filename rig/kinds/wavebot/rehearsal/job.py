@@ -49,7 +49,7 @@ def plant_settings(campaign: Campaign) -> dict[str, Any]:
         "plant": campaign_plant(campaign),
         **bem_settings(campaign.plant, campaign.plant_locate),
         "sea": campaign_sea(campaign),
-        "seed": campaign.file.seed,
+        "seed": campaign.seed,
         "device": campaign.file.device,
         **_hoist_settings(campaign.file),
     }

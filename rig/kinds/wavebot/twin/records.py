@@ -127,7 +127,7 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     data, plan = window.data, run_facts.plan
-    dt, sea = float(plan["dt"]), plan.get("requested_sea")
+    dt, sea = float(plan["dt"]), run_facts.requested_sea(row)
     has_excitation = bool(np.any(data[REFERENCE] != 0.0))
     repeats = [float(sea["repeat_s"])] if sea else []
     if has_excitation:

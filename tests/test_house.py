@@ -177,7 +177,7 @@ def test_files_are_short() -> None:
     """A file must be readable at one sitting."""
     for path in (*SOURCES, *TESTS):
         assert len(path.read_text().splitlines()) <= 600, relative_name(path)
-    for name, lines in (("loop", 160), ("cycle", 170)):
+    for name, lines in (("loop", 160), ("cycle", 180)):
         assert len((ROOT / "rig" / "realtime" / f"{name}.py").read_text().splitlines()) <= lines
 
 

@@ -284,7 +284,9 @@ def row_table(
     ):
         if raw_window.row < 0:
             continue
-        whole = joined.add(raw_window, planned_ticks(planned.get(raw_window.row, {}), dt))
+        whole = joined.add(
+            raw_window, planned_ticks(planned.get(raw_window.row, {}), dt, least=True)
+        )
         window = whole._replace(data=calibrated.correct_ticks(corrections, whole.data))
         entry = reduce_window(window, period_ticks, contents)
         # A later attempt replaces an earlier one.

@@ -112,6 +112,11 @@ class CheckReport(NamedTuple):
             "repeat": file.repeat,
             **({"seas": len(file.seeds)} if len(file.seeds) > 1 else {}),
             "duration_s": sum(stage.duration for stage in stage_plans(campaign)),
+            **(
+                {"least_duration_s": sum(each.least_duration for each in stage_plans(campaign))}
+                if planned.least_duration < planned.duration
+                else {}
+            ),
             "wave_clock_s": planned.wave_seconds,
             "measured_s": planned.phases.measure,
             **moves_entry(campaign, planned),
@@ -153,6 +158,12 @@ class CheckReport(NamedTuple):
         measured = f"{windows.measure:.6g} s"
         if windows.periods:
             measured += f" = {count_text(windows.periods, 'period')}"
+        if windows.least_measure is not None:
+            least = count_text(
+                round(windows.least_measure * windows.periods / windows.measure), "period"
+            )
+            measured = f"{windows.least_measure:.6g} s = {least} to {measured}"
+        most = " at most" if planned.least_duration < planned.duration else ""
         rows, waits = "none: wave calibration, device absent, drive off", ""
         if planned.rows:
             equal = len({row.measure for row in planned.rows}) == 1
@@ -175,10 +186,10 @@ class CheckReport(NamedTuple):
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *_law_lines(campaign),
             ("rows", rows),
-            ("measured", f"{measured}, {planned.phases.measure:.6g} s in total"),
+            ("measured", f"{measured}, {planned.phases.measure:.6g} s in total{most}"),
             (
                 "duration",
-                f"{format_duration(planned.duration)}{waits}; "
+                f"{duration_text(planned)}{waits}; "
                 f"wave clock {planned.wave_seconds:.6g} s{seas_text(campaign)}",
             ),
             ("phases", ", ".join(phases)),
@@ -258,6 +269,14 @@ def check_campaign(
         unused_rows,
         tank_warnings=tuple(tank),
     )
+
+
+def duration_text(planned: AnyPlan) -> str:
+    """Return the duration of a plan, or its range where rows end as measured."""
+    longest = format_duration(planned.duration)
+    if planned.least_duration < planned.duration:
+        return f"{format_duration(planned.least_duration)} to {longest}, as the rows end"
+    return longest
 
 
 def seas_text(campaign: AnyCampaign) -> str:

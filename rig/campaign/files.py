@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from rig.campaign.assessed import assessment_problems
 from rig.campaign.kind import AnyCampaign, Campaign, CampaignKind
 from rig.campaign.plan import build_plan
 from rig.campaign.set_points import chosen_law_problems
@@ -116,6 +117,7 @@ def open_campaign(
             problems += chosen_law_problems(file, points, top.locate)
         problems += kind.point_problems(file, rig, points, top.locate)
         if file is not None:
+            problems += assessment_problems(file, kind.assessed_stations(rig), top.locate)
             problems += realisation_problems(file.reference, points, rig.rate_hz)
     rate_hz = valid_key(rig_source, "rate_hz", _RATE)
     problems += extra_check(

@@ -23,6 +23,7 @@ from rig.planning.points import count_points, matrix_points
 from rig.planning.reference import ReferenceRecord
 from rig.planning.windows import RowWindows, row_windows
 from rig.realtime.sequence import WAIT_DRIVE, Segments
+from rig.stations import Station
 
 F = TypeVar("F", bound=BaseCampaignFile)
 R = TypeVar("R", bound=BaseRigFile)
@@ -129,6 +130,8 @@ class CampaignKind(NamedTuple):
     """Further labels and texts of the report of a check."""
     earlier_limits: Callable[[dict[str, Any]], dict[str, Any]] = lambda recorded: recorded
     """Recorded limits, completed by those of checks that are newer than the run."""
+    assessed_stations: Callable[[Rig], Sequence[Station]] = lambda rig: ()
+    """The stations by whose power a row may end, in the order of `cycle.Kind.assessed`."""
     swept_keys: tuple[str, ...] = ("sea", "law", "reference", "seed", "start", "timing", "tare")
     """Keys of the campaign file that may be swept."""
 
@@ -180,7 +183,8 @@ class CampaignRow(NamedTuple, Generic[S]):
     place: float  # of the part that moves between rows, in the unit of its column
     setting: S
     periods: int  # wave or repeat periods measured; 0: not a whole number
-    measure: float  # s
+    measure: float  # s, at most
+    least_measure: float  # s
 
 
 class PhaseSeconds(NamedTuple):
@@ -201,13 +205,14 @@ class Plan(NamedTuple, Generic[S, T]):
     segments: Segments
     setpoints: T
     dt: float  # s, length of a tick
-    duration: float  # s, planned; waiting for parts of the rig may add to it
+    duration: float  # s, at most; waiting for parts of the rig may add to it
     wave_seconds: float  # s of the wave clock, planned
     moves: int  # of a part of the rig between rows
     phases: PhaseSeconds
     axis_laws: Mapping[str, AxisLaw]
     rig: Rig  # its file, for displays
     seed: int  # of the rows that the segments measure
+    least_duration: float  # s, if all rows end as early as they may
 
 
 AnyPlan = Plan[Any, Any]

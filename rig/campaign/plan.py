@@ -26,7 +26,7 @@ from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.planning.tank import end_before_reflection
 from rig.planning.windows import RowWindows, repeat_period
-from rig.realtime.sequence import NO_ROW, Phase
+from rig.realtime.sequence import ASSESSED, NO_ROW, WAIT_KNOWN, WAIT_SETTLED, Phase
 
 
 class PlanInputs(Protocol):
@@ -115,6 +115,7 @@ def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Mea
                 row_setting(kind, file, rig, points[repetition.point]),
                 windows.periods,
                 windows.measure,
+                windows.measure if windows.least_measure is None else windows.least_measure,
             )
             for row, repetition in enumerate(order_rows(file, places, seed), first_row)
         )
@@ -127,9 +128,9 @@ def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Mea
         lengths = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
         rows = tuple(_measured(row, lengths.get(row.row, row.measure), file) for row in rows)
     rate = float(rig.rate_hz)
-    table = cut_into_ticks(plan_segments, rate)
-    segments, kept, settings = table
-    seconds = phase_seconds(table, rate)
+    segments, kept, settings = cut_into_ticks(plan_segments, rate)
+    longest = cut_into_ticks([_at_its_longest(each) for each in plan_segments], rate)
+    seconds, ticks = phase_seconds(longest, rate), longest.segments.ticks
     phases = (seconds[Phase[name.upper()]] for name in PhaseSeconds._fields)
     moves = sum(1 for each in kept if each.phase is Phase.MOVING and each.row != NO_ROW)
     return Plan(
@@ -137,13 +138,14 @@ def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Mea
         segments,
         kind.set_points(file, rig, settings),
         1.0 / rate,
-        sum(segments.ticks) / rate,
-        sum(n for n, each in zip(segments.ticks, kept, strict=True) if each.waves) / rate,
+        sum(ticks) / rate,
+        sum(n for n, each in zip(ticks, longest.plan_segments, strict=True) if each.waves) / rate,
         moves,
         PhaseSeconds(*phases),
         file.axis_laws,
         rig,
         seed,
+        sum(segments.ticks) / rate,
     )
 
 
@@ -153,7 +155,13 @@ def _measured(row: CampaignRow[Any], seconds: float, file: BaseCampaignFile) -> 
         return row
     period = repeat_period(file.sea) or seconds
     periods = round(seconds / period)
-    return row._replace(measure=seconds, periods=periods * math.isclose(seconds, periods * period))
+    whole = math.isclose(seconds, periods * period)
+    return row._replace(measure=seconds, least_measure=seconds, periods=periods * whole)
+
+
+def _at_its_longest(segment: PlanSegment[Any]) -> PlanSegment[Any]:
+    """Return a segment with its longest time, where the measured motion or power ends it."""
+    return segment._replace(seconds=segment.timeout) if segment.wait & ASSESSED else segment
 
 
 def order_rows(file: BaseCampaignFile, places: Any, seed: int) -> tuple[PointRepetition, ...]:
@@ -191,7 +199,7 @@ def _row_segments(
     plan_segments = [
         PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, first, waves=0, drive=0),
         _waiting(NO_ROW, kind.prepare(file, rig, first), waves=0),
-        *(PlanSegment(NO_ROW, Phase.LEAD_IN, seconds, setting) for seconds, setting in lead_in),
+        *_lead_in_segments(file, lead_in),
     ]
     before = rows[0].setting
     for row in rows:
@@ -199,17 +207,40 @@ def _row_segments(
         before = row.setting
         plan_segments += [
             *([] if move is None else [_waiting(row.row, move)]),
-            PlanSegment(row.row, Phase.SETTLE, windows.settle, row.setting),
-            PlanSegment(
-                row.row,
+            _segment(row, Phase.SETTLE, windows.settle, windows.least_settle, WAIT_SETTLED),
+            _segment(
+                row,
                 Phase.MEASURE,
                 windows.measure - period * done.get(row.row, 0),
-                row.setting,
+                windows.least_measure,
+                WAIT_KNOWN,
             ),
             PlanSegment(row.row, Phase.TAIL, windows.tail, row.setting),
         ]
     last = kind.last(file, before)
     return [*plan_segments, PlanSegment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
+
+
+def _segment(
+    row: CampaignRow[Any], phase: Phase, seconds: float, least: float | None, condition: int
+) -> PlanSegment[Any]:
+    """Return a segment of a row; with a ``least`` time a condition may end it after that."""
+    if least is None:
+        return PlanSegment(row.row, phase, seconds, row.setting)
+    return PlanSegment(row.row, phase, least, row.setting, condition, seconds)
+
+
+def _lead_in_segments(
+    file: BaseCampaignFile, parts: Sequence[tuple[float, Any]]
+) -> list[PlanSegment[Any]]:
+    """Return the segments of the lead-in's parts, the last of which may end once it has settled."""
+    segments = [PlanSegment(NO_ROW, Phase.LEAD_IN, *part) for part in parts]
+    if file.start.lead_in == "measured":
+        seconds = segments[-1].seconds
+        before = file.start.lead_in_s - seconds
+        least = min(max(file.start.least_lead_in_s - before, 0.0), seconds)
+        segments[-1] = segments[-1]._replace(seconds=least, wait=WAIT_SETTLED, timeout=seconds)
+    return segments
 
 
 def _waiting(row: int, wait: Wait, waves: int = 1) -> PlanSegment[Any]:

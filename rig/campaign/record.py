@@ -20,6 +20,7 @@ from rig.planning.point import Point
 from rig.planning.reference import ReferenceRecord, read_reference_record
 from rig.planning.windows import repeat_period
 from rig.recording.runs import RunError, RunInfo
+from rig.recording.runs.windows import LEAST_MEASURE
 from rig.row_contents import RowContents
 
 SEED = "seed"  # key of a recorded plan and of its rows, with several seeds
@@ -85,6 +86,7 @@ def plan_record(campaign: AnyCampaign, plan: AnyPlan, contents: RowContents) -> 
                 **r.setting._asdict(),
                 "periods": r.periods,
                 "measure_s": r.measure,
+                **({} if r.least_measure == r.measure else {LEAST_MEASURE: r.least_measure}),
             }
             for r in plan.rows
         ],

@@ -110,9 +110,13 @@ def _last_tick(run: Path) -> int:
 
 
 def _keeps_phase(campaign: AnyCampaign) -> bool:
-    """Return whether means over whole periods of two windows are those of one."""
+    """Return whether means over whole periods of two windows are those of one.
+
+    A row that its power ends is assessed from its begin.
+    """
     file = campaign.file
-    return file.reference is None and getattr(file, "hoist", None) is None
+    fixed = file.reference is None and getattr(file, "hoist", None) is None
+    return fixed and file.timing.end is None
 
 
 def _require_same_rows(info: RunInfo, campaign: AnyCampaign) -> None:

@@ -178,7 +178,11 @@ class RunPanel:
         planned = self._display.total_duration(self._plan, snapshot.row)
         total = max(elapsed, planned)  # the stop at the end is not in the plan
         speed = elapsed / max(time.monotonic() - self._start_time, 1e-3)
+        # Rows may end as measured, before their longest time.
+        least = getattr(self._plan, "least_duration", planned)
+        most = "at most " if least < self._plan.duration else ""
         return (
-            f"{clock_text(elapsed)} of {clock_text(total)} rig time, "
-            f"{clock_text((total - elapsed) / max(speed, 1e-6))} left at {speed:.1f} x real time"
+            f"{clock_text(elapsed)} of {most}{clock_text(total)} rig time, "
+            f"{most}{clock_text((total - elapsed) / max(speed, 1e-6))} left at "
+            f"{speed:.1f} x real time"
         )

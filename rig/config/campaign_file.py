@@ -25,7 +25,9 @@ RowOrder = Literal["as given", "random"]
 class BaseStart(FileModel):
     """The time from the wave maker's trigger (0 s of the wave clock) to the first row."""
 
-    lead_in_s: float = Field(default=120.0, ge=0, le=3600)
+    lead_in_s: float = Field(default=120.0, ge=0, le=3600)  # at most, if measured
+    lead_in: Literal["fixed", "measured"] = "fixed"  # measured: until the motion has settled
+    least_lead_in_s: float = Field(default=10.0, ge=0, le=3600)  # if measured
 
 
 class CampaignHead(FileModel):

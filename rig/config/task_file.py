@@ -9,13 +9,39 @@ from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
 
 
+class RowEnd(FileModel):
+    """The end of a row by its power, as soon as that is known well enough; else after its periods.
+
+    `rig.realtime.assessment` has the rules.
+    """
+
+    station: str = Field(default="dc", min_length=1)  # name or alias of a power station
+    least_periods: WholeNumber = Field(default=3, ge=2, le=1000)
+    precision_w: float | None = Field(default=None, gt=0, le=1e6)  # standard error of the mean
+    precision_percent: float | None = Field(default=None, gt=0, le=100)  # of the best row's power
+    worse_rows: bool = False  # a row that cannot be the best any more ends, too
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that there is something by which a row may end."""
+        if self.precision_w is None and self.precision_percent is None and not self.worse_rows:
+            message = "nothing ends a row; give precision_w, precision_percent or worse_rows: true"
+            yield RuleViolation((), message)
+
+
 class Timing(FileModel):
     """Duration of a row; `rig.planning.windows` derives missing values from the sea."""
 
     scheme: Literal["default", "mask4"] = "default"
-    settle_s: float | None = Field(default=None, ge=0, le=3600)
+    settle: Literal["fixed", "measured"] = "fixed"  # measured: until transients have decayed
+    settle_s: float | None = Field(default=None, ge=0, le=3600)  # at most, if measured
     interval_s: float | None = Field(default=None, ge=1, le=7200)
     periods: WholeNumber | None = Field(default=None, ge=1, le=10_000)  # whole periods to measure
+    end: RowEnd | None = None  # None: after its periods
+
+    @property
+    def is_assessed(self) -> bool:
+        """Whether the length of a row depends on what is measured."""
+        return self.settle == "measured" or self.end is not None
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that a row is longer than its settling time."""
@@ -27,6 +53,18 @@ class Timing(FileModel):
                 f"allowed above settle_s = {format_number(settle)} s",
                 interval,
             )
+        if self.is_assessed and self.scheme == "mask4":
+            yield RuleViolation(
+                ("scheme",), "its rows have a fixed length; allowed default", "mask4"
+            )
+        if self.is_assessed and interval is not None:
+            message = "rows that end by themselves have no interval; leave the key out"
+            yield RuleViolation(("interval_s",), message, interval)
+        if self.end is not None and self.periods is not None:
+            least = self.end.least_periods
+            if self.periods < least:
+                message = f"{self.periods} is less than end.least_periods = {least}"
+                yield RuleViolation(("periods",), message, self.periods)
 
 
 def _expand_timing(value: Any) -> Any:

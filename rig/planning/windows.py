@@ -7,6 +7,9 @@ regular seas, and for irregular ones rows of 300 s measured from 2 s on, which i
 repeat period. In calm water the measurement is whole repeat periods of an open-loop reference, or
 whole cycles of a motion.
 
+Rows that are assessed while they are measured (`rig.realtime.assessment`) have least and longest
+times in place of an interval.
+
 A wave calibration has no rows, but one window of whole periods after the lead-in.
 """
 
@@ -20,6 +23,9 @@ from rig.config.task_file import Timing
 from rig.config.yaml_source import KeyPath
 
 _ROUNDING = 1e-9  # periods; a window that is shorter than whole periods only by rounding fits
+SETTLING_PERIODS = 2  # at least, so that there is a change from one to the next
+_LONGEST_SETTLE_S, _LONGEST_SETTLE_PERIODS = 20.0, 10
+_MOST_PERIODS = 12  # of a row that ends by its power
 
 
 class CyclicMotion(Protocol):
@@ -42,6 +48,8 @@ class RowWindows(NamedTuple):
     tail: float
     move: float  # minimum length of the extra interval in which a part of the rig moves
     periods: int  # wave or repeat periods in the measurement; 0: not a whole number
+    least_settle: float | None = None  # of rows that settle as measured; `settle` is the longest
+    least_measure: float | None = None  # of rows that end by their power; `measure` is the longest
 
     @property
     def interval(self) -> float:
@@ -71,6 +79,8 @@ def row_windows(
     as in the MASK4 report. For an irregular sea this would take 300 s, so there the settling time
     is the minimum (the plan waits for the part in any case); `mask4` keeps the whole interval.
     """
+    if timing.is_assessed:
+        return _assessed_windows(sea, timing, reference, motion)
     if motion is not None:  # whole cycles cover the travel, whatever the position at the start
         settle = _value_or(timing.settle_s, 2.0)
         return RowWindows(settle, motion.cycles * motion.period, 0.0, settle, motion.cycles)
@@ -94,6 +104,39 @@ def row_windows(
     interval = _value_or(timing.interval_s, settle + sea.repeat * (timing.periods or 1))
     move = interval if mask4 else settle
     return _whole_periods(timing, settle, interval, sea.repeat, "repeat period", move)
+
+
+def _assessed_windows(
+    sea: AnySea, timing: Timing, reference: AnyReference, motion: CyclicMotion | None
+) -> RowWindows:
+    """Return the windows of rows that settle, or end, as measured."""
+    key = ("timing", "settle") if timing.settle == "measured" else ("timing", "end")
+    if not isinstance(sea, RegularSea) or reference is not None or motion is not None:
+        other = "an open-loop reference" if reference is not None else f"a {sea.kind} sea"
+        other = other if motion is None else "a hoist"
+        message = (
+            f"rows with {other} have fixed times; only a regular sea repeats every few seconds"
+        )
+        raise WindowError(key, None, message)
+    period, least_settle, least_measure = sea.period, None, None
+    longest = _value_or(timing.settle_s, 5.0)
+    if timing.settle == "measured":
+        least_settle = SETTLING_PERIODS * period
+        default = max(_LONGEST_SETTLE_S, _LONGEST_SETTLE_PERIODS * period)
+        longest = _value_or(timing.settle_s, default)
+        if longest < least_settle:
+            raise WindowError(
+                ("timing", "settle_s"),
+                longest,
+                f"{format_number(longest)} s are less than {SETTLING_PERIODS} wave periods of "
+                f"{period:.4g} s; allowed from {format_number(least_settle)} s on",
+            )
+    periods = timing.periods or max(_count_periods(15.0, period), 1)
+    if timing.end is not None:
+        periods = timing.periods or max(_MOST_PERIODS, timing.end.least_periods)
+        least_measure = timing.end.least_periods * period
+    measure, move = periods * period, longest if least_settle is None else least_settle
+    return RowWindows(longest, measure, 0.0, move, periods, least_settle, least_measure)
 
 
 def calibration_window(sea: AnySea, timing: Timing) -> RowWindows:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from controllers.signals import Count, Index, Second
-from rig.realtime import safety, sequence
+from rig.realtime import assessment, safety, sequence
 from rig.realtime.reasons import NO_REASON, Reason, ReasonTable, TripReason, reason_table
 from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.safety import RUN, STOP_2
@@ -22,6 +22,7 @@ class Params(NamedTuple):
     lost_ticks_stop: int  # a gap of more periods than this trips
     rig: Any  # the kind's own Params
     live_setpoint: int = -1  # first of the two set points that people write; -1: there are none
+    assessed: assessment.Params = assessment.NOTHING
 
 
 class State(NamedTuple):
@@ -31,6 +32,7 @@ class State(NamedTuple):
     safety: safety.State
     wave_start_tick: int  # tick in which the wave maker started; -1 while it is stopped
     rig: Any  # the kind's own State
+    assessed: assessment.State = assessment.start()
 
 
 class Timing(NamedTuple):
@@ -62,6 +64,7 @@ class Kind(NamedTuple):
     ``control(params, state, sense, motion, plan, safety, setpoint, dt) -> state, command, signals``
     where ``setpoint`` is an index into the kind's table of set points
     ``row(tick, time, timing, plan, safety, sense, command, signals) -> row``
+    ``assessed(row) -> powers, velocity`` by which a row may end (`rig.realtime.assessment`)
 
     ``any_types`` are the types of the fields within ``params_type`` that are annotated `Any`, for
     the way to the loop process.
@@ -79,6 +82,7 @@ class Kind(NamedTuple):
     reasons: tuple[TripReason, ...] = ()  # the kind's own
     late_reason: int = Reason.DRIVE_NOT_ON.value  # moved parts have not arrived in time
     sense_type: Any = None  # of the readings; None: the cycle is not compiled
+    assessed: Callable[[Any], assessment.Assessed] = assessment.nothing_assessed
 
     @property
     def reason_table(self) -> ReasonTable:
@@ -104,6 +108,7 @@ def make(kind: Kind) -> Step:
     observe, ready, check = kind.observe, kind.ready, kind.check
     control, make_row = kind.control, kind.row
     category, late_reason = kind.reason_table.categories, kind.late_reason
+    get_assessed = kind.assessed
 
     def step(
         params: Params,
@@ -115,15 +120,15 @@ def make(kind: Kind) -> Step:
         periods: int,
         dt: float,
     ) -> tuple[State, Any, Any]:
-        segments, safety_params, max_lost_ticks, rig_params, live_setpoint = params
-        plan_state, safety_state, wave_start, rig = state
+        segments, safety_params, max_lost_ticks, rig_params, live_setpoint, assessed_params = params
+        plan_state, safety_state, wave_start, rig, assessed = state
         motion = observe(rig_params, rig, sense, periods, dt)
 
         # The plan advances on the conditions met so far; the safety machine then decides.
         # The conditions are evaluated only where the drive is coming on or the plan waits for one.
         mode = safety_state.mode
         waiting = mode < RUN or segments.wait[plan_state.segment] != 0
-        conditions = ready(rig_params, rig, sense) if waiting else 0
+        conditions = assessed.flags | (ready(rig_params, rig, sense) if waiting else 0)
         if request.armed == 1:
             conditions = conditions | sequence.WAIT_ARMED
         plan_state, (finished, timed_out) = sequence.step(
@@ -164,6 +169,9 @@ def make(kind: Kind) -> Step:
             rig_params, rig, sense, motion, plan, safety_state, setpoint, dt
         )
         record = make_row(tick, tick * dt, timing, plan, safety_state, sense, command, signals)
-        return State(plan_state, safety_state, wave_start, rig), command, record
+        assessed = assessment.step(
+            assessed_params, assessed, plan_state, phase, tick, periods, get_assessed(record)
+        )
+        return State(plan_state, safety_state, wave_start, rig, assessed), command, record
 
     return step

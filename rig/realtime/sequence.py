@@ -34,6 +34,9 @@ WAIT_ARRIVAL = 1  # the parts that the plan moves between rows have arrived
 WAIT_DRIVE = 2  # the drive has its power stage on
 WAIT_ARMED = 4  # people have armed the run
 WAIT_ORDER = 8  # never met: people leave the segment by an order
+WAIT_SETTLED = 16  # transients have decayed (`rig.realtime.assessment`)
+WAIT_KNOWN = 32  # the mean power of the row is known well enough
+ASSESSED = WAIT_SETTLED | WAIT_KNOWN  # conditions that have until the timeout, and then are left
 
 NO_ROW = -1  # row id of segments that belong to no row
 
@@ -45,7 +48,7 @@ class Segments(NamedTuple):
     phase: tuple[int, ...]
     ticks: tuple[int, ...]  # length; for a segment that waits for a condition, the minimum length
     wait: tuple[int, ...]  # set of WAIT_ flags that must be met before the segment ends
-    timeout: tuple[int, ...]  # ticks after which a segment that still waits has failed
+    timeout: tuple[int, ...]  # ticks after which a segment that waits has failed, or is over
     restart: tuple[int, ...]  # segment to return to after a hold interrupted this one
     drive: tuple[int, ...]  # 1: the drive shall be on
     waves: tuple[int, ...]  # 1: the wave maker shall run
@@ -126,7 +129,9 @@ def step(
         return state, _NO_EVENTS
     waiting = (segments.wait[i] & ~conditions) != 0
     if waiting:
-        return state, PlanEvents(False, elapsed >= segments.timeout[i])
+        late = elapsed >= segments.timeout[i]
+        if not late or (segments.wait[i] & ASSESSED) == 0:
+            return state, PlanEvents(False, late)
     # A segment that ends by time ends on its planned tick even if that tick was lost, so that
     # windows do not drift; a segment that waited ends now.
     next_entered = tick

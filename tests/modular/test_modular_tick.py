@@ -236,10 +236,10 @@ def compiled_step(module: Any) -> Any:
     from numba import njit
 
     from controllers import biquads, blocks, estimator, impedance, open_loop, signal_generator
-    from rig.realtime import axis, limits, safety, sequence
+    from rig.realtime import assessment, axis, limits, safety, sequence
 
     laws = (biquads, blocks, estimator, impedance, open_loop, signal_generator)
-    lifting.lift((*laws, axis, limits, safety, sequence, module))
+    lifting.lift((*laws, assessment, axis, limits, safety, sequence, module))
     return njit(error_model="numpy")(cycle.make(module.KIND))
 
 

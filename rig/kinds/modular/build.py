@@ -6,6 +6,7 @@ from typing import Any
 from controllers import open_loop
 from rig import laws
 from rig.campaign import AnyPlan
+from rig.campaign.assessed import assessment_params
 from rig.config.law_settings import LawSettings
 from rig.config.reference import MultisineReference
 from rig.design.axis_params import axis_params, newtons_per_ampere
@@ -60,7 +61,7 @@ def campaign_params(campaign: Any, plan: AnyPlan) -> cycle.Params:
         index_realisations(plan.setpoints, realisations),
         open_loop.Params(table, rig.axes[axis].gain_ramp_s, count),
         axis,
-    )
+    )._replace(assessed=assessment_params(file, rig.rate_hz, rig.power_stations))
 
 
 def modular_params(

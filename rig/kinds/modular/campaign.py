@@ -133,4 +133,5 @@ CAMPAIGNS = CampaignKind(
     gain_ramp=lambda rig, axis: rig.axes[axis].gain_ramp_s,
     set_points=_set_points,
     defaults=_defaults,
+    assessed_stations=lambda rig: rig.power_stations,
 )

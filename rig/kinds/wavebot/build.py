@@ -11,6 +11,7 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Modulation
+from rig.campaign.assessed import assessment_params
 from rig.campaign.record import RecordedCampaign
 from rig.config.reference import MultisineReference
 from rig.design.axis_params import axis_params, motor_power_params, newtons_per_ampere
@@ -23,6 +24,7 @@ from rig.kinds.wavebot.config.limits_file import LimitsFile, PowerLimits
 from rig.kinds.wavebot.config.rig_file import RigFile
 from rig.kinds.wavebot.tick import power_checks
 from rig.kinds.wavebot.tick.state import ReferenceAxis, SurgeUse
+from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.reference import force_table, index_realisations, list_realisations
 from rig.realtime import average, cycle, safety
 from rig.realtime.sequence import Segments
@@ -110,6 +112,7 @@ def wavebot_params(
             power_checks=_power_checks(file, rig, bounds.power, dt),
             setpoints=index_realisations(setpoints, realisations),
         ),
+        assessed=assessment_params(file, rig.rate_hz, STATIONS),
     )
 
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
-from rig.campaign.check import seas_text
+from rig.campaign.check import duration_text, seas_text
 from rig.campaign.simulated_rows import show_equal_rows
 from rig.config.law_settings import AxisLaw, shown_columns, value_text
 from rig.config.problems import Problem
@@ -265,7 +265,9 @@ def _best_text(
 
 
 def _duration_text(planned: Travel, forecast: Prediction) -> Text:
-    text = format_duration(planned.duration)
+    text = duration_text(forecast.plan)
+    if forecast.plan.least_duration == forecast.plan.duration:
+        text = format_duration(planned.duration)  # with the wait for the stator
     if planned.waiting_time > 0.05:
         text += f", {planned.waiting_time:.3g} s of it waits for the stator"
     clock = f"wave clock {forecast.plan.wave_seconds:.6g} s{seas_text(forecast.campaign)}"

@@ -28,6 +28,7 @@ PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
 REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")
 ALL_TICKS_MISSING = "all of its ticks are missing from the record"
 SKIPPED_ROW = "skipped"
+LEAST_MEASURE = "least_measure_s"  # key of a planned row that its power may end
 RUN_RESUMED = "the run was interrupted here, and resumed"
 LOG_ENDS = "the log ends here"
 _ORDER = "plan.request.jump"  # number of the last order to go on with another segment
@@ -219,12 +220,15 @@ def read_windows(
         yield checked if unchanged else checked._replace(incomplete_reason=checked.missing_text)
 
 
-def planned_ticks(planned: Mapping[str, Any], dt: float | None) -> int:
+def planned_ticks(planned: Mapping[str, Any], dt: float | None, *, least: bool = False) -> int:
     """Return the length of a planned row's measurement in ticks; 0 if the plan gives none.
 
-    ``dt`` is the control period in s.
+    It is the ``least`` or the longest one of a row that its power ends. ``dt`` is the control
+    period in s.
     """
     seconds = planned.get("measure_s")
+    if least:
+        seconds = planned.get(LEAST_MEASURE, seconds)
     return round(seconds / dt) if isinstance(seconds, int | float) and dt else 0
 
 

@@ -69,6 +69,7 @@ def compose(composition: Composition) -> Any:
         composed.row,
         reasons=own_reasons(composition),
         sense_type=composed.Sense,
+        assessed=composed.assessed,
     )
     return composed
 
@@ -118,6 +119,9 @@ def tick_source(composition: Composition, found: Mapping[str, Any]) -> str:
         {"TARED_UNIT": each.unit, "TARED": each.name} for each in composition.sensors if each.tared
     ]
     template = TEMPLATE.replace("STATION_SIGNALS", "\n        ".join(_signal_lines(composition)))
+    powers = "".join(f"power.{each.name}, " for each in composition.stations)
+    template = template.replace("STATION_POWERS", powers)
+    template = template.replace("FIRST_NAME", composition.axes[0].name)
     for marker, parts in (("AXIS", axes), ("SENSOR", sensors), ("TARED", tared)):
         template = _repeat(template, marker, parts)
     return template

@@ -346,4 +346,9 @@ def row(tick, time, timing, plan, guard, sense, command, signals):
         sense.panel,
         tick,
     )
+
+
+def assessed(row):
+    power = row.power
+    return (STATION_POWERS), row.FIRST_NAME.estimate.velocity
 '''

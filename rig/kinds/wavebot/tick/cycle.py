@@ -33,6 +33,7 @@ from rig.kinds.wavebot.tick.state import (
 )
 from rig.laws import from_request
 from rig.realtime import axis, cycle, safety
+from rig.realtime.assessment import Assessed
 from rig.realtime.safety import OFF, RUN
 from rig.realtime.sequence import TARE, WAIT_ARRIVAL, WAIT_DRIVE
 
@@ -109,6 +110,15 @@ def row(
         sense.wave,
         sense.panel,
         tick,
+    )
+
+
+def assessed(row: WaveBotRow) -> Assessed:
+    """Return the powers of all stations, and the velocity of heave."""
+    power = row.power
+    return (
+        (power.mechanical_1, power.mechanical_2, power.ac, power.dc),
+        row.heave.estimate.velocity,
     )
 
 
@@ -310,6 +320,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
         REASONS,
         WaveBotReason.STATOR_LATE.value,
         Sense,
+        assessed,
     )
 
 

@@ -15,7 +15,10 @@ from ruamel.yaml import YAML
 
 from rig.kinds.oswec_bench.config.constants_file import ConstantsFile
 from rig.kinds.oswec_bench.products import Summary, analyse
+from rig.kinds.oswec_bench.products.estimate import Estimate
 from rig.kinds.oswec_bench.products.points import open_session
+from rig.kinds.oswec_bench.products.report import result_as_dict
+from rig.kinds.oswec_bench.products.result import compare
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
@@ -79,7 +82,29 @@ def test_gap_and_stiffness_of_a_hidden_driveline_are_recovered(driveline: Summar
         estimate = constants[name]
         assert abs(estimate.value - truth) < estimate.uncertainty + 0.01 * truth, name
     comparisons = {each.quantity: each for each in driveline.result.comparisons}
-    assert comparisons["phase shift over rms velocity"].target_met
+    trend = comparisons["phase shift over rms velocity"]
+    assert trend.verdict == "undecided", trend  # five set points: -0.40 ± 0.60 % per rad/s
+
+
+@pytest.mark.parametrize(
+    ("slope", "error", "verdict"),
+    [
+        (-0.30, 0.82, "undecided"),
+        (0.30, 0.82, "undecided"),
+        (-0.30, 0.2, "met"),
+        (0.30, 0.2, "missed"),
+    ],
+)
+def test_a_trend_is_undecided_if_its_interval_contains_zero(
+    driveline: Summary, slope: float, error: float, verdict: str
+) -> None:
+    estimate = Estimate(slope, error, "% per rad/s", "drawn")
+    compared = compare("phase shift", estimate, "falls, R² 0.81", "falls", estimate.is_negative)
+    summary = driveline._replace(result=driveline.result._replace(comparisons=(compared,)))
+    assert compared.verdict == verdict
+    assert result_as_dict(summary.result)["comparisons"][0]["verdict"] == verdict
+    assert ("undecided" in summary.as_text()) is (verdict == "undecided")
+    assert summary.targets_met is (verdict != "missed")
 
 
 def test_a_session_can_read_the_calibration_file(driveline: Summary) -> None:

@@ -103,7 +103,7 @@ class Summary(NamedTuple):
 
     def as_text(self) -> str:
         """Return the summary as lines for a terminal."""
-        marks = {True: "ok  ", False: "NOT ", None: "    "}
+        marks = {"met": "ok  ", "missed": "NOT ", "undecided": "?   ", "": "    "}
         width = max((len(each.quantity) for each in self.result.comparisons), default=0)
         lines = [
             f"session {self.session.kind}, run {self.session.metadata.run}",
@@ -114,9 +114,8 @@ class Summary(NamedTuple):
             details = [f"{each.measured}"]
             details += [f"thesis: {each.thesis}"] if each.thesis else []
             details += [f"required: {each.target}"] if each.target else []
-            lines.append(
-                f"  {marks[each.target_met]}{each.quantity:<{width}}  {'; '.join(details)}"
-            )
+            details += ["undecided"] if each.verdict == "undecided" else []
+            lines.append(f"  {marks[each.verdict]}{each.quantity:<{width}}  {'; '.join(details)}")
         lines += [f"  {name} = {each}" for name, each in self.result.constants.items()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)

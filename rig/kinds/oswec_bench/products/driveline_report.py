@@ -295,7 +295,7 @@ def _trend_comparisons(trends: Regressions, lags: list[ShaftLag]) -> Iterator[Co
     yield compare(name, text, "linear, R² 0.97", "R² ≥ 0.95", amplitude.r_squared >= 0.95)
     slope = phase.slope_estimate().scaled(100.0, "% per rad/s")
     name, text = "phase shift over rms velocity", f"{slope}, R² {phase.r_squared:.2f}"
-    yield compare(name, text, "falls, R² 0.81", "falls", phase.slope < 0.0)
+    yield compare(name, text, "falls, R² 0.81", "falls", slope.is_negative)
     yield compare("phase shift over rms torque", f"R² {delay.r_squared:.2f}")
     name = "phase shift over 1/velocity and torque/velocity (gap and compliance)"
     explained = explained_variance(lags)

@@ -51,6 +51,11 @@ class Estimate(NamedTuple):
         """Return whether a value lies within the interval."""
         return abs(truth - self.value) <= self.uncertainty
 
+    @property
+    def is_negative(self) -> bool | None:
+        """Whether the quantity is below zero; None if the interval contains zero."""
+        return None if self.covers(0.0) else self.value < 0.0
+
     def scaled(self, factor: float, unit: str) -> "Estimate":
         """Return the estimate times a factor, in another unit."""
         return Estimate(factor * self.value, factor * self.uncertainty, unit, self.method)

@@ -27,7 +27,7 @@ from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 PAGE, JSON, CALIBRATION = "session.html", "session.json", "calibration.yaml"
 _DIGITS = 9  # of the numbers in the calibration file
-_VERDICTS = {True: ("✓", "yes"), False: ("✗", "no"), None: ("", "")}
+_VERDICTS = {"met": ("✓", "yes"), "missed": ("✗", "no"), "undecided": ("?", ""), "": ("", "")}
 _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;color:#22303c;max-width:1080px;margin:0 auto;padding:0 18px}
 header{background:#22303c;color:#fff;margin:0 -18px 20px;padding:18px}
@@ -65,7 +65,9 @@ def write_tables(result: Result, facts: dict[str, Any], folder: Path) -> list[Pa
 def result_as_dict(result: Result) -> dict[str, Any]:
     """Return constants, comparisons, notes and tables in the form of JSON: NaN is null."""
     tables = {t.name: {"title": t.title, "columns": t.columns} for t in result.tables}
-    document: dict[str, Any] = json_value(result._asdict() | {"tables": tables})
+    comparisons = [each._asdict() | {"verdict": each.verdict} for each in result.comparisons]
+    changed = {"tables": tables, "comparisons": comparisons}
+    document: dict[str, Any] = json_value(result._asdict() | changed)
     return {key: document[key] for key in ("constants", "comparisons", "notes", "tables")}
 
 
@@ -224,9 +226,9 @@ def _comparison_table(result: Result) -> str:
         return ""
     heads = ("quantity", "thesis", "required", "this run")
     rows = [[*(_cell("th", each, "text") for each in heads), "<th></th>"]]
-    for *texts, target_met in result.comparisons:
-        cells = [_cell("td", _escape(each), "text") for each in texts]
-        rows.append([*cells, _cell("td", *_VERDICTS[target_met])])
+    for comparison in result.comparisons:
+        cells = [_cell("td", _escape(each), "text") for each in comparison[:-1]]
+        rows.append([*cells, _cell("td", *_VERDICTS[comparison.verdict])])
     return f"<h2>Comparison with the thesis</h2>{_markup(rows)}"
 
 

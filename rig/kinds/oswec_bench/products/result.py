@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from rig.kinds.oswec_bench.products.estimate import Estimate
 from rig.kinds.oswec_bench.products.figures import FigureSpec
@@ -45,6 +45,10 @@ def table(name: str, title: str, rows: Iterable[R], columns: Columns[R]) -> Tabl
     return Table(name, title, tuple(filled))
 
 
+Verdict = Literal["", "met", "missed", "undecided"]
+"""Undecided: the interval of the quantity contains values that meet the target, and others."""
+
+
 class Comparison(NamedTuple):
     """A quantity compared with the thesis's."""
 
@@ -52,7 +56,14 @@ class Comparison(NamedTuple):
     thesis: str  # empty if the thesis gives none
     target: str  # requirement on the run; empty if there is none
     measured: str
-    target_met: bool | None  # whether the run meets the target; None without a target
+    target_met: bool | None  # whether the run meets the target; None without one, or undecided
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the target; empty without one."""
+        if self.target_met is None:
+            return "undecided" if self.target else ""
+        return "met" if self.target_met else "missed"
 
     @classmethod
     def of_constant(cls, quantity: str, measured: Estimate, thesis: float) -> "Comparison":

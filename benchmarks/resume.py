@@ -18,13 +18,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.support.campaigns import write_yaml
 from benchmarks.support.kills import ENVIRONMENT_MARK, living_processes
 from benchmarks.support.live_run import LiveRun, wait_until
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import COMPLETE, row_table, stations_of
 
-CAMPAIGN = ROOT / "configs" / "campaigns" / "quick.yaml"
+GAINS = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000}
+CAMPAIGN: dict[str, Any] = {  # 42 s of rig time: a kill costs the time up to it
+    "name": "killed",
+    "rig": str(ROOT / "configs" / "rigs" / "wavebot.yaml"),
+    "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+    "tare": {"duration_s": 1},
+    "start": {"lead_in_s": 8},
+    "timing": {"settle_s": 2, "interval_s": 8},
+    "matrix": {"list": [{**GAINS, "ki_n_per_m": ki} for ki in (0, 1000, 2000, 4000)]},
+}
 SEED = 20_261_126  # of the moments
 KILLS, SHORT_KILLS = 1000, 10
 LATEST = 0.9  # of the time of an undisturbed run, from the start of a command
@@ -64,7 +74,7 @@ def measure(short: bool = False) -> Result:
     return Result(
         "resume",
         "All processes of rehearsed campaigns killed at random moments; resumed until complete.",
-        f"{sum(run.kills for run in runs)} kills in {len(runs)} campaigns of {CAMPAIGN.name}, "
+        f"{sum(run.kills for run in runs)} kills in {len(runs)} campaigns of {len(CAMPAIGN['matrix']['list'])} rows, "
         f"interpreted, uniformly in {latest:.1f} s from the start of each command",
         (
             figure("kills", "times", sum(run.kills for run in runs), at_least=kills),
@@ -115,7 +125,10 @@ def _command(runs: Path) -> list[str]:
     recorded = folder is not None and any(
         path.suffix == ".mcap" or path.stat().st_size for path in folder.glob("*.mcap*")
     )
-    what = ["--resume", str(folder)] if recorded else [str(CAMPAIGN)]
+    file = runs.with_name(f"{runs.name}.yaml")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_yaml(file, CAMPAIGN)
+    what = ["--resume", str(folder)] if recorded else [str(file)]
     return [sys.executable, "-m", "rig", "run", *what, "--interpreted", "--runs", str(runs)]
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy import stats
 
+from benchmarks.support.campaigns import write_yaml
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
@@ -104,8 +104,7 @@ def measure(short: bool = False) -> Result:
 
 
 def _rehearse(folder: Path, name: str, changes: dict[str, Any]) -> Any:
-    path = folder / f"{name}.yaml"
-    path.write_text(yaml.safe_dump({"extends": str(CAMPAIGN), "name": name, **changes}))
+    path = write_yaml(folder / f"{name}.yaml", {"extends": str(CAMPAIGN), "name": name, **changes})
     command = [sys.executable, "-m", "rig", "run", str(path), "--runs", str(folder / name)]
     subprocess.run([*command, "--json"], check=True, stdout=subprocess.DEVNULL)
     (run,) = (folder / name).iterdir()

@@ -74,8 +74,9 @@ def measure(short: bool = False) -> Result:
     return Result(
         "resume",
         "All processes of rehearsed campaigns killed at random moments; resumed until complete.",
-        f"{sum(run.kills for run in runs)} kills in {len(runs)} campaigns of {len(CAMPAIGN['matrix']['list'])} rows, "
-        f"interpreted, uniformly in {latest:.1f} s from the start of each command",
+        f"{sum(run.kills for run in runs)} kills in {len(runs)} campaigns of "
+        f"{len(CAMPAIGN['matrix']['list'])} rows, interpreted, uniformly in {latest:.1f} s from "
+        "the start of each command",
         (
             figure("kills", "times", sum(run.kills for run in runs), at_least=kills),
             figure("kills in a campaign", "times", [run.kills for run in runs]),

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import xarray
 
+from rig.analysis import certificate
 from rig.analysis import summary as summaries
 from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.calibration_picture import write_picture
@@ -66,6 +67,8 @@ def summarise_rows(
     summary = summary._replace(
         record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
     )
+    if Path(run).is_dir():
+        summary = summary._replace(rehearsed=certificate.deviation_texts(Path(run)))
     if has_excitation(run_facts):
         findings = (str(run_facts.plan["reference"].get("words", "")), IDENTIFY_HINT)
         summary = summary._replace(optima=(), effects=(), findings_of=OPEN_LOOP, findings=findings)
@@ -115,7 +118,7 @@ def analyse(
     if summary.findings_of == OPEN_LOOP:
         return Analysis(summary, partial(write_rows, table))
     page: Write = partial(write_page, summary, table)
-    return Analysis(summary, partial(_write_tables, table), (page, *_pictures(table)))
+    return Analysis(summary, partial(_write_tables, run, table), (page, *_pictures(table)))
 
 
 def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
@@ -202,9 +205,9 @@ def products_folder(run: Path, calibrations: Sequence[CalibrationVersion]) -> Pa
     return folder / f"read_by_{titles}" if titles else folder
 
 
-def _write_tables(table: xarray.Dataset, folder: Path) -> list[Path]:
-    """Write the row table, and effects if the matrix has data for them."""
-    paths = write_rows(table, folder)
+def _write_tables(run: Path, table: xarray.Dataset, folder: Path) -> list[Path]:
+    """Write the row table, the rows beside a rehearsal, and effects if there are data for them."""
+    paths = [*write_rows(table, folder), *certificate.write_deviations(run, folder)]
     if effects := all_effects(table):
         paths.append(write_effects(effects, folder / "effects.csv"))
     return paths

@@ -151,6 +151,7 @@ class Summary(NamedTuple):
     lost_ticks: LostTicks | None = None  # before a trip, if they may be its cause
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
+    rehearsed: tuple[str, ...] = ()  # the rows beside those of the rehearsal; empty without one
 
     @property
     def rows_text(self) -> str:
@@ -345,6 +346,9 @@ def as_text(summary: Summary) -> str:
         *_result_lines(summary),
     ]
     lines += ["", *effects_text(summary.effects)] if summary.effects else []
+    if summary.rehearsed:
+        heading, *stations = summary.rehearsed
+        lines += ["", heading[0].upper() + heading[1:], *(f"  {line}" for line in stations)]
     lines += ["", "Alarms"]
     lines += [f"  {alarm}" for alarm in summary.alarms] or ["  none"]
     return "\n".join([*lines, "", summary.timing, ""])

@@ -1,7 +1,7 @@
 """The rest of a campaign whose run ended early: rows and periods that it has not measured."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +9,7 @@ from rig.analysis.rows import COMPLETE, INTERRUPTED, row_table
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.campaign.plan import RESUMED, Measured, build_plan
 from rig.campaign.record import resolved_config
+from rig.config.differences import key_differences
 from rig.config.tank import BEFORE_REFLECTION
 from rig.recording.runs import RunError, RunInfo, run_info
 from rig.recording.runs.reader import account_of
@@ -42,7 +43,10 @@ def resume_campaign(run: Path, campaign: AnyCampaign, *, accept_changes: bool) -
             "give other windows; run the campaign from its begin"
         )
     config = json.loads(resolved_config(campaign))
-    differences = [*_differences(_without_files(info.config), _without_files(config))]
+    differences = [
+        f"{key}: {json.dumps(old)} in the run, now {json.dumps(new)}"
+        for key, old, new in key_differences(_without_files(info.config), _without_files(config))
+    ]
     _require_same_rows(info, campaign)
     if differences and not accept_changes:
         listed = "\n".join(f"  {each}" for each in differences)
@@ -140,13 +144,3 @@ def _require_same_rows(info: RunInfo, campaign: AnyCampaign) -> None:
 def _without_files(config: dict[str, Any]) -> dict[str, Any]:
     """Return a configuration without the paths and sums of its files."""
     return {key: value for key, value in config.items() if key != "files"}
-
-
-def _differences(before: Any, now: Any, key: str = "") -> Iterator[str]:
-    """Yield each key whose value is not the same, with both values."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        for name in dict.fromkeys([*before, *now]):
-            place = f"{key}.{name}" if key else str(name)
-            yield from _differences(before.get(name), now.get(name), place)
-    elif before != now:
-        yield f"{key}: {json.dumps(before)} in the run, now {json.dumps(now)}"

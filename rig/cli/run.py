@@ -1,5 +1,6 @@
 """`rig run FILE`: run a campaign or session to its end, and analyse it."""
 
+import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -12,9 +13,10 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from rig.analysis.certificate import Found, certify, find_certificate
 from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
-from rig.campaign import AnyCampaign, CheckReport
+from rig.campaign import AnyCampaign, CheckReport, resolved_config
 from rig.campaign.resume import Resumption, next_sea
 from rig.cli.check import examine, print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
@@ -161,6 +163,8 @@ def run_named(
             plan, plan_record = rest.plan, rest.plan_record
     if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
         report = with_simulated_rows(report)
+    with input_errors(command_name, as_json=as_json):
+        rehearsed = _rehearsal_of(report, runs, options)
     if not as_json:
         print_warnings(() if options.manual else report.warnings, path)
         # A full disk stops the rig.
@@ -172,7 +176,10 @@ def run_named(
         if not mode.real_clock:
             importing.start()
         with _page_of_run(runs, enabled=options.page) as page:
-            stages = _Stages(tasks, display, report, path, runs, options, page, quiet=as_json)
+            began = partial(_begin, page, rehearsed)
+            stages = _Stages(
+                tasks, display, report, path, runs, options, page, began, quiet=as_json
+            )
             ended = stages.run(plan, plan_record, options.resume)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
@@ -183,6 +190,8 @@ def run_named(
         if options.manual
         else _analyse(kind, ended, len(plan.rows), importing, quiet=as_json)
     )
+    if not (options.manual or products.trouble or products.interrupted):
+        products = _with_certificate(products, ended.folder, report, options)
     failed = "; ".join(filter(None, (ended.save_error, products.trouble)))
     trouble = "; ".join(filter(None, (failed, products.interrupted)))
     outcome, lost = ended.outcome, lost_ticks(ended)
@@ -216,9 +225,12 @@ class _Stages:
         runs: Path,
         options: RunOptions,
         page: "_PageCalls",
+        began: Callable[[Path], None],
         *,
         quiet: bool,
     ) -> None:
+        """``began`` is called with the folder of the run."""
+        self._began = began
         self._tasks, self._display, self._report = tasks, display, report
         self._path, self._runs, self._options = path, runs, options
         self._page, self._quiet = page, quiet
@@ -259,7 +271,7 @@ class _Stages:
             task = task._replace(plan=task.plan | dict(record) | fields)
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
-            return run_task(task, self._runs, view, mode, self._page.run_began, resumed)
+            return run_task(task, self._runs, view, mode, self._began, resumed)
 
     @property
     def _campaign(self) -> AnyCampaign | None:
@@ -283,6 +295,47 @@ class _Stages:
             )
             return None
         return rest
+
+
+def _rehearsal_of(report: Report, runs: Path, options: RunOptions) -> Found | None:
+    """Return the certificate of a campaign that is to run on a rig's devices, and print it.
+
+    None for other runs, and without one; ValueError if the rig requires it.
+    """
+    campaign = report.campaign if isinstance(report, CheckReport) else None
+    if campaign is None or not campaign.points or options.manual is not None:
+        return None
+    if campaign.rig.wiring is None or options.emulated:
+        return None
+    found = find_certificate(runs, json.loads(resolved_config(campaign)))
+    if found is None:
+        text = f"no rehearsal of this campaign is in {runs}/; rig run FILE --sim rehearses it"
+        if campaign.rig.operator.rehearsal == "required":
+            raise ValueError(f"{text}, and {campaign.rig.name} requires one (operator.rehearsal)")
+        print(text, file=sys.stderr)
+    else:
+        print(found.text(), file=sys.stderr)
+    return found
+
+
+def _begin(page: "_PageCalls", rehearsed: Found | None, folder: Path) -> None:
+    if rehearsed is not None:
+        rehearsed.write(folder)
+    page.run_began(folder)
+
+
+def _with_certificate(
+    products: RunProducts, folder: Path, report: Report, options: RunOptions
+) -> RunProducts:
+    """Write the certificate of a complete rehearsal; return the products with it."""
+    campaign = report.campaign if isinstance(report, CheckReport) else None
+    if campaign is None or (campaign.rig.wiring is not None and not options.emulated):
+        return products
+    try:
+        path = certify(folder)
+    except (RunError, OSError) as error:
+        return products._replace(trouble=f"no certificate of the rehearsal: {error_text(error)}")
+    return products if path is None else products._replace(files=(*products.files, path))
 
 
 class _PageCalls(NamedTuple):

@@ -104,6 +104,8 @@ class Operator(FileModel):
 
     `none`: manual mode goes on without an operator."""
     stop_by_viewers: bool = True  # whoever sees the page may stop the rig
+    rehearsal: Literal["optional", "required"] = "optional"
+    """Whether a campaign runs on the rig's wires only if the runs have a certificate of it."""
 
 
 class BaseRigFile(FileModel):

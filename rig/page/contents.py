@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rig import log_fields, stations
+from rig.analysis.limits import Bound, as_mapping, find_bounds, is_age
 from rig.log_fields import LogFields, label_of
-from rig.page.limits import Bound, as_mapping, find_bounds, is_age
 from rig.presentation.phrases import phase_text, unit_text
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import Leaf

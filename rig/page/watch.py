@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.analysis.limits import BoundedValues, find_bounds
 from rig.log_fields import label_of
 from rig.page.alarms import LOW, Alarms
 from rig.page.buckets import Buckets, Extremes
 from rig.page.checklist import Conditions
 from rig.page.contents import fields_of, find_ages
-from rig.page.limits import BoundedValues, find_bounds
 from rig.page.streams import Stream
 from rig.page.tap import Rows, Tap
 from rig.presentation.phrases import state_text
@@ -52,7 +52,7 @@ class Watch:
         self._at = {leaf.name: at for at, leaf in enumerate(tap.leaves)}
         self.dt = float(plan.get("dt") or 1e-3)
         self._planned_s = {
-            int(row["row"]): float(row["measure_s"])
+            int(row["row"]): float(row.get("least_measure_s", row["measure_s"]))
             for row in plan.get("rows", ())
             if "row" in row and "measure_s" in row
         }

@@ -11,13 +11,13 @@ import pytest
 
 import rig as rig_package
 from rig import log_fields
+from rig.analysis.limits import Bound, BoundedValues, find_bounds
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.kinds.modular.build import composition
 from rig.kinds.rig_file import load_rig
 from rig.log_fields import CHANGE, RATE, RMS, FieldLimit, LogFields, age_limit, axis_limits
 from rig.page.contents import find_ages
-from rig.page.limits import Bound, BoundedValues, find_bounds
 from rig.recording.row_layout import Leaf, leaves
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -23,12 +23,12 @@ from rig.log_fields import (
     axis_limits,
     label_of,
 )
-from rig.page.tap import Rows
 from rig.recording.row_layout import Leaf
 
 _MARKED = {RATE: "slew", RMS: "rms"}
 _ORDER = ("position", "angle", "velocity", "current", "force", "torque")
 Column = np.ndarray[tuple[int], np.dtype[np.float64]]
+Rows = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
 class Bound(NamedTuple):

@@ -115,15 +115,19 @@ def _long_left_out(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
     """Return the long tests that are left out: of each `PARTS` by name all but one.
 
     Tests with one ``group`` share a run and count as one. Each stream counts alone: more tests of
-    it than its share would take minutes.
+    it than its share would take minutes. A ``soak`` runs in `make test-long` only.
     """
     units: dict[tuple[str, str], list[pytest.Item]] = {}
+    soaks = [
+        item
+        for item in items
+        if (marker := item.get_closest_marker("long")) and marker.kwargs.get("soak")
+    ]
     for item in items:
-        if marker := item.get_closest_marker("long"):
+        if (marker := item.get_closest_marker("long")) and item not in soaks:
             unit = _stream(item), marker.kwargs.get("group", item.nodeid)
             units.setdefault(unit, []).append(item)
-    first = _place(seed, "long") % PARTS
-    left_out = []
+    first, left_out = _place(seed, "long") % PARTS, soaks
     for stream in ("", *STREAMS):
         names = sorted(unit for unit in units if unit[0] == stream)
         for name in {*names} - {*names[first::PARTS]}:

@@ -61,7 +61,7 @@ def test_3_s_at_1_khz() -> None:
     check_cyclic(3.0)
 
 
-@pytest.mark.long
+@pytest.mark.long(soak=True)
 def test_10_min_at_1_khz() -> None:
     check_cyclic(600.0)
 

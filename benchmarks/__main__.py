@@ -36,6 +36,7 @@ from benchmarks import (
     spring_map,
     start,
     tick,
+    uncertainty,
 )
 from benchmarks.support import host, report
 from benchmarks.support.fault_rigs import RIGS
@@ -60,6 +61,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "page_memory": page_memory.measure,
     "crash": crash.measure,
     "row_ends": row_ends.measure,
+    "uncertainty": uncertainty.measure,
     "resume": resume.measure,
     "reading": reading.measure,
     "start": start.measure,

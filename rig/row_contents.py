@@ -5,6 +5,7 @@ effects, pictures and reports all follow from them.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rig import stations
@@ -51,6 +52,8 @@ class RowContents(NamedTuple):
     checks: tuple[Check, ...]
     control: tuple[str, ...] = ()
     """Sections of campaign and rig file with settings of the control, besides those of the law."""
+    signals: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    """The signals of the stations' formulas: a log field, and log fields that are subtracted."""
 
     @property
     def settings(self) -> tuple[Column, ...]:
@@ -66,6 +69,7 @@ class RowContents(NamedTuple):
             "columns": column_records(self.columns),
             "checks": [check._asdict() for check in self.checks],
             "control": list(self.control),
+            "signals": {name: list(fields) for name, fields in self.signals.items()},
         }
 
 
@@ -124,6 +128,7 @@ def from_records(record: Mapping[str, Any], earlier: "RowContents | None" = None
             ),
         ),
         tuple(listed("control", lambda value: value or ())),
+        listed("signals", lambda value: {k: tuple(v) for k, v in (value or {}).items()}),
     )
 
 

@@ -27,6 +27,7 @@ for _number, _default in (
 
 PARTS = 5  # a run of the test command takes one in so many of the long and of the sampled tests
 COSTLY = "costly_files.txt"
+COSTLY_PARTS = 10  # of its files, of which a run takes one
 STREAMS = ("paired", "realtime")  # of the tests in real time: two at a time, or alone
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 
@@ -91,16 +92,16 @@ def _stream(item: pytest.Item) -> str:
 
 
 def _costly_left_out(root: Path, items: list[pytest.Item], seed: str) -> list[pytest.Item]:
-    """Return the tests of costly files that are left out: all but one of `PARTS` equal parts.
+    """Return the tests of costly files that are left out: all but one of equal parts.
 
     Parts are equal in processor time, and those of tests in real time in their duration.
     """
     lines = (root / "tests" / COSTLY).read_text().splitlines()
     files = [line.split() for line in lines if line[:1] != "#"]
-    chosen = _place(seed, COSTLY) % PARTS
+    chosen = _place(seed, COSTLY) % COSTLY_PARTS
     left_out = set()
     for column, in_real_time in enumerate((False, True)):
-        seconds = [0] * PARTS
+        seconds = [0] * COSTLY_PARTS
         for file in sorted(files, key=lambda file: -int(file[column])):
             at = seconds.index(min(seconds))  # the dearest first, each to the part that has least
             seconds[at] += int(file[column])
@@ -157,7 +158,8 @@ def pytest_report_header(config: pytest.Config) -> str | None:
     if config.getoption("--long") != "part":
         return None
     return (
-        f"long and sampled tests, costly files: one in {PARTS}; the same part again: "
+        f"long and sampled tests: one in {PARTS}, costly files: one in {COSTLY_PARTS}; "
+        "the same part again: "
         f"--long part --long-seed {_seed(config)}"
     )
 

@@ -22,6 +22,7 @@ import xarray
 from rig.analysis import certificate
 from rig.analysis import summary as summaries
 from rig.analysis.bars import varies_drive, write_bars
+from rig.analysis.budget_picture import write_budget
 from rig.analysis.calibration_picture import write_picture
 from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
@@ -32,6 +33,7 @@ from rig.analysis.slices import law_axes
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
+from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, uncertainty_texts
 from rig.config.problems import error_text, parse_number
 from rig.processes.run_types import Outcome
 from rig.recording.calibration import CalibrationVersion
@@ -67,6 +69,7 @@ def summarise_rows(
     summary = summary._replace(
         record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
     )
+    summary = summary._replace(uncertainty=uncertainty_texts(table))
     if Path(run).is_dir():
         summary = summary._replace(rehearsed=certificate.deviation_texts(Path(run)))
     if has_excitation(run_facts):
@@ -221,6 +224,8 @@ def _pictures(table: xarray.Dataset) -> list[Write]:
         pictures.append(partial(_draw, write_sliced, table, "surfaces_sliced.png"))
     if gains.points and varies_drive(gains):
         pictures.append(partial(_draw, write_bars, table, "bars.png"))
+    if gains.points and BUDGET_ATTRIBUTE in table.attrs:
+        pictures.append(partial(_draw, write_budget, table, "uncertainty.png"))
     return pictures
 
 

@@ -18,6 +18,13 @@ import numpy as np
 
 from rig.analysis import calibrated
 from rig.analysis.calibrated import RECORDED
+from rig.analysis.uncertainty import (
+    BUDGET_ATTRIBUTE,
+    UNCERTAIN,
+    add_expanded,
+    budget_of,
+    type_b,
+)
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import reader
@@ -273,11 +280,19 @@ def row_table(
         stations=tuple(s for s in contents.stations if f"power.{s.name}" in available)
     )
     units, settings = column_units(contents), [column.name for column in contents.settings]
+    budget = budget_of(run_facts, available)
+    shares: dict[int, Any] = {}  # contributions of the sources of the budget, by row
+    fields = table_fields(contents, available)
+    if budget is not None:
+        fields = list(dict.fromkeys([*fields, *budget.log_fields]))
+        units |= {
+            f"power_{each.name}_{part}": "W" for each in budget.stations for part in UNCERTAIN
+        }
     reading = RecordCheck(source.contents, source.damage)
     joined = JoinedRows(period_ticks)
     for raw_window in read_windows(
         source,
-        table_fields(contents, available),
+        fields,
         run_facts.plan,
         incomplete_rows=True,
         reading=reading,
@@ -289,6 +304,9 @@ def row_table(
         )
         window = whole._replace(data=calibrated.correct_ticks(corrections, whole.data))
         entry = reduce_window(window, period_ticks, contents)
+        if budget is not None:
+            shares[window.row] = budget.contributions(window.data)
+            entry |= type_b(budget, shares[window.row])
         # A later attempt replaces an earlier one.
         measured[window.row] = (
             entry if incomplete_rows else _withhold_means(entry, window, units, settings)
@@ -315,12 +333,17 @@ def row_table(
             alarm = name.replace("_mean", "_alarm")
             row_entry[alarm] = int(off_zero and row_entry["state"] == COMPLETE)
     _add_repetition_errors(table, contents.stations)
+    if budget is not None:
+        complete = [row_entry for row_entry in table if row_entry["state"] == COMPLETE]
+        add_expanded(budget, complete, shares)
     dataset = _build_dataset(table, run_facts, units, period, settings)
     attributes = {
         "record": state.description,
         "record_state": json.dumps(state.as_dict()),
         **contents_attributes(contents),
     }
+    if budget is not None:
+        attributes[BUDGET_ATTRIBUTE] = budget.describe(complete, shares)
     return dataset.assign_attrs(
         attributes | corrections.attributes, mean_position_alarm_m=mean_position_alarm
     )

@@ -151,6 +151,7 @@ class Summary(NamedTuple):
     lost_ticks: LostTicks | None = None  # before a trip, if they may be its cause
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
+    uncertainty: tuple[str, ...] = ()  # of the best powers; empty without a budget
     rehearsed: tuple[str, ...] = ()  # the rows beside those of the rehearsal; empty without one
 
     @property
@@ -346,6 +347,9 @@ def as_text(summary: Summary) -> str:
         *_result_lines(summary),
     ]
     lines += ["", *effects_text(summary.effects)] if summary.effects else []
+    if summary.uncertainty:
+        heading = "Uncertainty of the best powers (95 %, Type A and B combined)"
+        lines += ["", heading, *(f"  {line}" for line in summary.uncertainty)]
     if summary.rehearsed:
         heading, *stations = summary.rehearsed
         lines += ["", heading[0].upper() + heading[1:], *(f"  {line}" for line in stations)]

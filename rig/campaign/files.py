@@ -1,6 +1,6 @@
 """Opening of a campaign: all its input files are read, and all their problems are reported."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -13,7 +13,7 @@ from rig.campaign.set_points import chosen_law_problems
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.reference import AnyReference, RecordedReference
-from rig.config.rig_file import Rate
+from rig.config.rig_file import BaseRigFile, Rate
 from rig.config.sea import AnySea, RecordedSea, Sea
 from rig.config.yaml_source import SourceMap, load_mapping
 from rig.planning.designed_sea import largest_elevation_problems
@@ -119,6 +119,8 @@ def open_campaign(
         if file is not None:
             problems += assessment_problems(file, kind.assessed_stations(rig), top.locate)
             problems += realisation_problems(file.reference, points, rig.rate_hz)
+    if rig is not None and rig_source is not None:
+        problems += _budget_problems(rig, kind.signals(rig), rig_source.locate)
     rate_hz = valid_key(rig_source, "rate_hz", _RATE)
     problems += extra_check(
         CampaignParts(top, model, rig_source, plant_source, sea, elevation, rate_hz)
@@ -157,6 +159,19 @@ def _require_campaign(source: ConfigSource) -> None:
     if not any(key in source.mapping for key in _CAMPAIGN_KEYS):
         message = f"not a campaign: it has none of the keys {', '.join(_CAMPAIGN_KEYS)}"
         raise ConfigError([source.locate.problem((), None, message)])
+
+
+def _budget_problems(
+    rig: BaseRigFile, signals: Collection[str], locate: SourceMap
+) -> Iterator[Problem]:
+    """Yield the names in a rig's uncertainty budget that are no signals of its power stations."""
+    for i, source in enumerate(rig.uncertainty.sources if rig.uncertainty else ()):
+        for j, name in enumerate(source.signals):
+            if name not in signals:
+                allowed = ", ".join(signals) or "none: this kind of rig has no power stations"
+                message = f"{name!r} is no signal of a power station; allowed {allowed}"
+                key = ("uncertainty", "sources", i, "signals", j)
+                yield locate.problem(key, name, message)
 
 
 def _campaign_problems(

@@ -4,7 +4,7 @@
 campaigns and plans, and a campaign contains it, so their types are in this module, too.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from datetime import date
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
@@ -132,6 +132,8 @@ class CampaignKind(NamedTuple):
     """Recorded limits, completed by those of checks that are newer than the run."""
     assessed_stations: Callable[[Rig], Sequence[Station]] = lambda rig: ()
     """The stations by whose power a row may end, in the order of `cycle.Kind.assessed`."""
+    signals: Callable[[Rig], Collection[str]] = lambda rig: ()
+    """The signals of the formulas of the power stations, which an uncertainty budget names."""
     swept_keys: tuple[str, ...] = ("sea", "law", "reference", "seed", "start", "timing", "tare")
     """Keys of the campaign file that may be swept."""
 

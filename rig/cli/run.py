@@ -190,7 +190,8 @@ def run_named(
         if options.manual
         else _analyse(kind, ended, len(plan.rows), importing, quiet=as_json)
     )
-    if not (options.manual or products.trouble or products.interrupted):
+    done = ended.outcome.status == "complete" and not options.manual
+    if done and not (products.trouble or products.interrupted):
         products = _with_certificate(products, ended.folder, report, options)
     failed = "; ".join(filter(None, (ended.save_error, products.trouble)))
     trouble = "; ".join(filter(None, (failed, products.interrupted)))

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from rig.config.model import FileModel, Reason, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import Problem, display_path, format_number
+from rig.config.uncertainty import UncertaintyBudget
 from rig.config.wiring import Wiring
 from rig.config.yaml_source import KeyPath, SourceMap
 
@@ -114,7 +115,7 @@ class BaseRigFile(FileModel):
     The model of a kind narrows `kind`, `rate_hz` and `wiring`.
     """
 
-    inline: ClassVar[tuple[str, ...]] = ("wiring.ethercat.line.*.device",)
+    inline: ClassVar[tuple[str, ...]] = ("wiring.ethercat.line.*.device", "uncertainty")
 
     name: str = Field(min_length=1, max_length=64)
     kind: str
@@ -126,6 +127,7 @@ class BaseRigFile(FileModel):
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
     operator: Operator = Operator()
+    uncertainty: UncertaintyBudget | None = None  # of the power stations; or the name of a file
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that drives and bus fit the rate of the loop."""

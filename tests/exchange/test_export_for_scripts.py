@@ -164,7 +164,7 @@ def test_rows_with_lost_ticks_and_of_another_length_are_left_out(tmp_path: Path)
     reasons = [text for text in remarks(run) if "left out" in text]
     assert reasons == [
         "row 1 is left out: 20 of 2000 ticks missing from the record",
-        "row 3 is left out: it has 3400 samples, others 4000",
+        "row 3 is left out: it has 3400 samples, 1000 of them to settle, others 4000 and 1000",
     ]
     assert powers_in_octave(export(run))[:, 0].tolist() == [-1000.0, -2000.0, -3000.0]
 

@@ -16,6 +16,7 @@ from rig.config.model import WholeNumber
 from rig.kinds.modular.build import composition
 from rig.kinds.modular.columns import axis_law
 from rig.kinds.modular.config import LimitsFile, RigFile
+from rig.kinds.modular.row_contents import signals
 from rig.kinds.modular.tick import compose
 from rig.kinds.modular.tick.composition import TRANSLATION
 from rig.laws import Law
@@ -134,4 +135,5 @@ CAMPAIGNS = CampaignKind(
     set_points=_set_points,
     defaults=_defaults,
     assessed_stations=lambda rig: rig.power_stations,
+    signals=signals,
 )

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from rig.config.law_settings import AxisLaw
 from rig.identification.channels import AxisChannels, ForceChannel, command_channel
 from rig.kinds.modular.config.rig_file import RigFile, Sensor
+from rig.kinds.modular.tick.composition import AXIS_SIGNALS
 from rig.row_contents import Check, Column, RowContents
 
 
@@ -17,7 +18,28 @@ def row_contents(rig: RigFile, columns: Iterable[Column]) -> RowContents:
     first, *others = rig.axes
     checks = [check for name, sensor in rig.sensors.items() for check in _sensor(name, sensor)]
     checks += [check for name in others for check in _axis(name, rig.axes[name].motion)]
-    return RowContents(first, rig.power_stations, tuple(columns), tuple(checks))
+    return RowContents(
+        first, rig.power_stations, tuple(columns), tuple(checks), signals=signals(rig)
+    )
+
+
+def signals(rig: RigFile) -> dict[str, tuple[str, ...]]:
+    """Return the signals of the power stations as log fields."""
+    fields = {
+        "position": "estimate.position",
+        "velocity": "estimate.velocity",
+        "force": "command.force",
+        "current": "sense.current",
+    }
+    of_axes = {
+        f"{axis}_{signal}": (f"{axis}.{fields[signal]}",)
+        for axis in rig.axes
+        for signal in AXIS_SIGNALS
+    }
+    return of_axes | {
+        name: (f"{name}.value", *([f"tare.{name}"] if sensor.tare else []))
+        for name, sensor in rig.sensors.items()
+    }
 
 
 def _sensor(name: str, sensor: Sensor) -> Iterable[Check]:

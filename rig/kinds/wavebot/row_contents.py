@@ -38,10 +38,23 @@ CHECKS = (
 
 CONTROL = ("surge", "station_keeping", "surge_hold")
 
+SIGNALS = {  # of the power stations, as log fields
+    "lcb": ("load.lcb", "tare.lcb"),
+    "trs": ("load.trs", "tare.trs"),
+    "slew": ("load.slew", "tare.slew"),
+    "force": ("heave.command.force",),
+    "velocity": ("heave.estimate.velocity",),
+    "surge_force": ("surge.command.force",),
+    "surge_velocity": ("surge.estimate.velocity",),
+    "ac": ("power_sense.ac",),
+    "dc": ("power_sense.dc",),
+}
+
 
 def row_contents(law_columns: Iterable[LawColumn]) -> RowContents:
     """Return the contents of the row table of a campaign with a heave law's columns."""
-    return RowContents("heave", STATIONS, COLUMNS.with_law(law_columns), CHECKS, CONTROL)
+    columns = COLUMNS.with_law(law_columns)
+    return RowContents("heave", STATIONS, columns, CHECKS, CONTROL, SIGNALS)
 
 
 def axis_channels(axis: str, law_columns: Iterable[LawColumn]) -> AxisChannels:

@@ -26,7 +26,7 @@ from rig.kinds.wavebot.config.campaign_file import CampaignFile, Hoist, campaign
 from rig.kinds.wavebot.config.columns import COLUMNS
 from rig.kinds.wavebot.config.limits_file import LATER_LIMITS, LimitsFile
 from rig.kinds.wavebot.config.rig_file import MagneticSpring, RigFile
-from rig.kinds.wavebot.tick.stations import STATIONS
+from rig.kinds.wavebot.tick.stations import SIGNALS, STATIONS
 from rig.laws import Law
 from rig.planning.input_files import ConfigSource
 from rig.planning.point import MAX_ROWS, Point
@@ -233,5 +233,6 @@ CAMPAIGNS = CampaignKind(
     report_lines=_report_lines,
     earlier_limits=lambda recorded: complete_limits(recorded, LATER_LIMITS),
     assessed_stations=lambda rig: STATIONS,
+    signals=lambda rig: SIGNALS,
     swept_keys=("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare"),
 )

@@ -139,12 +139,19 @@ def _row_span(window: Window, edges: Ticks) -> _RowSpan:
 
 
 def _equal_rows(spans: list[_RowSpan], step: int) -> tuple[list[_RowSpan], list[str]]:
-    """Return the rows of the usual length, up to a sample, and remarks on others."""
+    """Return the rows of the usual length and settling, up to a sample, and remarks on others."""
     usual = sorted(span.end - span.begin for span in spans)[len(spans) // 2]
-    equal = [span for span in spans if abs(span.end - span.begin - usual) < step]
+    settling = sorted(span.measure - span.begin for span in spans)[len(spans) // 2]
+    equal = [
+        span
+        for span in spans
+        if abs(span.end - span.begin - usual) < step
+        and abs(span.measure - span.begin - settling) < step
+    ]
     unequal = [
-        f"row {span.row} is left out: it has {(span.end - span.begin) // step} samples, others "
-        f"{usual // step}"
+        f"row {span.row} is left out: it has {(span.end - span.begin) // step} samples, "
+        f"{(span.measure - span.begin) // step} of them to settle, others {usual // step} and "
+        f"{settling // step}"
         for span in spans
         if span not in equal
     ]

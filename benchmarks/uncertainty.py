@@ -19,7 +19,9 @@ from rig.recording.runs import run_info
 from rig.recording.runs.reader import open_files
 from rig.recording.runs.windows import Window, read_windows
 
-SEEDS, SHORT_SEEDS = 200, 10
+SEEDS, SHORT_SEEDS = 1000, 10
+"""The rows of one set of errors share them: the share scatters by 0.7 % with 1,000 sets, by 1.5 %
+with 200."""
 SCATTER = 0.003  # of the mean power, from period to period
 Floats = NDArray[np.float64]
 

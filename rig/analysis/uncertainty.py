@@ -198,30 +198,35 @@ class _Draws:
     """Draws of all sources of a budget and of a scatter, each of unit standard uncertainty.
 
     The distribution of a sum of a few rectangular errors is not normal, so its interval is found
-    by propagation of distributions (JCGM 101:2008). The seed is fixed: equal rows have equal
-    intervals.
+    by propagation of distributions (JCGM 101:2008). That the scatter comes from few periods widens
+    it by Student's factor for the effective degrees of freedom (Welch and Satterthwaite, GUM G.4);
+    a draw of Student's distribution itself would cover 97 % in place of 95. The seed is fixed:
+    equal rows have equal intervals.
     """
 
     _COUNT = 20_000  # with which the half width scatters by 0.7 %
 
     def __init__(self, budget: UncertaintyBudget) -> None:
+        from scipy.stats import norm, t  # noqa: PLC0415 - half a second that other runs save
+
         self._random = np.random.default_rng(20_261_127)
         self._sources = np.array([self._draw(source.distribution) for source in budget.sources])
-        self._scatter: dict[int, Floats] = {}  # by degrees of freedom
+        self._scatter, self._student = self._draw("normal"), t.ppf
+        self._share = 0.5 * (1.0 + COVERAGE)
+        self._normal = float(norm.ppf(self._share))
 
     def half_width(self, contributions: Floats, scatter: float, periods: int) -> float:
         """Return the half width of the 95 % interval of a sum of errors around zero.
 
         ``scatter``: standard error from so many periods; from fewer than two it came from others.
         """
-        freedom = periods - 1 if periods > 1 else 0
-        if freedom not in self._scatter:
-            normal = np.random.default_rng(freedom).standard_normal(self._COUNT)
-            chi = np.random.default_rng([freedom, 1]).chisquare(max(freedom, 1), self._COUNT)
-            divided = normal / np.sqrt(chi / freedom) if freedom else normal
-            self._scatter[freedom] = divided  # Student's distribution
-        errors = contributions @ self._sources + scatter * self._scatter[freedom]
-        return float(np.quantile(np.abs(errors), COVERAGE))
+        errors = contributions @ self._sources + scatter * self._scatter
+        half = float(np.quantile(np.abs(errors), COVERAGE))
+        if periods < 2 or scatter == 0.0:
+            return half
+        variance = float(contributions @ contributions) + scatter * scatter
+        freedom = (periods - 1) * (variance / (scatter * scatter)) ** 2
+        return half * float(self._student(self._share, freedom)) / self._normal
 
     def _draw(self, distribution: str) -> Floats:
         if distribution == "rectangular":

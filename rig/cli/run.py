@@ -9,7 +9,7 @@ from enum import IntEnum, IntFlag
 from functools import partial
 from pathlib import Path
 from threading import Event, Thread
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -47,6 +47,9 @@ from rig.realtime.reasons import ReasonTable
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, create
+
+if TYPE_CHECKING:  # the page's server, which most runs do not need
+    from rig.page.process import PageOfRun
 
 EXIT_CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
@@ -175,12 +178,8 @@ def run_named(
         importing = Thread(target=_import_products, args=(kind,), name="products")
         if not mode.real_clock:
             importing.start()
-        with _page_of_run(runs, enabled=options.page) as page:
-            began = partial(_begin, page, rehearsed)
-            stages = _Stages(
-                tasks, display, report, path, runs, options, page, began, quiet=as_json
-            )
-            ended = stages.run(plan, plan_record, options.resume)
+        stages = _Stages(tasks, display, report, path, runs, options, rehearsed, quiet=as_json)
+        ended = stages.run(plan, plan_record, options.resume)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
     except (create.BusyError, OSError, RunError) as error:
@@ -225,16 +224,15 @@ class _Stages:
         path: Path,
         runs: Path,
         options: RunOptions,
-        page: "_PageCalls",
-        began: Callable[[Path], None],
+        rehearsed: Found | None,
         *,
         quiet: bool,
     ) -> None:
-        """``began`` is called with the folder of the run."""
-        self._began = began
+        """``rehearsed``: certificate of the campaign, of which the run keeps a copy."""
         self._tasks, self._display, self._report = tasks, display, report
         self._path, self._runs, self._options = path, runs, options
-        self._page, self._quiet = page, quiet
+        self._rehearsed, self._quiet = rehearsed, quiet
+        self._page: PageOfRun | None = None  # of the newest stage
 
     def run(self, plan: Any, record: Mapping[str, Any], resumed: Path | None) -> RunResult:
         """Run a plan and those that follow it; ``record``, ``resumed``: of a run that goes on."""
@@ -252,9 +250,12 @@ class _Stages:
             sea = f", seed {plan.seed}" if len(campaign.file.seeds) > 1 else ""
         mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
         title = f"{checked.file.name} on {checked.rig.name}{sea}"
-        with RunPanel(
-            title, mode.name, plan, self._display, self._page.started, quiet=self._quiet
-        ) as view:
+        with (  # a page shows one stage
+            _page_of_run(self._runs, self._page, enabled=options.page) as page,
+            RunPanel(
+                title, mode.name, plan, self._display, page.started, quiet=self._quiet
+            ) as view,
+        ):
             task = attended_task(
                 tasks.execution_task(checked, plan),
                 checked,
@@ -270,9 +271,10 @@ class _Stages:
             if (log_fields := getattr(self._display, "log_fields", None)) is not None:
                 fields["log_fields"] = log_fields(checked.rig).as_record()
             task = task._replace(plan=task.plan | dict(record) | fields)
+            began, self._page = partial(_begin, page, self._rehearsed), page.process
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
-            return run_task(task, self._runs, view, mode, self._began, resumed)
+            return run_task(task, self._runs, view, mode, began, resumed)
 
     @property
     def _campaign(self) -> AnyCampaign | None:
@@ -344,11 +346,14 @@ class _PageCalls(NamedTuple):
 
     run_began: Callable[[Path], None] = lambda folder: None
     started: Callable[[], None] = lambda: None  # the first row is there: the run is not refused
+    process: "PageOfRun | None" = None
 
 
 @contextmanager
-def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[_PageCalls]:
+def _page_of_run(runs: Path, before: "PageOfRun | None", *, enabled: bool) -> Iterator[_PageCalls]:
     """Start the operator's page, and yield its calls; once the run starts, print its address.
+
+    ``before``: the page of the stage before, in whose place it comes.
 
     The run needs the page for nothing: if it cannot start or ends, one line says why.
     """
@@ -357,7 +362,7 @@ def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[_PageCalls]:
         from rig.page.process import PageOfRun
 
         try:
-            page = PageOfRun(runs)
+            page = PageOfRun(runs, before)
         except OSError as error:
             print(f"no page: {error_text(error)}", file=sys.stderr)
     if page is None:
@@ -377,7 +382,7 @@ def _page_of_run(runs: Path, *, enabled: bool) -> Iterator[_PageCalls]:
 
     Thread(target=report_failure, name="page", daemon=True).start()
     try:
-        yield _PageCalls(page.run_began, start)
+        yield _PageCalls(page.run_began, start, page)
     finally:
         page.close()
 

@@ -64,12 +64,17 @@ class PageOfRun:
     Nothing that happens to it reaches the run. It learns the run's folder from its input.
     """
 
-    def __init__(self, runs: Path) -> None:
-        """Start it for a run in the folder ``runs``; OSError if that is impossible."""
+    def __init__(self, runs: Path, before: "PageOfRun | None" = None) -> None:
+        """Start it for a run in the folder ``runs``; OSError if that is impossible.
+
+        ``before``: the page of the stage before, which ends; browsers find this one in its place.
+        """
         runs.mkdir(parents=True, exist_ok=True)
-        listener = listen("127.0.0.1", 0)
+        self.port = before.end() if before is not None else 0
+        listener = listen("127.0.0.1", self.port)
         self._errors = runs / f".page_{os.getpid()}.stderr"  # until the run has a folder
         self._settled = threading.Event()  # it has one, or gets none
+        self._is_replaced = False  # by the page of the next stage
         arguments = ["page", "--of-process", str(os.getpid()), "--listener", str(listener.fileno())]
         try:
             with self._errors.open("wb") as errors:
@@ -81,7 +86,7 @@ class PageOfRun:
                     pass_fds=(listener.fileno(),),
                     start_new_session=True,  # Ctrl-C at the terminal is for the run
                 )
-            self.url = address(listener)
+            self.url, self.port = address(listener), listener.getsockname()[1]
         finally:
             listener.close()
 
@@ -95,6 +100,13 @@ class PageOfRun:
             self._process.stdin.write(os.fsencode(folder.absolute()) + b"\n")
             self._process.stdin.flush()
 
+    def end(self) -> int:
+        """End the page at once; return its port."""
+        self._is_replaced = True
+        self._process.terminate()
+        self._process.wait()
+        return self.port
+
     def failure(self) -> str:
         """Wait for the end of the page; return why it failed in one line.
 
@@ -102,7 +114,7 @@ class PageOfRun:
         """
         code = self._process.wait()
         self._settled.wait()
-        if code == 0 or self._errors.name != ERRORS:
+        if code == 0 or self._is_replaced or self._errors.name != ERRORS:
             return ""
         lines = self._errors.read_text(errors="replace").strip().splitlines() or [f"code {code}"]
         return f"the page ended: {lines[-1]} ({self._errors})"

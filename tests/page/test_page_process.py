@@ -75,6 +75,20 @@ def test_the_address_is_printed_when_the_run_starts(
     assert errors.count("page: http://127.0.0.1:") == shown
 
 
+def test_the_page_of_the_next_stage_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
+    """A browser that was there finds it at the same address, and no one reads of a failure."""
+    first = PageOfRun(tmp_path / "runs")
+    first.run_began(tmp_path)
+    second = PageOfRun(tmp_path / "runs", first)
+    try:
+        assert second.url == first.url
+        assert first.failure() == ""
+        first.close()
+    finally:
+        second.end()
+        second.close()
+
+
 def test_a_page_without_a_run_ends(tmp_path: Path) -> None:
     with pytest.raises(TimeoutError, match="no run began"):
         wait_for_run(io.BytesIO(b""))

@@ -98,7 +98,7 @@ class CheckReport(NamedTuple):
             return {}
         campaign, planned = checked
         file = campaign.file
-        windows = _shortest_windows(campaign, planned)
+        windows, stages = _shortest_windows(campaign, planned), stage_plans(campaign)
         return {
             "name": file.name,
             "rig": campaign.rig.name,
@@ -111,9 +111,9 @@ class CheckReport(NamedTuple):
             "points": len(campaign.points),
             "repeat": file.repeat,
             **({"seas": len(file.seeds)} if len(file.seeds) > 1 else {}),
-            "duration_s": sum(stage.duration for stage in stage_plans(campaign)),
+            "duration_s": sum(stage.duration for stage in stages),
             **(
-                {"least_duration_s": sum(each.least_duration for each in stage_plans(campaign))}
+                {"least_duration_s": sum(stage.least_duration for stage in stages)}
                 if planned.least_duration < planned.duration
                 else {}
             ),

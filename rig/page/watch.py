@@ -22,6 +22,7 @@ from rig.presentation.phrases import state_text
 from rig.realtime.reasons import NO_REASON, ReasonTable
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, TARE
+from rig.recording.runs.windows import LEAST_MEASURE
 
 MARGIN_S = 10.0  # s over which the least margin is sought
 LATENESS_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
@@ -52,7 +53,7 @@ class Watch:
         self._at = {leaf.name: at for at, leaf in enumerate(tap.leaves)}
         self.dt = float(plan.get("dt") or 1e-3)
         self._planned_s = {
-            int(row["row"]): float(row.get("least_measure_s", row["measure_s"]))
+            int(row["row"]): float(row.get(LEAST_MEASURE, row["measure_s"]))
             for row in plan.get("rows", ())
             if "row" in row and "measure_s" in row
         }

@@ -10,7 +10,7 @@ from rig.campaign.plan import stage_plans
 from rig.campaign.simulated_rows import MAX_SECONDS, SimulatedRows, simulate_rows
 from rig.kinds.registry import KindError
 from rig.realtime.reasons import Reason
-from rig.sweep.simulator import Simulator, simulation_of
+from rig.sweep.simulator import CampaignSimulator, Simulator, simulation_of
 
 NOT_COMPILED = (
     "its loop with the plant is not compiled on this host yet; "
@@ -47,7 +47,8 @@ def with_simulated_rows(
             compile_loop(simulator)
         elif not simulator.is_compiled():
             return report._replace(not_simulated=NOT_COMPILED)
-        rows = _simulate(campaign, math.inf if compile_loop else MAX_SECONDS, progress)
+        seconds = math.inf if compile_loop else MAX_SECONDS
+        rows = _simulate(campaign, simulator, seconds, progress)
     except KindError as error:
         return report if unasked else report._replace(not_simulated=str(error))
     except (ValueError, ArithmeticError) as error:
@@ -56,15 +57,21 @@ def with_simulated_rows(
 
 
 def _simulate(
-    campaign: AnyCampaign, max_seconds: float, progress: Callable[[int], None]
+    campaign: AnyCampaign,
+    first: CampaignSimulator,
+    max_seconds: float,
+    progress: Callable[[int], None],
 ) -> SimulatedRows:
-    """Return the rows of a campaign in the seas of all its seeds, up to ``max_seconds`` of each."""
+    """Return the rows of a campaign in the seas of all its seeds, up to ``max_seconds`` of each.
+
+    ``first``: the simulator of the campaign in the sea of its first seed.
+    """
     simulation = simulation_of(campaign)
     equilibrium = simulation.equilibrium_check(campaign)
     stages: list[SimulatedRows] = []
     for plan in stage_plans(campaign):
         in_sea = campaign._replace(seed=plan.seed)
-        simulator = simulation.open_simulator(in_sea, plan)
+        simulator = first if not stages else simulation.open_simulator(in_sea, plan)
         done = sum(len(each.rows) for each in stages)
         stages.append(
             simulate_rows(

@@ -14,7 +14,7 @@ from command_here import rig
 from made_once import made_once
 from matplotlib.image import imread
 from pydantic import ValidationError
-from ruamel.yaml import YAML
+from rehearsing import write_yaml
 from scipy import stats
 
 from rig.analysis.rows import row_table
@@ -155,7 +155,6 @@ def test_refused(change: dict[str, Any], text: str) -> None:
 
 
 def write_files(folder: Path, **uncertainty: Any) -> Path:
-    yaml = YAML(typ="safe")
     given: Any = uncertainty or str(CONFIGS / "uncertainty" / "wavebot.yaml")
     rig_file = {"extends": str(CONFIGS / "rigs" / "wavebot.yaml"), "uncertainty": given}
     gains = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000}
@@ -168,10 +167,8 @@ def write_files(folder: Path, **uncertainty: Any) -> Path:
         "timing": {"settle_s": 2, "interval_s": 8},
         "matrix": {"list": [{**gains, "ki_n_per_m": ki} for ki in (0, 2000)]},
     }
-    for name, content in (("rig", rig_file), ("campaign", campaign)):
-        with (folder / f"{name}.yaml").open("w") as file:
-            yaml.dump(content, file)
-    return folder / "campaign.yaml"
+    write_yaml(folder / "rig.yaml", rig_file)
+    return write_yaml(folder / "campaign.yaml", campaign)
 
 
 def make_run(folder: Path) -> None:

@@ -18,13 +18,12 @@ from benchmarks.support.result import Result, figure
 
 MAX_GROWTH_MB = 5.0  # from the time at which the traces are full
 TRACE_S = 600.0  # s that the traces show
-_IDLE = ["nice", "-n", "19"]
 
 
 @contextmanager
 def _replay(folder: Path) -> Iterator[tuple[int, str]]:
     """Yield process and address of the page that replays a run."""
-    command = [*_IDLE, sys.executable, "-m", "rig", "page", str(folder), "--json"]
+    command = [sys.executable, "-m", "rig", "page", str(folder), "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

@@ -29,6 +29,8 @@ CLOCK_USERS = {
     "rig/processes/logger.py": "flushes by the second, retries a stalled disk",
     "rig/processes/last_logger.py": "time without a saved row after the end of the loop",
     "rig/processes/supervisor.py": "polls its children; ties a run to UTC",
+    "rig/campaign/choosing.py": "looks at the run for the next choice; no loop runs there",
+    "rig/execution/choosing_process.py": "asks for the end again until the run takes it",
     "rig/execution/task.py": "dates the run and names its folder",
     "rig/people/orders.py": "the seat's lease, arming, and the dead man's time",
     "rig/people/request_socket.py": "rate of the requests of a client",

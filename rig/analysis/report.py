@@ -24,10 +24,12 @@ from rig.analysis import summary as summaries
 from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.budget_picture import write_budget
 from rig.analysis.calibration_picture import write_picture
+from rig.analysis.choices import choices_of
+from rig.analysis.choices_picture import write_choices
 from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix, varied_columns
-from rig.analysis.rows import row_table, write_rows
+from rig.analysis.rows import COMPLETE, row_table, write_rows
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
 from rig.analysis.slices import law_axes
 from rig.analysis.stop_reason import find_stop
@@ -39,6 +41,7 @@ from rig.processes.run_types import Outcome
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, RunInfo, mcap_file, reader, run_info
 from rig.recording.runs.state import RecordState
+from rig.recording.runs.windows import ADAPTIVE
 from rig.row_contents import LAW, X, Y, find_column, main_columns
 from rig.spectra import wave_calibration
 
@@ -121,7 +124,8 @@ def analyse(
     if summary.findings_of == OPEN_LOOP:
         return Analysis(summary, partial(write_rows, table))
     page: Write = partial(write_page, summary, table)
-    return Analysis(summary, partial(_write_tables, run, table), (page, *_pictures(table)))
+    drawn = (page, *_pictures(table), *_picture_of_choices(table, run_info(run)))
+    return Analysis(summary, partial(_write_tables, run, table), drawn)
 
 
 def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
@@ -227,6 +231,16 @@ def _pictures(table: xarray.Dataset) -> list[Write]:
     if gains.points and BUDGET_ATTRIBUTE in table.attrs:
         pictures.append(partial(_draw, write_budget, table, "uncertainty.png"))
     return pictures
+
+
+def _picture_of_choices(table: xarray.Dataset, run_facts: RunInfo) -> Iterator[Write]:
+    """Yield the function that draws the choices of an adaptive campaign."""
+    choices, adaptive = choices_of(run_facts), run_facts.plan.get(ADAPTIVE, {})
+    if not (table["state"].values == COMPLETE).any() or not choices:
+        return
+
+    write = partial(write_choices, choices, adaptive["station"], adaptive["precision_w"])
+    yield partial(_draw, write, table, "choices.png")
 
 
 def _draw(

@@ -9,6 +9,7 @@ import numpy as np
 import xarray
 
 from rig.analysis import labels
+from rig.analysis.choices import choice_texts
 from rig.analysis.effects import Effects, all_effects, effects_json, effects_text, is_designed
 from rig.analysis.points import error_source, gain_matrix, varied_columns
 from rig.analysis.ranking import CONFIDENCE
@@ -151,13 +152,15 @@ class Summary(NamedTuple):
     lost_ticks: LostTicks | None = None  # before a trip, if they may be its cause
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
+    choices: tuple[str, ...] = ()  # of the rows of an adaptive campaign
     uncertainty: tuple[str, ...] = ()  # of the best powers; empty without a budget
     rehearsed: tuple[str, ...] = ()  # the rows beside those of the rehearsal; empty without one
 
     @property
     def rows_text(self) -> str:
         """Number of complete rows, and where the run stopped."""
-        done = f"{self.rows_done} of {self.rows_planned} rows complete"
+        rows = "candidates measured" if self.choices else "rows complete"
+        done = f"{self.rows_done} of {self.rows_planned} {rows}"
         return f"{done}; {self.stopped}" if self.stopped else done
 
     @property
@@ -280,6 +283,7 @@ def summarise(
         findings=findings,
         effects=all_effects(table) if is_designed(matrix) else (),
         lost_ticks=stop.lost,
+        choices=choice_texts(run_facts),
     )
 
 
@@ -347,6 +351,8 @@ def as_text(summary: Summary) -> str:
         *_result_lines(summary),
     ]
     lines += ["", *effects_text(summary.effects)] if summary.effects else []
+    if summary.choices:
+        lines += ["", "Choice of rows", *(f"  {line}" for line in summary.choices)]
     if summary.uncertainty:
         heading = "Uncertainty of the best powers (95 %, Type A and B combined)"
         lines += ["", heading, *(f"  {line}" for line in summary.uncertainty)]

@@ -16,7 +16,7 @@ from rig.campaign.kind import (
     Plan,
     Wait,
 )
-from rig.campaign.plan import build_plan, measured_before
+from rig.campaign.plan import all_rows, build_plan, measured_before
 from rig.campaign.record import resolved_config
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "PhaseSeconds",
     "Plan",
     "Wait",
+    "all_rows",
     "build_plan",
     "check_campaign",
     "measured_before",

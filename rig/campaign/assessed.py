@@ -1,15 +1,20 @@
-"""Rows that end as measured: the parameters of their assessment, and problems of their file."""
+"""Rows that end, or are chosen, as measured: parameters of their assessment, and problems."""
 
 from collections.abc import Iterator, Sequence
 
+from rig.campaign.kind import CampaignKind
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import Problem
+from rig.config.rig_file import BaseRigFile
 from rig.config.sea import RegularSea
 from rig.config.tank import BEFORE_REFLECTION
 from rig.config.yaml_source import SourceMap
+from rig.planning.point import Point
 from rig.planning.windows import row_windows
 from rig.realtime import assessment
 from rig.stations import Station, find
+
+MAX_CANDIDATES = 1500  # of an adaptive campaign; the choice among more would take too long
 
 
 def assessment_params(
@@ -39,9 +44,15 @@ def assessment_params(
 
 
 def assessment_problems(
-    file: BaseCampaignFile, stations: Sequence[Station], locate: SourceMap
+    kind: CampaignKind,
+    file: BaseCampaignFile,
+    rig: BaseRigFile,
+    points: Sequence[Point],
+    locate: SourceMap,
 ) -> Iterator[Problem]:
-    """Yield why the rows of a campaign cannot end as measured; ``stations``: as above."""
+    """Yield why the rows of a campaign cannot end, or be chosen, as measured."""
+    stations = kind.assessed_stations(rig)
+    yield from _adaptive_problems(file, stations, points, locate)
     timing, start = file.timing, file.start
     keys = {
         ("timing", "settle"): timing.settle == "measured",
@@ -65,3 +76,24 @@ def assessment_problems(
             find(stations, timing.end.station)
         except ValueError as error:
             yield locate.problem(("timing", "end", "station"), timing.end.station, str(error))
+
+
+def _adaptive_problems(
+    file: BaseCampaignFile,
+    stations: Sequence[Station],
+    points: Sequence[Point],
+    locate: SourceMap,
+) -> Iterator[Problem]:
+    adaptive, key = file.adaptive, ("adaptive",)
+    if adaptive is None:
+        return
+    if not stations:
+        yield locate.problem(key, None, "this kind of rig measures no power; leave the key out")
+        return
+    try:
+        find(stations, adaptive.station)
+    except ValueError as error:
+        yield locate.problem((*key, "station"), adaptive.station, str(error))
+    if not adaptive.first_rows <= len(points) <= MAX_CANDIDATES:
+        allowed = f"{adaptive.first_rows} (first_rows) .. {MAX_CANDIDATES}"
+        yield locate.problem(("matrix",), None, f"{len(points)} candidates; allowed {allowed}")

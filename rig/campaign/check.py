@@ -13,6 +13,7 @@ from rig.campaign.law_checks import trial_problems
 from rig.campaign.plan import build_plan, stage_plans
 from rig.campaign.record import moves_entry, seeds_text
 from rig.campaign.simulated_rows import SimulatedRows
+from rig.config.adaptive import AdaptiveRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
@@ -110,6 +111,7 @@ class CheckReport(NamedTuple):
             "rows": len(planned.rows),
             "points": len(campaign.points),
             "repeat": file.repeat,
+            **({} if file.adaptive is None else {"adaptive": file.adaptive.model_dump()}),
             **({"seas": len(file.seeds)} if len(file.seeds) > 1 else {}),
             "duration_s": sum(stage.duration for stage in stages),
             **(
@@ -171,6 +173,8 @@ class CheckReport(NamedTuple):
             points = count_text(len(campaign.points), "point")
             seas = f" x {len(file.seeds)} seas" if len(file.seeds) > 1 else ""
             rows = f"{len(planned.rows)} ({points} x {file.repeat}{seas}), {file.order}"
+            if file.adaptive is not None:
+                rows = f"at most {min(file.adaptive.max_rows, len(campaign.points))} of {points}"
             waits = ", plus waiting for the drive"
             if first is not None and first.actuator is not None:
                 rows += f", {count_text(planned.moves, f'{first.heading} move')}"
@@ -186,6 +190,7 @@ class CheckReport(NamedTuple):
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *_law_lines(campaign),
             ("rows", rows),
+            *_adaptive_line(file.adaptive),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in total{most}"),
             (
                 "duration",
@@ -309,6 +314,19 @@ def _tank_entry(campaign: AnyCampaign) -> dict[str, Any]:
         return {}
     keys = ("first_s", "full_s", "reflected_s", "longest_period_s", "shortest_period_s")
     return {"tank": dict(zip(keys, times, strict=True))}
+
+
+def _adaptive_line(adaptive: AdaptiveRows | None) -> list[tuple[str, str]]:
+    if adaptive is None:
+        return []
+    text = (
+        f"at least {adaptive.first_rows} rows, until the expected loss of {adaptive.station} power "
+        f"is within {adaptive.precision_w:g} W; from "
+        + ("the predicted powers" if adaptive.start == "predicted" else "nothing")
+    )
+    if adaptive.max_minutes is not None:
+        text += f", at most {adaptive.max_minutes:g} min"
+    return [("adaptive", text)]
 
 
 def _law_lines(campaign: AnyCampaign) -> list[tuple[str, str]]:

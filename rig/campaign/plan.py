@@ -9,6 +9,9 @@ section 3.2.3).
 A campaign with several seeds measures all rows in the sea of the first one, then in those of the
 others. The waves start anew with each sea, so each has a plan of its own, a stage of the run.
 
+In an adaptive campaign the rows of the matrix are candidates. After the lead-in and after each row
+the plan waits until one of them is chosen (`rig.campaign.choosing`), and goes on with its segments.
+
 Without rows (a wave calibration) there is only a lead-in and one window of whole repeat periods;
 the drive stays off.
 """
@@ -17,8 +20,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from rig.campaign.kind import AnyPlan, CampaignKind, CampaignRow, PhaseSeconds, Plan, Wait
+from rig.campaign.kind import (
+    AnyCampaign,
+    AnyPlan,
+    CampaignKind,
+    CampaignRow,
+    PhaseSeconds,
+    Plan,
+    Wait,
+)
 from rig.campaign.set_points import row_setting, zero_setting
+from rig.config.adaptive import AdaptiveRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.rig_file import BaseRigFile
 from rig.planning.order import Order, PointRepetition, order_points
@@ -26,7 +38,9 @@ from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
 from rig.planning.tank import end_before_reflection
 from rig.planning.windows import RowWindows, repeat_period
-from rig.realtime.sequence import ASSESSED, NO_ROW, WAIT_KNOWN, WAIT_SETTLED, Phase
+from rig.realtime.sequence import ASSESSED, NO_ROW, WAIT_KNOWN, WAIT_ORDER, WAIT_SETTLED, Phase
+
+_ENDLESS = 1.0e9  # s: longer than any run
 
 
 class PlanInputs(Protocol):
@@ -84,13 +98,22 @@ def build_plan(campaign: PlanInputs, measured: Measured = NOTHING) -> AnyPlan:
         stages[0],
     )
     rows = tuple(row for stage in stages for row in stage.rows)
-    if measured.rows or measured.periods:
-        chosen = _plan_of_seed(campaign, chosen.seed, chosen.rows[0].row, measured)
+    adaptive = campaign.file.adaptive
+    if measured.rows or measured.periods or adaptive is not None:
+        chosen = _plan_of_seed(campaign, chosen.seed, chosen.rows[0].row, measured, adaptive)
     return chosen._replace(rows=rows)
 
 
+def all_rows(campaign: AnyCampaign) -> AnyCampaign:
+    """Return the campaign that runs each row of the matrix, also of an adaptive one."""
+    return campaign._replace(file=campaign.file.model_copy(update={"adaptive": None}))
+
+
 def stage_plans(campaign: PlanInputs) -> list[AnyPlan]:
-    """Return the plan of each seed of a campaign, each with the rows of that seed."""
+    """Return the plan of each seed of a campaign, each with the rows of that seed.
+
+    Of an adaptive campaign it is the plan of all candidates, one after the other.
+    """
     plans: list[AnyPlan] = []
     for seed in campaign.file.seeds:
         first_row = sum(len(plan.rows) for plan in plans)
@@ -98,8 +121,17 @@ def stage_plans(campaign: PlanInputs) -> list[AnyPlan]:
     return plans
 
 
-def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Measured) -> AnyPlan:
-    """Return the plan of the rows of a seed, the first of which has a number."""
+def _plan_of_seed(
+    campaign: PlanInputs,
+    seed: int,
+    first_row: int,
+    measured: Measured,
+    adaptive: AdaptiveRows | None = None,
+) -> AnyPlan:
+    """Return the plan of the rows of a seed, the first of which has a number.
+
+    ``adaptive``: of an adaptive campaign; its durations are those of the most and the fewest rows.
+    """
     kind, file, rig, points = campaign.kind, campaign.file, campaign.rig, campaign.points
     windows = kind.windows(file)
     rows: tuple[CampaignRow[Any], ...] = ()
@@ -121,6 +153,8 @@ def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Mea
         )
         left = [row for row in rows if row.row not in measured.rows]
         plan_segments = _row_segments(kind, file, rig, left, windows, measured.periods)
+        if adaptive is not None:
+            plan_segments = _with_choices(kind, file, rig, left, plan_segments)
     else:
         plan_segments = _calibration_segments(file, windows)
     if file.tank is not None:
@@ -128,24 +162,29 @@ def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Mea
         lengths = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
         rows = tuple(_measured(row, lengths.get(row.row, row.measure), file) for row in rows)
     rate = float(rig.rate_hz)
-    segments, kept, settings = cut_into_ticks(plan_segments, rate)
+    segments, _, settings = cut_into_ticks(plan_segments, rate)
+    fewest = plan_segments
+    if adaptive is not None:
+        fewest = _of_rows(plan_segments, left[: adaptive.first_rows])
+        plan_segments = _of_rows(plan_segments, left[: adaptive.max_rows])
     longest = cut_into_ticks([_at_its_longest(each) for each in plan_segments], rate)
     seconds, ticks = phase_seconds(longest, rate), longest.segments.ticks
     phases = (seconds[Phase[name.upper()]] for name in PhaseSeconds._fields)
-    moves = sum(1 for each in kept if each.phase is Phase.MOVING and each.row != NO_ROW)
+    planned = longest.plan_segments
+    moves = sum(1 for each in planned if each.phase is Phase.MOVING and each.row != NO_ROW)
     return Plan(
         rows,
         segments,
         kind.set_points(file, rig, settings),
         1.0 / rate,
         sum(ticks) / rate,
-        sum(n for n, each in zip(ticks, longest.plan_segments, strict=True) if each.waves) / rate,
+        sum(n for n, each in zip(ticks, planned, strict=True) if each.waves) / rate,
         moves,
         PhaseSeconds(*phases),
         file.axis_laws,
         rig,
         seed,
-        sum(segments.ticks) / rate,
+        sum(cut_into_ticks(fewest, rate).segments.ticks) / rate,
     )
 
 
@@ -219,6 +258,48 @@ def _row_segments(
         ]
     last = kind.last(file, before)
     return [*plan_segments, PlanSegment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
+
+
+def _with_choices(
+    kind: CampaignKind,
+    file: BaseCampaignFile,
+    rig: BaseRigFile,
+    rows: Sequence[CampaignRow[Any]],
+    plan_segments: Sequence[PlanSegment[Any]],
+) -> list[PlanSegment[Any]]:
+    """Return the segments of candidates: each may follow any other, and is followed by a choice.
+
+    A part that moves between rows may then come from any place, so each row waits for it.
+    """
+    tick = 1.0 / rig.rate_hz
+    several = len({row.place for row in rows}) > 1
+    by_number = {row.row: row for row in rows}
+    found: list[PlanSegment[Any]] = []
+    before = NO_ROW
+    for segment in plan_segments:
+        starts = segment.row not in (before, NO_ROW)
+        if found and (starts or segment.phase is Phase.DONE):
+            last = found[-1].setpoint
+            found.append(PlanSegment(NO_ROW, Phase.CHOICE, tick, last, WAIT_ORDER, _ENDLESS))
+        if starts and several:
+            row = by_number[segment.row]
+            found.append(_waiting(row.row, kind.prepare(file, rig, row.setting)))
+        if not (several and segment.phase is Phase.MOVING and segment.row != NO_ROW):
+            found.append(segment)
+        before = segment.row
+    return found
+
+
+def _of_rows(
+    plan_segments: Sequence[PlanSegment[Any]], rows: Sequence[CampaignRow[Any]]
+) -> list[PlanSegment[Any]]:
+    """Return the segments of some rows, and those that belong to no row."""
+    numbers = {NO_ROW, *(row.row for row in rows)}
+    return [
+        segment
+        for segment in plan_segments
+        if segment.row in numbers and segment.phase is not Phase.CHOICE
+    ]
 
 
 def _segment(

@@ -54,6 +54,8 @@ def resume_campaign(run: Path, campaign: AnyCampaign, *, accept_changes: bool) -
             f"{info.run}: the files have changed since its begin:\n{listed}\n"
             "--accept-changes goes on with them, and the record names them"
         )
+    if file.adaptive is not None and info.status.get("status") == "complete":
+        raise RunError(f"{info.run}: its rows were chosen to the end")
     measured = measured_so_far(run, keep_periods=_keeps_phase(campaign))
     if len(measured.rows) == len(info.plan["rows"]):
         raise RunError(f"{info.run}: all of its {len(measured.rows)} rows are measured")

@@ -70,8 +70,9 @@ def command(
     from rig.page import process
     from rig.page.access import LOOPBACK, Access, local_names, new_tokens
     from rig.page.subject import attach, replay
+    from rig.realtime.scheduling import leave_the_loops_core
 
-    core = process.leave_the_loops_core()
+    core = leave_the_loops_core()
     try:
         if of_process:
             folder, running = process.wait_for_run(sys.stdin.buffer), True

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from enum import IntEnum, IntFlag
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from rig.analysis.certificate import Found, certify, find_certificate
 from rig.analysis.run_products import RunProducts
 from rig.analysis.stop_reason import LostTicks, describe_ending, find_stop
 from rig.campaign import AnyCampaign, CheckReport, resolved_config
+from rig.campaign.choosing import adaptive_record, candidate_places
 from rig.campaign.resume import Resumption, next_sea
 from rig.cli.check import examine, print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
@@ -36,6 +37,7 @@ from rig.cli.run_panel import RunPanel
 from rig.config.problems import Problem, error_text
 from rig.config.wiring import WiringError
 from rig.execution.attended import attended_task
+from rig.execution.choosing_process import ChoosingProcess
 from rig.execution.task import RunResult, run_task
 from rig.host import disk
 from rig.kinds.interface import Checked, Display, Products, Report, Tasks
@@ -178,7 +180,8 @@ def run_named(
         importing = Thread(target=_import_products, args=(kind,), name="products")
         if not mode.real_clock:
             importing.start()
-        stages = _Stages(tasks, display, report, path, runs, options, rehearsed, quiet=as_json)
+        with input_errors(command_name, as_json=as_json):
+            stages = _Stages(tasks, display, report, path, runs, options, rehearsed, quiet=as_json)
         ended = stages.run(plan, plan_record, options.resume)
     except WiringError as error:
         return fail(command_name, error, as_json=as_json)
@@ -228,7 +231,13 @@ class _Stages:
         *,
         quiet: bool,
     ) -> None:
-        """``rehearsed``: certificate of the campaign, of which the run keeps a copy."""
+        """``rehearsed``: certificate of the campaign, of which the run keeps a copy.
+
+        ValueError for an adaptive campaign without the prediction that it is to start from.
+        """
+        self._adaptive: dict[str, Any] = {}
+        if isinstance(report, CheckReport) and not options.manual:
+            self._adaptive = adaptive_record(report)
         self._tasks, self._display, self._report = tasks, display, report
         self._path, self._runs, self._options = path, runs, options
         self._rehearsed, self._quiet = rehearsed, quiet
@@ -255,6 +264,7 @@ class _Stages:
             RunPanel(
                 title, mode.name, plan, self._display, page.started, quiet=self._quiet
             ) as view,
+            _choosing_process(enabled=bool(self._adaptive)) as choosing,
         ):
             task = attended_task(
                 tasks.execution_task(checked, plan),
@@ -266,12 +276,13 @@ class _Stages:
                 arming=options.arm,
                 manual=options.manual is not None,
                 unattended=options.unattended,
+                places=candidate_places(campaign, plan.rows) if self._adaptive and campaign else {},
             )
             fields = {}
             if (log_fields := getattr(self._display, "log_fields", None)) is not None:
                 fields["log_fields"] = log_fields(checked.rig).as_record()
-            task = task._replace(plan=task.plan | dict(record) | fields)
-            began, self._page = partial(_begin, page, self._rehearsed), page.process
+            task = task._replace(plan=task.plan | dict(record) | fields | self._adaptive)
+            began, self._page = partial(_begin, page, self._rehearsed, choosing), page.process
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
             return run_task(task, self._runs, view, mode, began, resumed)
@@ -321,9 +332,20 @@ def _rehearsal_of(report: Report, runs: Path, options: RunOptions) -> Found | No
     return found
 
 
-def _begin(page: "_PageCalls", rehearsed: Found | None, folder: Path) -> None:
+@contextmanager
+def _choosing_process(*, enabled: bool) -> Iterator[ChoosingProcess | None]:
+    """Yield the process that chooses the rows of an adaptive campaign; None for other runs."""
+    with closing(ChoosingProcess()) as process:
+        yield process if enabled else None
+
+
+def _begin(
+    page: "_PageCalls", rehearsed: Found | None, choosing: ChoosingProcess | None, folder: Path
+) -> None:
     if rehearsed is not None:
         rehearsed.write(folder)
+    if choosing is not None:
+        choosing.begin(folder)
     page.run_began(folder)
 
 

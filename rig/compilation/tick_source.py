@@ -20,6 +20,7 @@ from rig.compilation.cache_folder import code_folder, code_text, is_plain
 from rig.realtime import coupled_ticks, cycle, tick_memory
 from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.safety import STOP_0
+from rig.realtime.sequence import CHOICE
 from rig.realtime.tick_memory import FlatMemory, Table
 from rig.recording.row_layout import leaves
 
@@ -83,7 +84,8 @@ def tick_once(m, header, params, plant, tick, out):
     store_row(out, row)
     store_state(m + {at_state}, state)
     store_device(m + {at_device}, device)
-    return 1 if interrupted or state.safety.mode == {stop_0} else 0
+    awaits = params.segments.phase[state.sequence.segment] == {choice}
+    return 1 if interrupted or awaits or state.safety.mode == {stop_0} else 0
 
 
 @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -172,6 +174,7 @@ def coupled_source(
         sense_plant=code.sense,
         actuate=code.actuate,
         stop_0=STOP_0,
+        choice=CHOICE,
         at_executed=memory.start_of("header", "executed"),
     )
 

@@ -9,13 +9,14 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
 from pydantic import Field, create_model, field_validator
 
+from rig.config.adaptive import AdaptiveRows
 from rig.config.law_settings import AxisLaw, ExpandName, LawSettings, law_model
 from rig.config.matrix import KindColumns, LawColumns, Matrix, matrix_model
 from rig.config.model import FileModel, RuleViolation, WholeNumber, rule_error
 from rig.config.problems import format_value
 from rig.config.reference import Reference
 from rig.config.sea import Sea, Seeds
-from rig.config.tank import Tank
+from rig.config.tank import BEFORE_REFLECTION, Tank
 from rig.config.task_file import FolderName, RowTiming, Tare, TareOrNone, Timing
 from rig.row_contents import Column
 
@@ -60,6 +61,7 @@ class BaseCampaignFile(CampaignHead):
     tare: TareOrNone = Tare()  # None: `none` in the file
     order: str = "as given"  # a kind narrows it to `RowOrder`, or to that and one of least travel
     repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+    adaptive: AdaptiveRows | None = None  # None: all rows of the matrix are measured, in order
 
     @field_validator("reference", mode="before")
     @classmethod
@@ -73,7 +75,9 @@ class BaseCampaignFile(CampaignHead):
         return {**value, "axis": axis}
 
     def check_rules(self) -> Iterator[RuleViolation]:
-        """Check that each of several seeds gives a sea of its own."""
+        """Check that each of several seeds gives a sea of its own, and what `adaptive` needs."""
+        if self.adaptive is not None:
+            yield from self._adaptive_rules(self.adaptive)
         if isinstance(self.seed, int):
             return
         if not hasattr(self.sea, "seed"):
@@ -85,6 +89,23 @@ class BaseCampaignFile(CampaignHead):
         for i, seed in enumerate(self.seed):
             if seed in self.seed[:i]:
                 yield RuleViolation(("seed", i), f"{seed} is listed twice", seed)
+
+    def _adaptive_rules(self, adaptive: AdaptiveRows) -> Iterator[RuleViolation]:
+        if self.order != "as given":
+            yield self.violation("order", "adaptive chooses the order; leave the key out")
+        if self.repeat > 1:
+            yield self.violation("repeat", "adaptive measures each row once; leave the key out")
+        if len(self.seeds) > 1:
+            yield RuleViolation(("seed",), "adaptive measures in one sea; allowed one seed")
+        if self.tank is not None and self.tank.windows == BEFORE_REFLECTION:
+            message = "the tank ends the rows before reflected waves arrive; leave the key out"
+            yield RuleViolation(("adaptive",), message)
+        if self.matrix is None:
+            yield RuleViolation(("adaptive",), "there is no matrix to choose rows from")
+        if adaptive.max_rows < adaptive.first_rows:
+            least = adaptive.first_rows
+            message = f"{adaptive.max_rows} is less than first_rows = {least}"
+            yield RuleViolation(("adaptive", "max_rows"), message, adaptive.max_rows)
 
     @property
     def seeds(self) -> tuple[int, ...]:

@@ -1,6 +1,6 @@
 """The task of a run that people attend: they hold, skip and repeat rows, and choose set points."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,8 @@ from rig.people.attendance import Attendance, attended, record
 from rig.people.orders import People
 from rig.people.set_points import LiveColumns, RefusedError
 from rig.processes.run_types import Task
+
+NOWHERE: Mapping[int, float] = {}
 
 
 def attended_task(
@@ -22,13 +24,14 @@ def attended_task(
     arming: bool = False,
     manual: bool = False,
     unattended: bool = False,
+    places: Mapping[int, float] = NOWHERE,
 ) -> Task:
     """Return the task with all that people may do in its run.
 
     ``path``: its file, of a manual run the one that a person named; ``kept``: file of the rows that
     people keep. They choose set points of kinds with the room `manual`. ``arming``: power waits for
     them; ``manual``: one open segment in place of the rows; ``unattended``: without the dead man's
-    time.
+    time; ``places``: of the candidate rows of an adaptive campaign (`People`).
     """
     operator, people = checked.rig.operator, People()
     try:
@@ -41,6 +44,7 @@ def attended_task(
         manual=manual,
         dead_man_s=None if unattended else operator.dead_man_s,
         stop_by_anyone=operator.stop_by_viewers,
+        places=places,
     )
     return task._replace(
         params=attended(task.params, how), plan=task.plan | record(how), people=people

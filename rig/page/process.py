@@ -19,7 +19,6 @@ from rig.page.access import Access
 from rig.page.server import MAX_MESSAGE, Page
 from rig.page.subject import Subject
 from rig.people.request_client import RequestClient, RequestError
-from rig.realtime.scheduling import loop_core
 from rig.recording.runs.folder import SOCKET, STATUS
 
 PORT = 8765
@@ -153,20 +152,6 @@ def read_status(folder: Path) -> str:
         status = str(json.loads((folder / STATUS).read_text())["status"])
         return "" if status == "running" else status
     return ""
-
-
-def leave_the_loops_core() -> int:
-    """Give way to the run: lower priority, and any core but the loop's, which is returned.
-
-    Afterwards, `loop_core` of this process and its children would find another one.
-    """
-    core = loop_core()
-    with suppress(OSError):
-        os.nice(10)
-        others = os.sched_getaffinity(0) - {core}
-        if others:
-            os.sched_setaffinity(0, others)
-    return core
 
 
 def serve(subject: Subject, access: Access, listener: socket.socket, *, ends: bool) -> None:

@@ -21,7 +21,7 @@ from rig.realtime import safety
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.requests import NO_REQUEST, Request
 from rig.realtime.safety import ENABLING, OFF, RUN, STOP_2
-from rig.realtime.sequence import MANUAL, MOVING, NO_ROW, STANDBY, TARE, Segments
+from rig.realtime.sequence import CHOICE, MANUAL, MOVING, NO_ROW, STANDBY, TARE, Segments
 from rig.recording.journal import Entry, Journal
 
 ARMING_S = 10.0  # s from arming to its confirmation
@@ -46,6 +46,7 @@ class People(NamedTuple):
     dead_man_s: float | None = None  # s without an operator in manual mode until the rig stops
     stop_by_anyone: bool = True  # viewers may stop the rig, too
     no_live: str = "people choose no set points of this run"  # the reason, without `live`
+    places: Mapping[int, float] = {}  # of the part that moves, by candidate row
 
 
 class Asker(NamedTuple):
@@ -53,7 +54,7 @@ class Asker(NamedTuple):
 
     session: str
     person: str
-    origin: str  # page, command
+    origin: str  # page, command, campaign
     viewer: bool = False  # may only look
 
 
@@ -104,6 +105,8 @@ class Orders:
         self._posted: tuple[int, tuple[float, ...]] | None = None
         self._notices: list[dict[str, Any]] = []
         self._kept = ""
+        first = next((row for row in segments.row if row != NO_ROW), NO_ROW)
+        self._at = people.places.get(first)  # of the part that moves between candidate rows
         if people.live is not None and people.manual:
             self._sets.append(people.live.first())
             self._history.append((clock(), self._sets[0]))
@@ -256,7 +259,7 @@ class Orders:
             return ""
         if asker.viewer:
             return "viewers can only look"
-        if request == ABORT:
+        if request == ABORT or (asker.origin == CAMPAIGN and request in _CAMPAIGNS):
             return ""
         holder = self._seat.holder(self._clock())
         if holder is None and asker.origin == "command":
@@ -367,8 +370,28 @@ class Orders:
         self._change(code=safety.REQUEST_RESUME)
         return Answer(True)
 
+    def next_row(self, asker: Asker, given: dict[str, Any]) -> Answer:
+        row = given.get("row", NO_ROW)
+        choosing = bool(self._row) and self._row["plan.phase"] == CHOICE and self._mode() == RUN
+        self._require(choosing, "no row is to be chosen now")
+        self._require(not self._sets, "the run is in manual mode")
+        rows = sorted({*self._segments.row} - {NO_ROW})
+        known = isinstance(row, int) and not isinstance(row, bool) and row in rows
+        self._require(known, f"row {row!r}; allowed those from {rows[0]} to {rows[-1]} left")
+        first = self._segments.row.index(row)
+        places = self._people.places
+        # A part that is at its place already need not move.
+        if self._segments.phase[first] == MOVING and self._at == places.get(row, math.nan):
+            first += 1
+        self._at = places.get(row)
+        self._jump(first)
+        return Answer(True, f"row {row} is next")
+
     def skip(self, asker: Asker, given: dict[str, Any]) -> Answer:
         row = self._present_row()
+        if CHOICE in self._segments.phase:
+            self._jump(self._segments.phase.index(CHOICE, self._segments.row.index(row)))
+            return Answer(True, f"row {row} is left out; another one is chosen")
         rows = list(dict.fromkeys(each for each in self._segments.row if each != NO_ROW))
         after = rows[rows.index(row) + 1 :]
         self._require(bool(after), "this is the last row; finish the run instead")
@@ -402,6 +425,7 @@ class Orders:
                 self._require(self._mode() == STOP_2, "hold the run first")
                 self._require(not self._sets, "the run is in manual mode already")
                 row = int(self._row["plan.row"])
+                self._at = None  # it may move in manual mode
             self._interrupted_row = max(row, 0)
             chosen = live.of_row(row) if row != NO_ROW else live.first()
             return self._choose(asker, "manual", given, live, chosen, [])
@@ -548,12 +572,14 @@ def _text(value: Any) -> str:
 
 
 _SEAT_ACTS = ("take_seat", "beat", "leave_seat")
+CAMPAIGN = "campaign"  # origin of the requests of an adaptive campaign
+_CAMPAIGNS = ("next_row", "finish")
 _CHOOSING = ("manual", "campaign", "set", "undo", "keep")
 REQUESTS: dict[str, Callable[[Orders, Asker, dict[str, Any]], Answer]] = {
     name: getattr(Orders, name)
     for name in (
         *_SEAT_ACTS, STOP, ABORT, "arm", "confirm", "hold", "resume", "skip", "repeat", "finish",
-        "tare", *_CHOOSING, "annotate", "acknowledge",
+        "tare", "next_row", *_CHOOSING, "annotate", "acknowledge",
     )
 }  # fmt: skip
 """The requests that people can make, by name."""

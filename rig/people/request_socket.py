@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from rig import finite_json
-from rig.people.orders import Answer, Asker, Orders
+from rig.people.orders import CAMPAIGN, Answer, Asker, Orders
 from rig.recording.runs.folder import SOCKET
 from rig.user_names import peer, user_name
 
@@ -157,7 +157,7 @@ class RequestServer:
         asker = Asker(
             str(message.get("session", ""))[:64],
             _name(message.get("person"), person),
-            "page" if message.get("origin") == "page" else "command",
+            message["origin"] if message.get("origin") in ("page", CAMPAIGN) else "command",
             message.get("viewer") is True,
         )
         answer: Answer = self._orders.ask(asker, name, arguments)

@@ -78,5 +78,6 @@ def _restarts(kept: Sequence[PlanSegment[S]]) -> tuple[int, ...]:
     restarts = []
     for i, segment in enumerate(kept):
         key = (segment.row, segment.phase if segment.row == NO_ROW else None)
-        restarts.append(first.setdefault(key, i))
+        is_choice = segment.phase is Phase.CHOICE  # the next one of them follows another row
+        restarts.append(i if is_choice else first.setdefault(key, i))
     return tuple(restarts)

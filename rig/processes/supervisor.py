@@ -42,6 +42,7 @@ from rig.realtime.live_setpoints import live_columns
 from rig.realtime.loop import LoopResult
 from rig.realtime.reasons import NO_REASON
 from rig.realtime.requests import NO_REQUEST
+from rig.realtime.sequence import CHOICE
 from rig.recording import ring
 from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
 from rig.recording.journal import Journal
@@ -279,7 +280,8 @@ class SupervisedRun:
         if not loop.alive() or self._end is not None:  # the ended loop waits for its rows
             return
         waits_for_logger = self._ring.head - self._ring.tail >= self._ring.capacity
-        idle = self._ring.head == 0 or waits_for_logger
+        chooses = self._latest_row().get("plan.phase") == CHOICE and not self._mode.real_clock
+        idle = self._ring.head == 0 or waits_for_logger or chooses
         stalled_s = 0.0 if idle else self._loop_progress.seconds_unchanged(self._ring.head)
         hung = stalled_s > HANG_TIMEOUT_S
         if hung or (self._aborted and time.monotonic() - self._aborted > ABORT_TIMEOUT_S):

@@ -15,6 +15,7 @@ _NS = 1_000_000_000
 # ended 46 us late (p50; p99 from 118 us on), and the preparation of a tick took 82 us (p99 167 us).
 _EARLY_NS = 200_000  # end of the sleep before the tick
 _ENOUGH_NS = 100_000  # left then, or the tick is not prepared
+_MOMENT_S = 0.002
 _SHORTEST_PREPARED_NS = 1_000_000  # a shorter period has no time for it
 
 
@@ -37,6 +38,9 @@ class Clock(Protocol):
 
     def wait_next(self) -> Wake:
         """Sleep until the start of the next period that has not passed yet."""
+
+    def stands_still(self) -> bool:
+        """Return whether time can wait for something outside; if so, give it a moment."""
 
     def prepare_ticks(self, prepare: Callable[[], object]) -> None:
         """Call a function shortly before each tick from now on, where there is time for it."""
@@ -63,6 +67,10 @@ class VirtualClock:
     def wait_next(self) -> Wake:
         self._tick += 1
         return Wake(self._tick, self._tick * self.dt, 1, 0.0)
+
+    def stands_still(self) -> bool:
+        time.sleep(_MOMENT_S)
+        return True
 
     def prepare_ticks(self, prepare: Callable[[], object]) -> None:
         """Do nothing: no time passes before a tick."""
@@ -99,6 +107,9 @@ class RealClock:
 
     def now(self) -> float:
         return (time.monotonic_ns() - self._zero) / _NS
+
+    def stands_still(self) -> bool:
+        return False
 
     def prepare_ticks(self, prepare: Callable[[], object]) -> None:
         """Wake up early from now on, call ``prepare``, and wait for the tick without sleeping.

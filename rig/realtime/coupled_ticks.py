@@ -15,7 +15,7 @@ from rig.realtime.compiled_tick import is_complete, load_at_once
 from rig.realtime.live_setpoints import Numbers, write_live_setpoint
 from rig.realtime.object_code import ObjectCodeError
 from rig.realtime.requests import NO_REQUEST, Request
-from rig.realtime.tick import TICKS_BETWEEN_LOOKS, InterpretedTick, RowSink
+from rig.realtime.tick import TICKS_BETWEEN_LOOKS, InterpretedTick, RowSink, choice_reader
 from rig.realtime.tick_memory import FlatMemory
 
 
@@ -68,6 +68,7 @@ class CoupledTicks:
         self._pack_header = memory.sections["header"].layout.pack_into
         self._mode = memory.number("state", "safety", "mode")
         self._reason = memory.number("state", "safety", "reason")
+        self._awaits_choice = choice_reader(memory)
         self._executed = memory.number("header", "executed")
         coupling.attach(memory)
 
@@ -86,6 +87,11 @@ class CoupledTicks:
         """Reason of a stop, as of the safety machine."""
         return int(self._reason[0])
 
+    @property
+    def awaits_choice(self) -> bool:
+        """Whether the plan waits until the next row is chosen (`sequence.CHOICE`)."""
+        return self._awaits_choice()
+
     def set_live(self, number: int, numbers: Numbers) -> None:
         """Store a set point that people chose, for the requests with its number."""
         write_live_setpoint(self.memory, number, numbers)
@@ -93,7 +99,8 @@ class CoupledTicks:
     def execute(self, tick: int, request: Request, max_ticks: int) -> int:
         """Execute ticks from ``tick`` on; return their number, at least 1.
 
-        Without power each chunk has one tick. If a tick raises, the rows before it are kept.
+        Without power each chunk has one tick, and so it has while the next row is being chosen. If
+        a tick raises, the rows before it are kept.
         """
         address, space = self._rows.reserve(min(max_ticks, self._coupling.ticks_until_due(tick)))
         self._pack_header(self.memory.buffer, 0, *request, tick, space, self._dt, address, 0)

@@ -11,7 +11,7 @@ from rig.realtime.clock import Clock
 from rig.realtime.coupled_ticks import CoupledChangeover, CoupledTicks, Coupling
 from rig.realtime.devices import Devices
 from rig.realtime.reasons import Reason
-from rig.realtime.requests import Request, RequestSource
+from rig.realtime.requests import NO_REQUEST, Request, RequestSource
 from rig.realtime.safety import STOP_0
 from rig.realtime.tick import Changeover, InterpretedTick, RowSink, Tick
 
@@ -59,7 +59,9 @@ def run(
         work, dt = 0.0, clock.dt
         interpreted = InterpretedTick(kind, params, dt, ring)
         execution: Tick = interpreted
-        reader = _RequestReader(requests, execution)
+        reader = _RequestReader(
+            requests, execution, lambda: not external_request() and clock.stands_still()
+        )
         exchange = execution.connect(devices, clock)
         if correction := getattr(devices, "clock_correction", None):
             clock.follow(correction)
@@ -117,13 +119,23 @@ def run(
 class _RequestReader:
     """Reads the requests before a tick, and stores set points that people chose."""
 
-    def __init__(self, source: RequestSource, execution: Tick | CoupledTicks) -> None:
-        self._source, self.execution = source, execution
+    def __init__(
+        self,
+        source: RequestSource,
+        execution: Tick | CoupledTicks,
+        stands_still: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """``stands_still``: of the clock, while the next row is being chosen."""
+        self._source, self.execution, self._stands_still = source, execution, stands_still
+        self._last = NO_REQUEST
         self._live = 0  # number of the set point in the last request
 
     def read(self, external: int) -> Request:
         """Return the requests in force; ``external``: a code that overrides them, or 0."""
         request = self._source.read()
+        while request == self._last and self.execution.awaits_choice and self._stands_still():
+            request = self._source.read()
+        self._last = request
         if request.live != self._live:
             numbers = self._source.live_numbers(request.live) if request.live else None
             if numbers is not None:

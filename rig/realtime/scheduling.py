@@ -119,6 +119,20 @@ def loop_core() -> int:
     return max(isolated or os.sched_getaffinity(0))
 
 
+def leave_the_loops_core() -> int:
+    """Give way to the run: lower priority, and any core but the loop's, which is returned.
+
+    Afterwards, `loop_core` of this process and its children would find another one.
+    """
+    core = loop_core()
+    with suppress(OSError):
+        os.nice(10)
+        others = os.sched_getaffinity(0) - {core}
+        if others:
+            os.sched_setaffinity(0, others)
+    return core
+
+
 def parse_core_list(text: str) -> set[int]:
     """Return the cores in a kernel list such as ``1,3-5``; raise ValueError for other texts."""
     numbers: set[int] = set()

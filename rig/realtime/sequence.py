@@ -23,17 +23,18 @@ class Phase(IntEnum):
     DONE = 6  # plan finished, or left by a stop
     STANDBY = 7  # drive off, until people have armed the run
     MANUAL = 8  # people choose the set point
+    CHOICE = 9  # the next row is being chosen; the set point of the last one stays in force
 
 
 # Plain ints for the tick, which compares them a thousand times a second (enum look-up is slower).
-TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE, STANDBY, MANUAL = (
+TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE, STANDBY, MANUAL, CHOICE = (
     int(phase) for phase in Phase
 )
 
 WAIT_ARRIVAL = 1  # the parts that the plan moves between rows have arrived
 WAIT_DRIVE = 2  # the drive has its power stage on
 WAIT_ARMED = 4  # people have armed the run
-WAIT_ORDER = 8  # never met: people leave the segment by an order
+WAIT_ORDER = 8  # never met: an order leads out of the segment
 WAIT_SETTLED = 16  # transients have decayed (`rig.realtime.assessment`)
 WAIT_KNOWN = 32  # the mean power of the row is known well enough
 ASSESSED = WAIT_SETTLED | WAIT_KNOWN  # conditions that have until the timeout, and then are left
@@ -110,8 +111,9 @@ def step(
         if request.segment == last:
             return State(last, tick, attempt, 0, 0, request.jump), PlanEvents(True, False)
         live = 0 if manual else live
-        # Back to this row or to one before it: another attempt.
-        attempt = attempt + 1 if request.segment <= i else 0
+        # Back to this row or to one before it: another attempt, unless rows have no order.
+        is_attempt = request.segment <= i and segments.phase[i] != CHOICE
+        attempt = attempt + 1 if is_attempt else 0
         i, entered, jump = request.segment, tick, request.jump
         state = State(i, entered, attempt, was_paused, live, jump)
         manual = segments.phase[i] == MANUAL

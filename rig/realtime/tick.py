@@ -22,6 +22,8 @@ from rig.realtime.live_setpoints import (
 )
 from rig.realtime.object_code import ObjectCodeError
 from rig.realtime.requests import NO_REQUEST, Request
+from rig.realtime.safety import RUN
+from rig.realtime.sequence import CHOICE
 
 TICKS_BETWEEN_LOOKS = 100
 _NO_TIMING = cycle.Timing(0.0, 0.0, 0)
@@ -62,6 +64,10 @@ class Tick(Protocol):
     def reason(self) -> int:
         """Reason of a stop, as of the safety machine."""
 
+    @property
+    def awaits_choice(self) -> bool:
+        """Whether the plan waits until the next row is chosen (`sequence.CHOICE`)."""
+
     def step(
         self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int
     ) -> Any:
@@ -86,6 +92,14 @@ class Tick(Protocol):
         """Return to a saved state, as before the steps since."""
 
 
+def choice_reader(memory: tick_memory.FlatMemory) -> Callable[[], bool]:
+    """Return the function that looks whether the plan in a memory waits for the next row."""
+    phases = memory.numbers_of("params", memory.sections["params"].tree.segments.phase)
+    segment = memory.number("state", "sequence", "segment")
+    mode = memory.number("state", "safety", "mode")
+    return lambda: mode[0] == RUN and phases[int(segment[0])] == CHOICE
+
+
 class InterpretedTick:
     """The cycle as it stands."""
 
@@ -100,6 +114,11 @@ class InterpretedTick:
     @property
     def reason(self) -> int:
         return self.state.safety.reason
+
+    @property
+    def awaits_choice(self) -> bool:
+        segment = self.state.sequence.segment
+        return self.mode == RUN and self.params.segments.phase[segment] == CHOICE
 
     def step(
         self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int
@@ -145,6 +164,7 @@ class CompiledTick:
         self._dt, self._reserve, self.log = dt, rows.reserve, rows.publish
         self._set_sense, self._get_command = memory.setter("sense"), memory.getter("command")
         self._reason = memory.number("state", "safety", "reason")
+        self._awaits_choice = choice_reader(memory)
         self._state = memory.bytes_of("state")
         self._last: tuple[float, int] | None = None  # time and tick of the last exchange
 
@@ -155,6 +175,10 @@ class CompiledTick:
     @property
     def reason(self) -> int:
         return int(self._reason[0])
+
+    @property
+    def awaits_choice(self) -> bool:
+        return self._awaits_choice()
 
     def step(
         self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int

@@ -23,7 +23,7 @@ class Entry(NamedTuple):
     utc: str  # ISO 8601
     tick: int  # newest tick when the request came; -1: before the first
     person: str  # name of the user
-    origin: str  # terminal, command, page, supervisor
+    origin: str  # terminal, command, page, campaign, supervisor
     request: str  # stop, hold, set, ...
     arguments: dict[str, Any] = {}  # noqa: RUF012
     accepted: bool = True

@@ -18,6 +18,7 @@ from rig.campaign import (
     AnyCampaign,
     AnyPlan,
     CampaignKind,
+    all_rows,
     build_plan,
     open_campaign,
     resolved_config,
@@ -56,7 +57,7 @@ class CampaignTask:
 
     def __init__(self, campaign: AnyCampaign, lead_in: float | None) -> None:
         """``lead_in``: of rows that run alone, s; None: all rows run in sequence."""
-        self.campaign, self.lead_in = campaign, lead_in
+        self.campaign, self.lead_in = all_rows(campaign), lead_in
         self.name, self.plant = str(campaign.file.name), campaign.plant
         self.validity_warnings = campaign.validity_warnings
 
@@ -295,7 +296,7 @@ def single_row_campaign(campaign: AnyCampaign, lead_in: float) -> AnyCampaign:
         update["set_point_s"] = min(file.start.set_point_s, lead_in)
     start = file.start.model_copy(update=update)
     return campaign._replace(
-        file=file.model_copy(update={"start": start, "repeat": 1, "tank": None})
+        file=file.model_copy(update={"start": start, "repeat": 1, "tank": None, "adaptive": None})
     )
 
 

@@ -76,7 +76,7 @@ def test_unknown_name_lists_the_names() -> None:
         find_file(Path("nothing"), CAMPAIGNS)
     text = str(caught.value)
     assert "nothing: no such file here, and no shipped campaign" in text
-    assert "shipped campaigns: csv_matrix, default, " in text
+    assert "shipped campaigns: adaptive, csv_matrix, default, " in text
     assert "sessions" not in text
 
 

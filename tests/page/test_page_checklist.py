@@ -313,7 +313,7 @@ def test_checks_that_fail_leave_the_item_open(monkeypatch: pytest.MonkeyPatch, o
 def test_the_page_leaves_the_loops_core_and_names_it() -> None:
     code = """
 import os
-from rig.page.process import leave_the_loops_core
+from rig.realtime.scheduling import leave_the_loops_core
 from rig.realtime.scheduling import loop_core
 first = loop_core()
 assert leave_the_loops_core() == first

@@ -29,6 +29,7 @@ REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")
 ALL_TICKS_MISSING = "all of its ticks are missing from the record"
 SKIPPED_ROW = "skipped"
 LEAST_MEASURE = "least_measure_s"  # key of a planned row that its power may end
+ADAPTIVE = "adaptive"  # key of a plan whose rows are candidates, of which some are chosen
 RUN_RESUMED = "the run was interrupted here, and resumed"
 LOG_ENDS = "the log ends here"
 _ORDER = "plan.request.jump"  # number of the last order to go on with another segment
@@ -237,8 +238,11 @@ def missing_rows(
 ) -> dict[int, str]:
     """Return the reasons for planned rows without a measured tick although later rows have some.
 
-    ``seen`` are the ids of the rows with measured ticks in the record.
+    ``seen`` are the ids of the rows with measured ticks in the record. The candidates of an
+    adaptive campaign have no order, so none of them is missing.
     """
+    if ADAPTIVE in plan:
+        return {}
     planned = [int(row["row"]) for row in plan.get("rows", [])]
     positions = [i for i, row in enumerate(planned) if row in seen]
     reason = ALL_TICKS_MISSING if record.lost else SKIPPED_ROW

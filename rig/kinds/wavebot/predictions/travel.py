@@ -49,8 +49,13 @@ def compute_travel(order: str, planned: Plan, model: CampaignModel) -> Travel:
 
 
 def compare_orders(campaign: Campaign, planned: Plan, model: CampaignModel) -> tuple[Travel, ...]:
-    """Return the travel of the planned order, then of "as given" and "fewest spring moves"."""
+    """Return the travel of the planned order, then of "as given" and "fewest spring moves".
+
+    The rows of an adaptive campaign have no other order.
+    """
     travels = [compute_travel(campaign.file.order, planned, model)]
+    if campaign.file.adaptive is not None:
+        return tuple(travels)
     for alternative in ("as given", "fewest spring moves"):
         if alternative != campaign.file.order:
             file = campaign.file.model_copy(update={"order": alternative})

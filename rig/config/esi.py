@@ -33,7 +33,7 @@ _MAX_GAP = 256  # bits of one gap
 _MAX_BITS = 8 * 1486  # of an entry: a frame has no more
 _ENGLISH = "1033"  # LcId of a text
 _DRIVE_PROFILE = 402
-_CYCLIC_SYNC0, _SYNC1 = 0x0300, 0x0400  # of AssignActivate, whose high byte is register 0x0981
+_CYCLIC_SYNC0 = 0x0300  # of AssignActivate, whose high byte is register 0x0981
 
 
 class EsiError(ValueError):
@@ -83,13 +83,15 @@ def _mapping(root: ElementTree.Element, device: ElementTree.Element) -> dict[str
     )
     pdos = {} if is_drive else {tag: list(_pdos(device, tag)) for tag in ("RxPdo", "TxPdo")}
     outputs, inputs = pdos.get("RxPdo", []), pdos.get("TxPdo", [])
+    needs_sync0, sync0_cycles = _sync0(device)
     return {
         "title": _title(device),
         "type": "drive" if is_drive else "terminal" if outputs or inputs else "coupler",
         "vendor": _parse(vendor.text or ""),
         "product": _number(kind, "ProductCode"),
         "mailbox": mailbox is not None,
-        "sync0": _needs_sync0(device),
+        "sync0": needs_sync0,
+        "sync0_cycles_ns": sync0_cycles,
         "outputs": outputs,
         "inputs": inputs,
         "objects": [] if mailbox is None else list(_objects(mailbox)),
@@ -195,20 +197,26 @@ def _objects(mailbox: ElementTree.Element) -> Iterator[dict[str, Any]]:
         }
 
 
-def _needs_sync0(device: ElementTree.Element) -> bool:
-    """Return whether a slave works with SYNC0 only: every mode of operation has it.
+def _sync0(device: ElementTree.Element) -> tuple[bool, list[int]]:
+    """Return whether a slave works with SYNC0 only, and the cycles that SYNC0 must have, in ns.
 
+    It works with SYNC0 only if every mode of operation has it. No cycles: those of any tick.
     EsiError if it needs more than a SYNC0 in each tick, such as SYNC1, or SYNC0 several times.
     """
     modes = device.findall("Dc/OpMode")
     activations = [_parse(each.findtext("AssignActivate") or "0") for each in modes]
-    if not modes or not all(each & _CYCLIC_SYNC0 == _CYCLIC_SYNC0 for each in activations):
-        return False
+    is_needed = bool(modes) and all(each & _CYCLIC_SYNC0 == _CYCLIC_SYNC0 for each in activations)
+    cycles = []
     for mode, activation in zip(modes, activations, strict=True):
+        if activation != _CYCLIC_SYNC0:
+            continue
         cycle = mode.find("CycleTimeSync0")
-        factor = 1 if cycle is None else _parse(cycle.get("Factor", "1"))
-        if activation == _CYCLIC_SYNC0 and factor in (0, 1):
-            return True
+        if cycle is None or (factor := _number(cycle, "Factor")) == 1:
+            cycles.append(0)
+        elif factor == 0:  # a fixed time
+            cycles.append(_parse(cycle.text or "0"))
+    if cycles or not is_needed:
+        return is_needed, [] if 0 in cycles else cycles
     shown = ", ".join(f"{each:#06x}" for each in activations)
     raise EsiError(
         f"its modes of operation have AssignActivate {shown}; allowed one with "

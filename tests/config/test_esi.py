@@ -233,13 +233,35 @@ def test_a_device_of_profile_402_is_a_drive_whose_process_data_the_drivers_choos
         (mode("#x0") + mode("#x300"), False),
         (mode("#x300") + mode("#x700"), True),
         (mode("#x0300", '<CycleTimeSync0 Factor="0">0</CycleTimeSync0>'), True),
+        (mode("#x300", '<CycleTimeSync0 Factor="1">500000</CycleTimeSync0>'), True),
         (mode("#x0300", '<CycleTimeSync0 Factor="-10">0</CycleTimeSync0>') + mode("768"), True),
     ],
 )
 def test_a_slave_without_a_mode_but_sync0_needs_it(
     tmp_path: Path, modes: str, needed: bool
 ) -> None:
-    assert drive(tmp_path, modes).sync0 == needed
+    found = drive(tmp_path, modes)
+    assert (found.sync0, found.sync0_cycles_ns) == (needed, ())
+
+
+FIXED = '<CycleTimeSync0 Factor="0">500000</CycleTimeSync0>'
+
+
+@pytest.mark.parametrize(
+    ("modes", "needed", "cycles"),
+    [
+        (mode("#x300", FIXED), True, (500_000,)),
+        (mode("#x300", FIXED.replace(' Factor="0"', "")), True, (500_000,)),
+        (mode("#x300", FIXED) + mode("#x300", FIXED.replace("5", "2")), True, (500_000, 200_000)),
+        (mode("#x300", FIXED) + mode("#x300"), True, ()),
+        (mode("#x0") + mode("#x300", FIXED), False, (500_000,)),
+    ],
+)
+def test_a_fixed_time_of_sync0_is_the_cycle_that_it_must_have(
+    tmp_path: Path, modes: str, needed: bool, cycles: tuple[int, ...]
+) -> None:
+    found = drive(tmp_path, modes)
+    assert (found.sync0, found.sync0_cycles_ns) == (needed, cycles)
 
 
 @pytest.mark.parametrize(

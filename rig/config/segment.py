@@ -94,7 +94,8 @@ class SlaveDevice(FileModel):
             if number > 1:
                 yield RuleViolation(("inputs",), f"{number} values have the name {name}", name)
         for key, first in (("outputs", 0x1600), ("inputs", 0x1A00)):
-            for at, pdo in enumerate(getattr(self, key)):
+            # Without a mailbox the PDOs are fixed, and nobody uses the index.
+            for at, pdo in enumerate(getattr(self, key) if self.mailbox else ()):
                 if pdo.pdo and not first <= pdo.pdo < first + 0x200:
                     message = f"{pdo.pdo:#06x} is no mapping of {key}; allowed {first:#06x} .. "
                     message += f"{first + 0x1FF:#06x}"

@@ -5,10 +5,15 @@ several revisions the newest counts, unless `@REVISION` follows. The process dat
 file assigns by default; names join those of PDO and entry. CoE objects that the file sets on the
 way to SAFEOP are written before a run. A device of profile 402 is a drive, whose process data the
 drivers choose. One whose every mode of operation has SYNC0 works with SYNC0 only.
+
+An entry is one value, and so is each element of an array. Samples of one signal are the exception:
+numbers of one object at sub-indices that follow become one value, whose mean is read, if they are
+inputs and the file calls each of them a sample (`Sample 1`, `Ch1 Sample 0`), or the whole array
+`Samples`. That they share an object proves nothing: channels of a terminal do so, too.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -27,13 +32,16 @@ _TYPES = {
     "INT32": "i32", "UINT32": "u32", "INT64": "i64", "UINT64": "u64",
 }  # fmt: skip
 _BITS = {"bit": 1} | {f"{sign}{bits}": bits for sign in "iuf" for bits in (8, 16, 32, 64)}
+_ENCODING = re.compile(rb"<\?xml[^>]*?\sencoding\s*=\s*[\"']([\w.:-]+)")
+_SAMPLES = re.compile(r"(ch(annel)?\W*\d+\W+)?samples?", re.IGNORECASE)
 _ARRAY = re.compile(r"ARRAY\s*\[(\d+)\.\.(\d+)\]\s*OF\s*(\w+)")
 _SET_TYPES = {1: "u8", 2: "u16", 4: "u32"}  # of an object, by its bytes
 _MAX_GAP = 256  # bits of one gap
 _MAX_BITS = 8 * 1486  # of an entry: a frame has no more
+_LAST_SUB = 0xFF
 _ENGLISH = "1033"  # LcId of a text
 _DRIVE_PROFILE = 402
-_CYCLIC_SYNC0, _SYNC1 = 0x0300, 0x0400  # of AssignActivate, whose high byte is register 0x0981
+_CYCLIC_SYNC0 = 0x0300  # of AssignActivate, whose high byte is register 0x0981
 
 
 class EsiError(ValueError):
@@ -46,6 +54,7 @@ class _Entry(NamedTuple):
     sub: int
     kind: str  # a type of `rig.config.segment`, empty for a gap
     number: int  # values of that type, or bits of the gap
+    first: int = 0  # subscript of the first element of an array
 
 
 def read_esi(path: Path, chosen: str) -> dict[str, Any]:
@@ -53,10 +62,7 @@ def read_esi(path: Path, chosen: str) -> dict[str, Any]:
 
     ``chosen``: TYPE or TYPE@REVISION; empty if the file has one type. EsiError or OSError.
     """
-    try:
-        root = ElementTree.fromstring(read_regular(path, MAX_ESI_BYTES))
-    except ElementTree.ParseError as error:
-        raise EsiError(f"no XML: {error}") from None
+    root = _root(read_regular(path, MAX_ESI_BYTES))
     if root.tag != "EtherCATInfo":
         raise EsiError(f"no ESI file: it begins with {root.tag}, not EtherCATInfo")
     name, _, revision = chosen.partition("@")
@@ -72,6 +78,18 @@ def read_esi(path: Path, chosen: str) -> dict[str, Any]:
     return _mapping(root, device)
 
 
+def _root(data: bytes) -> ElementTree.Element:
+    """Return the root of an XML file, which Python decodes: expat knows few encodings."""
+    declared = _ENCODING.match(data)
+    encoding = declared[1].decode() if declared else ""
+    try:
+        return ElementTree.fromstring(data.decode(encoding) if encoding else data)
+    except ElementTree.ParseError as error:
+        raise EsiError(f"no XML: {error}") from None
+    except (LookupError, ValueError) as error:
+        raise EsiError(f"encoding {encoding}: {error}") from None
+
+
 def _mapping(root: ElementTree.Element, device: ElementTree.Element) -> dict[str, Any]:
     kind = _type(device)
     vendor = root.find("Vendor/Id")
@@ -83,13 +101,15 @@ def _mapping(root: ElementTree.Element, device: ElementTree.Element) -> dict[str
     )
     pdos = {} if is_drive else {tag: list(_pdos(device, tag)) for tag in ("RxPdo", "TxPdo")}
     outputs, inputs = pdos.get("RxPdo", []), pdos.get("TxPdo", [])
+    needs_sync0, sync0_cycles = _sync0(device)
     return {
         "title": _title(device),
         "type": "drive" if is_drive else "terminal" if outputs or inputs else "coupler",
         "vendor": _parse(vendor.text or ""),
         "product": _number(kind, "ProductCode"),
         "mailbox": mailbox is not None,
-        "sync0": _needs_sync0(device),
+        "sync0": needs_sync0,
+        "sync0_cycles_ns": sync0_cycles,
         "outputs": outputs,
         "inputs": inputs,
         "objects": [] if mailbox is None else list(_objects(mailbox)),
@@ -109,7 +129,8 @@ def _pdos(device: ElementTree.Element, tag: str) -> Iterator[dict[str, Any]]:
             continue  # it could be chosen, but is not; or only a tool of the maker has it
         title = pdo.findtext("Name") or ""
         values = []
-        for entry in _joined([_entry(each, bases) for each in pdo.findall("Entry")]):
+        entries = [_entry(each, bases) for each in pdo.findall("Entry")]
+        for entry in _signals(entries, is_input=tag == "TxPdo"):
             if not entry.kind:
                 values += [
                     {"type": "bit", "count": min(_MAX_GAP, entry.number - done)}
@@ -136,34 +157,44 @@ def _entry(entry: ElementTree.Element, bases: Mapping[str, str]) -> _Entry:
     bits, kind = _parse(entry.findtext("BitLen") or "0"), (entry.findtext("DataType") or "").strip()
     if not 0 <= bits <= _MAX_BITS:
         raise EsiError(f"object {index:#06x}:{sub} has {bits} bits; allowed 0 to {_MAX_BITS}")
-    number = 1
+    number, first = 1, 0
     if array := _ARRAY.match(kind):
-        number, kind = 1 + int(array[2]) - int(array[1]), array[3]
+        first, kind = _parse(array[1]), array[3]
+        number = 1 + _parse(array[2]) - first
     known = _TYPES.get(kind) or _TYPES.get(bases.get(kind, ""), "")
-    if known == "bit" and bits in (8, 16, 32):
+    if known == "bit" and number == 1 and bits in (8, 16, 32):
         known = f"u{bits}"  # a truth value that fills octets
-    if index == 0 or not known or _BITS[known] * number != bits:
+    lacks_subs = sub <= _LAST_SUB < sub + number - 1  # an array of more elements than sub-indices
+    if index == 0 or not known or lacks_subs or _BITS[known] * number != bits:
         return _Entry("", 0, 0, "", bits)
-    return _Entry((entry.findtext("Name") or "").strip(), index, sub, known, number)
+    return _Entry((entry.findtext("Name") or "").strip(), index, sub, known, number, first)
 
 
-def _joined(entries: list[_Entry]) -> list[_Entry]:
-    """Return entries with samples of one object joined: one type, sub-indices that follow."""
-    joined: list[_Entry] = []
+def _signals(entries: Iterable[_Entry], *, is_input: bool) -> list[_Entry]:
+    """Return an entry for each signal: samples are joined, other arrays are split."""
+    signals: list[_Entry] = []
     for entry in entries:
-        last = joined[-1] if joined else None
-        follows = (
-            last is not None
-            and entry.kind not in ("", "bit")
-            and (last.kind, last.object) == (entry.kind, entry.object)
-            and last.sub + last.number == entry.sub
-            and _stem(last.name) == _stem(entry.name)
-        )
-        if follows and last is not None:
-            joined[-1] = last._replace(name=_stem(last.name), number=last.number + entry.number)
+        stem = _stem(entry.name)
+        if not is_input or entry.kind in ("", "bit") or not _SAMPLES.fullmatch(stem):
+            signals += _elements(entry)
+            continue
+        last = signals[-1] if signals else None
+        here = (entry.kind, stem, entry.object, entry.sub)
+        if last and (last.kind, _stem(last.name), last.object, last.sub + last.number) == here:
+            signals[-1] = last._replace(name=stem, number=last.number + entry.number)
         else:
-            joined.append(entry)
-    return joined
+            signals.append(entry)
+    return signals
+
+
+def _elements(entry: _Entry) -> list[_Entry]:
+    """Return the elements of an array; of any other entry the entry."""
+    if not entry.kind or entry.number == 1:
+        return [entry]
+    return [
+        _Entry(f"{entry.name} {entry.first + at}", entry.object, entry.sub + at, entry.kind, 1)
+        for at in range(entry.number)
+    ]
 
 
 def _stem(name: str) -> str:
@@ -178,6 +209,11 @@ def _objects(mailbox: ElementTree.Element) -> Iterator[dict[str, Any]]:
         if "PS" not in transitions or 0x1C00 <= index <= 0x1C3F:
             continue
         sub, text = _parse(command.findtext("SubIndex") or "0"), command.findtext("Data") or ""
+        if _flag(command, "CompleteAccess"):
+            raise EsiError(
+                f"object {index:#06x}:{sub} is set by complete access; allowed one sub-index at a "
+                "time: describe the slave in a device file of your own"
+            )
         try:
             data = bytes.fromhex(text)
         except ValueError:
@@ -195,20 +231,26 @@ def _objects(mailbox: ElementTree.Element) -> Iterator[dict[str, Any]]:
         }
 
 
-def _needs_sync0(device: ElementTree.Element) -> bool:
-    """Return whether a slave works with SYNC0 only: every mode of operation has it.
+def _sync0(device: ElementTree.Element) -> tuple[bool, list[int]]:
+    """Return whether a slave works with SYNC0 only, and the cycles that SYNC0 must have, in ns.
 
+    It works with SYNC0 only if every mode of operation has it. No cycles: those of any tick.
     EsiError if it needs more than a SYNC0 in each tick, such as SYNC1, or SYNC0 several times.
     """
     modes = device.findall("Dc/OpMode")
     activations = [_parse(each.findtext("AssignActivate") or "0") for each in modes]
-    if not modes or not all(each & _CYCLIC_SYNC0 == _CYCLIC_SYNC0 for each in activations):
-        return False
+    is_needed = bool(modes) and all(each & _CYCLIC_SYNC0 == _CYCLIC_SYNC0 for each in activations)
+    cycles = []
     for mode, activation in zip(modes, activations, strict=True):
+        if activation != _CYCLIC_SYNC0:
+            continue
         cycle = mode.find("CycleTimeSync0")
-        factor = 1 if cycle is None else _parse(cycle.get("Factor", "1"))
-        if activation == _CYCLIC_SYNC0 and factor in (0, 1):
-            return True
+        if cycle is None or (factor := _number(cycle, "Factor")) == 1:
+            cycles.append(0)
+        elif factor == 0:  # a fixed time
+            cycles.append(_parse(cycle.text or "0"))
+    if cycles or not is_needed:
+        return is_needed, [] if 0 in cycles else cycles
     shown = ", ".join(f"{each:#06x}" for each in activations)
     raise EsiError(
         f"its modes of operation have AssignActivate {shown}; allowed one with "

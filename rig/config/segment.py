@@ -17,6 +17,8 @@ Object = Annotated[WholeNumber, Field(ge=0, le=0xFFFF)]
 Sub = Annotated[WholeNumber, Field(ge=0, le=0xFF)]
 """Sub-index of an object."""
 Unsigned32 = Annotated[WholeNumber, Field(ge=0, le=2**32 - 1)]
+Cycle = Annotated[WholeNumber, Field(ge=1, le=2**32 - 1)]
+"""Time between two pulses of SYNC0, in ns."""
 ObjectType = Literal["u8", "i8", "u16", "i16", "u32", "i32"]
 ValueType = Literal["bit", "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
 
@@ -79,6 +81,8 @@ class SlaveDevice(FileModel):
     revision: Unsigned32 | None = None  # None: any
     mailbox: bool  # CoE: it has objects
     sync0: bool = False  # it works with SYNC0 only
+    # ns, cycles of which its SYNC0 must have one; none: that of any tick
+    sync0_cycles_ns: tuple[Cycle, ...] = Field(default=(), strict=False)
     outputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C12
     inputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C13
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)
@@ -90,7 +94,8 @@ class SlaveDevice(FileModel):
             if number > 1:
                 yield RuleViolation(("inputs",), f"{number} values have the name {name}", name)
         for key, first in (("outputs", 0x1600), ("inputs", 0x1A00)):
-            for at, pdo in enumerate(getattr(self, key)):
+            # Without a mailbox the PDOs are fixed, and nobody uses the index.
+            for at, pdo in enumerate(getattr(self, key) if self.mailbox else ()):
                 if pdo.pdo and not first <= pdo.pdo < first + 0x200:
                     message = f"{pdo.pdo:#06x} is no mapping of {key}; allowed {first:#06x} .. "
                     message += f"{first + 0x1FF:#06x}"
@@ -170,7 +175,10 @@ class Segment(FileModel):
                 yield RuleViolation(("line", place, "sync0"), message, slave.sync0)
 
     def rate_rules(self, rate: int) -> Iterator[RuleViolation]:
-        """Yield a violation for each time that some late frames exceed; ``rate`` in Hz."""
+        """Yield a violation for each time that does not fit a rate of the loop (Hz).
+
+        Some late frames must not exceed it, and SYNC0 comes with each tick.
+        """
         least = _LEAST_TICKS * 1e3 / rate
         for key in ("watchdog_ms", "lost_ms"):
             if getattr(self, key) < least:
@@ -179,6 +187,14 @@ class Segment(FileModel):
                     f"{format_number(getattr(self, key))} is less than {_LEAST_TICKS} ticks at "
                     f"rate_hz = {rate}; allowed at least {format_number(least)} ms",
                 )
+        tick = round(1e9 / rate)
+        for place, slave in enumerate(self.line):
+            cycles = slave.device.sync0_cycles_ns
+            if slave.has_sync0 and cycles and tick not in cycles:
+                message = f"its SYNC0 must come each {' or '.join(map(str, cycles))} ns, but comes "
+                message += f"with each tick of {tick} ns; allowed rate_hz = "
+                message += " or ".join(format_number(1e9 / each) for each in cycles)
+                yield RuleViolation(("line", place, "device"), message)
 
     def places(self) -> dict[str, int]:
         """Return the place of each slave by its name, 0 next to the computer."""

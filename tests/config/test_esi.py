@@ -233,13 +233,35 @@ def test_a_device_of_profile_402_is_a_drive_whose_process_data_the_drivers_choos
         (mode("#x0") + mode("#x300"), False),
         (mode("#x300") + mode("#x700"), True),
         (mode("#x0300", '<CycleTimeSync0 Factor="0">0</CycleTimeSync0>'), True),
+        (mode("#x300", '<CycleTimeSync0 Factor="1">500000</CycleTimeSync0>'), True),
         (mode("#x0300", '<CycleTimeSync0 Factor="-10">0</CycleTimeSync0>') + mode("768"), True),
     ],
 )
 def test_a_slave_without_a_mode_but_sync0_needs_it(
     tmp_path: Path, modes: str, needed: bool
 ) -> None:
-    assert drive(tmp_path, modes).sync0 == needed
+    found = drive(tmp_path, modes)
+    assert (found.sync0, found.sync0_cycles_ns) == (needed, ())
+
+
+FIXED = '<CycleTimeSync0 Factor="0">500000</CycleTimeSync0>'
+
+
+@pytest.mark.parametrize(
+    ("modes", "needed", "cycles"),
+    [
+        (mode("#x300", FIXED), True, (500_000,)),
+        (mode("#x300", FIXED.replace(' Factor="0"', "")), True, (500_000,)),
+        (mode("#x300", FIXED) + mode("#x300", FIXED.replace("5", "2")), True, (500_000, 200_000)),
+        (mode("#x300", FIXED) + mode("#x300"), True, ()),
+        (mode("#x0") + mode("#x300", FIXED), False, (500_000,)),
+    ],
+)
+def test_a_fixed_time_of_sync0_is_the_cycle_that_it_must_have(
+    tmp_path: Path, modes: str, needed: bool, cycles: tuple[int, ...]
+) -> None:
+    found = drive(tmp_path, modes)
+    assert (found.sync0, found.sync0_cycles_ns) == (needed, cycles)
 
 
 @pytest.mark.parametrize(
@@ -285,6 +307,17 @@ def test_an_object_that_cannot_be_set_is_refused(tmp_path: Path, data: str, what
         drive(tmp_path, command=command)
 
 
+def test_an_object_that_is_set_by_complete_access_is_refused(tmp_path: Path) -> None:
+    command = (
+        '<InitCmd CompleteAccess="{}"><Transition>PS</Transition><Index>#x8000</Index>'
+        "<SubIndex>0</SubIndex><Data>01000500</Data></InitCmd>"
+    )
+    (setting,) = drive(tmp_path, command=command.format("false")).objects
+    assert (setting.sub, setting.type, setting.value) == (0, "u32", 0x00050001)
+    with pytest.raises(EsiError, match="object 0x8000:0 is set by complete access"):
+        drive(tmp_path, command=command.format("1"))
+
+
 def test_an_entry_longer_than_a_frame_is_refused(path: Path) -> None:
     path.write_text(ESI.replace("<BitLen>15</BitLen>", "<BitLen>1000000000</BitLen>"))
     with pytest.raises(EsiError, match="0x0000:0 has 1000000000 bits; allowed 0 to 11888"):
@@ -310,3 +343,128 @@ def test_a_drive_of_an_esi_file_may_be_either_drive_of_the_rig(tmp_path: Path) -
     steps = service.config["slaves"][0]["steps"]
     modes = [step[4] for step in steps if step[:2] == (0x6060, 0)]
     assert modes == [8, TORQUE_MODE]
+
+
+def entry(sub: int, bits: int, name: str, kind: str, index: str = "#x6401") -> str:
+    return (
+        f"<Entry><Index>{index}</Index><SubIndex>{sub}</SubIndex><BitLen>{bits}</BitLen>"
+        f"<Name>{name}</Name><DataType>{kind}</DataType></Entry>"
+    )
+
+
+def terminal(folder: Path, entries: str, tag: str = "TxPdo", pdo: str = "#x1a00") -> SlaveDevice:
+    """Return a terminal of one PDO named P, without a mailbox."""
+    file = folder / "terminal.xml"
+    file.write_text(
+        "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device>"
+        '<Type ProductCode="1" RevisionNo="1">T</Type>'
+        f'<{tag} Sm="3"><Index>{pdo}</Index><Name>P</Name>{entries}</{tag}>'
+        "</Device></Devices></Descriptions></EtherCATInfo>"
+    )
+    return device(file, "T")
+
+
+def values(found: SlaveDevice) -> list[tuple[str, int, str, int]]:
+    return [(value.name, value.sub, value.type, value.count) for value in found.values()]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("Value1", "Value2"), ("Channel 1", "Channel 2"), ("No of Samples 1", "No of Samples 2"),
+     ("Sample rate 1", "Sample rate 2"), ("Ch1 Sample", "Ch2 Sample"),
+     ("SubIndex 001", "SubIndex 002")],
+)  # fmt: skip
+def test_distinct_signals_of_one_object_are_never_joined(
+    tmp_path: Path, names: tuple[str, str]
+) -> None:
+    one, two = names
+    found = values(terminal(tmp_path, entry(1, 16, one, "INT") + entry(2, 16, two, "INT")))
+    assert [(sub, kind, count) for _, sub, kind, count in found] == [(1, "i16", 1), (2, "i16", 1)]
+
+
+def test_samples_are_inputs_of_that_name_at_sub_indices_that_follow(tmp_path: Path) -> None:
+    entries = (
+        entry(1, 16, "Ch1 Sample 0", "INT") + entry(2, 16, "Ch1 Sample 1", "INT")
+        + entry(3, 16, "Ch2 Sample 0", "INT") + entry(4, 16, "Ch2 Sample 1", "INT")
+        + entry(6, 16, "Ch2 Sample 2", "INT") + entry(7, 16, "Ch2 Sample 3", "UINT")
+    )  # fmt: skip
+    assert values(terminal(tmp_path, entries)) == [
+        ("p_ch1_sample", 1, "i16", 2), ("p_ch2_sample", 3, "i16", 2),
+        ("p_ch2_sample_2", 6, "i16", 1), ("p_ch2_sample_3", 7, "u16", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["Out", "Sample"])
+def test_outputs_are_never_joined(tmp_path: Path, name: str) -> None:
+    entries = "".join(entry(n + 1, 8, f"{name}{n}", "BYTE") for n in range(32))
+    found = values(terminal(tmp_path, entries, "RxPdo", "#x1600"))
+    assert found == [(f"p_{name.lower()}{n}", n + 1, "u8", 1) for n in range(32)]
+
+
+@pytest.mark.parametrize(("tag", "pdo"), [("RxPdo", "#x1600"), ("TxPdo", "#x1a00")])
+def test_the_elements_of_an_array_are_values_of_their_own(
+    tmp_path: Path, tag: str, pdo: str
+) -> None:
+    entries = entry(1, 48, "Level", "ARRAY [1..3] OF INT")
+    entries += entry(4, 16, "Flag", "ARRAY [0..15] OF BOOL")
+    entries += entry(20, 8, "Ready", "BOOL")
+    found = values(terminal(tmp_path, entries, tag, pdo))
+    assert found == [
+        *((f"p_level_{n}", n, "i16", 1) for n in (1, 2, 3)),
+        *((f"p_flag_{n}", 4 + n, "bit", 1) for n in range(16)),
+        ("p_ready", 20, "u8", 1),
+    ]
+
+
+def test_an_array_of_outputs_is_never_one_value(tmp_path: Path) -> None:
+    entries = entry(1, 64, "Samples", "ARRAY [0..1] OF DINT")
+    assert values(terminal(tmp_path, entries, "RxPdo", "#x1600")) == [
+        ("p_samples_0", 1, "i32", 1), ("p_samples_1", 2, "i32", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["Samples", "Data"])
+def test_an_array_with_more_elements_than_sub_indices_is_a_gap(tmp_path: Path, name: str) -> None:
+    entries = entry(1, 8 * 300, name, "ARRAY [0..299] OF BYTE") + entry(2, 8, "Next", "USINT")
+    gaps = [("", 0, "bit", 256)] * 9 + [("", 0, "bit", 96)]
+    assert values(terminal(tmp_path, entries)) == [*gaps, ("p_next", 2, "u8", 1)]
+    entries = entry(1, 8 * 255, "Samples", "ARRAY [0..254] OF BYTE")
+    assert values(terminal(tmp_path, entries)) == [("p_samples", 1, "u8", 255)]
+
+
+@pytest.mark.parametrize(("tag", "pdo"), [("RxPdo", "#x1a00"), ("TxPdo", "#x1600")])
+def test_without_a_mailbox_the_index_of_a_pdo_does_not_matter(
+    tmp_path: Path, tag: str, pdo: str
+) -> None:
+    found = terminal(tmp_path, entry(1, 8, "Port", "USINT"), tag, pdo)
+    assert values(found) == [("p_port", 1, "u8", 1)]
+    what = "0x1a00 is no mapping of outputs" if tag == "RxPdo" else "0x1600 is no mapping of inputs"
+    with pytest.raises(ValueError, match=what):
+        SlaveDevice.model_validate(found.model_dump() | {"mailbox": True})
+
+
+@pytest.mark.parametrize("encoding", ["GB2312", "gbk", "Big5", "UTF-16", "UTF-8", "utf-8-sig"])
+def test_a_file_is_read_in_any_encoding_of_python(path: Path, encoding: str) -> None:
+    declared = "UTF-8" if encoding == "utf-8-sig" else encoding
+    title = "\u56db" if encoding == "Big5" else "\u56db\u8def\u8f93\u5165"
+    text = ESI.replace("ISO8859-1", declared).replace("DI4 4 inputs", title)
+    path.write_bytes(text.encode(encoding))
+    assert device(path, "DI4").title == title
+
+
+@pytest.mark.parametrize(
+    ("encoding", "what"),
+    [
+        ("nonsense", "encoding nonsense: unknown encoding: nonsense"),
+        ("hex", "encoding hex: 'hex' is not a text encoding"),
+        ("GB2312", "encoding GB2312: 'gb2312' codec can't decode byte 0xe9"),
+        ("UTF-8", "encoding UTF-8: 'utf-8' codec can't decode byte 0xe9"),
+    ],
+)
+def test_an_encoding_that_python_cannot_decode_is_refused(
+    path: Path, encoding: str, what: str
+) -> None:
+    text = ESI.replace("ISO8859-1", encoding).replace("4 inputs", "4 entr\u00e9es")
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(EsiError, match=what):
+        read_esi(path, "DI4")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    adaptive,
     arithmetic,
     batch,
     bits,
@@ -61,6 +62,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "page_memory": page_memory.measure,
     "crash": crash.measure,
     "row_ends": row_ends.measure,
+    "adaptive": adaptive.measure,
     "uncertainty": uncertainty.measure,
     "resume": resume.measure,
     "reading": reading.measure,

@@ -93,40 +93,40 @@ def test_stations_are_correlated_by_the_sources_that_they_share() -> None:
     np.testing.assert_allclose(correlation, correlation.T)
 
 
-def half_width(sources: list[dict[str, Any]], scatter: float, periods: int) -> tuple[float, float]:
+def half_width(sources: list[dict[str, Any]], scatter: float, dof: float) -> tuple[float, float]:
     """Return the combined standard uncertainty and the half width of a power of one signal."""
     station = (Station("p", "p", "p", "p", "p"),)
     file = UncertaintyBudget.model_validate({"name": "test", "sources": sources})
     one = Budget(file, station, SIGNALS)
     contributions = one.contributions(DATA)
-    row: dict[str, Any] = {"row": 3, "periods": periods, "power_p_se": scatter}
+    row: dict[str, Any] = {"row": 3, "power_p_dof": dof, "power_p_se": scatter}
     row |= type_b(one, contributions)
     add_expanded(one, [row], {3: contributions})
     return row["power_p_u"], row["power_p_expanded"]
 
 
 @pytest.mark.parametrize(
-    ("sources", "scatter", "periods", "standard", "expanded"),
+    ("sources", "scatter", "dof", "standard", "expanded"),
     [
         # One normal source.
-        ([source("n", ["p"], offset=2.0)], 0.0, 7, 2.0, 1.96 * 2.0),
+        ([source("n", ["p"], offset=2.0)], 0.0, 6, 2.0, 1.96 * 2.0),
         # One rectangular source: 95 % of its half width.
-        ([source("r", ["p"], offset=2.0, distribution="rectangular")], 0.0, 7,
+        ([source("r", ["p"], offset=2.0, distribution="rectangular")], 0.0, 6,
          2.0 / math.sqrt(3.0), 0.95 * 2.0),
         # A scatter that outweighs the budget: Student's distribution.
-        ([source("n", ["p"], offset=1e-6)], 1.0, 3, 1.0, float(stats.t.ppf(0.975, 2))),
-        ([source("n", ["p"], offset=1e-6)], 1.0, 0, 1.0, 1.96),
+        ([source("n", ["p"], offset=1e-6)], 1.0, 2, 1.0, float(stats.t.ppf(0.975, 2))),
+        ([source("n", ["p"], offset=1e-6)], 1.0, math.inf, 1.0, 1.96),
         # Two equal rectangular sources: a triangle.
         ([source("r", ["p"], offset=2.0, distribution="rectangular"),
-          source("s", ["p"], offset=2.0, distribution="rectangular")], 0.0, 7,
+          source("s", ["p"], offset=2.0, distribution="rectangular")], 0.0, 6,
          2.0 * math.sqrt(2.0 / 3.0), 4.0 * (1.0 - math.sqrt(0.05))),
     ],
 )  # fmt: skip
 def test_the_interval_is_that_of_the_sum_of_the_errors(
-    sources: list[dict[str, Any]], scatter: float, periods: int, standard: float, expanded: float
+    sources: list[dict[str, Any]], scatter: float, dof: float, standard: float, expanded: float
 ) -> None:
     """Drawn 20,000 times: the half width scatters by 0.7 %."""
-    found = half_width(sources, scatter, periods)
+    found = half_width(sources, scatter, dof)
     assert found[0] == pytest.approx(standard)
     assert found[1] == pytest.approx(expanded, rel=0.02)
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rig.analysis.intervals import combined_half_width
 from rig.config.uncertainty import UncertaintyBudget
+from rig.presentation.phrases import format_power
 from rig.recording.runs.folder import RunInfo
 from rig.stations import Station
 
@@ -236,13 +237,15 @@ def uncertainty_texts(table: Any) -> tuple[str, ...]:
         )
         sizes = np.abs(best["contributions_w"])
         if not np.isfinite(half):
-            lines.append(f"{label}: {power:.4g} W, Type B ± {type_b:.2g} W (standard), no scatter")
+            lines.append(
+                f"{label}: {format_power(power)}, Type B ± {type_b:.2g} W (standard), no scatter"
+            )
             continue
         parts = dict(zip([*budget["sources"], "scatter"], [*sizes, scatter], strict=True))
         largest = max(parts, key=lambda part: float(parts[part]))
         share = 100.0 * float(parts[largest]) ** 2 / (type_b**2 + scatter**2)
         lines.append(
-            f"{label}: {power:.4g} ± {half:.2g} W in row {best['row']}; largest source {largest}, "
+            f"{label}: {format_power(power, half)} in row {best['row']}; largest source {largest}, "
             f"{share:.0f} % of the variance"
         )
     return tuple(lines)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray
 from command_here import rig
 from made_once import made_once
 from matplotlib.image import imread
@@ -198,6 +199,33 @@ def test_a_run_has_the_uncertainty_of_its_rows(tmp_path_factory: pytest.TempPath
     with (run / "rows.csv").open() as file:
         assert "power_dc_expanded [W]" in next(csv.reader(file))
     assert imread(run / "uncertainty.png").shape[0] > 500
+
+
+def test_files_have_the_contributions_and_the_intervals(
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    """xarray reads the table, mat4py the structure of `rig export`; rows.csv has the same."""
+    (run,) = (made_once(tmp_path_factory, "budget", make_run) / "runs").iterdir()
+    with xarray.open_dataset(run / "rows.nc") as table:
+        shares = table["power_ac_contributions"]
+        assert shares.dims == ("row", "source")
+        assert table["source"].values[-1] == "power analyser, DC"
+        analyser = shares.sel(source="power analyser, AC")  # half width 0.5 W, in every row
+        np.testing.assert_allclose(analyser.values, 0.5 / math.sqrt(3.0))
+        scale = shares.sel(source="power analyser, common scale") / table["power_ac"]
+        np.testing.assert_allclose(scale.values, 0.001 / math.sqrt(3.0), rtol=1e-6)
+        squares = (shares * shares).sum("source")
+        np.testing.assert_allclose(np.sqrt(squares.values), table["power_ac_type_b"].values)
+    with (run / "rows.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert not any("contributions" in name for name in lines[0])
+    done = rig("export", run, "--as", "mat", "-o", tmp_path / "run.mat")
+    assert done.returncode == 0, done.stderr
+    rows = pytest.importorskip("mat4py").loadmat(str(tmp_path / "run.mat"))["rigRows"]
+    assert np.ravel(rows["kp"]).tolist() == [-2000.0, -2000.0]
+    for name in ("", "_se", "_type_b", "_u", "_expanded"):
+        written = [float(line[f"power_dc{name} [W]"]) for line in lines]
+        np.testing.assert_allclose(np.ravel(rows[f"power_dc{name}"]), written, rtol=1e-9)
 
 
 def test_an_unknown_signal_is_named(tmp_path: Path) -> None:

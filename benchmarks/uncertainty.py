@@ -32,7 +32,7 @@ def measure(short: bool = False) -> Result:
         run = _rehearse(Path(folder))
         source = open_files(run)
         info = run_info(run, source.contents)
-        budget = budget_of(info, [leaf.name for leaf in source.leaves])
+        budget = budget_of(info.config, info.row_contents, [leaf.name for leaf in source.leaves])
         assert budget is not None, "the rig file names a budget"
         windows = list(read_windows(source, ["tick", *budget.log_fields], info.plan))
     period = 1.0 / float(info.plan["sea"]["frequency_hz"]) / float(info.plan["dt"])

@@ -270,7 +270,7 @@ def row_table(
         stations=tuple(s for s in contents.stations if f"power.{s.name}" in available)
     )
     units, settings = column_units(contents), [column.name for column in contents.settings]
-    budget = budget_of(run_facts, available)
+    budget = budget_of(run_facts.config, run_facts.row_contents, available)
     shares: dict[int, Any] = {}  # contributions of the sources of the budget, by row
     fields = table_fields(contents, available)
     if budget is not None:

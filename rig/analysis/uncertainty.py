@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rig.analysis.intervals import combined_half_width
 from rig.config.uncertainty import UncertaintyBudget
 from rig.presentation.phrases import format_power
-from rig.recording.runs.folder import RunInfo
+from rig.row_contents import RowContents
 from rig.stations import Station
 
 Floats = NDArray[np.float64]
@@ -111,14 +111,16 @@ class Budget(NamedTuple):
         )
 
 
-def budget_of(run_facts: RunInfo, available: Sequence[str]) -> Budget | None:
+def budget_of(
+    config: Mapping[str, Any], contents: RowContents, available: Sequence[str]
+) -> Budget | None:
     """Return the budget in the configuration of a run; None without one, or without its signals.
 
-    ``available``: log fields of the run.
+    ``contents``: of its row table; ``available``: log fields of the run.
     """
-    rig = run_facts.config.get("rig")
+    rig = config.get("rig")
     record = rig.get("uncertainty") if isinstance(rig, dict) else None
-    fields = run_facts.row_contents.signals
+    fields = contents.signals
     if record is None or not fields:
         return None
     budget = UncertaintyBudget.model_validate(record)
@@ -126,11 +128,11 @@ def budget_of(run_facts: RunInfo, available: Sequence[str]) -> Budget | None:
     needed = {
         name: parts
         for name, parts in fields.items()
-        if any(station.uses(name) for station in run_facts.stations)
+        if any(station.uses(name) for station in contents.stations)
     }
     stations = tuple(
         station
-        for station in run_facts.stations
+        for station in contents.stations
         if all(set(needed[n]) <= set(available) for n in needed if station.uses(n))
     )
     if not stations or not names & needed.keys():

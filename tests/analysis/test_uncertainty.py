@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from rehearsing import write_yaml
 from scipy import stats
 
-from rig.analysis.rows import row_table
+from rig.analysis.rows import row_table, stations_of
 from rig.analysis.uncertainty import (
     BUDGET_ATTRIBUTE,
     Budget,
@@ -29,6 +29,8 @@ from rig.analysis.uncertainty import (
 from rig.config.problems import ConfigError
 from rig.config.uncertainty import UncertaintyBudget
 from rig.kinds.wavebot.campaign import open_campaign
+from rig.page.subject import replay
+from rig.recording.runs import open_run
 from rig.stations import Station
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -226,6 +228,34 @@ def test_files_have_the_contributions_and_the_intervals(
     for name in ("", "_se", "_type_b", "_u", "_expanded"):
         written = [float(line[f"power_dc{name} [W]"]) for line in lines]
         np.testing.assert_allclose(np.ravel(rows[f"power_dc{name}"]), written, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ticks", [50, 3000])
+def test_the_page_has_the_intervals_of_the_table(
+    tmp_path_factory: pytest.TempPathFactory, ticks: int
+) -> None:
+    """From sums that grow with the log, in portions of a poll and of a fast replay."""
+    (run,) = (made_once(tmp_path_factory, "budget", make_run) / "runs").iterdir()
+    subject, table = replay(run), row_table(run)
+    assert subject.describe()["budget"] == "wavebot"
+    names = [leaf.name for leaf in subject.tap.leaves]
+    log = open_run(run, fields=names)
+    rows = np.stack([log[name].values for name in names], axis=1)
+    intervals = subject.watch.new_intervals()
+    found = {}
+    for begin in range(0, len(rows), ticks):
+        found |= subject.watch.powers_in(rows[begin : begin + ticks], intervals)
+    for number in (0, 1):
+        expected = [
+            float(table[f"power_{station.name}_expanded"].values[number])
+            for station in stations_of(table)
+        ]
+        assert found[number].half_widths == pytest.approx(expected, rel=0.006)
+    # A page that began within row 0 does not know its scatter.
+    first = int(np.flatnonzero(rows[:, names.index("power.samples")] == 2000.0)[0])
+    late = subject.watch.powers_in(rows[first:], subject.watch.new_intervals())
+    assert set(late[0].half_widths) == {None}
+    assert late[1].half_widths == found[1].half_widths
 
 
 def test_an_unknown_signal_is_named(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from rig.analysis import labels
 from rig.analysis.intervals import CONFIDENCE, combined_half_width
-from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.points import Matrix, degrees_of_freedom, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
 from rig.presentation import phrases
@@ -293,7 +293,7 @@ def compute_effects(table: xarray.Dataset, name: str) -> Effects | None:
     point_ids = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     # Not of errors by repetitions, which come first.
     by_periods = table["periods"].values[complete] >= 2
-    dofs = table[f"power_{name}_dof"].values[complete] if by_periods.any() else np.zeros(1)
+    dofs = np.where(by_periods, degrees_of_freedom(table, name)[complete], 0.0)
     return main_effects(
         find(stations_of(table), name),
         columns,
@@ -301,7 +301,7 @@ def compute_effects(table: xarray.Dataset, name: str) -> Effects | None:
         power[complete],
         [point_ids[key] for key in keys],
         table[f"power_{name}_se"].values[complete],
-        np.where(by_periods, dofs, 0.0),
+        dofs,
         _shared_errors(table, name, complete),
     )
 

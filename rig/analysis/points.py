@@ -117,6 +117,17 @@ def row_settings(table: xarray.Dataset) -> list[Setting]:
     ]
 
 
+def degrees_of_freedom(table: xarray.Dataset, name: str) -> Floats:
+    """Return those of a station's standard errors by row.
+
+    They are infinite in a table without: that of a sweep by an earlier version.
+    """
+    key = f"power_{name}_dof"
+    if key in table:
+        return np.asarray(table[key].values)
+    return np.full(table.sizes["row"], np.inf)
+
+
 def gain_matrix(table: xarray.Dataset) -> Matrix:
     """Return the gain matrix of a row table; rows with equal set points form one point.
 
@@ -127,6 +138,7 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
     if "state" not in table or table.sizes["row"] == 0:
         return Matrix((), (), matrix_columns, stations)
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
+    columns |= {f"power_{each.name}_dof": degrees_of_freedom(table, each.name) for each in stations}
     budget = json.loads(table.attrs.get(BUDGET_ATTRIBUTE, "{}"))
     distributions = tuple(budget.get("distributions", ()))
     settings = row_settings(table)
@@ -178,8 +190,7 @@ def _point(
             error[name], dof[name] = standard_error(means), len(means) - 1.0
         else:
             error[name] = float(columns[f"power_{name}_se"][rows[0]])
-            dofs = columns.get(f"power_{name}_dof", np.full(rows[0] + 1, np.inf))
-            dof[name] = float(dofs[rows[0]])  # of a table without: an error from elsewhere
+            dof[name] = float(columns[f"power_{name}_dof"][rows[0]])
         if (shares := columns.get(f"power_{name}_{CONTRIBUTIONS}")) is not None:
             type_b[name] = np.array([shares[group].mean(axis=0) for group in in_sea.values()])
     return Point(

@@ -112,7 +112,6 @@ def _rows_at(table: xarray.Dataset, indices: dict[str, int]) -> xarray.Dataset:
     for name in station_names(stations_of(table)):
         if f"power_{name}" in rows:
             rows[f"power_{name}_se"] = rows.get(f"power_{name}_se", rows[f"power_{name}"] * np.nan)
-            rows[f"power_{name}_dof"] = rows.get(f"power_{name}_dof", rows["periods"] - 1.0)
     return rows
 
 

@@ -14,6 +14,7 @@ from benchmarks.support.campaigns import write_yaml
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import row_table
+from rig.analysis.scatter import successive_error
 from rig.realtime import assessment, sequence
 from rig.realtime.sequence import MEASURE
 
@@ -170,6 +171,6 @@ def _noise(scatter: float, correlation: float, dice: np.random.Generator) -> NDA
 
 
 def _covers(measured: NDArray[np.float64], power: float) -> bool:
-    error = measured.std(ddof=1) / np.sqrt(len(measured))
-    half = stats.t.ppf(0.975, len(measured) - 1) * error
+    scatter = successive_error(measured)
+    half = stats.t.ppf(0.975, scatter.dof) * scatter.error
     return bool(abs(measured.mean() - power) <= half)

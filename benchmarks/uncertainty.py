@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.support.campaigns import write_yaml
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.analysis.rows import period_means, standard_error
+from rig.analysis.scatter import period_means, successive_error
 from rig.analysis.uncertainty import Budget, add_expanded, budget_of, type_b
 from rig.config.uncertainty import UncertaintySource
 from rig.recording.runs import run_info
@@ -32,7 +32,7 @@ def measure(short: bool = False) -> Result:
         run = _rehearse(Path(folder))
         source = open_files(run)
         info = run_info(run, source.contents)
-        budget = budget_of(info, [leaf.name for leaf in source.leaves])
+        budget = budget_of(info.config, info.row_contents, [leaf.name for leaf in source.leaves])
         assert budget is not None, "the rig file names a budget"
         windows = list(read_windows(source, ["tick", *budget.log_fields], info.plan))
     period = 1.0 / float(info.plan["sea"]["frequency_hz"]) / float(info.plan["dt"])
@@ -83,15 +83,16 @@ def _covered(
         true = _powers(budget, window.data)
         measured = _with_errors(budget, window.data, errors)
         contributions = budget.contributions(measured)
-        row: dict[str, Any] = {"row": 0, "periods": 0} | type_b(budget, contributions)
+        row: dict[str, Any] = {"row": 0} | type_b(budget, contributions)
         powers = _powers(budget, measured)
         for name, values in powers.items():
             means = period_means(values, window.data["tick"], period)
             means = means + SCATTER * abs(means.mean()) * dice.standard_normal(len(means))
+            scatter = successive_error(means)
             row |= {
                 f"power_{name}": means.mean(),
-                f"power_{name}_se": standard_error(means),
-                "periods": len(means),
+                f"power_{name}_se": scatter.error,
+                f"power_{name}_dof": scatter.dof,
             }
         add_expanded(budget, [row], {0: contributions})
         for name, values in true.items():

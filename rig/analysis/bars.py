@@ -13,7 +13,7 @@ import xarray
 from matplotlib.axes import Axes
 
 from rig.analysis import labels
-from rig.analysis.points import Matrix, row_settings, varied_columns
+from rig.analysis.points import PERCENT, Matrix, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases, picture
 from rig.presentation.picture import ACCENT, DARK, MUTED
@@ -52,7 +52,8 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
 
     The panels show the last two stations of the pictures; the last one defines the best row.
 
-    Whiskers are standard errors. Raises ValueError if no row is complete.
+    Whiskers are standard errors, or 95 % intervals by a budget. Raises ValueError if no row is
+    complete.
     """
     positions = row_order(table, sort) if "state" in table else []
     if not positions:
@@ -69,9 +70,11 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     )
     if modulation := table.attrs.get("modulation"):
         subtitle += f"; modulation {modulation}"
-    note = "negative is absorbed; whiskers are ± standard error"
+    has_budget = any(_error_column(table, each) != f"power_{each.name}_se" for each in stations)
+    note = f"negative is absorbed; whiskers are ± {PERCENT if has_budget else 'standard error'}"
     if (table["periods"].values[positions] >= 2).any():
         note += " by scatter of wave periods"
+    note += " and Type B" * has_budget
     figure, body = picture.framed_figure(
         width, sum(heights) + 0.4, title, table.attrs, note, subtitle
     )
@@ -102,9 +105,15 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     return picture.save(figure, path)
 
 
+def _error_column(table: xarray.Dataset, station: Station) -> str:
+    """Return the column of the whiskers: the expanded uncertainty, or the standard error."""
+    expanded = f"power_{station.name}_expanded"
+    return expanded if expanded in table else f"power_{station.name}_se"
+
+
 def _draw_power(axes: Axes, table: xarray.Dataset, positions: list[int], station: Station) -> None:
     power = table[f"power_{station.name}"].values[positions]
-    errors = table[f"power_{station.name}_se"].values[positions]
+    errors = table[_error_column(table, station)].values[positions]
     colours = [_CONSUMED_COLOUR if value > 0.0 else _ABSORBED_COLOUR for value in power]
     axes.bar(np.arange(len(positions)), power, width=0.8, color=colours)
     known_errors = np.flatnonzero(np.isfinite(errors))
@@ -144,7 +153,7 @@ def _mark_best(
         axes.axvspan(best - 0.5, best + 0.5, color=ACCENT, alpha=0.13, lw=0, zorder=0)
     row = positions[best]
     value = phrases.format_power(
-        float(power[best]), float(table[f"power_{station.name}_se"].values[row])
+        float(power[best]), float(table[_error_column(table, station)].values[row])
     )
     centre = 0.5 * len(positions)
     text_side: dict[str, Any] = {"ha": "left" if best < centre else "right", "va": "bottom"}

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from rig.analysis.rows import stations_of
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE
-from rig.presentation import picture
+from rig.presentation import phrases, picture
 from rig.presentation.picture import DARK
 
 _TYPE_B, _TYPE_A = "#1d6fa5", "#d9a441"
@@ -42,10 +42,11 @@ def write_budget(table: xarray.Dataset, path: Path) -> Path:
         row = table["row"].values.tolist().index(budget["best"][station.name]["row"])
         power = float(table[f"power_{station.name}"].values[row])
         half = float(table[f"power_{station.name}_expanded"].values[row])
-        interval = f" ± {half:.2g} W (95 %)" if np.isfinite(half) else " W, interval unknown"
+        interval = "(95 %)" if np.isfinite(half) else "(interval unknown)"
         _draw(axes, parts)
         axes.set_title(
-            f"{station.label}, row {table['row'].values[row]}: {power:.4g}{interval}",
+            f"{station.label}, row {table['row'].values[row]}: "
+            f"{phrases.format_power(power, half)} {interval}",
             loc="left",
             fontsize=9,
         )
@@ -61,7 +62,7 @@ def _contributions(
     pairs = zip(budget["sources"], best["contributions_w"], strict=True)
     largest = max(map(abs, best["contributions_w"]), default=0.0)
     # A source that does not act on the station, and one that cancels, are no contributions.
-    found = [(name, abs(each), _TYPE_B) for name, each in pairs if abs(each) > 1e-6 * largest]
+    found = [(name, abs(each), _TYPE_B) for name, each in pairs if abs(each) > 1e-4 * largest]
     row = table["row"].values.tolist().index(best["row"])
     scatter = float(table[f"power_{station}_se"].values[row])
     if np.isfinite(scatter):
@@ -76,7 +77,7 @@ def _draw(axes: Axes, parts: list[tuple[str, float, str]]) -> None:
     axes.set_yticks(places, [name for name, *_ in parts], fontsize=8)
     for place, size in zip(places, sizes, strict=True):
         axes.annotate(
-            f"{size:.2g}",
+            f"{size:.2g}".replace("-", "\N{MINUS SIGN}"),
             (size, float(place)),
             xytext=(4, 0),
             textcoords="offset points",

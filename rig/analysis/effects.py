@@ -15,20 +15,28 @@ following sources that the rows provide:
 The misfit is always reported as well, because neither repetitions nor periods contain interactions
 and curvature.
 
+An effect is a weighted sum of rows. Errors of a budget (Type B) are the same in all rows of a run,
+so the contribution of each source to the effect is that sum of its signed contributions to the
+rows, and is part of the interval (GUM 5.2.2): an error of scale changes an effect by its
+percentage, an offset hardly at all.
+
 A categorical column, such as the realisation of a reference, has no effect of its own. Rows that
 differ in nothing else are repetitions; their scatter is, say, the effect of the phases.
 """
 
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
+from numpy.typing import NDArray
 
 from rig.analysis import labels
-from rig.analysis.points import Matrix, row_settings, varied_columns
-from rig.analysis.ranking import CONFIDENCE, half_width
+from rig.analysis.intervals import CONFIDENCE, combined_half_width
+from rig.analysis.points import Matrix, degrees_of_freedom, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
+from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
 from rig.presentation import phrases
 from rig.recording.table_file import write_table
 from rig.row_contents import CATEGORICAL, Column, main_columns
@@ -58,7 +66,8 @@ class Effect(NamedTuple):
     watts: float  # change of power from low to high; negative: more is absorbed at high
     standard_error: float  # W
     dof: float
-    half_width: float  # W, of the interval
+    type_b: float  # W, standard uncertainty by the budget; 0 without one
+    half_width: float  # W, of the interval by both
     misfit_half_width: float  # W, by the misfit; NaN without residual degrees of freedom
 
     @property
@@ -82,6 +91,7 @@ class Effects(NamedTuple):
     effects: tuple[Effect, ...]  # the largest first
     rows: int
     source: str  # of the standard errors of the intervals
+    has_budget: bool  # which the intervals contain
     scatter: float  # W, root mean square of the rows' standard errors by that source
     misfit: float  # W, residual standard deviation of the linear fit
     misfit_dof: int
@@ -102,6 +112,24 @@ class Effects(NamedTuple):
         """
         known = [h for h in (self.lead_half_width, self.lead_misfit_half_width) if np.isfinite(h)]
         return bool(known and self.lead > max(known))
+
+
+class SharedErrors(NamedTuple):
+    """The Type B errors that all rows of a run share."""
+
+    contributions: Floats  # W, signed, shape (rows, sources)
+    distributions: tuple[str, ...]  # of the sources; empty without a budget
+
+    def of_sum(self, weights: Floats) -> Floats:
+        """Return the contributions of the sources to a weighted sum of rows, W."""
+        return weights @ self.contributions if self.distributions else np.zeros(0)
+
+    def half_width(self, error: float, dof: float, weights: Floats) -> float:
+        """Return the half width of the interval of a weighted sum, W, by these and a scatter."""
+        return combined_half_width(error, dof, self.of_sum(weights), self.distributions)
+
+
+NO_BUDGET = SharedErrors(np.zeros((0, 0)), ())
 
 
 class LinearFit(NamedTuple):
@@ -154,23 +182,23 @@ def weighted_sum_error(weights: Floats, variances: RowVariances) -> tuple[float,
 
 
 def row_variances(
-    response: Floats, points: list[int], errors: Floats, periods: Floats, fit: LinearFit
+    response: Floats, points: list[int], errors: Floats, dofs: Floats, fit: LinearFit
 ) -> RowVariances:
     """Return the row variances from the first available source; see the module docstring.
 
     For each row: ``points`` is the number of its point, ``errors`` its standard error (W) from wave
-    periods, ``periods`` the number of periods (fewer than 2: no standard error).
+    periods, ``dofs`` its degrees of freedom (less than 1: no standard error).
     """
     groups = np.array(points)
     means = np.array([response[groups == one].mean() for one in groups])
     dof = len(groups) - len(set(points))
     pooled = float(np.sum((response - means) ** 2) / dof) if dof else float("nan")
-    has_period_errors = bool(np.all(periods >= 2) and np.all(np.isfinite(errors)))
+    has_period_errors = bool(np.all(dofs >= 1.0) and np.all(np.isfinite(errors)))
     if dof >= _MIN_REPETITION_DOF or (dof and not has_period_errors):
         variance = np.full(len(response), pooled)
         return RowVariances(REPETITIONS, variance, np.array(float(dof)), True)
     if has_period_errors:
-        return RowVariances(PERIODS, errors**2, periods - 1.0, False)
+        return RowVariances(PERIODS, errors**2, dofs, False)
     return fit.variances
 
 
@@ -181,15 +209,16 @@ def main_effects(
     response: Floats,
     points: list[int],
     errors: Floats,
-    periods: Floats,
+    dofs: Floats,
+    shared: SharedErrors = NO_BUDGET,
 ) -> Effects:
     """Return the effects of ``columns`` on ``response`` (W, by row).
 
-    ``levels`` (rows, columns) are the values of the columns. The other arguments are those of
-    `row_variances`.
+    ``levels`` (rows, columns) are the values of the columns, ``shared`` the errors that all rows
+    share. The other arguments are those of `row_variances`.
     """
     fit = fit_lines(levels, response)
-    variances = row_variances(response, points, errors, periods, fit)
+    variances = row_variances(response, points, errors, dofs, fit)
     unknown = float("nan"), float("nan")
     estimates = []
     for column, watts, weights, values in zip(
@@ -206,8 +235,9 @@ def main_effects(
                 float(values.max()),
                 watts,
                 *error,
-                half_width(*error),
-                half_width(*by_misfit),
+                float(np.linalg.norm(shared.of_sum(weights))),
+                shared.half_width(*error, weights),
+                shared.half_width(*by_misfit, weights),
             )
         )
     order = np.argsort(-np.nan_to_num(np.abs(fit.effects), nan=-1.0), kind="stable").tolist()
@@ -216,14 +246,17 @@ def main_effects(
         tuple(estimates[i] for i in order),
         len(response),
         variances.source,
+        bool(shared.distributions),
         float(np.sqrt(variances.variance.mean())),
         fit.misfit,
         fit.misfit_dof,
-        *_lead(fit, variances, order),
+        *_lead(fit, variances, order, shared),
     )
 
 
-def _lead(fit: LinearFit, variances: RowVariances, order: list[int]) -> tuple[float, float, float]:
+def _lead(
+    fit: LinearFit, variances: RowVariances, order: list[int], shared: SharedErrors
+) -> tuple[float, float, float]:
     """Return the lead of the first effect over the second and its half width by both errors."""
     if len(order) < 2 or not np.isfinite(fit.effects[order[:2]]).all():
         return float("nan"), float("nan"), float("nan")
@@ -231,7 +264,8 @@ def _lead(fit: LinearFit, variances: RowVariances, order: list[int]) -> tuple[fl
     weights = sign[0] * fit.weights[order[0]] - sign[1] * fit.weights[order[1]]
     lead = float(np.abs(fit.effects[order[0]]) - np.abs(fit.effects[order[1]]))
     by_scatter, by_misfit = (
-        half_width(*weighted_sum_error(weights, source)) for source in (variances, fit.variances)
+        shared.half_width(*weighted_sum_error(weights, source), weights)
+        for source in (variances, fit.variances)
     )
     return lead, by_scatter, by_misfit
 
@@ -257,6 +291,9 @@ def compute_effects(table: xarray.Dataset, name: str) -> Effects | None:
         return None
     keys = [tuple(each.items()) for each in settings_used]
     point_ids = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    # Not of errors by repetitions, which come first.
+    by_periods = table["periods"].values[complete] >= 2
+    dofs = np.where(by_periods, degrees_of_freedom(table, name)[complete], 0.0)
     return main_effects(
         find(stations_of(table), name),
         columns,
@@ -264,8 +301,18 @@ def compute_effects(table: xarray.Dataset, name: str) -> Effects | None:
         power[complete],
         [point_ids[key] for key in keys],
         table[f"power_{name}_se"].values[complete],
-        table["periods"].values[complete].astype(np.float64),
+        dofs,
+        _shared_errors(table, name, complete),
     )
+
+
+def _shared_errors(table: xarray.Dataset, name: str, rows: NDArray[np.int64]) -> SharedErrors:
+    """Return the Type B errors of a station's power in some rows of a table."""
+    contributions = table.get(f"power_{name}_{CONTRIBUTIONS}")
+    if contributions is None:
+        return NO_BUDGET
+    distributions = json.loads(table.attrs[BUDGET_ATTRIBUTE])["distributions"]
+    return SharedErrors(contributions.values[rows], tuple(distributions))
 
 
 def is_designed(matrix: Matrix) -> bool:
@@ -294,7 +341,7 @@ def effect_notes(effects: Effects) -> list[str]:
     else:
         dof_text = f"at least {min(dofs):.0f} dof" if dofs else "no dof"
         source = f"scatter of {effects.source} ({dof_text})"
-    notes = [f"± is the {percent} interval by {source}"]
+    notes = [f"± is the {percent} interval by {source}{' and Type B' * effects.has_budget}"]
     if effects.misfit_dof > 0:
         misfit, scatter = _format_magnitude(effects.misfit), _format_magnitude(effects.scatter)
         line = (
@@ -359,6 +406,7 @@ def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
             "rows": effects.rows,
             "confidence": CONFIDENCE,
             "error_by": effects.source,
+            "type_b_included": effects.has_budget,
             "row_scatter_w": effects.scatter,
             "misfit_w": effects.misfit,
             "misfit_dof": effects.misfit_dof,
@@ -376,6 +424,7 @@ def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
                     "effect_w": e.watts,
                     "standard_error_w": e.standard_error,
                     "dof": e.dof,
+                    "type_b_w": e.type_b,
                     "half_width_w": e.half_width,
                     "half_width_by_misfit_w": e.misfit_half_width,
                 }
@@ -399,6 +448,7 @@ def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
             "effect [W]": e.watts,
             "standard error [W]": e.standard_error,
             "dof": e.dof,
+            "type B [W]": e.type_b,
             "interval from [W]": e.watts - e.half_width,
             "interval to [W]": e.watts + e.half_width,
             "error by": effects.source,

@@ -126,7 +126,7 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
             figure.add_artist(Line2D((_LEFT, _RIGHT), (rule, rule), color="#cfd6dc", lw=0.7))
         cells = (
             optimum.station.label if optimum.station.name != last_name else "",
-            phrases.format_power(optimum.power, optimum.error),
+            optimum.power_text,
             *(
                 phrases.format_signed(value) if isfinite(value) else ""
                 for _, value in labels.best_values(summary.main, optimum.point)

@@ -29,7 +29,6 @@ from rig.analysis.slices import (
     spans_surface,
     triangulate,
 )
-from rig.presentation import phrases
 from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, style_axes
 from rig.row_contents import Column, X, Y
 
@@ -152,7 +151,7 @@ def _draw_line(axes: Axes, slice_: Slice, best: Optimum) -> None:
     order = np.argsort([coordinates[axis] for coordinates in slice_.xy])
     x = [slice_.xy[i][axis] * factor for i in order]
     y = [slice_.points[i].power[slice_.station.name] for i in order]
-    errors = np.nan_to_num([slice_.points[i].error[slice_.station.name] for i in order])
+    errors = np.nan_to_num([slice_.points[i].shown_error(slice_.station.name) for i in order])
     axes.errorbar(x, y, yerr=errors, fmt="o-", color=DARK, ms=3.5, lw=1.0, capsize=2)
     mark_best(axes, best.point.setting[column.name] * factor, best.power)
     missing = [coordinates[axis] * factor for coordinates in slice_.missing]
@@ -181,7 +180,7 @@ def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
         )
         set_caption(
             axes,
-            f"{phrases.format_power(slice_.best.power, slice_.best.error)} at {set_point}\n"
+            f"{slice_.best.caption} at {set_point}\n"
             f"all {len(slice_.points)} points, other columns differ: not interpolated",
         )
     axes.set_ylabel(labels.axis_label(slice_.y), fontsize=8)
@@ -206,7 +205,7 @@ def format_caption(
     best = slice_.best
     if best is None:
         return ""
-    text = phrases.format_power(best.power, best.error)
+    text = best.caption
     if not compact:
         axes = (slice_.y, slice_.x)
         gains = (f"{c.label} {_format_coordinate(c, best.point.setting[c.name])}" for c in axes)
@@ -273,7 +272,7 @@ def draw_overlay(
         return
     axis = line_axis(slice_)
     positions = [display_xy(slice_, [coordinates])[0][axis] for coordinates in xy]
-    errors = np.nan_to_num([p.error[slice_.station.name] for p in points])
+    errors = np.nan_to_num([p.shown_error(slice_.station.name) for p in points])
     axes.errorbar(
         positions, power, yerr=errors, fmt="s", ms=8, mfc="none", color=ACCENT, capsize=2, **style
     )

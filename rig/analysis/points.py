@@ -1,15 +1,21 @@
 """Points of the gain matrix: planned and measured set points, and the columns that vary."""
 
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 
-from rig.analysis.rows import COMPLETE, columns_of, standard_error, stations_of
+from rig.analysis.intervals import CONFIDENCE, Floats, combined_half_width
+from rig.analysis.rows import COMPLETE, columns_of, stations_of
+from rig.analysis.scatter import standard_error
+from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
+from rig.presentation import phrases
 from rig.row_contents import PANEL, Column, with_role
 from rig.stations import Station, station_names
 
+PERCENT = f"{100.0 * CONFIDENCE:g} %"
 Setting = dict[str, float]
 """A set point by column name; unknown columns are absent."""
 
@@ -24,6 +30,39 @@ class Point(NamedTuple):
     actuator: float = float("nan")  # position of the actuator of the panel column
     dof: dict[str, float] = {}  # noqa: RUF012 (degrees of freedom of `error` by station)
     by_seed: dict[int, dict[str, float]] = {}  # noqa: RUF012 (W, by seed of the sea and station)
+    type_b: dict[str, Floats] = {}  # noqa: RUF012 (W, by station; shape: seas, sources of a budget)
+    distributions: tuple[str, ...] = ()  # of the errors of these sources
+
+    def contributions(self, name: str, seeds: Sequence[int] = ()) -> Floats:
+        """Return the signed Type B contributions to the power of a station, W; empty without any.
+
+        They are the mean over the rows, or over those in the seas of ``seeds``: all rows have the
+        same errors, so repetitions and seas average the scatter, but not these.
+        """
+        if name not in self.type_b:
+            return np.zeros(0)
+        listed = list(self.by_seed)
+        found = self.type_b[name][[listed.index(each) for each in seeds] or slice(None)]
+        return np.asarray(found.mean(axis=0))
+
+    def expanded(self, name: str) -> float:
+        """Return the half width of the 95 % interval of a power by scatter and budget, W.
+
+        NaN where the scatter is unknown.
+        """
+        error, dof = self.error[name], self.dof.get(name, np.inf)
+        return combined_half_width(error, dof, self.contributions(name), self.distributions)
+
+    def shown_error(self, name: str) -> float:
+        """Return what people see after ±, W: the expanded uncertainty where a budget is known.
+
+        Without one it is the standard error; `error_note` names which.
+        """
+        return self.expanded(name) if name in self.type_b else self.error[name]
+
+    def power_text(self, name: str) -> str:
+        """Return the power at a station with its `shown_error` as text."""
+        return phrases.format_power(self.power[name], self.shown_error(name))
 
 
 class Matrix(NamedTuple):
@@ -78,6 +117,17 @@ def row_settings(table: xarray.Dataset) -> list[Setting]:
     ]
 
 
+def degrees_of_freedom(table: xarray.Dataset, name: str) -> Floats:
+    """Return those of a station's standard errors by row.
+
+    They are infinite in a table without: that of a sweep by an earlier version.
+    """
+    key = f"power_{name}_dof"
+    if key in table:
+        return np.asarray(table[key].values)
+    return np.full(table.sizes["row"], np.inf)
+
+
 def gain_matrix(table: xarray.Dataset) -> Matrix:
     """Return the gain matrix of a row table; rows with equal set points form one point.
 
@@ -88,6 +138,9 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
     if "state" not in table or table.sizes["row"] == 0:
         return Matrix((), (), matrix_columns, stations)
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
+    columns |= {f"power_{each.name}_dof": degrees_of_freedom(table, each.name) for each in stations}
+    budget = json.loads(table.attrs.get(BUDGET_ATTRIBUTE, "{}"))
+    distributions = tuple(budget.get("distributions", ()))
     settings = row_settings(table)
     planned: dict[tuple[tuple[str, float], ...], Setting] = {}
     members: dict[tuple[tuple[str, float], ...], list[int]] = {}
@@ -106,7 +159,7 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
             rows,
             station_names(stations),
             float(columns[actuator.name][rows[0]]) if actuator else float("nan"),
-        )
+        )._replace(distributions=distributions)
         for rows in members.values()
     )
     return Matrix(points, tuple(planned.values()), matrix_columns, stations)
@@ -123,6 +176,7 @@ def _point(
         int(seed): [r for r, s in zip(rows, seeds, strict=True) if s == seed] for seed in seeds
     }
     power, error, dof = dict[str, float](), dict[str, float](), dict[str, float]()
+    type_b = dict[str, Floats]()
     by_seed: dict[int, dict[str, float]] = {seed: {} for seed in in_sea} if len(in_sea) > 1 else {}
     for name in names:
         values = columns[f"power_{name}"]
@@ -136,10 +190,11 @@ def _point(
             error[name], dof[name] = standard_error(means), len(means) - 1.0
         else:
             error[name] = float(columns[f"power_{name}_se"][rows[0]])
-            periods = float(columns["periods"][rows[0]]) if "periods" in columns else 0.0
-            dof[name] = periods - 1.0 if periods >= 2.0 else np.inf  # an error from elsewhere
+            dof[name] = float(columns[f"power_{name}_dof"][rows[0]])
+        if (shares := columns.get(f"power_{name}_{CONTRIBUTIONS}")) is not None:
+            type_b[name] = np.array([shares[group].mean(axis=0) for group in in_sea.values()])
     return Point(
-        setting, power, error, tuple(columns["row"][rows].tolist()), actuator, dof, by_seed
+        setting, power, error, tuple(columns["row"][rows].tolist()), actuator, dof, by_seed, type_b
     )
 
 
@@ -151,3 +206,13 @@ def error_source(points: Iterable[Point]) -> str:
         if any(np.isfinite(error) for error in point.error.values())
     }
     return f"scatter of {' and '.join(sorted(sources))}" if sources else ""
+
+
+def error_note(points: Iterable[Point]) -> str:
+    """Return what the ± of the points is as text; empty if no error is known."""
+    points = tuple(points)
+    if not (source := error_source(points)):
+        return ""
+    if any(point.type_b for point in points):
+        return f"± {PERCENT} by {source} and Type B"
+    return f"± standard error by {source}"

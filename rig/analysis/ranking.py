@@ -2,26 +2,19 @@
 
 Two points that were measured in the same seas are compared sea by sea: the differences between seas
 are larger than those between points, and cancel. Without several seeds, the errors of both points
-count (Welch's test). A difference is significant if its two-sided 95 % interval by Student's
-distribution is without zero.
+count (Welch's test). Errors of a budget (Type B) are the same in all rows of a run: of each source,
+the difference has the difference of its signed contributions, which for equal powers is almost zero
+(the covariance term of the GUM, 5.2.2). A difference is significant if its two-sided 95 % interval
+is without zero.
 """
 
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.special import stdtrit
 
+from rig.analysis.intervals import combined_half_width
 from rig.analysis.points import Point
-from rig.analysis.rows import standard_error
-
-CONFIDENCE = 0.95
-
-
-def half_width(error: float, dof: float) -> float:
-    """Return the half width of Student's interval; NaN without a degree of freedom."""
-    if not dof > 0.0:
-        return float("nan")
-    return float(stdtrit(dof, 0.5 + 0.5 * CONFIDENCE) * error)
+from rig.analysis.scatter import standard_error
 
 
 def difference(point: Point, best: Point, name: str) -> tuple[float, float]:
@@ -32,16 +25,18 @@ def difference(point: Point, best: Point, name: str) -> tuple[float, float]:
     seeds = sorted(point.by_seed.keys() & best.by_seed.keys())
     if len(seeds) > 1:
         pairs = np.array([point.by_seed[s][name] - best.by_seed[s][name] for s in seeds])
-        return float(pairs.mean()), half_width(standard_error(pairs), len(pairs) - 1)
+        shares = point.contributions(name, seeds) - best.contributions(name, seeds)
+        error, dof = standard_error(pairs), len(pairs) - 1.0
+        return float(pairs.mean()), combined_half_width(error, dof, shares, point.distributions)
     variances = np.array([each.error[name] ** 2 for each in (point, best)])
     dofs = np.array([each.dof.get(name, np.inf) for each in (point, best)])
     watts, variance = point.power[name] - best.power[name], float(variances.sum())
     if not np.isfinite(variance) or not (dofs > 0).all():
         return watts, float("nan")
-    if variance == 0.0:
-        return watts, 0.0
     spread = float(np.sum(variances**2 / dofs))
-    return watts, half_width(np.sqrt(variance), variance**2 / spread if spread else np.inf)
+    dof = variance**2 / spread if spread else np.inf
+    shares = point.contributions(name) - best.contributions(name)
+    return watts, combined_half_width(np.sqrt(variance), dof, shares, point.distributions)
 
 
 def not_worse(points: Iterable[Point], best: Point, name: str) -> tuple[Point, ...] | None:

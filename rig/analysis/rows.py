@@ -18,11 +18,15 @@ import numpy as np
 
 from rig.analysis import calibrated
 from rig.analysis.calibrated import RECORDED
+from rig.analysis.scatter import UNKNOWN, period_means, successive_error
 from rig.analysis.uncertainty import (
     BUDGET_ATTRIBUTE,
+    SOURCE,
     UNCERTAIN,
+    Budget,
     add_expanded,
     budget_of,
+    contributions_by_station,
     type_b,
 )
 from rig.realtime.limits import LimitFlag, WarningFlag
@@ -121,6 +125,7 @@ def column_units(contents: RowContents) -> dict[str, str]:
     return {
         **{f"power_{station.name}": "W" for station in contents.stations},
         **{f"power_{station.name}_se": "W" for station in contents.stations},
+        **{f"power_{station.name}_dof": "1" for station in contents.stations},
         **{f"power_{station.name}_demeaned": "W" for station in contents.stations if station.force},
         **{
             f"{name}_{kind}": unit
@@ -141,22 +146,6 @@ def wave_period(plan: dict[str, Any]) -> float | None:
         return 1.0 / float(sea["frequency_hz"])
     period = sea.get("period_s") or plan.get("repeat_s") or sea.get("repeat_s")
     return float(period) if period else None
-
-
-def period_means(values: Any, ticks: Any, period_ticks: float) -> Any:
-    """Return the means of ``values`` over each whole period of ``period_ticks`` ticks."""
-    elapsed = ticks - ticks[0]
-    # Windows end on the nearest sample, so the last period may lack half a tick.
-    periods = int((elapsed[-1] + 1.5) / period_ticks)
-    edges = np.searchsorted(elapsed, np.round(np.arange(periods + 1) * period_ticks))
-    nonempty = np.flatnonzero(np.diff(edges))
-    return np.array([values[edges[i] : edges[i + 1]].mean() for i in nonempty])
-
-
-def standard_error(means: Any) -> float:
-    """Return the standard error of the mean of equally weighted means; NaN for fewer than two."""
-    count = len(means)
-    return float(np.std(means, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
 
 
 def flag_names(kind: type[LimitFlag] | type[WarningFlag], values: Any) -> str:
@@ -190,12 +179,13 @@ def reduce_window(
     }
     for station in contents.stations:
         values = data[f"power.{station.name}"]
-        entry[f"power_{station.name}"] = float(values.mean())
-        entry[f"power_{station.name}_se"] = float("nan")
+        scatter = UNKNOWN
         if period_ticks is not None:
             means = period_means(values, data["tick"], period_ticks)
-            entry["periods"] = len(means)
-            entry[f"power_{station.name}_se"] = standard_error(means)
+            entry["periods"], scatter = len(means), successive_error(means)
+        entry[f"power_{station.name}"] = float(values.mean())
+        entry[f"power_{station.name}_se"] = scatter.error
+        entry[f"power_{station.name}_dof"] = scatter.dof
     motion = motion_fields(contents.axis)
     velocity = data[motion["velocity"]]
     for station in contents.stations:
@@ -243,7 +233,7 @@ def _add_repetition_errors(table: list[dict[str, Any]], stations: Iterable[Stati
             if len(rows) > 1:
                 scatter = float(np.std([row[name] for row in rows], ddof=1))
                 for row in rows:
-                    row[f"{name}_se"] = scatter
+                    row[f"{name}_se"], row[f"{name}_dof"] = scatter, len(rows) - 1.0
 
 
 def row_table(
@@ -259,7 +249,7 @@ def row_table(
     units of the variables are in ``attrs``. ``samples`` counts the recorded ticks of a window,
     ``ticks_expected`` the executed ones, ``ticks_missing`` the lost ones. ``stroke`` is peak to
     peak. ``power_*_demeaned`` is mean(F v) - mean(F) mean(v). ``power_*_se`` is the standard error
-    of the mean of that row.
+    of the mean of that row, ``power_*_dof`` its degrees of freedom (`rig.analysis.scatter`).
 
     Rows with a mean position of an axis farther from zero than ``mean_position_alarm`` (m) are
     flagged. ``calibrations`` correct the rows, at most one for each quantity; errors are those
@@ -280,7 +270,7 @@ def row_table(
         stations=tuple(s for s in contents.stations if f"power.{s.name}" in available)
     )
     units, settings = column_units(contents), [column.name for column in contents.settings]
-    budget = budget_of(run_facts, available)
+    budget = budget_of(run_facts.config, run_facts.row_contents, available)
     shares: dict[int, Any] = {}  # contributions of the sources of the budget, by row
     fields = table_fields(contents, available)
     if budget is not None:
@@ -336,6 +326,7 @@ def row_table(
     if budget is not None:
         complete = [row_entry for row_entry in table if row_entry["state"] == COMPLETE]
         add_expanded(budget, complete, shares)
+        shares = {each["row"]: shares[each["row"]] for each in complete}
     dataset = _build_dataset(table, run_facts, units, period, settings)
     attributes = {
         "record": state.description,
@@ -344,9 +335,23 @@ def row_table(
     }
     if budget is not None:
         attributes[BUDGET_ATTRIBUTE] = budget.describe(complete, shares)
+        dataset = dataset.assign(_source_variables(budget, table, shares))
     return dataset.assign_attrs(
         attributes | corrections.attributes, mean_position_alarm_m=mean_position_alarm
     )
+
+
+def _source_variables(
+    budget: Budget, table: list[dict[str, Any]], shares: dict[int, Any]
+) -> dict[str, Any]:
+    """Return the variables over the sources of a budget, and their names as a coordinate."""
+    import xarray  # noqa: PLC0415 - see `_build_dataset`
+
+    names = np.array([source.name for source in budget.budget.sources])
+    return {SOURCE: xarray.Variable(SOURCE, names, fastpath=True)} | {
+        name: xarray.Variable(("row", SOURCE), values, {"units": "W"}, fastpath=True)
+        for name, values in contributions_by_station(budget, table, shares).items()
+    }
 
 
 def _withhold_means(
@@ -436,6 +441,7 @@ def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
             variable.values.tolist()
         )
         for name, variable in table.variables.items()
+        if SOURCE not in variable.dims  # a table has one number in a row and column
     }
     binary = folder / "rows.nc"
     _write_netcdf(table, binary)

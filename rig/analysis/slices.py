@@ -15,7 +15,16 @@ from matplotlib.tri import TriAnalyzer, Triangulation
 from scipy.special import gammaincinv
 
 from rig.analysis.labels import format_quantity, panel_title
-from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
+from rig.analysis.points import (
+    PERCENT,
+    Matrix,
+    Point,
+    Setting,
+    agrees,
+    gain_matrix,
+    levels,
+    varied_columns,
+)
 from rig.analysis.ranking import not_worse
 from rig.row_contents import LAW, Column, X, Y, find_column, with_role
 from rig.spectra.periods import Floats
@@ -113,6 +122,17 @@ class Optimum(NamedTuple):
     def error(self) -> float:
         """Standard error, W; NaN where unknown."""
         return self.point.error[self.station.name]
+
+    @property
+    def power_text(self) -> str:
+        """The power with its standard error, or with its expanded uncertainty by a budget."""
+        return self.point.power_text(self.station.name)
+
+    @property
+    def caption(self) -> str:
+        """The same, with the confidence of the expanded uncertainty."""
+        is_interval = np.isfinite(self.error) and self.station.name in self.point.type_b
+        return f"{self.power_text} ({PERCENT})" if is_interval else self.power_text
 
 
 class Slice(NamedTuple):
@@ -301,6 +321,8 @@ def _flatness(name: str, points: tuple[Point, ...], min_points: int) -> str:
         return ""
     values = np.array([p.power[name] for p in points])
     squares = np.array([p.error[name] for p in points]) ** 2
+    # Of errors that all points share, only the differences of the contributions count.
+    squares += np.sum(np.var([p.contributions(name) for p in points], axis=0, ddof=1))
     if np.isfinite(squares).all() and squares.all():
         dof = len(points) - 1
         chi_square = 2.0 * float(gammaincinv(0.5 * dof, 0.99))  # its 99 % quantile

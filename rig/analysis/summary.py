@@ -11,8 +11,8 @@ import xarray
 from rig.analysis import labels
 from rig.analysis.choices import choice_texts
 from rig.analysis.effects import Effects, all_effects, effects_json, effects_text, is_designed
-from rig.analysis.points import error_source, gain_matrix, varied_columns
-from rig.analysis.ranking import CONFIDENCE
+from rig.analysis.intervals import CONFIDENCE
+from rig.analysis.points import error_note, gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE, INCOMPLETE, INTERRUPTED
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
@@ -180,8 +180,8 @@ class Summary(NamedTuple):
     @property
     def error_text(self) -> str:
         """Meaning of the ± of the best points, after a comma; empty without errors."""
-        source = error_source(optimum.point for optimum in self.optima)
-        return f", ± standard error by {source}" if source else ""
+        note = error_note(optimum.point for optimum in self.optima)
+        return f", {note}" if note else ""
 
     @property
     def caveat_text(self) -> str:
@@ -308,10 +308,20 @@ def _best_json(summary: Summary, optimum: Optimum) -> dict[str, Any]:
         else [row for point in optimum.alike for row in point.rows],
         "mean_w": optimum.power,
         "standard_error_w": optimum.error,
+        **_budget_json(optimum),
         "at_edge_of_grid": optimum.at_edge,
         "beside_unmeasured_point": optimum.at_gap,
         "points": optimum.points,
     }
+
+
+def _budget_json(optimum: Optimum) -> dict[str, float]:
+    """Return the Type B and the expanded uncertainty; empty without a budget."""
+    name = optimum.station.name
+    if name not in optimum.point.type_b:
+        return {}
+    type_b = float(np.linalg.norm(optimum.point.contributions(name)))
+    return {"type_b_w": type_b, "half_width_w": optimum.point.expanded(name)}
 
 
 def _unit_in_key(column: Column) -> str:
@@ -370,7 +380,7 @@ def alike_text(optimum: Optimum, main: Sequence[Column]) -> str:
         return ""
     name = optimum.station.name
     points = [
-        f"{phrases.format_power(point.power[name], point.error[name])} at "
+        f"{point.power_text(name)} at "
         + ", ".join(
             labels.format_setting(column, point.setting[column.name])
             for column in main
@@ -389,7 +399,7 @@ def _result_lines(summary: Summary) -> list[str]:
         return [summary.findings_of, *(f"  {text}" for text in summary.findings)]
     lines = [f"Best points (negative is absorbed, positive consumed{summary.error_text})"]
     for optimum in summary.optima:
-        point, power = optimum.point, phrases.format_power(optimum.power, optimum.error)
+        point, power = optimum.point, optimum.power_text
         gains = "".join(
             f"{labels.heading(column, unit=False)} {phrases.format_signed(value):>6}  "
             for column, value in labels.best_values(summary.main, point)

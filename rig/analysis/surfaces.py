@@ -20,7 +20,7 @@ from rig.analysis.points import (
     Matrix,
     Point,
     Setting,
-    error_source,
+    error_note,
     gain_matrix,
     levels,
     varied_columns,
@@ -200,7 +200,7 @@ def write_surfaces(
     sliced = {*varied_columns(matrix)} - shown and not is_scattered(matrix)
     slice_note = "other columns at the optimum of each panel" if sliced else ""
     subtitle = "; ".join(filter(None, (subtitle, slice_note)))
-    note = picture.sign_note(error_source(matrix.points))
+    note = picture.sign_note(error_note(matrix.points))
     width = max(3.6 * max(1, panel_columns(table)) + 1.4, _MIN_WIDTH)
     title = f"Power surfaces: {picture.campaign_name(table.attrs)}"
     figure, body = picture.framed_figure(width, 9.0, title, table.attrs, note, subtitle)
@@ -242,7 +242,7 @@ def write_sliced(
     title = f"Power over {x.label} and {y.label}: {picture.campaign_name(table.attrs)}"
     width = max(4.1 * len(slices) + 0.5, _MIN_WIDTH)
     slice_note = "other columns at the optimum of each station"
-    caption = picture.sign_note(error_source(matrix.points))
+    caption = picture.sign_note(error_note(matrix.points))
     figure, body = picture.framed_figure(
         width, 3.9, title, table.attrs, caption, "" if fixed else slice_note
     )

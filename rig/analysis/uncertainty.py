@@ -16,12 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.analysis.intervals import combined_half_width
 from rig.config.uncertainty import UncertaintyBudget
-from rig.recording.runs.folder import RunInfo
+from rig.presentation.phrases import format_power
+from rig.row_contents import RowContents
 from rig.stations import Station
 
 Floats = NDArray[np.float64]
-COVERAGE = 0.95
 _OPERATIONS: dict[type, Callable[..., Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply,
     ast.UAdd: np.positive, ast.USub: np.negative,
@@ -55,6 +56,11 @@ class Budget(NamedTuple):
     def log_fields(self) -> tuple[str, ...]:
         """The log fields that `contributions` needs."""
         return tuple(dict.fromkeys(f for each in self.signals.fields.values() for f in each))
+
+    @property
+    def distributions(self) -> tuple[str, ...]:
+        """The distribution of the error of each source."""
+        return tuple(source.distribution for source in self.budget.sources)
 
     def contributions(self, data: Any) -> Floats:
         """Return the standard uncertainty of the mean power of a window from each source (W).
@@ -97,6 +103,7 @@ class Budget(NamedTuple):
             {
                 "name": self.budget.name,
                 "sources": [source.name for source in self.budget.sources],
+                "distributions": self.distributions,
                 "stations": [station.name for station in self.stations],
                 "labels": {station.name: station.short_label for station in self.stations},
                 "best": best,
@@ -104,14 +111,16 @@ class Budget(NamedTuple):
         )
 
 
-def budget_of(run_facts: RunInfo, available: Sequence[str]) -> Budget | None:
+def budget_of(
+    config: Mapping[str, Any], contents: RowContents, available: Sequence[str]
+) -> Budget | None:
     """Return the budget in the configuration of a run; None without one, or without its signals.
 
-    ``available``: log fields of the run.
+    ``contents``: of its row table; ``available``: log fields of the run.
     """
-    rig = run_facts.config.get("rig")
+    rig = config.get("rig")
     record = rig.get("uncertainty") if isinstance(rig, dict) else None
-    fields = run_facts.row_contents.signals
+    fields = contents.signals
     if record is None or not fields:
         return None
     budget = UncertaintyBudget.model_validate(record)
@@ -119,11 +128,11 @@ def budget_of(run_facts: RunInfo, available: Sequence[str]) -> Budget | None:
     needed = {
         name: parts
         for name, parts in fields.items()
-        if any(station.uses(name) for station in run_facts.stations)
+        if any(station.uses(name) for station in contents.stations)
     }
     stations = tuple(
         station
-        for station in run_facts.stations
+        for station in contents.stations
         if all(set(needed[n]) <= set(available) for n in needed if station.uses(n))
     )
     if not stations or not names & needed.keys():
@@ -160,6 +169,13 @@ def _evaluate(node: ast.expr, values: Mapping[str, Floats]) -> Any:
     raise ValueError(f"{ast.unparse(node)}: no formula of a power station")
 
 
+CONTRIBUTIONS = "contributions"
+"""End of the name of the variable of a row table with `Budget.contributions` to a power, W; its
+second dimension is `SOURCE`. An error is the same in all rows of a run, so the difference of two
+rows, or any weighted sum of rows, has the same difference or sum of these signed contributions:
+that is the covariance term of the law of propagation (GUM 5.2.2, correlation 1 for each source)."""
+SOURCE = "source"
+"""Dimension and coordinate of a row table: the sources of its budget."""
 UNCERTAIN = ("type_b", "u", "expanded")
 """Ends of the names of the columns of a row table with the uncertainty of a power, W: standard
 uncertainty of Type B; combined with the scatter; half width of the 95 % interval."""
@@ -177,6 +193,19 @@ def type_b(budget: Budget, contributions: Floats) -> dict[str, float]:
     return found
 
 
+def contributions_by_station(
+    budget: Budget, rows: Sequence[dict[str, Any]], shares: Mapping[int, Floats]
+) -> dict[str, Floats]:
+    """Return the `CONTRIBUTIONS` of the rows of a table by name, W; NaN for incomplete rows.
+
+    ``rows``: those of the table by number, ``shares``: `Budget.contributions` of complete ones.
+    """
+    unknown = np.full((len(budget.stations), len(budget.budget.sources)), np.nan)
+    values = np.array([shares.get(row["row"], unknown) for row in rows])
+    names = (f"power_{station.name}_{CONTRIBUTIONS}" for station in budget.stations)
+    return {name: values[:, i] for i, name in enumerate(names)}
+
+
 def add_expanded(
     budget: Budget, rows: Sequence[dict[str, Any]], shares: Mapping[int, Floats]
 ) -> None:
@@ -184,56 +213,15 @@ def add_expanded(
 
     ``shares``: `Budget.contributions` by row. Both stay NaN for a row without a standard error.
     """
-    drawn = _Draws(budget.budget)
     for row in rows:
         for station, contributions in zip(budget.stations, shares[row["row"]], strict=True):
             name = f"power_{station.name}"
             scatter = float(row[f"{name}_se"])
             if np.isfinite(scatter):
                 row[f"{name}_u"] = float(np.hypot(row[f"{name}_type_b"], scatter))
-                row[f"{name}_expanded"] = drawn.half_width(contributions, scatter, row["periods"])
-
-
-class _Draws:
-    """Draws of all sources of a budget and of a scatter, each of unit standard uncertainty.
-
-    The distribution of a sum of a few rectangular errors is not normal, so its interval is found
-    by propagation of distributions (JCGM 101:2008). That the scatter comes from few periods widens
-    it by Student's factor for the effective degrees of freedom (Welch and Satterthwaite, GUM G.4);
-    a draw of Student's distribution itself would cover 97 % in place of 95. The seed is fixed:
-    equal rows have equal intervals.
-    """
-
-    _COUNT = 20_000  # with which the half width scatters by 0.7 %
-
-    def __init__(self, budget: UncertaintyBudget) -> None:
-        from scipy.stats import norm, t  # noqa: PLC0415 - half a second that other runs save
-
-        self._random = np.random.default_rng(20_261_127)
-        self._sources = np.array([self._draw(source.distribution) for source in budget.sources])
-        self._scatter, self._student = self._draw("normal"), t.ppf
-        self._share = 0.5 * (1.0 + COVERAGE)
-        self._normal = float(norm.ppf(self._share))
-
-    def half_width(self, contributions: Floats, scatter: float, periods: int) -> float:
-        """Return the half width of the 95 % interval of a sum of errors around zero.
-
-        ``scatter``: standard error from so many periods; from fewer than two it came from others.
-        """
-        errors = contributions @ self._sources + scatter * self._scatter
-        half = float(np.quantile(np.abs(errors), COVERAGE))
-        if periods < 2 or scatter == 0.0:
-            return half
-        variance = float(contributions @ contributions) + scatter * scatter
-        freedom = (periods - 1) * (variance / (scatter * scatter)) ** 2
-        return half * float(self._student(self._share, freedom)) / self._normal
-
-    def _draw(self, distribution: str) -> Floats:
-        if distribution == "rectangular":
-            return self._random.uniform(-np.sqrt(3.0), np.sqrt(3.0), self._COUNT)
-        if distribution == "triangular":
-            return self._random.triangular(-np.sqrt(6.0), 0.0, np.sqrt(6.0), self._COUNT)
-        return self._random.standard_normal(self._COUNT)
+                row[f"{name}_expanded"] = combined_half_width(
+                    scatter, row[f"{name}_dof"], contributions, budget.distributions
+                )
 
 
 def uncertainty_texts(table: Any) -> tuple[str, ...]:
@@ -251,13 +239,15 @@ def uncertainty_texts(table: Any) -> tuple[str, ...]:
         )
         sizes = np.abs(best["contributions_w"])
         if not np.isfinite(half):
-            lines.append(f"{label}: {power:.4g} W, Type B ± {type_b:.2g} W (standard), no scatter")
+            lines.append(
+                f"{label}: {format_power(power)}, Type B ± {type_b:.2g} W (standard), no scatter"
+            )
             continue
         parts = dict(zip([*budget["sources"], "scatter"], [*sizes, scatter], strict=True))
         largest = max(parts, key=lambda part: float(parts[part]))
         share = 100.0 * float(parts[largest]) ** 2 / (type_b**2 + scatter**2)
         lines.append(
-            f"{label}: {power:.4g} ± {half:.2g} W in row {best['row']}; largest source {largest}, "
+            f"{label}: {format_power(power, half)} in row {best['row']}; largest source {largest}, "
             f"{share:.0f} % of the variance"
         )
     return tuple(lines)

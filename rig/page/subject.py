@@ -52,8 +52,10 @@ class Subject:
             "rig": str(rig.get("name", "")) if isinstance(rig, dict) else "",
             "live": live,
         }
+        intervals = self.watch.new_intervals()
         self._contents = contents.describe(tap.leaves, self._config, self._plan) | {
-            "title": self.title
+            "title": self.title,
+            "budget": intervals.budget_name if intervals else "",
         }
         self._privileges: dict[str, Any] = {}  # as the loop reports them, soon after its start
         self.checklist = Checklist(facts["mode"], self._config, folder.parent, loop_core)
@@ -115,10 +117,19 @@ class Subject:
         return self.watch.state() | {
             "orders": self.orders,
             "end": {key: str(status.get(key, "")) for key in keys},
-            "rows": {str(row): each for row, each in (self._earlier | self.watch.powers).items()},
+            "rows": {str(row): each for row, each in self.row_powers().items()},
             "products": self.products(),
             "checklist": [each._asdict() for each in self.checklist_items(self.orders)],
         }
+
+    def row_powers(self) -> dict[int, RowPower]:
+        """Return the powers of the rows, before and since the page began.
+
+        Of a row that ended when the page began, the ring may have had the last ticks only.
+        """
+        found = self._earlier | self.watch.powers
+        ended = (each for each in self._earlier.items() if found[each[0]].means == each[1].means)
+        return found | dict(ended)
 
     def products(self) -> list[str]:
         """Return the names of pictures and tables in the run's folder."""
@@ -178,15 +189,17 @@ class Subject:
 
     def _read_earlier_rows(self) -> None:
         """Read the powers of rows that ended before the page began, from the file of the run."""
-        fields = [leaf.name for leaf in self.tap.leaves if leaf.name.startswith("power.mean_")]
         names = [leaf.name for leaf in self.tap.leaves]
+        intervals = self.watch.new_intervals()
+        fields = {name for name in names if name.startswith("power.mean_")} | {*_FIRST_ROWS}
+        fields |= {*(intervals.fields if intervals else ())}
         earlier: dict[int, RowPower] = {}
         with suppress(OSError, RunError, ValueError, KeyError):
-            for block in blocks(open_files(self.folder), fields=[*_FIRST_ROWS, *fields]):
+            for block in blocks(open_files(self.folder), fields=sorted(fields)):
                 rows = np.zeros((len(block), len(names)))
-                for name in (*_FIRST_ROWS, *fields):
+                for name in fields:
                     rows[:, names.index(name)] = block[name]
-                earlier |= self.watch.powers_in(rows)
+                earlier |= self.watch.powers_in(rows, intervals)
                 if self._closed.is_set():
                     return
         self._earlier = earlier  # the server's thread may be reading the rows now

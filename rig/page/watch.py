@@ -6,6 +6,7 @@ The state is formed once for all browsers.
 import math
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from rig.page.alarms import LOW, Alarms
 from rig.page.buckets import Buckets, Extremes
 from rig.page.checklist import Conditions
 from rig.page.contents import fields_of, find_ages
+from rig.page.intervals import RowIntervals, row_intervals
 from rig.page.streams import Stream
 from rig.page.tap import Rows, Tap
 from rig.presentation.phrases import state_text
@@ -35,6 +37,7 @@ class RowPower(NamedTuple):
 
     means: tuple[float | None, ...]  # W, one a station; None for one without a mean
     whole: bool  # the row was measured as long as planned
+    half_widths: tuple[float | None, ...] = ()  # W, of the 95 % intervals; empty without a budget
 
 
 class Watch:
@@ -69,6 +72,7 @@ class Watch:
         self._stations = [
             each["name"] for each in plan.get("stations", ()) if f"power.{each['name']}" in self._at
         ]
+        self._intervals_of = partial(row_intervals, self._at, self._stations, config, plan)
         self._segments = segments
         self.streams: list[Stream] = []  # that get all rows, too
         self._warned = [name for name in self._at if name.endswith("warned")]
@@ -83,6 +87,7 @@ class Watch:
         self._bounded = BoundedValues(self._bounds, self._tap.leaves, self.dt)
         self.buckets.clear()
         self.powers: dict[int, RowPower] = {}  # by row of the plan
+        self._intervals = self.new_intervals()
         self._lateness = np.zeros(len(LATENESS_US) + 1, np.int64)
         self._row: np.ndarray[Any, Any] | None = None
         self._arrived = time.monotonic()
@@ -107,7 +112,7 @@ class Watch:
         edges = 1e-6 * np.array(LATENESS_US)
         late = np.searchsorted(edges, rows[:, self._at["timing.lateness"]])
         self._lateness += np.bincount(late, minlength=len(self._lateness))
-        self.powers |= self.powers_in(rows)
+        self.powers |= self.powers_in(rows, self._intervals)
         if len(taring := np.flatnonzero(rows[:, self._at["plan.phase"]] == TARE)):
             self._tared_at = float(rows[taring[-1], self._at["time"]])
         self._watch_segment(rows)
@@ -115,16 +120,23 @@ class Watch:
         found = self.buckets.add(rows)
         return found if found.size else None
 
-    def powers_in(self, rows: Rows) -> dict[int, RowPower]:
+    def new_intervals(self) -> RowIntervals | None:
+        """Return intervals for `powers_in` of all rows; None for a run without a budget."""
+        return self._intervals_of()
+
+    def powers_in(self, rows: Rows, intervals: RowIntervals | None = None) -> dict[int, RowPower]:
         """Return the newest powers of the plan's rows in log rows, without those of a hold.
 
         An interrupted row starts over, and on hold the drive damps instead of the law.
+        ``intervals`` took all rows before.
         """
         samples, numbers = rows[:, self._at["power.samples"]], rows[:, self._at["plan.row"]]
         acting = rows[:, self._at["safety.mode"]] == Mode.RUN
         measured = np.flatnonzero((samples > 0) & (numbers >= 0) & acting)
         if not len(measured):
             return {}
+        if intervals is not None:
+            intervals.add(rows[measured])
         found = numbers[measured]
         last = np.append(np.flatnonzero(np.diff(found)), len(found) - 1)
         columns = [self._at.get(f"power.mean_{name}") for name in self._stations]
@@ -135,6 +147,7 @@ class Watch:
                     _WHOLE_SHARE * self._planned_s.get(int(numbers[at]), 0.0)
                     <= self.dt * samples[at]
                 ),
+                intervals.half_widths(int(numbers[at])) if intervals else (),
             )
             for at in measured[last]
         }

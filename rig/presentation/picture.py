@@ -85,8 +85,8 @@ def _inches(text: str, size: float) -> float:
 
 
 def sign_note(errors: str) -> str:
-    """Return the note on the sign of powers and, if known, on the source of the ± errors."""
-    return "; ".join(filter(None, ("negative is absorbed", errors and f"± by {errors}")))
+    """Return the note on the sign of powers and, if known, on the ± errors."""
+    return "; ".join(filter(None, ("negative is absorbed", errors)))
 
 
 def campaign_name(attributes: Mapping[Any, Any]) -> str:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis import ranking
+from rig.analysis import intervals
 from rig.analysis.rows import COMPLETE, row_table
 from rig.campaign import AnyCampaign, build_plan
 from rig.campaign.record import logged_campaign
@@ -266,7 +266,7 @@ def correct_powers(
         scale = gross_power(powers, name)
         corrected[name] = powers[name] + mean * scale
         error = scatter * math.sqrt(1.0 + 1.0 / count) * scale
-        half_width[name] = ranking.half_width(error, count - 1)
+        half_width[name] = intervals.half_width(error, count - 1)
     return corrected, half_width
 
 

@@ -23,11 +23,11 @@ from rig.analysis.effects import (
     effect_notes,
     effects_json,
     effects_text,
-    half_width,
     is_designed,
     main_effects,
     write_effects,
 )
+from rig.analysis.intervals import half_width
 from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.report import write_products
 from rig.analysis.rows import row_table
@@ -78,7 +78,7 @@ def estimate_effects(
         response,
         list(range(count)) if points is None else points,
         known.get("errors", np.full(count, np.nan)),
-        known.get("periods", np.zeros(count)),
+        known.get("dofs", np.zeros(count)),
     )
 
 
@@ -142,23 +142,21 @@ def test_effects_of_a_factorial_are_its_contrasts() -> None:
 def test_unequal_row_errors_use_satterthwaites_degrees_of_freedom() -> None:
     levels = np.array([[0.0], [0.0], [1.0], [1.0]])
     errors = np.array([0.5, 0.5, 2.0, 2.0])
-    periods = np.array([5.0, 5.0, 8.0, 8.0])
-    effects = estimate_effects(
-        levels, np.array([1.0, 2.0, 5.0, 6.0]), errors=errors, periods=periods
-    )
+    dofs = np.array([4.0, 4.0, 7.0, 7.0])
+    effects = estimate_effects(levels, np.array([1.0, 2.0, 5.0, 6.0]), errors=errors, dofs=dofs)
     (effect,) = effects.effects
     parts = errors**2 / 4.0
     assert effects.source == PERIODS
     assert effect.watts == pytest.approx(4.0)
     assert effect.standard_error == pytest.approx(np.sqrt(parts.sum()))
-    welch = parts.sum() ** 2 / np.sum(parts**2 / (periods - 1.0))
+    welch = parts.sum() ** 2 / np.sum(parts**2 / dofs)
     assert effect.dof == pytest.approx(welch)
     assert effect.half_width == pytest.approx(stats.t.ppf(0.975, welch) * effect.standard_error)
 
 
 def test_source_of_the_error() -> None:
     levels, response = factorial(), np.arange(8.0)
-    period_errors = {"errors": np.ones(8), "periods": np.full(8, 5.0)}
+    period_errors = {"errors": np.ones(8), "dofs": np.full(8, 4.0)}
     assert estimate_effects(levels, response).source == MISFIT
     assert estimate_effects(levels, response, **period_errors).source == PERIODS
     twice = [0, 0, 2, 3, 4, 5, 6, 7]  # one degree of freedom is less reliable than the periods
@@ -171,7 +169,7 @@ def test_source_of_the_error() -> None:
 
 
 def test_equal_periods_report_the_misfit() -> None:
-    period_errors = {"errors": np.zeros(8), "periods": np.full(8, 7.0)}
+    period_errors = {"errors": np.zeros(8), "dofs": np.full(8, 6.0)}
     levels = factorial()
     response = levels[:, 0] * 3.0 + levels[:, 0] * levels[:, 2]  # with an interaction
     effects = estimate_effects(levels, response, **period_errors)
@@ -184,7 +182,7 @@ def test_lead_beyond_scatter_but_not_misfit_is_not_significant() -> None:
     """The rows scatter little, but an interaction exceeds the linear model."""
     levels = factorial()
     unit = (levels - levels.min(axis=0)) / np.ptp(levels, axis=0)
-    period_errors = {"errors": np.full(8, 0.02), "periods": np.full(8, 7.0)}
+    period_errors = {"errors": np.full(8, 0.02), "dofs": np.full(8, 6.0)}
     straight = 4.0 * unit[:, 0] + unit[:, 1]
     linear = estimate_effects(levels, straight, **period_errors)
     assert linear.lead_is_significant
@@ -233,9 +231,7 @@ def test_the_intervals_cover(source: str) -> None:
         periods = random.normal(0.0, 1.0, (count, 5)) * deviation[:, None] * np.sqrt(5.0)
         response = unit @ truth + periods.mean(axis=1)
         errors = periods.std(axis=1, ddof=1) / np.sqrt(5.0)
-        period_errors = (
-            {"errors": errors, "periods": np.full(count, 5.0)} if source == PERIODS else {}
-        )
+        period_errors = {"errors": errors, "dofs": np.full(count, 4.0)} if source == PERIODS else {}
         effects = estimate_effects(levels, response, list(range(8)) * (count // 8), **period_errors)
         assert effects.source == source
         named = by_name(effects)

@@ -13,7 +13,8 @@ from scipy import stats
 from synthetic_runs import POWERS, Row, Shape
 
 from rig.analysis.points import gain_matrix
-from rig.analysis.rows import INCOMPLETE, period_means, row_table, standard_error, write_rows
+from rig.analysis.rows import INCOMPLETE, row_table, write_rows
+from rig.analysis.scatter import period_means, successive_error
 from rig.analysis.slices import find_optima
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.realtime.limits import LimitFlag, WarningFlag
@@ -95,15 +96,15 @@ def test_a_lost_tick_shifts_no_period() -> None:
 def test_the_standard_error_covers() -> None:
     random = np.random.default_rng(11)
     periods, trials, truth = 7, 4000, -50.0
-    bound = stats.t.ppf(0.975, periods - 1)
     ticks = np.arange(periods * 40)
     inside = 0
     for _ in range(trials):
         wander = np.repeat(random.normal(0.0, 2.0, periods), 40)
         swing = 30.0 * np.sin(2.0 * np.pi * ticks / 40.0)
         power = truth + wander + swing + random.normal(0.0, 5.0, len(ticks))
-        means = period_means(power, ticks, 40.0)
-        inside += abs(power.mean() - truth) <= bound * standard_error(means)
+        scatter = successive_error(period_means(power, ticks, 40.0))
+        bound = stats.t.ppf(0.975, scatter.dof) * scatter.error
+        inside += abs(power.mean() - truth) <= bound
     # Three standard deviations of a binomial around 95 %.
     assert inside / trials == pytest.approx(0.95, abs=3.0 * np.sqrt(0.05 * 0.95 / trials))
 
@@ -112,7 +113,9 @@ def test_the_error_of_a_run_is_that_of_its_wander(tmp_path: Path) -> None:
     shape = Shape(wander=3.0, noise=1.0, periods=10)
     table = run(tmp_path, planned(60), shape)
     expected = np.sqrt((3.0**2 + 1.0**2 / 200.0) / 10.0)
-    squares = np.mean(table["power_ac_se"].values ** 2)
+    independent = table["power_ac_dof"].values == 9.0
+    assert independent.mean() > 0.85  # white scatter passes for correlated in a row of twenty
+    squares = np.mean(table["power_ac_se"].values[independent] ** 2)
     assert np.sqrt(squares) == pytest.approx(expected, rel=0.1)
 
 

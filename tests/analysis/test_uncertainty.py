@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray
 from command_here import rig
 from made_once import made_once
 from matplotlib.image import imread
@@ -17,7 +18,7 @@ from pydantic import ValidationError
 from rehearsing import write_yaml
 from scipy import stats
 
-from rig.analysis.rows import row_table
+from rig.analysis.rows import row_table, stations_of
 from rig.analysis.uncertainty import (
     BUDGET_ATTRIBUTE,
     Budget,
@@ -28,6 +29,8 @@ from rig.analysis.uncertainty import (
 from rig.config.problems import ConfigError
 from rig.config.uncertainty import UncertaintyBudget
 from rig.kinds.wavebot.campaign import open_campaign
+from rig.page.subject import replay
+from rig.recording.runs import open_run
 from rig.stations import Station
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -93,40 +96,40 @@ def test_stations_are_correlated_by_the_sources_that_they_share() -> None:
     np.testing.assert_allclose(correlation, correlation.T)
 
 
-def half_width(sources: list[dict[str, Any]], scatter: float, periods: int) -> tuple[float, float]:
+def half_width(sources: list[dict[str, Any]], scatter: float, dof: float) -> tuple[float, float]:
     """Return the combined standard uncertainty and the half width of a power of one signal."""
     station = (Station("p", "p", "p", "p", "p"),)
     file = UncertaintyBudget.model_validate({"name": "test", "sources": sources})
     one = Budget(file, station, SIGNALS)
     contributions = one.contributions(DATA)
-    row: dict[str, Any] = {"row": 3, "periods": periods, "power_p_se": scatter}
+    row: dict[str, Any] = {"row": 3, "power_p_dof": dof, "power_p_se": scatter}
     row |= type_b(one, contributions)
     add_expanded(one, [row], {3: contributions})
     return row["power_p_u"], row["power_p_expanded"]
 
 
 @pytest.mark.parametrize(
-    ("sources", "scatter", "periods", "standard", "expanded"),
+    ("sources", "scatter", "dof", "standard", "expanded"),
     [
         # One normal source.
-        ([source("n", ["p"], offset=2.0)], 0.0, 7, 2.0, 1.96 * 2.0),
+        ([source("n", ["p"], offset=2.0)], 0.0, 6, 2.0, 1.96 * 2.0),
         # One rectangular source: 95 % of its half width.
-        ([source("r", ["p"], offset=2.0, distribution="rectangular")], 0.0, 7,
+        ([source("r", ["p"], offset=2.0, distribution="rectangular")], 0.0, 6,
          2.0 / math.sqrt(3.0), 0.95 * 2.0),
         # A scatter that outweighs the budget: Student's distribution.
-        ([source("n", ["p"], offset=1e-6)], 1.0, 3, 1.0, float(stats.t.ppf(0.975, 2))),
-        ([source("n", ["p"], offset=1e-6)], 1.0, 0, 1.0, 1.96),
+        ([source("n", ["p"], offset=1e-6)], 1.0, 2, 1.0, float(stats.t.ppf(0.975, 2))),
+        ([source("n", ["p"], offset=1e-6)], 1.0, math.inf, 1.0, 1.96),
         # Two equal rectangular sources: a triangle.
         ([source("r", ["p"], offset=2.0, distribution="rectangular"),
-          source("s", ["p"], offset=2.0, distribution="rectangular")], 0.0, 7,
+          source("s", ["p"], offset=2.0, distribution="rectangular")], 0.0, 6,
          2.0 * math.sqrt(2.0 / 3.0), 4.0 * (1.0 - math.sqrt(0.05))),
     ],
 )  # fmt: skip
 def test_the_interval_is_that_of_the_sum_of_the_errors(
-    sources: list[dict[str, Any]], scatter: float, periods: int, standard: float, expanded: float
+    sources: list[dict[str, Any]], scatter: float, dof: float, standard: float, expanded: float
 ) -> None:
     """Drawn 20,000 times: the half width scatters by 0.7 %."""
-    found = half_width(sources, scatter, periods)
+    found = half_width(sources, scatter, dof)
     assert found[0] == pytest.approx(standard)
     assert found[1] == pytest.approx(expanded, rel=0.02)
 
@@ -198,6 +201,61 @@ def test_a_run_has_the_uncertainty_of_its_rows(tmp_path_factory: pytest.TempPath
     with (run / "rows.csv").open() as file:
         assert "power_dc_expanded [W]" in next(csv.reader(file))
     assert imread(run / "uncertainty.png").shape[0] > 500
+
+
+def test_files_have_the_contributions_and_the_intervals(
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    """xarray reads the table, mat4py the structure of `rig export`; rows.csv has the same."""
+    (run,) = (made_once(tmp_path_factory, "budget", make_run) / "runs").iterdir()
+    with xarray.open_dataset(run / "rows.nc") as table:
+        shares = table["power_ac_contributions"]
+        assert shares.dims == ("row", "source")
+        assert table["source"].values[-1] == "power analyser, DC"
+        analyser = shares.sel(source="power analyser, AC")  # half width 0.5 W, in every row
+        np.testing.assert_allclose(analyser.values, 0.5 / math.sqrt(3.0))
+        scale = shares.sel(source="power analyser, common scale") / table["power_ac"]
+        np.testing.assert_allclose(scale.values, 0.001 / math.sqrt(3.0), rtol=1e-6)
+        squares = (shares * shares).sum("source")
+        np.testing.assert_allclose(np.sqrt(squares.values), table["power_ac_type_b"].values)
+    with (run / "rows.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert not any("contributions" in name for name in lines[0])
+    done = rig("export", run, "--as", "mat", "-o", tmp_path / "run.mat")
+    assert done.returncode == 0, done.stderr
+    rows = pytest.importorskip("mat4py").loadmat(str(tmp_path / "run.mat"))["rigRows"]
+    assert np.ravel(rows["kp"]).tolist() == [-2000.0, -2000.0]
+    for name in ("", "_se", "_type_b", "_u", "_expanded"):
+        written = [float(line[f"power_dc{name} [W]"]) for line in lines]
+        np.testing.assert_allclose(np.ravel(rows[f"power_dc{name}"]), written, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ticks", [50, 3000])
+def test_the_page_has_the_intervals_of_the_table(
+    tmp_path_factory: pytest.TempPathFactory, ticks: int
+) -> None:
+    """From sums that grow with the log, in portions of a poll and of a fast replay."""
+    (run,) = (made_once(tmp_path_factory, "budget", make_run) / "runs").iterdir()
+    subject, table = replay(run), row_table(run)
+    assert subject.describe()["budget"] == "wavebot"
+    names = [leaf.name for leaf in subject.tap.leaves]
+    log = open_run(run, fields=names)
+    rows = np.stack([log[name].values for name in names], axis=1)
+    intervals = subject.watch.new_intervals()
+    found = {}
+    for begin in range(0, len(rows), ticks):
+        found |= subject.watch.powers_in(rows[begin : begin + ticks], intervals)
+    for number in (0, 1):
+        expected = [
+            float(table[f"power_{station.name}_expanded"].values[number])
+            for station in stations_of(table)
+        ]
+        assert found[number].half_widths == pytest.approx(expected, rel=0.006)
+    # A page that began within row 0 does not know its scatter.
+    first = int(np.flatnonzero(rows[:, names.index("power.samples")] == 2000.0)[0])
+    late = subject.watch.powers_in(rows[first:], subject.watch.new_intervals())
+    assert set(late[0].half_widths) == {None}
+    assert late[1].half_widths == found[1].half_widths
 
 
 def test_an_unknown_signal_is_named(tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ def test_the_replay_runs_through_all_rows(page: tuple[Page, int], recorded: Path
         assert wait_until(lambda: receive(browser, "state")["source"]["ended"] is False)
     assert 1.0 < took < 15.0
     assert sorted(state["rows"]) == ["0", "1", "2", "3"]
-    assert all(whole for _, whole in state["rows"].values())
+    assert all(whole for _, whole, _ in state["rows"].values())
     with (recorded / "rows.csv").open() as file:
         table = list(csv.DictReader(file))
     for row in table:

@@ -36,6 +36,21 @@ export function plain(value) {
   return typeof value === "number" ? String(Number(value.toPrecision(6))).replace("-", "\u2212") : String(value ?? "–");
 }
 
+// A power with the half width of its interval where that is known, both with the same decimals (W).
+export function interval(value, half) {
+  if (value === null || value === undefined || half === null || half === undefined) return watts(value);
+  const digits = half >= 9.5 ? 0 : half >= 0.095 ? 1 : 2, text = value.toFixed(digits);
+  return (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "\u2212")) + " ± " + (half >= 0.005 ? half.toFixed(digits) : "<0.01");
+}
+
+// Set a cell to a power and its half width, which may stand below each other.
+export function setPower(cell, value, half) {
+  const text = interval(value, half);
+  if (cell.textContent === text) return;
+  const at = text.indexOf(" ±");
+  cell.replaceChildren(...(at < 0 ? [text] : [text.slice(0, at), element("span", text.slice(at), "half")]));
+}
+
 export function watts(value) {
   if (value === null || value === undefined) return "–";
   const text = value.toFixed(Math.abs(value) < 100 ? 1 : 0);

@@ -1,11 +1,15 @@
 // The table of rows and powers, and the best row so far.
-import {$, element, plain, setText, watts} from "./dom.js";
+import {$, element, plain, setPower, setText, watts} from "./dom.js";
 
 export class Rows {
   build(contents) {
     this.contents = contents;
     this.stations = contents.stations.filter(station => station.mean);
     const head = element("tr");
+    for (const note of [$("powers-note"), $("rows-note")]) {
+      setText(note, contents.budget ? "± 95 %, Type A and B" : "");
+      note.title = "scatter of the row's wave periods, and the uncertainty budget " + contents.budget;
+    }
     head.append(element("th", "row"), ...contents.columns.map(column => titled(column.heading, column.label + (column.unit && ", " + column.unit))),
       ...this.stations.map(station => titled(station.heading + " W", station.label)));
     $("row-table").tHead.replaceChildren(head);
@@ -34,13 +38,16 @@ export class Rows {
     state.powers.forEach(([now, mean], k) => {
       const cells = $("powers").rows[k].cells;
       setText(cells[1], watts(now));
-      if (this.contents.stations[k].mean) setText(cells[2], state.samples > 0 ? watts(mean) : "–");
+      if (this.contents.stations[k].mean) setPower(cells[2], state.samples > 0 ? mean : null, halfWidth(state.rows[state.row], k));
     });
     const first = 1 + this.contents.columns.length, lines = $("row-table").tBodies[0].rows, best = this.best(state);
-    for (const [row, [powers, whole]] of Object.entries(state.rows)) {
+    for (const [row, found] of Object.entries(state.rows)) {
       if (!lines[row]) continue;
-      this.stations.forEach((station, k) => setText(lines[row].cells[first + k], watts(powers[this.contents.stations.indexOf(station)])));
-      lines[row].classList.toggle("part", !whole);
+      this.stations.forEach((station, k) => {
+        const at = this.contents.stations.indexOf(station);
+        setPower(lines[row].cells[first + k], found[0][at], halfWidth(found, at));
+      });
+      lines[row].classList.toggle("part", !found[1]);
     }
     const box = $("row-table").closest(".scroll");
     Array.from(lines).forEach((line, row) => {
@@ -59,6 +66,11 @@ export class Rows {
     const whole = Object.entries(state.rows || {}).filter(([row, [powers, done]]) => done && at >= 0 && powers[at] !== null && this.contents.rows[row]);
     return whole.reduce((best, [row, [powers]]) => powers[at] < best.power ? {row: Number(row), power: powers[at]} : best, {row: -1, power: Infinity}).row;
   }
+}
+
+// The half width of a station's interval in a row; undefined where it is not known.
+export function halfWidth(row, station) {
+  return row && row[2] ? row[2][station] : undefined;
 }
 
 function titled(text, title) {

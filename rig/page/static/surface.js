@@ -1,6 +1,7 @@
 // The power of the plan's rows over their set points, as they are measured: a cell for each point of
 // a grid, a marker for each scattered point; over one set point, power against it.
-import {element, plain, setText, watts} from "./dom.js";
+import {element, interval, plain, setText, watts} from "./dom.js";
+import {halfWidth} from "./rows.js";
 
 // YlGnBu of ColorBrewer, as in the pictures of `rig plot`: most absorbed is dark blue. Its lightness
 // falls evenly, and people with colour-blind eyes tell its colours apart.
@@ -53,6 +54,7 @@ export class Surface {
       const measured = point.rows.map(row => state.rows[row]).filter(each => each && each[0][station] !== null && each[0][station] !== undefined);
       point.count = measured.length;
       point.power = measured.length ? measured.reduce((sum, each) => sum + each[0][station], 0) / measured.length : null;
+      point.half = measured.length === 1 ? halfWidth(measured[0], station) : undefined;
       point.whole = measured.length > 0 && measured.every(each => each[1]);
       point.present = point.rows.includes(state.row);
       point.best = point.rows.includes(best);
@@ -205,7 +207,7 @@ export class Surface {
     const measured = Object.keys(state.rows).filter(row => contents.rows[row]).length;
     const best = this.points.find(point => point.best), present = contents.rows[state.row];
     const parts = [measured + " of " + contents.rows.length + " rows measured or begun"];
-    if (best) parts.push("★ best row " + this.best + ": " + watts(best.power) + " W " + unit + " at " + this.where(best));
+    if (best) parts.push("★ best row " + this.best + ": " + interval(best.power, best.half) + " W " + unit + " at " + this.where(best));
     if (present) parts.push("row " + state.row + " runs");
     this.canvas.setAttribute("aria-label", "Power, " + unit + ", over " + this.axes.map(k => contents.columns[k].label).join(" and ") + ". " + parts.join("; ") + ". Arrow keys read the points.");
     const point = this.points[this.pointed];
@@ -214,7 +216,7 @@ export class Surface {
 
   textOf(point) {
     const name = (point.rows.length > 1 ? "rows " : "row ") + point.rows.join(", ") + (point.best ? " ★" : "");
-    const power = point.power === null ? "not measured" : watts(point.power) + " W" + (point.count > 1 ? " (mean of " + point.count + ")" : "") + (point.whole ? "" : point.present ? " so far" : ", cut short");
+    const power = point.power === null ? "not measured" : interval(point.power, point.half) + " W" + (point.count > 1 ? " (mean of " + point.count + ")" : "") + (point.whole ? "" : point.present ? " so far" : ", cut short");
     return name + ": " + power + " at " + this.where(point);
   }
 

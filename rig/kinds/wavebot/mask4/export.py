@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rig.analysis.rows import COMPLETE, columns_of, row_table, stations_of
+from rig.analysis.uncertainty import UNCERTAIN
 from rig.config.matrix import END_MARK
 from rig.interop.basin.merge import SINE_FREQUENCY
 from rig.interop.export_size import ExportSize, packed_size
@@ -17,6 +19,7 @@ from rig.kinds.wavebot.mask4.fields import (
     NEWTONS_PER_AMPERE,
     PLAN_FIELDS,
     RIG_BUS,
+    ROW_BUS,
     SAMPLE_RATE,
     STARTED,
     TIMED_BUSES,
@@ -62,7 +65,8 @@ def export_structure(
     the test's scripts look for, and leaves out the samples that they would take for rows
     (`script_samples`). Raises RunError for a rate that does not divide the run's, for a run of
     another kind of rig, and if the scripts would find no row. ``rigSignals.incomplete`` is 1 in
-    measured windows with ticks missing from the record.
+    measured windows with ticks missing from the record. ``rigRows`` has the complete rows, with the
+    uncertainties of their powers; a run without any lacks it.
     """
     source = _open_run(run, rate, for_scripts=for_scripts)
     log = reader.columns(source, ["time", "tick", *sorted(_LOG_FIELDS)])
@@ -83,6 +87,7 @@ def export_structure(
         exported.buses.update(even | _fast_bus(log, selected, step))
     gaps = find_incomplete_windows(run)
     exported.buses[RIG_BUS]["incomplete"] = to_column(gaps.mask(data["time"]))
+    exported.buses.update(_row_bus(run))
     return exported._replace(remarks=(*exported.remarks, *gaps.messages))
 
 
@@ -233,6 +238,19 @@ def _fast_bus(log: dict[str, Any], selected: ScriptSamples, step: int) -> Struct
     ticks = np.add.outer(selected.tick, fast_step * np.arange(_FAST_RATIO)).ravel()
     fast = selected._replace(log_index=newest_index(log["tick"], ticks, fast_step))
     return {"fastLogBus": {"heaveCurrent_A": to_column(fast.take(log[_CURRENT]))}}
+
+
+def _row_bus(run: Path) -> Structure:
+    """Return the bus of the complete rows; none without any."""
+    table = row_table(run)
+    complete = table["state"].values == COMPLETE if "state" in table else np.zeros(0, np.bool_)
+    if not complete.any():
+        return {}
+    parts = ("", "_se", "_dof", *(f"_{part}" for part in UNCERTAIN))
+    powers = [f"power_{station.name}{part}" for station in stations_of(table) for part in parts]
+    settings = [column.name for column in columns_of(table)]
+    names = [name for name in ("row", "periods", *settings, *powers) if name in table]
+    return {ROW_BUS: {name: to_column(table[name].values[complete]) for name in names}}
 
 
 def to_column(values: Any) -> npt.NDArray[np.float64]:

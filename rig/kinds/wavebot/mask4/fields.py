@@ -28,6 +28,10 @@ that they know, `setpointSignals.systemTime_ns`, would have another clock (TAI).
 LEFT_OUT = "leftOut"
 """Field of that bus in exports for the scripts: samples left out so far, which are no lost ones."""
 
+ROW_BUS = "rigRows"
+"""Additional bus of exported files: a line for each complete row, with its set point, its mean
+powers (W, negative is absorbed) and their uncertainties, by the names of the row table."""
+
 
 class FieldMapping(NamedTuple):
     """One field: MASK4 value = factor * logged value + offset."""

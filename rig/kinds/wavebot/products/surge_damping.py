@@ -18,7 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.interpolate import PchipInterpolator
 
-from rig.analysis.rows import period_means, standard_error, wave_period
+from rig.analysis.rows import wave_period
+from rig.analysis.scatter import period_means, successive_error
 from rig.presentation import picture
 from rig.presentation.json_values import json_value
 from rig.presentation.picture import ACCENT, DARK, MUTED
@@ -123,9 +124,9 @@ def _measure_row(window: Window, damping: float, period: float) -> DampingRow:
         damping,
         float(np.abs(position).max()),
         float(by_period.mean()),
-        standard_error(by_period),
+        successive_error(by_period).error,
         float(power.mean()),
-        standard_error(power),
+        successive_error(power).error,
         float(shaft.mean() - power.mean()),
         drift <= _MAX_DRIFT * float(stroke_by_period.mean()),
     )

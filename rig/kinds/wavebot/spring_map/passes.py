@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.ranking import half_width
-from rig.analysis.rows import standard_error
+from rig.analysis.intervals import half_width
+from rig.analysis.scatter import standard_error
 from rig.spectra.periods import Floats
 
 Integers = npt.NDArray[np.int64]

@@ -13,7 +13,7 @@ from rig.campaign.set_points import chosen_law_problems
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.reference import AnyReference, RecordedReference
-from rig.config.rig_file import BaseRigFile, Rate
+from rig.config.rig_file import BaseRigFile, PowerRigFile, Rate
 from rig.config.sea import AnySea, RecordedSea, Sea
 from rig.config.yaml_source import SourceMap, load_mapping
 from rig.planning.designed_sea import largest_elevation_problems
@@ -165,7 +165,8 @@ def _budget_problems(
     rig: BaseRigFile, signals: Collection[str], locate: SourceMap
 ) -> Iterator[Problem]:
     """Yield the names in a rig's uncertainty budget that are no signals of its power stations."""
-    for i, source in enumerate(rig.uncertainty.sources if rig.uncertainty else ()):
+    budget = rig.uncertainty if isinstance(rig, PowerRigFile) else None
+    for i, source in enumerate(budget.sources if budget else ()):
         for j, name in enumerate(source.signals):
             if name not in signals:
                 allowed = ", ".join(signals) or "none: this kind of rig has no power stations"

@@ -115,7 +115,7 @@ class BaseRigFile(FileModel):
     The model of a kind narrows `kind`, `rate_hz` and `wiring`.
     """
 
-    inline: ClassVar[tuple[str, ...]] = ("wiring.ethercat.line.*.device", "uncertainty")
+    inline: ClassVar[tuple[str, ...]] = ("wiring.ethercat.line.*.device",)
 
     name: str = Field(min_length=1, max_length=64)
     kind: str
@@ -127,13 +127,20 @@ class BaseRigFile(FileModel):
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
     operator: Operator = Operator()
-    uncertainty: UncertaintyBudget | None = None  # of the power stations; or the name of a file
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that drives and bus fit the rate of the loop."""
         if self.wiring is not None:
             for key, message, value in self.wiring.rate_rules(self.rate_hz):
                 yield RuleViolation(("wiring", *key), message, value)
+
+
+class PowerRigFile(BaseRigFile):
+    """A rig with power stations."""
+
+    inline: ClassVar[tuple[str, ...]] = (*BaseRigFile.inline, "uncertainty")
+
+    uncertainty: UncertaintyBudget | None = None  # of the power stations; or the name of a file
 
 
 _RELATIVE_TOLERANCE = 1e-6

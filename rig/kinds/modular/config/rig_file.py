@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rig.config.model import FileModel, RuleViolation, TupleOf
 from rig.config.problems import format_number
-from rig.config.rig_file import Axis, BaseRigFile, Rate, RotaryAxis, StopTiming
+from rig.config.rig_file import Axis, PowerRigFile, Rate, RotaryAxis, StopTiming
 from rig.config.wiring import TorqueDrive
 from rig.kinds.modular.config.wiring import ModularWiring
 from rig.kinds.modular.tick.compose import reserved_names
@@ -87,7 +87,7 @@ class PowerStation(FileModel):
         )
 
 
-class RigFile(BaseRigFile):
+class RigFile(PowerRigFile):
     """A rig of kind `modular`."""
 
     kind: Literal["modular"]

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
-from rig.config.rig_file import Axis, BaseRigFile, Rate, StopTiming
+from rig.config.rig_file import Axis, PowerRigFile, Rate, StopTiming
 from rig.config.segment import Segment
 from rig.config.wiring import (
     PANEL_INPUTS,
@@ -184,10 +184,10 @@ class Stop(StopTiming):
     damping_n_s_per_m: float = Field(gt=0, le=20_000)  # of the body; the force is -damping * v
 
 
-class RigFile(BaseRigFile):
+class RigFile(PowerRigFile):
     """A rig of kind `wavebot`."""
 
-    inline: ClassVar[tuple[str, ...]] = (*BaseRigFile.inline, "spring_map")
+    inline: ClassVar[tuple[str, ...]] = (*PowerRigFile.inline, "spring_map")
 
     kind: Literal["wavebot"]
     rate_hz: Rate

@@ -7,6 +7,7 @@ installation may be read-only.
 import os
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -159,7 +160,7 @@ def referenced_files(path: Path) -> list[Path]:
         if file.suffix != ".yaml":
             continue
         text = read_regular(file, MAX_CONFIG_BYTES).decode("utf-8")
-        for value in _text_values(YAML(typ="safe", pure=True).load(text)):
+        for value in _texts_of(text):
             named = path_from(file.parent, value)
             if named not in found and named.is_file():
                 found.append(named)
@@ -195,6 +196,12 @@ def copy_files(path: Path, folder: Path, *, keep_existing: bool = False) -> Copy
             file.write(contents[source])
         written.append(target)
     return CopyResult(copies[path], written, [copies[source] for source in present])
+
+
+@lru_cache(maxsize=64)
+def _texts_of(text: str) -> tuple[str, ...]:
+    """Return the text values of a YAML file."""
+    return tuple(_text_values(YAML(typ="safe", pure=True).load(text)))
 
 
 def _text_values(tree: Any) -> Iterator[str]:

@@ -13,6 +13,7 @@ import errno
 import os
 import stat
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -290,9 +291,7 @@ def _compose(path: Path, named_at: SourceLocation, key: str) -> Node | None:
         message = f"the file is not UTF-8 text (byte {error.start})"
         raise ConfigError([_problem(SourceLocation(path, 1), "", None, message)]) from None
     try:
-        yaml = YAML(typ="safe", pure=True)
-        yaml.Composer = _Composer
-        node: Node | None = yaml.compose(text)
+        return _nodes(text)
     except _FileTooLargeError as error:
         location = SourceLocation(path, error.problem_mark.line + 1)
         raise ConfigError([_problem(location, "", None, str(error.problem))]) from None
@@ -304,6 +303,14 @@ def _compose(path: Path, named_at: SourceLocation, key: str) -> Node | None:
     except YAMLError as error:
         message = f"YAML syntax: {(str(error).splitlines() or ['not readable'])[0]}"
         raise ConfigError([_problem(SourceLocation(path, 1), "", None, message)]) from None
+
+
+@lru_cache(maxsize=64)
+def _nodes(text: str) -> Node | None:
+    """Return the composed nodes of a file, which nothing changes; files are read repeatedly."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Composer = _Composer
+    node: Node | None = yaml.compose(text)
     return node
 
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.analysis.compared_rows import BATCHES
 from rig.config.uncertainty import UncertaintyBudget
 from rig.recording.runs.folder import RunInfo
 from rig.stations import Station
@@ -191,7 +192,9 @@ def add_expanded(
             scatter = float(row[f"{name}_se"])
             if np.isfinite(scatter):
                 row[f"{name}_u"] = float(np.hypot(row[f"{name}_type_b"], scatter))
-                row[f"{name}_expanded"] = drawn.half_width(contributions, scatter, row["periods"])
+                batches = row.get(BATCHES, 0)
+                freedom = batches - 2 if batches else row["periods"] - 1
+                row[f"{name}_expanded"] = drawn.half_width(contributions, scatter, freedom)
 
 
 class _Draws:
@@ -215,18 +218,19 @@ class _Draws:
         self._share = 0.5 * (1.0 + COVERAGE)
         self._normal = float(norm.ppf(self._share))
 
-    def half_width(self, contributions: Floats, scatter: float, periods: int) -> float:
+    def half_width(self, contributions: Floats, scatter: float, freedom: int) -> float:
         """Return the half width of the 95 % interval of a sum of errors around zero.
 
-        ``scatter``: standard error from so many periods; from fewer than two it came from others.
+        ``scatter``: standard error with ``freedom`` degrees of freedom; with none it is that of
+        other rows.
         """
         errors = contributions @ self._sources + scatter * self._scatter
         half = float(np.quantile(np.abs(errors), COVERAGE))
-        if periods < 2 or scatter == 0.0:
+        if freedom < 1 or scatter == 0.0:
             return half
         variance = float(contributions @ contributions) + scatter * scatter
-        freedom = (periods - 1) * (variance / (scatter * scatter)) ** 2
-        return half * float(self._student(self._share, freedom)) / self._normal
+        effective = freedom * (variance / (scatter * scatter)) ** 2
+        return half * float(self._student(self._share, effective)) / self._normal
 
     def _draw(self, distribution: str) -> Floats:
         if distribution == "rectangular":

@@ -117,7 +117,12 @@ def open_campaign(
             problems += chosen_law_problems(file, points, top.locate)
         problems += kind.point_problems(file, rig, points, top.locate)
         if file is not None:
-            problems += assessment_problems(file, kind.assessed_stations(rig), top.locate)
+            problems += assessment_problems(
+                file,
+                kind.assessed_stations(rig),
+                top.locate,
+                has_model=kind.transients is not None,
+            )
             problems += realisation_problems(file.reference, points, rig.rate_hz)
     if rig is not None and rig_source is not None:
         problems += _budget_problems(rig, kind.signals(rig), rig_source.locate)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
+from rig.analysis.compared_rows import BATCHES
 from rig.analysis.rows import COMPLETE, columns_of, standard_error, stations_of
 from rig.row_contents import PANEL, Column, with_role
 from rig.stations import Station, station_names
@@ -24,6 +25,7 @@ class Point(NamedTuple):
     actuator: float = float("nan")  # position of the actuator of the panel column
     dof: dict[str, float] = {}  # noqa: RUF012 (degrees of freedom of `error` by station)
     by_seed: dict[int, dict[str, float]] = {}  # noqa: RUF012 (W, by seed of the sea and station)
+    is_compared: bool = False  # with a row over the whole repeat period, which gives `error`
 
 
 class Matrix(NamedTuple):
@@ -122,6 +124,7 @@ def _point(
     in_sea = {
         int(seed): [r for r, s in zip(rows, seeds, strict=True) if s == seed] for seed in seeds
     }
+    is_compared = BATCHES in columns and len(rows) == 1 and bool(columns[BATCHES][rows[0]])
     power, error, dof = dict[str, float](), dict[str, float](), dict[str, float]()
     by_seed: dict[int, dict[str, float]] = {seed: {} for seed in in_sea} if len(in_sea) > 1 else {}
     for name in names:
@@ -138,16 +141,25 @@ def _point(
             error[name] = float(columns[f"power_{name}_se"][rows[0]])
             periods = float(columns["periods"][rows[0]]) if "periods" in columns else 0.0
             dof[name] = periods - 1.0 if periods >= 2.0 else np.inf  # an error from elsewhere
-    return Point(
-        setting, power, error, tuple(columns["row"][rows].tolist()), actuator, dof, by_seed
-    )
+            if is_compared:
+                dof[name] = float(columns[BATCHES][rows[0]]) - 2.0
+    numbers = tuple(columns["row"][rows].tolist())
+    return Point(setting, power, error, numbers, actuator, dof, by_seed, is_compared)
 
 
 def error_source(points: Iterable[Point]) -> str:
     """Return the source of the points' standard errors as text; empty if no error is known."""
     sources = {
-        "seeds" if point.by_seed else "repetitions" if len(point.rows) > 1 else "wave periods"
+        _error_source(point)
         for point in points
         if any(np.isfinite(error) for error in point.error.values())
     }
     return f"scatter of {' and '.join(sorted(sources))}" if sources else ""
+
+
+def _error_source(point: Point) -> str:
+    if point.by_seed:
+        return "seeds"
+    if len(point.rows) > 1:
+        return "repetitions"
+    return "differences from a reference row" if point.is_compared else "wave periods"

@@ -131,7 +131,8 @@ def _plan_of_seed(campaign: PlanInputs, seed: int, first_row: int, measured: Mea
         plan_segments = _calibration_segments(file, windows)
     if file.tank is not None:
         plan_segments = end_before_reflection(file.tank, file.sea, plan_segments)
-        lengths = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
+        measuring = (s for s in plan_segments if s.phase is Phase.MEASURE)
+        lengths = {s.row: s.seconds for s in measuring if not s.wait}
         rows = tuple(_measured(row, lengths.get(row.row, row.measure), file) for row in rows)
     rate = float(rig.rate_hz)
     segments, kept, settings = cut_into_ticks(plan_segments, rate)

@@ -33,9 +33,7 @@ class Run:
         plan = sequence.State(self.segment, self.tick, 0, 0)
         while self.tick - plan.entered < most:
             power = float(powers[math.floor(self.tick / self.params.bin) % BINS])
-            self.state = paired_rows.step(
-                self.params, self.state, plan, phase, self.tick, power
-            )
+            self.state = paired_rows.step(self.params, self.state, plan, phase, self.tick, power)
             self.tick += 1
             if self.state.flags and self.tick - plan.entered >= least:
                 break

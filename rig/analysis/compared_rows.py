@@ -38,13 +38,18 @@ class ComparedRows:
     """Completes the entries of a run's rows, given in the order of the run."""
 
     def __init__(
-        self, stations: Sequence[Station], station: str, plan: Mapping[str, Any], ticks: float
+        self,
+        stations: Sequence[Station],
+        station: str,
+        seeds: Mapping[int, int],
+        dt: float,
+        period_ticks: float,
     ) -> None:
-        """``station``: name of the one by whose power rows end; ``ticks``: of a repeat period."""
+        """``station``: name of the one by whose power rows end; ``seeds``: of the sea, by row;
+        ``period_ticks``: of a repeat period, each of ``dt`` seconds."""
         self._stations = [each.name for each in stations]
         self._deciding = f"power_{find(stations, station).name}"
-        self._ticks, self._dt = ticks, float(plan["dt"])
-        self._seeds = {int(row["row"]): int(row.get("seed", 0)) for row in plan["rows"]}
+        self._seeds, self._dt, self._ticks = seeds, dt, period_ticks
         self._reference: _Reference | None = None
         self._least = np.inf  # W, of the reference at the station that decides
 
@@ -126,4 +131,5 @@ def compared_rows(
     ends_early = any(LEAST_MEASURE in row for row in plan.get("rows", []))
     if period_ticks is None or not end or not ends_early or sea.get("kind") == "regular":
         return None
-    return ComparedRows(stations, end.get("station", "dc"), plan, period_ticks)
+    seeds = {int(row["row"]): int(row.get("seed", 0)) for row in plan["rows"]}
+    return ComparedRows(stations, end["station"], seeds, float(plan["dt"]), period_ticks)

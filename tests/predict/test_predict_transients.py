@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from predicting import CONFIGS
+from rehearsing import write_yaml
 
 from rig.campaign.plan import stage_plans
 from rig.design import sampled_loop
@@ -55,3 +56,19 @@ def test_what_is_left_of_a_motion_after_the_settling_time(frequency: float) -> N
     assert max(left) < LEFT
     assert np.median(left) > 0.1 * heave_loop.REMAINDER  # the time is not much longer than needed
     assert min(times) > 3.0
+
+
+def test_a_law_without_a_linear_form_settles_for_the_longest_time(tmp_path: Path) -> None:
+    path = write_yaml(
+        tmp_path / "campaign.yaml",
+        {
+            "name": "test",
+            "rig": str(CONFIGS / "rigs" / "wavebot.yaml"),
+            "sea": {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.0},
+            "law": {"use": "velocity table", "velocity_m_per_s": [-1, 0, 1], "force_n": [9, 0, -9]},
+            "matrix": {"list": [{"spring_n_per_m": 490.9, "table_scale": 1, "retract_factor": 1}]},
+            "timing": {"settle": "measured", "settle_s": 7},
+        },
+    )
+    plan = stage_plans(open_campaign(path))[0]
+    assert plan.phases.settle == 7.0

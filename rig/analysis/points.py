@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
+from rig.analysis.compared_rows import BATCHES
 from rig.analysis.intervals import CONFIDENCE, Floats, combined_half_width
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.analysis.scatter import standard_error
@@ -32,6 +33,7 @@ class Point(NamedTuple):
     by_seed: dict[int, dict[str, float]] = {}  # noqa: RUF012 (W, by seed of the sea and station)
     type_b: dict[str, Floats] = {}  # noqa: RUF012 (W, by station; shape: seas, sources of a budget)
     distributions: tuple[str, ...] = ()  # of the errors of these sources
+    is_compared: bool = False  # with a row over the whole repeat period, which gives `error`
 
     def contributions(self, name: str, seeds: Sequence[int] = ()) -> Floats:
         """Return the signed Type B contributions to the power of a station, W; empty without any.
@@ -175,6 +177,7 @@ def _point(
     in_sea = {
         int(seed): [r for r, s in zip(rows, seeds, strict=True) if s == seed] for seed in seeds
     }
+    is_compared = BATCHES in columns and len(rows) == 1 and bool(columns[BATCHES][rows[0]])
     power, error, dof = dict[str, float](), dict[str, float](), dict[str, float]()
     type_b = dict[str, Floats]()
     by_seed: dict[int, dict[str, float]] = {seed: {} for seed in in_sea} if len(in_sea) > 1 else {}
@@ -193,15 +196,16 @@ def _point(
             dof[name] = float(columns[f"power_{name}_dof"][rows[0]])
         if (shares := columns.get(f"power_{name}_{CONTRIBUTIONS}")) is not None:
             type_b[name] = np.array([shares[group].mean(axis=0) for group in in_sea.values()])
+    numbers = tuple(columns["row"][rows].tolist())
     return Point(
-        setting, power, error, tuple(columns["row"][rows].tolist()), actuator, dof, by_seed, type_b
+        setting, power, error, numbers, actuator, dof, by_seed, type_b, is_compared=is_compared
     )
 
 
 def error_source(points: Iterable[Point]) -> str:
     """Return the source of the points' standard errors as text; empty if no error is known."""
     sources = {
-        "seeds" if point.by_seed else "repetitions" if len(point.rows) > 1 else "wave periods"
+        _error_source(point)
         for point in points
         if any(np.isfinite(error) for error in point.error.values())
     }
@@ -216,3 +220,11 @@ def error_note(points: Iterable[Point]) -> str:
     if any(point.type_b for point in points):
         return f"± {PERCENT} by {source} and Type B"
     return f"± standard error by {source}"
+
+
+def _error_source(point: Point) -> str:
+    if point.by_seed:
+        return "seeds"
+    if len(point.rows) > 1:
+        return "repetitions"
+    return "differences from a reference row" if point.is_compared else "wave periods"

@@ -4,7 +4,9 @@ Absorbed power is negative. Rows whose window was cut short are listed with thei
 from surfaces. So are rows whose window lacks ticks in the record (`INCOMPLETE`); their means are
 withheld (NaN) unless requested. The standard error of a mean comes from the means over whole wave
 periods. It is unknown (NaN) where a window holds only one repeat period of an irregular sea, unless
-the point was repeated. What else the table holds is the `RowContents` of the run.
+the point was repeated. The powers of rows that ended before that period are those over the whole of
+it, from a comparison with another row (`rig.analysis.compared_rows`). What else the table holds is
+the `RowContents` of the run.
 """
 
 import json
@@ -18,6 +20,7 @@ import numpy as np
 
 from rig.analysis import calibrated
 from rig.analysis.calibrated import RECORDED
+from rig.analysis.compared_rows import NOT_COMPARED, WAVE_CLOCK, compared_rows
 from rig.analysis.scatter import UNKNOWN, period_means, successive_error
 from rig.analysis.uncertainty import (
     BUDGET_ATTRIBUTE,
@@ -272,7 +275,8 @@ def row_table(
     units, settings = column_units(contents), [column.name for column in contents.settings]
     budget = budget_of(run_facts.config, run_facts.row_contents, available)
     shares: dict[int, Any] = {}  # contributions of the sources of the budget, by row
-    fields = table_fields(contents, available)
+    compared = compared_rows(run_facts.plan, run_facts.config, contents.stations, period_ticks)
+    fields = [*table_fields(contents, available), *([] if compared is None else [WAVE_CLOCK])]
     if budget is not None:
         fields = list(dict.fromkeys([*fields, *budget.log_fields]))
         units |= {
@@ -294,6 +298,7 @@ def row_table(
         )
         window = whole._replace(data=calibrated.correct_ticks(corrections, whole.data))
         entry = reduce_window(window, period_ticks, contents)
+        entry = entry if compared is None else compared.complete(entry, window)
         if budget is not None:
             shares[window.row] = budget.contributions(window.data)
             entry |= type_b(budget, shares[window.row])
@@ -303,8 +308,10 @@ def row_table(
         )
     state = reading.state(run)
     lost_rows = missing_rows(run_facts.plan, measured, state)
+    added: dict[str, Any] = {} if compared is None else NOT_COMPARED
     table = [
-        calibrated.correct_row(
+        added
+        | calibrated.correct_row(
             corrections,
             _merge_plan(
                 measured.get(row),

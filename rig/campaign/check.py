@@ -161,10 +161,11 @@ class CheckReport(NamedTuple):
         if windows.periods:
             measured += f" = {count_text(windows.periods, 'period')}"
         if windows.least_measure is not None:
-            least = count_text(
-                round(windows.least_measure * windows.periods / windows.measure), "period"
-            )
-            measured = f"{windows.least_measure:.6g} s = {least} to {measured}"
+            least = f"{windows.least_measure:.6g} s"
+            if not windows.bin:
+                share = windows.least_measure / windows.measure
+                least += f" = {count_text(round(share * windows.periods), 'period')}"
+            measured = f"{least} to {measured}"
         most = " at most" if planned.least_duration < planned.duration else ""
         rows, waits = "none: wave calibration, device absent, drive off", ""
         if planned.rows:

@@ -132,6 +132,9 @@ class CampaignKind(NamedTuple):
     """Recorded limits, completed by those of checks that are newer than the run."""
     assessed_stations: Callable[[Rig], Sequence[Station]] = lambda rig: ()
     """The stations by whose power a row may end, in the order of `cycle.Kind.assessed`."""
+    transients: Callable[[Any, Sequence[Any]], Sequence[float]] | None = None
+    """The times (s) in which transients decay to 1 % of their amplitude in rows of a campaign,
+    after a change of gains or the begin of the waves; infinite if unknown. None: no kind of row."""
     signals: Callable[[Rig], Collection[str]] = lambda rig: ()
     """The signals of the formulas of the power stations, which an uncertainty budget names."""
     swept_keys: tuple[str, ...] = ("sea", "law", "reference", "seed", "start", "timing", "tare")

@@ -33,10 +33,11 @@ from rig.campaign.set_points import row_setting, zero_setting
 from rig.config.adaptive import AdaptiveRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.rig_file import BaseRigFile
+from rig.config.sea import RegularSea
 from rig.planning.order import Order, PointRepetition, order_points
 from rig.planning.point import Point
 from rig.planning.segments import PlanSegment, cut_into_ticks, phase_seconds
-from rig.planning.tank import end_before_reflection
+from rig.planning.tank import end_before_reflection, tank_times
 from rig.planning.windows import RowWindows, repeat_period
 from rig.realtime.sequence import ASSESSED, NO_ROW, WAIT_KNOWN, WAIT_ORDER, WAIT_SETTLED, Phase
 
@@ -59,6 +60,10 @@ class PlanInputs(Protocol):
         """The rig file."""
 
     @property
+    def plant(self) -> Mapping[str, Any]:
+        """The file of the simulated plant, as read."""
+
+    @property
     def points(self) -> tuple[Point, ...]:
         """The points of the matrix; empty for a wave calibration."""
 
@@ -75,6 +80,7 @@ class Measured(NamedTuple):
 
 
 NOTHING = Measured()
+_LATE_TICKS = 2  # a row ends with a bin of the repeat period, up to a tick after its length in s
 RESUMED = "resumed"  # key of a recorded plan with what the stages before have measured
 
 
@@ -152,14 +158,15 @@ def _plan_of_seed(
             for row, repetition in enumerate(order_rows(file, places, seed), first_row)
         )
         left = [row for row in rows if row.row not in measured.rows]
-        plan_segments = _row_segments(kind, file, rig, left, windows, measured.periods)
+        plan_segments = _row_segments(campaign, left, windows, measured.periods)
         if adaptive is not None:
             plan_segments = _with_choices(kind, file, rig, left, plan_segments)
     else:
         plan_segments = _calibration_segments(file, windows)
     if file.tank is not None:
         plan_segments = end_before_reflection(file.tank, file.sea, plan_segments)
-        lengths = {s.row: s.seconds for s in plan_segments if s.phase is Phase.MEASURE}
+        measuring = (s for s in plan_segments if s.phase is Phase.MEASURE)
+        lengths = {s.row: s.seconds for s in measuring if not s.wait}
         rows = tuple(_measured(row, lengths.get(row.row, row.measure), file) for row in rows)
     rate = float(rig.rate_hz)
     segments, _, settings = cut_into_ticks(plan_segments, rate)
@@ -224,33 +231,34 @@ def _calibration_segments(file: BaseCampaignFile, windows: RowWindows) -> list[P
 
 
 def _row_segments(
-    kind: CampaignKind,
-    file: BaseCampaignFile,
-    rig: BaseRigFile,
+    campaign: PlanInputs,
     rows: Sequence[CampaignRow[Any]],
     windows: RowWindows,
     done: Mapping[int, int],
 ) -> list[PlanSegment[Any]]:
     """Return the segments of the rows, of which some periods are ``done``."""
+    kind, file, rig = campaign.kind, campaign.file, campaign.rig
     period = windows.measure / max(windows.periods, 1)
+    settling = _settling_seconds(campaign, rows, windows)
+    margin = _LATE_TICKS / rig.rate_hz if windows.bin else 0.0
     lead_in = kind.lead_in(file, rows[0].setting)
     first = lead_in[0][1]
     plan_segments = [
         PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, first, waves=0, drive=0),
         _waiting(NO_ROW, kind.prepare(file, rig, first), waves=0),
-        *_lead_in_segments(file, lead_in),
+        *_lead_in_segments(file, lead_in, _lead_in_seconds(campaign, rows[0])),
     ]
     before = rows[0].setting
-    for row in rows:
+    for row, (settle, least_settle) in zip(rows, settling, strict=True):
         move = kind.move(file, rig, before, row.setting, max(windows.move, 1.0 / rig.rate_hz))
         before = row.setting
         plan_segments += [
             *([] if move is None else [_waiting(row.row, move)]),
-            _segment(row, Phase.SETTLE, windows.settle, windows.least_settle, WAIT_SETTLED),
+            _segment(row, Phase.SETTLE, settle + margin, least_settle, WAIT_SETTLED),
             _segment(
                 row,
                 Phase.MEASURE,
-                windows.measure - period * done.get(row.row, 0),
+                windows.measure - period * done.get(row.row, 0) + margin,
                 windows.least_measure,
                 WAIT_KNOWN,
             ),
@@ -302,6 +310,42 @@ def _of_rows(
     ]
 
 
+def _settling_seconds(
+    campaign: PlanInputs, rows: Sequence[CampaignRow[Any]], windows: RowWindows
+) -> list[tuple[float, float | None]]:
+    """Return the longest settling time of each row, s, and the least one if it may end before."""
+    if not windows.models_settle:
+        return [(windows.settle, windows.least_settle)] * len(rows)
+    least, longest = windows.least_settle or 0.0, windows.settle - windows.bin
+    times = (min(max(each, least), longest) for each in _transients(campaign, rows))
+    return [(each + windows.bin, each if windows.bin else None) for each in times]
+
+
+def _transients(campaign: PlanInputs, rows: Sequence[CampaignRow[Any]]) -> Sequence[float]:
+    """Return how long transients last in each row, s, in the model of the rig.
+
+    `rig.campaign.assessed` refuses the campaigns of a kind without a model.
+    """
+    transients = campaign.kind.transients
+    return [math.inf] * len(rows) if transients is None else transients(campaign, rows)
+
+
+def _lead_in_seconds(campaign: PlanInputs, first: CampaignRow[Any]) -> float | None:
+    """Return the least time from the wave maker's start to the first row, s; None if it is fixed.
+
+    In an irregular sea the waves must have their full height at the device, and the transients of
+    their begin must be over.
+    """
+    file = campaign.file
+    if file.start.lead_in != "measured":
+        return None
+    if isinstance(file.sea, RegularSea) or file.tank is None:
+        return file.start.least_lead_in_s
+    times = tank_times(file.tank, file.sea)
+    full = math.inf if times is None else times.full
+    return max(full + _transients(campaign, [first])[0], file.start.least_lead_in_s)
+
+
 def _segment(
     row: CampaignRow[Any], phase: Phase, seconds: float, least: float | None, condition: int
 ) -> PlanSegment[Any]:
@@ -312,15 +356,20 @@ def _segment(
 
 
 def _lead_in_segments(
-    file: BaseCampaignFile, parts: Sequence[tuple[float, Any]]
+    file: BaseCampaignFile, parts: Sequence[tuple[float, Any]], least: float | None
 ) -> list[PlanSegment[Any]]:
-    """Return the segments of the lead-in's parts, the last of which may end once it has settled."""
+    """Return the segments of the lead-in's parts.
+
+    With a ``least`` time (s) the last one ends after it in an irregular sea, and in a regular one
+    once the motion has settled.
+    """
     segments = [PlanSegment(NO_ROW, Phase.LEAD_IN, *part) for part in parts]
-    if file.start.lead_in == "measured":
+    if least is not None:
         seconds = segments[-1].seconds
         before = file.start.lead_in_s - seconds
-        least = min(max(file.start.least_lead_in_s - before, 0.0), seconds)
-        segments[-1] = segments[-1]._replace(seconds=least, wait=WAIT_SETTLED, timeout=seconds)
+        segments[-1] = segments[-1]._replace(seconds=min(max(least - before, 0.0), seconds))
+        if isinstance(file.sea, RegularSea):
+            segments[-1] = segments[-1]._replace(wait=WAIT_SETTLED, timeout=seconds)
     return segments
 
 

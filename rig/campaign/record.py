@@ -2,9 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rig import laws
@@ -145,6 +146,7 @@ class RecordedCampaign(NamedTuple):
     points: tuple[Point, ...]  # as recorded, without their locations in a file
     record: ReferenceRecord | None  # of a recorded reference
     seed: int  # one of those of the file
+    plant: Mapping[str, Any] = MappingProxyType({})  # the file of the simulated one
 
     @property
     def sea_seed(self) -> int:
@@ -175,6 +177,7 @@ def campaign_from_record(
         ),
         _read_record(file, config),
         file.seeds[0] if seed is None else seed,
+        config.get("plant") or {},
     )
 
 

@@ -12,12 +12,14 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from rig.analysis.compared_rows import ComparedRows
 from rig.analysis.rows import NOT_RUN, column_units, motion_fields, reduce_window
 from rig.campaign.equal_rows import EqualRows, find_equal_rows
 from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.config.law_settings import shown_columns, value_text
 from rig.config.problems import Problem
+from rig.config.sea import RegularSea
 from rig.planning.windows import repeat_period
 from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
@@ -230,9 +232,10 @@ def row_results(
     period_ticks = period / planned.dt if period else None
     actuators = [column.actuator.name for column in contents.columns if column.actuator]
     contents, rows = contents._replace(columns=()), planned.rows  # the plan has the set points
-    results = {}
+    results, compared = {}, _compared_rows(campaign, planned, contents, period_ticks)
     for window in simulation:  # the last attempt counts
-        results[window.row] = reduce_window(window, period_ticks, contents) | {
+        entry = reduce_window(window, period_ticks, contents)
+        results[window.row] = (entry if compared is None else compared.complete(entry, window)) | {
             "end_stop": window.end_stop,
             "flags": " ".join(_flags(window, period_ticks, planned.dt, contents.axis)),
         }
@@ -248,6 +251,17 @@ def row_results(
             entry["flags"] = f"{NO_EQUILIBRIUM} {entry['flags']}".rstrip()
         entries.append(entry | dict.fromkeys(actuators, row.place) | row.setting._asdict())
     return entries
+
+
+def _compared_rows(
+    campaign: AnyCampaign, planned: AnyPlan, contents: RowContents, period_ticks: float | None
+) -> ComparedRows | None:
+    """Return what completes rows that end before the repeat period of an irregular sea."""
+    end, sea = campaign.file.timing.end, campaign.file.sea
+    if end is None or period_ticks is None or isinstance(sea, RegularSea):
+        return None
+    seeds = {row.row: row.seed for row in planned.rows}
+    return ComparedRows(contents.stations, end.station, seeds, planned.dt, period_ticks)
 
 
 def _flags(window: Window, period_ticks: float | None, dt: float, axis: str) -> Iterator[str]:

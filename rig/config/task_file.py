@@ -12,14 +12,21 @@ from rig.config.problems import format_number, format_value
 class RowEnd(FileModel):
     """The end of a row by its power, as soon as that is known well enough; else after its periods.
 
-    `rig.realtime.assessment` has the rules.
+    `rig.realtime.assessment` has the rules for a regular sea, `rig.realtime.paired_rows` those for
+    irregular ones.
     """
 
     station: str = Field(default="dc", min_length=1)  # name or alias of a power station
-    least_periods: WholeNumber = Field(default=3, ge=2, le=1000)
+    least_periods: WholeNumber | None = Field(default=None, ge=2, le=1000)  # of a regular sea
+    least_s: float | None = Field(default=None, gt=0, le=3600)  # of an irregular one
     precision_w: float | None = Field(default=None, gt=0, le=1e6)  # standard error of the mean
     precision_percent: float | None = Field(default=None, gt=0, le=100)  # of the best row's power
     worse_rows: bool = False  # a row that cannot be the best any more ends, too
+
+    @property
+    def least_wave_periods(self) -> int:
+        """Least number of periods of a regular sea, without the key 3."""
+        return self.least_periods or 3
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that there is something by which a row may end."""
@@ -60,11 +67,6 @@ class Timing(FileModel):
         if self.is_assessed and interval is not None:
             message = "rows that end by themselves have no interval; leave the key out"
             yield RuleViolation(("interval_s",), message, interval)
-        if self.end is not None and self.periods is not None:
-            least = self.end.least_periods
-            if self.periods < least:
-                message = f"{self.periods} is less than end.least_periods = {least}"
-                yield RuleViolation(("periods",), message, self.periods)
 
 
 def _expand_timing(value: Any) -> Any:

@@ -37,6 +37,19 @@ class Poles(NamedTuple):
 
 def poles(body: Body, timing: Timing, law: Law, stiffness: Floats) -> Poles:
     """Return the poles of each row; ``stiffness`` (N/m) is the spring's, one value per row."""
+    open_loop, feedback = _matrices(body, timing, law, stiffness)
+    radius, decay_time, frequency = _slowest_mode(open_loop + feedback, timing.dt)
+    return Poles(radius, decay_time, frequency, _gain_margin(open_loop, feedback))
+
+
+def decay_times(body: Body, timing: Timing, law: Law, stiffness: Floats) -> Floats:
+    """Return the time constant of the slowest mode of each row, s, as of `poles`."""
+    open_loop, feedback = _matrices(body, timing, law, stiffness)
+    return _slowest_mode(open_loop + feedback, timing.dt)[1]
+
+
+def _matrices(body: Body, timing: Timing, law: Law, stiffness: Floats) -> tuple[Floats, Floats]:
+    """Return the matrices of `closed_loop_matrices` of all rows."""
     plants: dict[float, tuple[Floats, Floats]] = {}
     loops = []
     for kp, ki, km, spring in zip(law.kp, law.ki, law.km, stiffness, strict=True):
@@ -45,18 +58,20 @@ def poles(body: Body, timing: Timing, law: Law, stiffness: Floats) -> Poles:
             plants[spring] = discretise(stiff, timing)
         gains = (float(kp), float(ki), float(km))
         loops.append(closed_loop_matrices(*plants[spring], timing, law.sections, gains))
-    open_loop = np.stack([one for one, _ in loops])
-    feedback = np.stack([two for _, two in loops])
-    values = np.linalg.eigvals(open_loop + feedback)
+    return np.stack([one for one, _ in loops]), np.stack([two for _, two in loops])
+
+
+def _slowest_mode(transition_matrices: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
+    """Return radius, decay time (s) and frequency (Hz) of the slowest mode of each row."""
+    values = np.linalg.eigvals(transition_matrices)
     worst = np.argmax(np.abs(values), axis=1)
     largest = np.take_along_axis(values, worst[:, None], axis=1)[:, 0]
     radius = np.abs(largest)
-    rate = -np.log(np.maximum(radius, 1e-300)) / timing.dt
+    rate = -np.log(np.maximum(radius, 1e-300)) / dt
     decay_time = np.where(
         rate > 1.0 / MAX_DECAY_TIME, 1.0 / np.maximum(rate, 1.0 / MAX_DECAY_TIME), MAX_DECAY_TIME
     )
-    frequency = np.abs(np.angle(largest)) / (2.0 * math.pi * timing.dt)
-    return Poles(radius, decay_time, frequency, _gain_margin(open_loop, feedback))
+    return radius, decay_time, np.abs(np.angle(largest)) / (2.0 * math.pi * dt)
 
 
 def is_stable_at(open_loop: Floats, feedback: Floats, gain: Floats) -> Flags:

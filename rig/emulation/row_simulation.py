@@ -296,5 +296,6 @@ def _stretches(values: npt.NDArray[Any]) -> Iterator[tuple[int, int, Any]]:
 
 def _longest_stretch(segments: Segments) -> int:
     """Return the ticks of the longest sequence of windows without a gap."""
-    by_phase = groupby(zip(segments.phase, segments.ticks, strict=True), lambda s: s[0])
+    longest = map(max, segments.ticks, segments.timeout)  # of a segment that waits
+    by_phase = groupby(zip(segments.phase, longest, strict=True), lambda s: s[0])
     return max((sum(n for _, n in run) for phase, run in by_phase if phase == MEASURE), default=0)

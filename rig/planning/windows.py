@@ -8,7 +8,8 @@ repeat period. In calm water the measurement is whole repeat periods of an open-
 whole cycles of a motion.
 
 Rows that are assessed while they are measured (`rig.realtime.assessment`) have least and longest
-times in place of an interval.
+times in place of an interval. In an irregular sea, such a row begins with a bin of the repeat
+period (`rig.realtime.paired_rows`), and settles as long as its transients last in the model.
 
 A wave calibration has no rows, but one window of whole periods after the lead-in.
 """
@@ -21,8 +22,11 @@ from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
 from rig.config.yaml_source import KeyPath
+from rig.realtime.paired_rows import BINS, LEAST_BATCHES, PER_BATCH
 
 _ROUNDING = 1e-9  # periods; a window that is shorter than whole periods only by rounding fits
+LEAST_SETTLE_S = 2.0  # of rows that settle as long as their transients last
+LEAST_REPEAT_S = 100.0  # of rows that end before it: their batches are some waves long
 SETTLING_PERIODS = 2  # at least, so that there is a change from one to the next
 _LONGEST_SETTLE_S, _LONGEST_SETTLE_PERIODS = 20.0, 10
 _MOST_PERIODS = 12  # of a row that ends by its power
@@ -50,6 +54,8 @@ class RowWindows(NamedTuple):
     periods: int  # wave or repeat periods in the measurement; 0: not a whole number
     least_settle: float | None = None  # of rows that settle as measured; `settle` is the longest
     least_measure: float | None = None  # of rows that end by their power; `measure` is the longest
+    bin: float = 0.0  # s of an irregular sea, with the begin of which such a row begins
+    models_settle: bool = False  # a row settles as long as its transients last in the model
 
     @property
     def interval(self) -> float:
@@ -111,13 +117,12 @@ def _assessed_windows(
 ) -> RowWindows:
     """Return the windows of rows that settle, or end, as measured."""
     key = ("timing", "settle") if timing.settle == "measured" else ("timing", "end")
-    if not isinstance(sea, RegularSea) or reference is not None or motion is not None:
+    if isinstance(sea, CalmSea) or reference is not None or motion is not None:
         other = "an open-loop reference" if reference is not None else f"a {sea.kind} sea"
         other = other if motion is None else "a hoist"
-        message = (
-            f"rows with {other} have fixed times; only a regular sea repeats every few seconds"
-        )
-        raise WindowError(key, None, message)
+        raise WindowError(key, None, f"rows with {other} have fixed times; leave the key out")
+    if not isinstance(sea, RegularSea):
+        return _windows_in_irregular_sea(sea.repeat, timing)
     period, least_settle, least_measure = sea.period, None, None
     longest = _value_or(timing.settle_s, 5.0)
     if timing.settle == "measured":
@@ -133,10 +138,63 @@ def _assessed_windows(
             )
     periods = timing.periods or max(_count_periods(15.0, period), 1)
     if timing.end is not None:
-        periods = timing.periods or max(_MOST_PERIODS, timing.end.least_periods)
-        least_measure = timing.end.least_periods * period
+        least = timing.end.least_wave_periods
+        periods = timing.periods or max(_MOST_PERIODS, least)
+        least_measure = least * period
+        if periods < least:
+            message = f"{periods} is less than end.least_periods = {least}"
+            raise WindowError(("timing", "periods"), periods, message)
+        if timing.end.least_s is not None:
+            message = "a regular sea has end.least_periods; leave the key out"
+            raise WindowError(("timing", "end", "least_s"), timing.end.least_s, message)
     measure, move = periods * period, longest if least_settle is None else least_settle
     return RowWindows(longest, measure, 0.0, move, periods, least_settle, least_measure)
+
+
+def _windows_in_irregular_sea(repeat: float, timing: Timing) -> RowWindows:
+    """Return the windows of rows that settle as the model does, or end by their power.
+
+    ``repeat``: repeat period of the sea, s.
+    """
+    longest, periods = _value_or(timing.settle_s, 10.0), timing.periods or 1
+    models = timing.settle == "measured"
+    least_settle = min(LEAST_SETTLE_S, longest) if models else longest
+    if timing.end is None:
+        measure = periods * repeat
+        return RowWindows(longest, measure, 0.0, least_settle, periods, models_settle=models)
+    end, bin_s = timing.end, repeat / BINS
+    shortest = PER_BATCH * LEAST_BATCHES * bin_s
+    least = _value_or(end.least_s, shortest)
+    if end.least_periods is not None:
+        message = "an irregular sea has end.least_s; leave the key out"
+        raise WindowError(("timing", "end", "least_periods"), end.least_periods, message)
+    if repeat < LEAST_REPEAT_S:
+        message = (
+            f"a repeat period of {format_number(repeat)} s is too short for rows that end before "
+            f"it; allowed from {format_number(LEAST_REPEAT_S)} s on"
+        )
+        raise WindowError(("timing", "end"), None, message)
+    if periods != 1:
+        message = "rows that end by their power have one repeat period at most; allowed 1"
+        raise WindowError(("timing", "periods"), periods, message)
+    if not shortest * (1.0 - _ROUNDING) <= least <= repeat:
+        message = (
+            f"{format_number(least)} s are not within the repeat period; allowed "
+            f"{format_number(shortest)} .. {format_number(repeat)} s"
+        )
+        raise WindowError(("timing", "end", "least_s"), least, message)
+    batches = math.ceil(least / (PER_BATCH * bin_s) - _ROUNDING)
+    return RowWindows(
+        longest + bin_s,
+        repeat,
+        0.0,
+        least_settle,
+        1,
+        least_settle,
+        batches * PER_BATCH * bin_s,
+        bin_s,
+        models,
+    )
 
 
 def calibration_window(sea: AnySea, timing: Timing) -> RowWindows:

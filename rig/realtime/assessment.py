@@ -13,14 +13,17 @@ precision that the campaign sets; or the row cannot be the best any more, becaus
 above the lowest of the rows before by more than the errors of both explain. A few periods alone
 tell little about their scatter, so the scatter of the rows before counts for up to `POOLED` periods
 of it (an estimate that shrinks towards the pooled variance).
+
+All this is for a regular sea; `rig.realtime.paired_rows` has the rules for irregular ones.
 """
 
 from math import cos, floor, inf, pi, sin, sqrt
 from typing import Any, NamedTuple
 
 from controllers.signals import Watt
-from rig.realtime import sequence
+from rig.realtime import paired_rows, sequence
 from rig.realtime.sequence import LEAD_IN, MEASURE, SETTLE, WAIT_KNOWN, WAIT_SETTLED
+from rig.realtime.student import quantile
 
 SETTLED = 0.01  # rest of the transient, of the amplitude of the motion
 SETTLED_POWER = 0.02  # of the power, which goes with the square of the motion
@@ -28,7 +31,6 @@ NOISE = 0.1  # of these bounds: changes as small as that are noise, and not comp
 NOISE_ERRORS = 2.0  # standard errors of a difference of two periods that are noise, too
 REST = 1.0e-3  # m/s or rad/s; an amplitude as small counts as rest
 POOLED = 8  # degrees of freedom for which the scatter of earlier rows counts at most
-NORMAL_QUANTILE = 2.5758  # one-sided 99.5 %
 LEAST_FREEDOM = 4  # degrees of freedom from which a row may end as no longer the best
 
 
@@ -39,13 +41,14 @@ Assessed = tuple[tuple[float, ...], float]
 class Params(NamedTuple):
     """The bounds of the assessment."""
 
-    period: float  # ticks of a wave period; 0: nothing
+    period: float  # ticks of a wave period; 0: nothing, or an irregular sea
     station: int  # whose power, as of `Kind.assessed`
     least_periods: int  # of a measurement
     most_periods: int
     precision: Watt  # standard error with which a row ends; 0: none
     precision_of_best: float  # the same as a share of the lowest power so far; 0: none
     ends_worse: int  # 1: a row ends that cannot be the best any more
+    paired: paired_rows.Params = paired_rows.NOTHING  # of an irregular sea
 
 
 class Mean(NamedTuple):
@@ -99,6 +102,7 @@ class State(NamedTuple):
     transient: Transient
     scatter: Scatter  # of the present measurement
     rows: Rows
+    paired: paired_rows.State  # in an irregular sea
     flags: int  # the conditions of the plan that are met at the end of this tick
 
 
@@ -117,6 +121,7 @@ def start() -> State:
         _NO_TRANSIENT,
         _NO_SCATTER,
         Rows(0.0, 0, inf, 0.0),
+        paired_rows.start(),
         0,
     )
 
@@ -139,16 +144,21 @@ def step(
 
     ``periods``: ticks since the last call, more than one if some were lost.
     """
+    powers, velocity = values
+    segment, samples, sums, transient, scatter, rows, paired, _ = state
+    if params.paired.bin > 0.0:
+        power = powers[params.station]
+        paired = paired_rows.step(params.paired, paired, plan, phase, tick, power)
+        return State(segment, samples, sums, transient, scatter, rows, paired, paired.flags)
     if params.period == 0.0:
         return state
-    (powers, velocity), (segment, samples, sums, transient, scatter, rows, _) = values, state
     number, entered, ticks, count = segment
     if plan.paused == 1 or plan.segment != number or plan.entered != entered:
         number, entered, ticks, count = plan.segment, plan.entered, 0, 0
         samples, sums, scatter, periods = 0.0, _ZERO, _NO_SCATTER, 1
     segment = Segment(number, entered, ticks, count)
     if plan.paused == 1 or phase not in (LEAD_IN, SETTLE, MEASURE):
-        return State(segment, samples, sums, _NO_TRANSIENT, scatter, rows, 0)
+        return State(segment, samples, sums, _NO_TRANSIENT, scatter, rows, paired, 0)
     turn = tick / params.period
     angle = 2.0 * pi * (turn - floor(turn))
     now = Mean(powers[params.station], 2.0 * velocity * cos(angle), 2.0 * velocity * sin(angle))
@@ -156,7 +166,8 @@ def step(
     end = (count + 1) * params.period
     if ticks < floor(end + 0.5):
         segment = Segment(number, entered, ticks, count)
-        return State(segment, samples + 1.0, _sum(sums, now, 1.0), transient, scatter, rows, 0)
+        sums = _sum(sums, now, 1.0)
+        return State(segment, samples + 1.0, sums, transient, scatter, rows, paired, 0)
     # The period ends within half a tick of this one's end; the next one begins with the rest.
     weight = end - ticks + 1.0 if periods == 1 else 1.0
     samples, sums = samples + weight, _sum(sums, now, weight)
@@ -173,7 +184,8 @@ def step(
     elif transient.known == 1 and count > 1 and _is_settled(phase, transient, mean, rows):
         flags = WAIT_SETTLED
     samples, sums = 1.0 - weight, _sum(_ZERO, now, 1.0 - weight)
-    return State(segment, samples, sums, _after(transient, mean), scatter, rows, flags)
+    transient = _after(transient, mean)
+    return State(segment, samples, sums, transient, scatter, rows, paired, flags)
 
 
 def _sum(sums: Mean, now: Mean, weight: float) -> Mean:
@@ -257,21 +269,8 @@ def _is_known(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool:
         return True
     if params.ends_worse == 0 or freedom < LEAST_FREEDOM or not rows.best < inf:
         return False
-    allowed = _quantile(freedom) * sqrt(variance + rows.variance)
+    allowed = quantile(freedom) * sqrt(variance + rows.variance)
     return scatter.mean - rows.best > allowed
-
-
-def _quantile(freedom: int) -> float:
-    """Return the one-sided 99.5 % quantile of Student's distribution, within 1.3 % from 4 on.
-
-    The expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
-    """
-    z = NORMAL_QUANTILE
-    square = z * z
-    first = z * (square + 1.0) / 4.0
-    second = z * ((5.0 * square + 16.0) * square + 3.0) / 96.0
-    third = z * (((3.0 * square + 19.0) * square + 17.0) * square - 15.0) / 384.0
-    return z + (first + (second + third / freedom) / freedom) / freedom
 
 
 def _after_row(rows: Rows, scatter: Scatter, count: int) -> Rows:

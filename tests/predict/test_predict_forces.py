@@ -9,6 +9,7 @@ from predicting import CONFIGS
 from rig.campaign.set_points import zero_setting
 from rig.config.yaml_source import load_mapping
 from rig.design.axis import drag_force
+from rig.kinds.wavebot import heave_loop
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.predictions import drive as drives
 from rig.kinds.wavebot.predictions import motion
@@ -28,7 +29,7 @@ def load_plant(name: str) -> Plant:
 def test_passive_forces(name: str, stator: float) -> None:
     sim_params = load_plant(name).build()
     rate = magnetic_spring.table_rate(sim_params.spring, stator)
-    rates = motion.spring_rates(sim_params.spring, [stator])
+    rates = heave_loop.spring_rates(sim_params.spring, [stator])
     friction = motion.friction_size(sim_params.pto, F[None, :])
     forces = (
         (motion.spring_force(sim_params.spring, rates, X[None, :])[0],
@@ -42,7 +43,9 @@ def test_passive_forces(name: str, stator: float) -> None:
     for vectorised, simulated in forces:
         np.testing.assert_allclose(vectorised, simulated, rtol=1e-12, atol=1e-12)
     slope = -magnetic_spring.force(sim_params.spring, rate, 1e-7) / 1e-7
-    assert motion.spring_stiffness(sim_params.spring, rates)[0] == pytest.approx(slope, rel=1e-9)
+    assert heave_loop.spring_stiffness(sim_params.spring, rates)[0] == pytest.approx(
+        slope, rel=1e-9
+    )
 
 
 def test_force_in_the_guide() -> None:

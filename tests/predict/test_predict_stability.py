@@ -17,7 +17,7 @@ from rig.design import sampled_loop as sampled
 from rig.design.axis import Law, Timing
 from rig.design.estimator import design
 from rig.design.impedance import design as design_zc
-from rig.kinds.wavebot.predictions.model import linear_body
+from rig.kinds.wavebot.heave_loop import linear_body
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
 from sim_plant.sea_states import calm

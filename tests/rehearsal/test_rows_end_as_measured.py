@@ -142,14 +142,6 @@ def test_the_plan_and_the_check_have_least_and_longest_times(
             "timing.periods: 2 is less than end.least_periods = 3",
         ),
         (
-            {"sea": {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2}},
-            "timing.settle: rows with a jonswap sea have fixed times",
-        ),
-        (
-            {"sea": {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2}, "timing": {}},
-            "start.lead_in: a jonswap sea does not settle; allowed fixed",
-        ),
-        (
             {"reference": {"kind": "sine", "frequency_hz": 0.5, "amplitude_n": 100}},
             "timing.settle: rows with an open-loop reference have fixed times",
         ),

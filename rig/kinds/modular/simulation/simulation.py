@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from rig.analysis.compared_rows import WAVE_CLOCK
 from rig.analysis.rows import table_fields
 from rig.compilation.column import Column
 from rig.emulation import row_simulation
@@ -47,7 +48,11 @@ class CampaignSimulator(row_simulation.CampaignSimulator):
             plan,
             campaign_params(campaign, plan),
             plant_code(conversion),
-            (*REQUIRED_FIELDS, *table_fields(contents, logged), *waves),
+            tuple(
+                dict.fromkeys(
+                    [*REQUIRED_FIELDS, *table_fields(contents, logged), *waves, WAVE_CLOCK]
+                )
+            ),
         )
 
     def coupling(self, place: float | None) -> WholePlant:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
+from typing import Any
 
 from controllers import magnetic_spring
 from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
@@ -211,6 +212,13 @@ def _power_sign_text(campaign: AnyCampaign) -> str:
     return f"monitored in {absorbing} of {count}: those with Kp < 0 and Km = 0"
 
 
+def _transients(campaign: AnyCampaign, rows: Sequence[Any]) -> Sequence[float]:
+    # Only these campaigns need the simulated plant and the design of its loop in a plan.
+    from rig.kinds.wavebot.heave_loop import transients  # noqa: PLC0415
+
+    return transients(campaign, rows)
+
+
 CAMPAIGNS = CampaignKind(
     rig_file=RigFile,
     limits_file=LimitsFile,
@@ -233,6 +241,7 @@ CAMPAIGNS = CampaignKind(
     report_lines=_report_lines,
     earlier_limits=lambda recorded: complete_limits(recorded, LATER_LIMITS),
     assessed_stations=lambda rig: STATIONS,
+    transients=_transients,
     signals=lambda rig: SIGNALS,
     swept_keys=("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare"),
 )

@@ -4,21 +4,20 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from controllers.signals import Gains, Modulation
+from controllers.signals import Modulation
 from rig.campaign.set_points import row_setting
-from rig.design.axis import Axis, Body, Law, Timing, reference_spectrum
-from rig.design.axis_params import estimator_params, newtons_per_ampere
+from rig.design.axis import Axis, reference_spectrum
+from rig.design.axis_params import newtons_per_ampere
 from rig.design.grid import MIN_RATE, Complexes, Grid, build_grid, spectrum_from_amplitudes
-from rig.design.law_params import law_params, zc_sections
-from rig.design.linear_form import linear_gains
 from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.build import number_of, reference_table
 from rig.kinds.wavebot.campaign import Campaign
 from rig.kinds.wavebot.campaign.set_points import RowSetting, drive_settings
+from rig.kinds.wavebot.heave_loop import linear_body, loop_timing
 from rig.kinds.wavebot.predictions.drive import electrics_at
 from rig.kinds.wavebot.rehearsal.job import plant_settings
 from rig.planning.reference import list_realisations
@@ -84,12 +83,11 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
 
     def axis(hull: BodyParams, damping: float, drive: DriveParams, name: str, bem: Path) -> Axis:
         motor = getattr(rig, name)
-        lag = drive.time_constant
         return Axis(
             linear_body(hull, damping),
             hull.quadratic,
             _excitation_spectrum(grid, common.sea, sea, read_bem(bem)),
-            Timing(dt, int(plant.sensors.delay_ticks.value), lag, estimator_params(motor, dt)),
+            loop_timing(plant, drive, motor, dt),
             newtons_per_ampere(motor),
             min(getattr(bounds, name).current_peak_a, drive.current_limit),
         )
@@ -109,17 +107,6 @@ def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
     )
 
 
-def linear_body(hull: BodyParams, damping: float) -> Body:
-    """Return a hull linearised about rest, with a linear ``damping`` (N*s/m) in addition."""
-    return Body(
-        hull.inertia,
-        hull.viscous + damping,
-        hull.hydrostatic,
-        (hull.a0, hull.a1, hull.a2, hull.a3, hull.a4),
-        (hull.b1, hull.b2, hull.b3, hull.b4),
-    )
-
-
 def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetting]) -> Complexes:
     """Return the open-loop force on an axis, N; rows by lines."""
     reference = model.reference
@@ -132,22 +119,6 @@ def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetti
     ]
     scales = np.array([one.reference_scale for one in settings])
     return scales[:, None] * reference.spectra[indices]
-
-
-def row_gains(campaign: Campaign, setting: RowSetting, dt: float) -> Gains:
-    """Return the gains of a row's set point; NotLinearError if its law has none."""
-    law = campaign.file.heave_law
-    if campaign.file.zc_law is not None:
-        return Gains(setting.kp, setting.ki, setting.km)
-    params: Any = law_params(law, campaign.file.law, campaign.rig.heave.gain_ramp_s, dt)
-    return linear_gains(law, params, law.set_point(setting))
-
-
-def heave_law(model: CampaignModel, settings: Sequence[RowSetting]) -> Law:
-    """Return the heave law of each setting."""
-    dt = model.heave.timing.dt
-    kp, ki, km = np.array([row_gains(model.campaign, one, dt) for one in settings]).T
-    return Law(kp, ki, km, zc_sections(model.campaign.file.law, dt))
 
 
 class _CommonPeriod(NamedTuple):

@@ -14,9 +14,10 @@ from rig.design.grid import Floats, samples_from_spectrum
 from rig.design.steady_motion import CONVERGED
 from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.config.rig_file import StationKeeping
+from rig.kinds.wavebot.heave_loop import spring_rates, spring_stiffness
 from rig.kinds.wavebot.predictions import drive as drives
 from rig.kinds.wavebot.predictions.model import CampaignModel, open_loop_force
-from sim_plant.magnetic_spring import SpringParams, table_rate
+from sim_plant.magnetic_spring import SpringParams
 from sim_plant.pto import PtoParams
 from sim_plant.surge import SurgeParams
 
@@ -185,22 +186,11 @@ def _surge_law(
     return Law(kp, ki, zeros, ()), rig.station_keeping
 
 
-def spring_rates(spring: SpringParams, stator: Sequence[float]) -> Floats:
-    """Return the spring's effective rate at each stator position (%), N/m, rows by 1."""
-    return np.array([table_rate(spring, position) for position in stator])[:, None]
-
-
 def spring_force(spring: SpringParams, rates: Floats, x: Floats) -> Floats:
     """Return the spring force on the body, N (`sim_plant.magnetic_spring.force`)."""
     if spring.sine == 0:
         return -rates * x
     return -rates * spring.force_per_rate * np.sin(2.0 * spring.angle_per_metre * x)
-
-
-def spring_stiffness(spring: SpringParams, rates: Floats) -> Floats:
-    """Return the spring's stiffness at rest, N/m, one value per row."""
-    factor = 2.0 * spring.force_per_rate * spring.angle_per_metre if spring.sine == 1 else 1.0
-    return rates[:, 0] * factor
 
 
 def friction_size(pto: PtoParams, lateral_force: Floats) -> Floats:

@@ -12,9 +12,10 @@ from rig.design.margin import Margin
 from rig.kinds.wavebot.campaign import Campaign, CampaignRow, Plan
 from rig.kinds.wavebot.campaign.set_points import RowSetting
 from rig.kinds.wavebot.campaign.stability import total_stiffness
+from rig.kinds.wavebot.heave_loop import heave_law, row_gains
 from rig.kinds.wavebot.predictions import bus
 from rig.kinds.wavebot.predictions.drive import NO_VOLTAGE_LIMIT, commercial_bus_voltage, losses
-from rig.kinds.wavebot.predictions.model import CampaignModel, build_model, heave_law, row_gains
+from rig.kinds.wavebot.predictions.model import CampaignModel, build_model
 from rig.kinds.wavebot.predictions.motion import (
     Batch,
     heave_poles,
@@ -174,8 +175,10 @@ class _Batches:
 
     def _batch(self, rows: Sequence[SettingAndStator]) -> Batch:
         settings, stator = [one for one, _ in rows], [position for _, position in rows]
-        law, surge = heave_law(self._model, settings), predict_surge(self._model, settings)
-        columns = surge.columns | heave_poles(self._model, stator, law)
+        model = self._model
+        law = heave_law(model.campaign, settings, model.heave.timing.dt)
+        surge = predict_surge(model, settings)
+        columns = surge.columns | heave_poles(model, stator, law)
         return Batch(settings, stator, law, columns, surge.lateral_force)
 
     def predict(self, voltage: Floats) -> tuple[list[dict[str, Any]], list[_Power]]:

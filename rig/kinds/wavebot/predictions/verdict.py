@@ -138,7 +138,8 @@ class Verdict(NamedTuple):
 def judge(campaign: Campaign, rows: Sequence[RowPrediction]) -> Verdict:
     """Return a problem for every point with a row that may not run or needs a warning."""
     locations = LimitLocations(campaign)
-    settle = row_windows(campaign.file.sea, campaign.file.timing, campaign.file.reference).settle
+    windows = row_windows(campaign.file.sea, campaign.file.timing, campaign.file.reference)
+    settle = windows.settle - windows.bin
     refused, warnings = [], []
     for group in _by_point(rows):
         first = group[0]

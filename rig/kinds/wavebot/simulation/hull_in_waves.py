@@ -8,7 +8,7 @@ from rig.design.axis import dynamic_stiffness
 from rig.design.axis_params import metres_per_count
 from rig.identification.incident_waves import WaveSensors
 from rig.kinds.wavebot.campaign import Campaign
-from rig.kinds.wavebot.predictions.model import linear_body
+from rig.kinds.wavebot.heave_loop import linear_body
 from rig.spectra.periods import Complexes, Floats
 from sim_plant import bem
 from sim_plant.parameters import Plant

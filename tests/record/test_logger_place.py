@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import time
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -61,13 +62,18 @@ def log_of(run_folder: Path, timeout_s: float = 0.1, part: str = "run.mcap.part0
     fd = ring.create(WaveBotRow, 4096)
     writer = ring.RingWriter(fd, WaveBotRow, wait=False)
     writer.start(files.START)
-    for row in logged_rows():
-        writer.put(tuple_of(row))
+    for row in row_tuples():
+        writer.put(row)
     writer.finish()
     attached = ("config.json", "privileges.json")
     job = LoggerJob(fd, schema(WaveBotRow), os.getppid(), str(run_folder), -1, part, attached, "a",
               "rehearsal", "virtual", 1000.0, timeout_s)  # fmt: skip
     return RunLogger(job)
+
+
+@cache
+def row_tuples() -> list[Any]:
+    return [tuple_of(row) for row in logged_rows()]
 
 
 def tuple_of(row: Any) -> Any:

@@ -19,6 +19,11 @@ class ChosenRow(NamedTuple):
     best: int  # row recommended before it; `NO_ROW`: none
     regret: float  # W, that this one was expected to give away; NaN: unknown
 
+    @property
+    def is_last(self) -> bool:
+        """Whether the campaign itself came to its end: not a person, and not a failure."""
+        return self.row == NO_ROW and self.best != NO_ROW
+
 
 def choices_of(run_facts: RunInfo) -> tuple[ChosenRow, ...]:
     """Return the choices of a run in the order of time; empty for other campaigns."""

@@ -165,8 +165,9 @@ def _plan_of_seed(
     segments, _, settings = cut_into_ticks(plan_segments, rate)
     fewest = plan_segments
     if adaptive is not None:
-        fewest = _of_rows(plan_segments, left[: adaptive.first_rows])
-        plan_segments = _of_rows(plan_segments, left[: adaptive.max_rows])
+        done = len(measured.rows)
+        fewest = _of_rows(plan_segments, left[: max(adaptive.first_rows - done, 0)])
+        plan_segments = _of_rows(plan_segments, left[: max(adaptive.max_rows - done, 0)])
     longest = cut_into_ticks([_at_its_longest(each) for each in plan_segments], rate)
     seconds, ticks = phase_seconds(longest, rate), longest.segments.ticks
     phases = (seconds[Phase[name.upper()]] for name in PhaseSeconds._fields)

@@ -51,9 +51,8 @@ class People(NamedTuple):
 
 def awaits_choice(row: Mapping[str, float | int]) -> bool:
     """Return whether a run waits for the next row in its newest tick: not on hold, not in manual
-    mode. ``row``: as in the state of the orders."""
-    choosing = row["plan.phase"] == CHOICE and row["safety.mode"] == RUN
-    return choosing and not row["plan.live"]
+    mode, whose phase is another one. ``row``: as in the state of the orders."""
+    return row["plan.phase"] == CHOICE and row["safety.mode"] == RUN
 
 
 class Asker(NamedTuple):

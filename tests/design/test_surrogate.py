@@ -1,4 +1,4 @@
-"""The surrogate of powers and the choice of rows: closed forms, known surfaces, odd measurements."""
+"""The surrogate of powers and the choice of rows: closed forms, known surfaces, odd values."""
 
 from __future__ import annotations
 

@@ -331,6 +331,8 @@ def _rehearsal_of(report: Report, runs: Path, options: RunOptions) -> Found | No
     found = find_certificate(runs, json.loads(resolved_config(campaign)))
     if found is None:
         text = f"no rehearsal of this campaign is in {runs}/; rig run FILE --sim rehearses it"
+        if campaign.file.adaptive is not None:
+            text = "no rehearsal of an adaptive campaign covers the rows that it may choose"
         if campaign.rig.operator.rehearsal == "required":
             raise ValueError(f"{text}, and {campaign.rig.name} requires one (operator.rehearsal)")
         print(text, file=sys.stderr)

@@ -69,7 +69,7 @@ def adaptive_record(report: CheckReport) -> dict[str, Any]:
     if file.start == "predicted" and station.name not in predicted:
         raise ValueError(
             "adaptive.start: there is no prediction of these rows to start from "
-            f"({report.not_predicted or report.not_simulated or 'none of this kind of rig'}); "
+            f"({report.not_predicted or report.not_simulated or 'this kind of rig has none'}); "
             "allowed nothing"
         )
     windows = campaign.kind.windows(campaign.file)

@@ -19,13 +19,19 @@ class ChosenRow(NamedTuple):
     best: int  # row recommended before it; `NO_ROW`: none
     regret: float  # W, that this one was expected to give away; NaN: unknown
 
+    @property
+    def is_last(self) -> bool:
+        """Whether the campaign itself came to its end: not a person, and not a failure."""
+        return self.row == NO_ROW and self.best != NO_ROW
+
 
 def choices_of(run_facts: RunInfo) -> tuple[ChosenRow, ...]:
-    """Return the choices of a run in the order of time; empty for other campaigns."""
+    """Return the choices of a run in the order of time, also those before it was resumed; empty
+    for other campaigns."""
     if ADAPTIVE not in run_facts.plan:
         return ()
     found = []
-    for entry in read_journal(run_facts.journal):
+    for entry in read_journal(run_facts.earlier_journals + b"\n" + run_facts.journal):
         if not entry.accepted or entry.request not in (_CHOSEN, _END):
             continue
         given, regret = entry.arguments, entry.arguments.get("regret_w")

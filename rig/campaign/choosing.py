@@ -11,6 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,10 +23,9 @@ from rig.campaign.kind import AnyCampaign
 from rig.config.adaptive import AdaptiveRows
 from rig.design import surrogate
 from rig.design.surrogate import Choice, Floats, Measured, Surrogate
-from rig.people.orders import CAMPAIGN
+from rig.people.orders import CAMPAIGN, awaits_choice
 from rig.people.request_client import RequestClient, RequestError
 from rig.presentation.phrases import format_power
-from rig.realtime.safety import RUN
 from rig.realtime.scheduling import leave_the_loops_core
 from rig.realtime.sequence import CHOICE, MOVING, NO_ROW
 from rig.recording.ring import RingView
@@ -36,6 +36,7 @@ from rig.stations import find
 _LOOK_S = 0.05  # s between two looks at the run
 _BEGIN_S = 600.0  # s for the run to begin: its code may be compiled first
 _RECORD_S = 30.0  # s until a measured row must be in the record
+_REFUSED_S = 0.5  # s after an order that the run refused
 _NOTHING_W = 0.001  # W; less is not shown
 _UNKNOWN_ERROR = 0.02  # of the largest power: standard error of a row without one
 
@@ -52,18 +53,23 @@ class Decision(NamedTuple):
 def adaptive_record(report: CheckReport) -> dict[str, Any]:
     """Return what the record of a plan says of the choice of rows; empty for other campaigns.
 
-    Raises ValueError without the prediction that the campaign is to start from.
+    Raises ValueError without the prediction that the campaign is to start from, and without
+    scikit-learn.
     """
     campaign, plan = report.campaign, report.plan
     if campaign is None or plan is None or campaign.file.adaptive is None:
         return {}
+    if find_spec("sklearn") is None:
+        raise ValueError(
+            "adaptive: scikit-learn is not installed; `pip install wec-rig[adaptive]` adds it"
+        )
     file = campaign.file.adaptive
     station = find(campaign.kind.assessed_stations(campaign.rig), file.station)
     predicted = _predicted_powers(report) if file.start == "predicted" else {}
-    if file.start == "predicted" and not predicted:
+    if file.start == "predicted" and station.name not in predicted:
         raise ValueError(
             "adaptive.start: there is no prediction of these rows to start from "
-            f"({report.not_predicted or report.not_simulated or 'none of this kind of rig'}); "
+            f"({report.not_predicted or report.not_simulated or 'this kind of rig has none'}); "
             "allowed nothing"
         )
     windows = campaign.kind.windows(campaign.file)
@@ -111,6 +117,7 @@ class Candidates:
         names = [each.name for each in contents.settings if each.name in rows[0]]
         values = np.array([[float(row[name]) for name in names] for row in rows])
         varied = values.min(axis=0) < values.max(axis=0)
+        varied[0] |= not varied.any()  # equal candidates differ in nothing
         self.columns: Floats = values[:, varied]
         self.names = [name for name, each in zip(names, varied, strict=True) if each]
         actuator = next((each.name for each in contents.columns if each.name not in names), "")
@@ -181,7 +188,7 @@ class Candidates:
             order = np.argsort(predicted)
             why = "the best predicted row"
         else:
-            order = np.array(surrogate.spread(self.columns, self.options.first_rows))
+            order = np.array(surrogate.spread(self.columns))
             why = "one of the first rows, which cover the matrix"
         left = [int(i) for i in order if i not in self.done and np.isfinite(seconds[i])]
         return Decision(self.rows[left[0]], why, NO_ROW, float("nan")) if left else None
@@ -256,17 +263,16 @@ class _Chooser:
 
     def step(self) -> bool:
         """Look at the run once; return False after its last row."""
-        try:
-            row = self._client.ask("state").get("row") or {}
-        except RequestError:
-            return False  # the run has ended
+        row = self._client.ask("state").get("row") or {}
         if not row:
             return True
         tick, phase = int(row["tick"]), int(row["plan.phase"])
+        if row["plan.row"] != NO_ROW:
+            self._row = int(row["plan.row"])  # a person may have chosen it
         if self._moves and phase not in (CHOICE, MOVING):
             self._moved.append((tick - self._ordered) * self._dt)
             self._moves = False
-        if phase != CHOICE or int(row["safety.mode"]) != RUN or tick <= self._ordered:
+        if not awaits_choice(row) or tick <= self._ordered:
             return True
         return self._choose(tick)
 
@@ -284,15 +290,18 @@ class _Chooser:
         decision = candidates.decide(left, at, move_s, self._tried)
         regret = decision.regret if np.isfinite(decision.regret) else None
         facts: dict[str, Any] = {"why": decision.why, "best": decision.best, "regret_w": regret}
-        if decision.row == NO_ROW:
-            return not self._client.ask("finish", **facts).get("accepted")
-        answer = self._client.ask("next_row", row=decision.row, **facts)
-        if answer.get("accepted"):  # else a person was faster, or stops the run
+        ends = decision.row == NO_ROW
+        if not ends:
+            facts["row"] = decision.row
+        accepted = self._client.ask("finish" if ends else "next_row", **facts).get("accepted")
+        if not accepted:  # a person was faster, or stops the run
+            time.sleep(_REFUSED_S)
+        elif not ends:
             places, chosen = candidates.places, candidates.rows.index(decision.row)
             self._moves = places[chosen] != places[at]
             self._row, self._ordered = decision.row, tick
             self._tried.add(decision.row)
-        return True
+        return not (ends and accepted)
 
     def _wait_for_record(self) -> None:
         """Wait until all rows of the ring so far are in the record."""

@@ -160,7 +160,7 @@ def _plan_of_seed(
         left = [row for row in rows if row.row not in measured.rows]
         plan_segments = _row_segments(campaign, left, windows, measured.periods)
         if adaptive is not None:
-            plan_segments = _with_choices(kind, file, rig, left, plan_segments)
+            plan_segments = _with_choices(kind, file, rig, left, windows, plan_segments)
     else:
         plan_segments = _calibration_segments(file, windows)
     if file.tank is not None:
@@ -172,8 +172,9 @@ def _plan_of_seed(
     segments, _, settings = cut_into_ticks(plan_segments, rate)
     fewest = plan_segments
     if adaptive is not None:
-        fewest = _of_rows(plan_segments, left[: adaptive.first_rows])
-        plan_segments = _of_rows(plan_segments, left[: adaptive.max_rows])
+        done = len(measured.rows)
+        fewest = _of_rows(plan_segments, left[: max(adaptive.first_rows - done, 0)])
+        plan_segments = _of_rows(plan_segments, left[: max(adaptive.max_rows - done, 0)])
     longest = cut_into_ticks([_at_its_longest(each) for each in plan_segments], rate)
     seconds, ticks = phase_seconds(longest, rate), longest.segments.ticks
     phases = (seconds[Phase[name.upper()]] for name in PhaseSeconds._fields)
@@ -273,11 +274,13 @@ def _with_choices(
     file: BaseCampaignFile,
     rig: BaseRigFile,
     rows: Sequence[CampaignRow[Any]],
+    windows: RowWindows,
     plan_segments: Sequence[PlanSegment[Any]],
 ) -> list[PlanSegment[Any]]:
     """Return the segments of candidates: each may follow any other, and is followed by a choice.
 
-    A part that moves between rows may then come from any place, so each row waits for it.
+    A part that moves between rows may then come from any place, so each row waits for it, for the
+    extra interval at least.
     """
     tick = 1.0 / rig.rate_hz
     several = len({row.place for row in rows}) > 1
@@ -290,8 +293,9 @@ def _with_choices(
             last = found[-1].setpoint
             found.append(PlanSegment(NO_ROW, Phase.CHOICE, tick, last, WAIT_ORDER, _ENDLESS))
         if starts and several:
-            row = by_number[segment.row]
-            found.append(_waiting(row.row, kind.prepare(file, rig, row.setting)))
+            wait = kind.prepare(file, rig, by_number[segment.row].setting)
+            wait = wait._replace(seconds=max(wait.seconds, windows.move))
+            found.append(_waiting(segment.row, wait))
         if not (several and segment.phase is Phase.MOVING and segment.row != NO_ROW):
             found.append(segment)
         before = segment.row

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.analysis.choices import choices_of
 from rig.analysis.rows import COMPLETE, INTERRUPTED, row_table
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.campaign.plan import RESUMED, Measured, build_plan
@@ -54,8 +55,8 @@ def resume_campaign(run: Path, campaign: AnyCampaign, *, accept_changes: bool) -
             f"{info.run}: the files have changed since its begin:\n{listed}\n"
             "--accept-changes goes on with them, and the record names them"
         )
-    if file.adaptive is not None and info.status.get("status") == "complete":
-        raise RunError(f"{info.run}: its rows were chosen to the end")
+    if file.adaptive is not None and (choices := choices_of(info)) and choices[-1].is_last:
+        raise RunError(f"{info.run}: its rows were chosen to the end: {choices[-1].why}")
     measured = measured_so_far(run, keep_periods=_keeps_phase(campaign))
     if len(measured.rows) == len(info.plan["rows"]):
         raise RunError(f"{info.run}: all of its {len(measured.rows)} rows are measured")

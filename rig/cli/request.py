@@ -24,7 +24,10 @@ def command(
     name: Annotated[str, typer.Argument(metavar="REQUEST", help=_HELP)],
     values: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[KEY=VALUE]...", help="Of `set`: columns, and signal.KEY."),
+        typer.Argument(
+            metavar="[KEY=VALUE]...",
+            help="Of `set`: columns, and signal.KEY; of `next_row`: row=N.",
+        ),
     ] = None,
     run: Annotated[str, typer.Option("--run", help=f"{WHICH_RUN} Default: the one running.")] = "",
     text: Annotated[str, typer.Option("--text", help="Of `annotate` and `keep`.")] = "",
@@ -87,6 +90,11 @@ def _keep_seat(client: RequestClient) -> dict[str, Any]:
 
 def _arguments(name: str, values: list[str], text: str) -> dict[str, Any]:
     """Return the arguments of a request; ValueError for what it does not take."""
+    if name == "next_row":
+        column, _, number = (values[0] if len(values) == 1 else "").partition("=")
+        if column != "row" or not number.isdecimal():
+            raise ValueError("next_row: give row=N, N the number of a candidate")
+        return {"row": int(number)}
     if name != "set":
         if values:
             raise ValueError(f"{name} takes no values; `set` does")

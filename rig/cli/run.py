@@ -192,6 +192,10 @@ def run_named(
         if options.manual
         else _analyse(kind, ended, len(plan.rows), importing, quiet=as_json)
     )
+    if stages.problem:
+        products = products._replace(
+            trouble="; ".join(filter(None, (products.trouble, stages.problem)))
+        )
     done = ended.outcome.status == "complete" and not options.manual
     if done and not (products.trouble or products.interrupted):
         products = _with_certificate(products, ended.folder, report, options)
@@ -242,6 +246,7 @@ class _Stages:
         self._path, self._runs, self._options = path, runs, options
         self._rehearsed, self._quiet = rehearsed, quiet
         self._page: PageOfRun | None = None  # of the newest stage
+        self.problem = ""  # why the rows of an adaptive campaign were not chosen to the end
 
     def run(self, plan: Any, record: Mapping[str, Any], resumed: Path | None) -> RunResult:
         """Run a plan and those that follow it; ``record``, ``resumed``: of a run that goes on."""
@@ -285,7 +290,9 @@ class _Stages:
             began, self._page = partial(_begin, page, self._rehearsed, choosing), page.process
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
-            return run_task(task, self._runs, view, mode, began, resumed)
+            ended = run_task(task, self._runs, view, mode, began, resumed)
+            self.problem = choosing.problem if choosing is not None else ""
+            return ended
 
     @property
     def _campaign(self) -> AnyCampaign | None:
@@ -324,6 +331,8 @@ def _rehearsal_of(report: Report, runs: Path, options: RunOptions) -> Found | No
     found = find_certificate(runs, json.loads(resolved_config(campaign)))
     if found is None:
         text = f"no rehearsal of this campaign is in {runs}/; rig run FILE --sim rehearses it"
+        if campaign.file.adaptive is not None:
+            text = "no rehearsal of an adaptive campaign covers the rows that it may choose"
         if campaign.rig.operator.rehearsal == "required":
             raise ValueError(f"{text}, and {campaign.rig.name} requires one (operator.rehearsal)")
         print(text, file=sys.stderr)

@@ -23,6 +23,7 @@ _AMPLITUDES = (0.5, 10.0)  # standard deviations, of that of the residuals
 _HYPERPARAMETERS = 200  # drawn
 _KEPT = 20  # of them, those with the largest likelihood
 _DRAWS = 2000  # of all rows together
+_LEAST_W = 1.0e-6  # W, of the residuals: rows without any power have no scale
 _NUGGET = 1.0e-3  # standard deviation of each row besides, of that of the residuals
 
 
@@ -65,7 +66,7 @@ def fit(columns: Floats, measured: Measured, prior: Floats | None) -> Surrogate:
     expected = np.zeros(len(columns)) if prior is None else prior
     residual = measured.power - expected[measured.at]
     offset = float(residual.mean())
-    least = 1e-3 * float(np.abs(measured.power).max())
+    least = max(1e-3 * float(np.abs(measured.power).max()), _LEAST_W)
     if prior is not None:
         least = max(least, PREDICTION_ERROR * float(prior.std()))
     scale = max(float(residual.std()), least)
@@ -124,14 +125,16 @@ def choose(known: Surrogate, measured: Measured, seconds: Floats) -> Choice:
     return Choice(at, float(gains[at]), best, regret)
 
 
-def spread(columns: Floats, number: int) -> list[int]:
-    """Return candidates that cover the matrix: the middle one, then each the farthest from those
-    before it."""
+def spread(columns: Floats) -> list[int]:
+    """Return all candidates in an order whose beginning covers the matrix: the middle one, then
+    each the farthest from those before it."""
     places = _scaled(columns)
     chosen = [int(np.argmin(((places - 0.5) ** 2).sum(axis=1)))]
-    while len(chosen) < min(number, len(places)):
-        distances = [((places - places[each]) ** 2).sum(axis=1) for each in chosen]
-        chosen.append(int(np.argmax(np.min(distances, axis=0))))
+    nearest = np.full(len(places), np.inf)
+    while len(chosen) < len(places):
+        nearest = np.minimum(nearest, ((places - places[chosen[-1]]) ** 2).sum(axis=1))
+        nearest[chosen] = -1.0  # equal candidates come last
+        chosen.append(int(np.argmax(nearest)))
     return chosen
 
 

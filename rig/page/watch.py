@@ -23,7 +23,7 @@ from rig.page.tap import Rows, Tap
 from rig.presentation.phrases import state_text
 from rig.realtime.reasons import NO_REASON, ReasonTable
 from rig.realtime.safety import Mode
-from rig.realtime.sequence import NO_ROW, TARE
+from rig.realtime.sequence import CHOICE, NO_ROW, TARE
 from rig.recording.runs.windows import LEAST_MEASURE
 
 MARGIN_S = 10.0  # s over which the least margin is sought
@@ -265,6 +265,8 @@ class Watch:
         length = self.dt * ticks[at]
         after = self.dt * sum(ticks[at + 1 :])
         left = after + max(0.0, length - (elapsed or 0.0))
+        if CHOICE in self._segments["phase"]:  # nobody knows how many rows will be chosen
+            return {"elapsed": elapsed, "length": length, "left": None}
         return {"elapsed": elapsed, "length": length, "left": left}
 
     def _number(self, field: str) -> float | None:

@@ -49,6 +49,12 @@ class People(NamedTuple):
     places: Mapping[int, float] = {}  # of the part that moves, by candidate row
 
 
+def awaits_choice(row: Mapping[str, float | int]) -> bool:
+    """Return whether a run waits for the next row in its newest tick: not on hold, not in manual
+    mode, whose phase is another one. ``row``: as in the state of the orders."""
+    return row["plan.phase"] == CHOICE and row["safety.mode"] == RUN
+
+
 class Asker(NamedTuple):
     """The author of a request."""
 
@@ -372,9 +378,9 @@ class Orders:
 
     def next_row(self, asker: Asker, given: dict[str, Any]) -> Answer:
         row = given.get("row", NO_ROW)
-        choosing = bool(self._row) and self._row["plan.phase"] == CHOICE and self._mode() == RUN
-        self._require(choosing, "no row is to be chosen now")
         self._require(not self._sets, "the run is in manual mode")
+        choosing = bool(self._row) and awaits_choice(self._row)
+        self._require(choosing, "no row is to be chosen now")
         rows = sorted({*self._segments.row} - {NO_ROW})
         known = isinstance(row, int) and not isinstance(row, bool) and row in rows
         self._require(known, f"row {row!r}; allowed those from {rows[0]} to {rows[-1]} left")
@@ -389,14 +395,15 @@ class Orders:
 
     def skip(self, asker: Asker, given: dict[str, Any]) -> Answer:
         row = self._present_row()
-        if CHOICE in self._segments.phase:
-            self._jump(self._segments.phase.index(CHOICE, self._segments.row.index(row)))
-            return Answer(True, f"row {row} is left out; another one is chosen")
         rows = list(dict.fromkeys(each for each in self._segments.row if each != NO_ROW))
         after = rows[rows.index(row) + 1 :]
-        self._require(bool(after), "this is the last row; finish the run instead")
+        adaptive = CHOICE in self._segments.phase
+        self._require(adaptive or bool(after), "this is the last row; finish the run instead")
         moving = int(self._row["plan.phase"]) == MOVING
         self._require(not moving, "a part moves for this row; wait until it is at its place")
+        if adaptive:
+            self._jump(self._segments.phase.index(CHOICE, self._segments.row.index(row)))
+            return Answer(True, f"row {row} is left out; another one is chosen")
         self._jump(self._segments.row.index(after[0]))
         return Answer(True, f"row {row} is left out")
 

@@ -93,11 +93,15 @@ class Tick(Protocol):
 
 
 def choice_reader(memory: tick_memory.FlatMemory) -> Callable[[], bool]:
-    """Return the function that looks whether the plan in a memory waits for the next row."""
+    """Return the function that looks whether the plan in a memory waits for the next row.
+
+    It does not in manual mode, in which the plan is paused.
+    """
     phases = memory.numbers_of("params", memory.sections["params"].tree.segments.phase)
     segment = memory.number("state", "sequence", "segment")
+    paused = memory.number("state", "sequence", "paused")
     mode = memory.number("state", "safety", "mode")
-    return lambda: mode[0] == RUN and phases[int(segment[0])] == CHOICE
+    return lambda: mode[0] == RUN and not paused[0] and phases[int(segment[0])] == CHOICE
 
 
 class InterpretedTick:
@@ -117,8 +121,9 @@ class InterpretedTick:
 
     @property
     def awaits_choice(self) -> bool:
-        segment = self.state.sequence.segment
-        return self.mode == RUN and self.params.segments.phase[segment] == CHOICE
+        plan = self.state.sequence
+        phase = self.params.segments.phase[plan.segment]
+        return self.mode == RUN and not plan.paused and phase == CHOICE
 
     def step(
         self, sense: Any, request: Request, tick: int, timing: cycle.Timing, periods: int

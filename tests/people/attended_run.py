@@ -6,12 +6,13 @@ the orders runs them at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from core_kinds import BENCH, DT
 from core_runs import bench, bench_params, plan
 
+from rig.execution.attended import NOWHERE
 from rig.people.attendance import Attendance, attended
 from rig.people.orders import Answer, Asker, Orders, People
 from rig.people.set_points import Checked, Kept, LiveSet
@@ -19,7 +20,7 @@ from rig.realtime import safety
 from rig.realtime.cycle import Timing
 from rig.realtime.loop import _RequestReader
 from rig.realtime.requests import NO_REQUEST, Request
-from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase
+from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 from rig.realtime.tick import InterpretedTick
 from rig.recording.journal import Entry
 
@@ -92,12 +93,13 @@ class AttendedRun:
 
     def __init__(
         self, *, manual: bool = False, arming: bool = True, dead_man_s: float | None = None,
-        stop_by_anyone: bool = True,
+        stop_by_anyone: bool = True, segments: Segments = ROWS,
+        places: Mapping[int, float] = NOWHERE,
     ) -> None:  # fmt: skip
         how = Attendance(True, arming, manual)
-        self.params = attended(bench_params(ROWS), how)
+        self.params = attended(bench_params(segments), how)
         self.now, self.journal, self.live = 100.0, MemoryJournal(), Gains()
-        people = People(self.live, arming, manual, dead_man_s, stop_by_anyone)
+        people = People(self.live, arming, manual, dead_man_s, stop_by_anyone, places=places)
         self.orders = Orders(
             self.params.segments,
             people,
@@ -186,7 +188,7 @@ class AttendedRun:
     # --- people
 
     def ask(self, session: str, name: str, *, viewer: bool = False, **given: Any) -> Answer:
-        origin = "command" if session.startswith("command") else "page"
+        origin = next((o for o in ("command", "campaign") if session.startswith(o)), "page")
         return self.orders.ask(Asker(session, session, origin, viewer), name, given)
 
     def power_on(self, session: str = "command") -> None:

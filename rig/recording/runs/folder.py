@@ -108,6 +108,7 @@ class RunInfo(NamedTuple):
     metadata: dict[str, dict[str, str]] = {}  # noqa: RUF012
     law_source: bytes = b""  # of a law that was given by its file
     journal: bytes = b""  # of the requests of people (`rig.recording.journal`)
+    earlier_journals: bytes = b""  # of the stages before the run was resumed
 
     @property
     def started_utc(self) -> str:
@@ -238,6 +239,9 @@ def run_info(
         metadata=metadata,
         law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
         journal=_read_bytes(_journal(path)) or attached.get(JOURNAL, b""),
+        earlier_journals=b"\n".join(
+            _read_bytes(_journal(each)) for each in (earlier_records(path) if path.is_dir() else ())
+        ),
     )
 
 

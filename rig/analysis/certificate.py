@@ -29,8 +29,14 @@ REHEARSAL = "rehearsal.json"  # copy in the run that it was found for
 Z_SHOWN = 3.0  # standard errors from which a difference is counted
 _VERSION = 1
 _SHA = "sha256"
-_OWN_KEYS = {"campaign": ("name", "rig", "plant"), "rig": ("name", "limits", "plant", "wiring")}
-"""Keys of the files that name a run or a place, or that only a rig on wires has."""
+_OWN_KEYS = {
+    "campaign": ("name", "rig", "plant", "adaptive"),
+    "rig": ("name", "limits", "plant", "wiring"),
+}
+"""Keys of the files that name a run or a place, or that only a rig on wires has.
+
+A rehearsal of all rows of a matrix is one of the campaign that chooses among them.
+"""
 _SUBJECT = ("campaign", "points", "law")  # parts of a configuration that a certificate is for
 _RIG = ("rig", "limits")  # parts that may differ in named values
 

@@ -332,7 +332,10 @@ def _rehearsal_of(report: Report, runs: Path, options: RunOptions) -> Found | No
     if found is None:
         text = f"no rehearsal of this campaign is in {runs}/; rig run FILE --sim rehearses it"
         if campaign.file.adaptive is not None:
-            text = "no rehearsal of an adaptive campaign covers the rows that it may choose"
+            text = (
+                f"no rehearsal of all candidates of this campaign is in {runs}/; rehearse the same "
+                "campaign without `adaptive`"
+            )
         if campaign.rig.operator.rehearsal == "required":
             raise ValueError(f"{text}, and {campaign.rig.name} requires one (operator.rehearsal)")
         print(text, file=sys.stderr)

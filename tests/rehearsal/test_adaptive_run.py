@@ -111,6 +111,7 @@ def test_the_best_row_is_that_of_the_full_campaign(interpreted: Path, tmp_path: 
         assert abs(difference) < 0.05, row
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_choose_the_same_and_replay_to_the_bit(
     interpreted: Path, tmp_path: Path
 ) -> None:
@@ -123,6 +124,7 @@ def test_compiled_and_interpreted_choose_the_same_and_replay_to_the_bit(
     assert replay(interpreted).identical
 
 
+@pytest.mark.long
 def test_a_campaign_that_starts_from_nothing_covers_the_matrix_first(tmp_path: Path) -> None:
     run = make_run(tmp_path, adaptive={"start": "nothing"})
     choices = choices_of(run_info(run))
@@ -139,12 +141,14 @@ def test_time_ends_a_campaign(tmp_path: Path) -> None:
     assert len(complete_rows(run)) in (1, 2)
 
 
+@pytest.mark.long
 def test_the_most_rows_end_a_campaign(tmp_path: Path) -> None:
     run = make_run(tmp_path, adaptive={"max_rows": 4, "precision_w": 1e-9, "start": "nothing"})
     assert "4 rows, the most that the campaign allows" in last_choice(run).why
     assert len(complete_rows(run)) == 4
 
 
+@pytest.mark.long
 def test_all_candidates_can_be_measured(tmp_path: Path) -> None:
     run = make_run(tmp_path, adaptive={"first_rows": CANDIDATES})
     assert complete_rows(run) == list(range(CANDIDATES))
@@ -227,6 +231,7 @@ class Running:
         return self.process.returncode, errors
 
 
+@pytest.mark.long
 def test_a_killed_choosing_process_ends_the_run_which_can_be_resumed(tmp_path: Path) -> None:
     """Killed at once, before the run listens."""
     running = Running(tmp_path)
@@ -266,6 +271,7 @@ def test_a_stop_during_a_choice_ends_the_run(tmp_path: Path) -> None:
     assert not Path(f"/proc/{running.chooser}").exists()
 
 
+@pytest.mark.long
 def test_a_person_chooses_and_the_campaign_goes_on(tmp_path: Path) -> None:
     running = Running(tmp_path)
     running.signal(signal.SIGSTOP)
@@ -286,6 +292,7 @@ def test_a_person_chooses_and_the_campaign_goes_on(tmp_path: Path) -> None:
     assert replay(run).identical
 
 
+@pytest.mark.long
 def test_a_killed_run_is_resumed_without_measuring_a_row_twice(tmp_path: Path) -> None:
     running = Running(tmp_path, adaptive={"first_rows": 5, "max_rows": 5})
 

@@ -71,6 +71,16 @@ def config_of(path: Path) -> dict[str, Any]:
     return config
 
 
+def test_a_rehearsal_of_all_rows_is_one_of_those_that_are_chosen(
+    runs: Path, tmp_path: Path
+) -> None:
+    adaptive = {"precision_w": 0.3, "first_rows": 2}
+    found = find_certificate(runs, config_of(write_campaign(tmp_path, adaptive=adaptive)))
+    assert found is not None
+    assert found.differences == ()
+    assert len(found.content["rows"]) == len(KI)
+
+
 def test_the_limits_are_those_of_the_log(rehearsal: Path) -> None:
     content = read_certificate(rehearsal / CERTIFICATE)
     assert content is not None

@@ -73,7 +73,7 @@ RECORDED = RecordedSea.model_validate(
 )
 def test_windows(sea: Any, timing: dict[str, Any], expected: tuple[float, ...]) -> None:
     row_window = row_windows(sea, Timing.model_validate(timing))
-    assert tuple(row_window) == pytest.approx(expected)
+    assert row_window[: len(expected)] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

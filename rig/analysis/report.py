@@ -116,7 +116,8 @@ def analyse(
     RunError if the record cannot be read, KeyError if the kind of rig has no rows and power, and
     ValueError for calibrations of a run without rows.
     """
-    if wave_calibration.is_calibration(run_info(run).plan):
+    run_facts = run_info(run)
+    if wave_calibration.is_calibration(run_facts.plan):
         if calibrations:
             raise ValueError("a wave calibration has no rows for a calibration to correct")
         return _analyse_waves(run, incomplete_rows)
@@ -124,7 +125,7 @@ def analyse(
     if summary.findings_of == OPEN_LOOP:
         return Analysis(summary, partial(write_rows, table))
     page: Write = partial(write_page, summary, table)
-    drawn = (page, *_pictures(table), *_picture_of_choices(table, run_info(run)))
+    drawn = (page, *_pictures(table), *_picture_of_choices(table, run_facts))
     return Analysis(summary, partial(_write_tables, run, table), drawn)
 
 

@@ -99,7 +99,7 @@ class CheckReport(NamedTuple):
             return {}
         campaign, planned = checked
         file = campaign.file
-        windows, stages = _shortest_windows(campaign, planned), stage_plans(campaign)
+        windows, stages = _shortest_windows(campaign, planned), _stages(campaign, planned)
         return {
             "name": file.name,
             "rig": campaign.rig.name,
@@ -196,7 +196,7 @@ class CheckReport(NamedTuple):
             (
                 "duration",
                 f"{duration_text(planned)}{waits}; "
-                f"wave clock {planned.wave_seconds:.6g} s{seas_text(campaign)}",
+                f"wave clock {planned.wave_seconds:.6g} s{seas_text(campaign, planned)}",
             ),
             ("phases", ", ".join(phases)),
             *campaign.kind.report_lines(campaign, planned),
@@ -285,9 +285,14 @@ def duration_text(planned: AnyPlan) -> str:
     return longest
 
 
-def seas_text(campaign: AnyCampaign) -> str:
+def _stages(campaign: AnyCampaign, planned: AnyPlan) -> list[AnyPlan]:
+    """Return the plans that a campaign runs one after the other: of one sea, the plan itself."""
+    return [planned] if len(campaign.file.seeds) == 1 else stage_plans(campaign)
+
+
+def seas_text(campaign: AnyCampaign, planned: AnyPlan) -> str:
     """Return how often a campaign runs its plan, and the duration of all; empty for one sea."""
-    stages = stage_plans(campaign)
+    stages = _stages(campaign, planned)
     if len(stages) == 1:
         return ""
     total = format_duration(sum(stage.duration for stage in stages))

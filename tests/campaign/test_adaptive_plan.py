@@ -171,6 +171,12 @@ def test_all_rows_and_stages_have_no_choices(write: Any) -> None:
     assert stage_plans(campaign) == stage_plans(plain)
 
 
+def test_the_check_gives_the_durations_of_the_plan_not_those_of_all_candidates(write: Any) -> None:
+    summary = check_campaign(write(f"{ONE_SPRING}{ADAPTIVE}")).summary()
+    assert summary["duration_s"] == BEFORE_S + 3 * ROW_S
+    assert summary["least_duration_s"] == BEFORE_S + 2 * ROW_S
+
+
 def test_the_check_shows_at_most_so_many_rows(write: Any) -> None:
     report = check_campaign(write(ADAPTIVE + ONE_SPRING))
     text = report.text()

@@ -270,7 +270,8 @@ def _duration_text(planned: Travel, forecast: Prediction) -> Text:
         text = format_duration(planned.duration)  # with the wait for the stator
     if planned.waiting_time > 0.05:
         text += f", {planned.waiting_time:.3g} s of it waits for the stator"
-    clock = f"wave clock {forecast.plan.wave_seconds:.6g} s{seas_text(forecast.campaign)}"
+    seas = seas_text(forecast.campaign, forecast.plan)
+    clock = f"wave clock {forecast.plan.wave_seconds:.6g} s{seas}"
     return Text(f"{text}; {clock}")
 
 

@@ -10,9 +10,9 @@ from typing import Any
 from benchmarks.support import host
 from benchmarks.support.fault_page import format_page
 from benchmarks.support.fault_rigs import RIGS, FaultRig
-from benchmarks.support.fault_runs import NO_RUN, Finding, measure_fault, mismatches
-from benchmarks.support.fault_table import GOES_ON, REFUSED, FaultRow
 from benchmarks.support.result import Figure, Result, figure
+from rig.execution.fault_runs import NO_RUN, Finding, mismatches, rehearse_faults
+from rig.execution.fault_table import GOES_ON, REFUSED, FaultRow
 
 MeasuredFault = tuple[FaultRow, Finding]
 WAVEBOT = RIGS["wavebot"]
@@ -53,13 +53,12 @@ def _measure_rows(
     if not selected:
         return results, notes
     with tempfile.TemporaryDirectory() as scratch, rig.emulate(Path(scratch)) as emulated_rig:
-        for number, row in enumerate(selected, start=1):
-            finding = measure_fault(emulated_rig, row)
-            if first := mismatches(row, finding):
-                notes.append(f"{row.name}: at first {'; '.join(first)}")
-                finding = measure_fault(emulated_rig, row)
+        for number, each in enumerate(rehearse_faults(emulated_rig, selected), start=1):
+            row, finding = each.row, each.finding
+            if each.at_first:
+                notes.append(f"{row.name}: at first {'; '.join(each.at_first)}")
             results.append((row, finding))
-            messages = "".join(f"; UNEXPECTED: {text}" for text in mismatches(row, finding))
+            messages = "".join(f"; UNEXPECTED: {text}" for text in each.mismatches)
             progress = f"{row.name}: {finding.verdict}, {finding.seconds} s{messages}"
             print(f"{number}/{len(selected)} {progress}", file=sys.stderr, flush=True)
             if stored and finding.verdict != NO_RUN:  # an interrupted measurement keeps its results

@@ -5,7 +5,7 @@ from textwrap import fill
 from typing import Any
 
 from benchmarks.support.fault_rigs import FaultRig
-from benchmarks.support.fault_table import GOES_ON, REFUSED, UNDETECTED, FaultRow
+from rig.execution.fault_table import GOES_ON, REFUSED, UNDETECTED, FaultRow
 
 _HEAD = """# {title}
 
@@ -18,8 +18,8 @@ first. {motion}
 The limits are those of `configs/limits/{limits}_hil.yaml`, for a host with occasional stalls of 40
 ms; the computer of a rig uses those of `{limits}.yaml` and is faster by the difference. "-" marks a
 row without a measurement (`python -m benchmarks faults --rig {name} --missing` runs these rows).
-Every test run executes the rows in bold; with FAULTS=all in the environment, `pytest
-tests/hil/{test}` executes all of them.
+`rig faults {name}` rehearses the rows in bold, with `--all` all rows. Every test run takes some of
+the rows in bold; with FAULTS=all in the environment, `pytest tests/hil/{test}` executes all.
 
 {measured}
 

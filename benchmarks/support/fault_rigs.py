@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.emulated_bench import emulated_bench
 from benchmarks.support.emulated_wavebot import emulated_wavebot, write_ethercat_rig_file
-from benchmarks.support.fault_runs import EmulatedRig
-from benchmarks.support.fault_table import TABLES, FaultRow, read_rows
 from benchmarks.support.recorded import ROOT
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_table import FaultRow, load_table
 
 
 class FaultRig(NamedTuple):
@@ -30,7 +30,7 @@ class FaultRig(NamedTuple):
 
     def rows(self) -> list[FaultRow]:
         """Return all rows of the table."""
-        return read_rows(self.table)
+        return list(load_table(self.table).rows)
 
 
 def _rig(name: str, page: str, **fields: Any) -> FaultRig:
@@ -38,7 +38,7 @@ def _rig(name: str, page: str, **fields: Any) -> FaultRig:
         name=name,
         page=ROOT / "docs" / page,
         results=ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json",
-        table=TABLES / f"{name}.yaml",
+        table=ROOT / "configs" / "faults" / f"{name}.yaml",
         **fields,
     )
 

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_table import LOOP_LOST, NO_STOP
 from benchmarks.support.kills import RingObserver, compare_record_with_ring
 from benchmarks.support.live_run import LiveRun, TimeOutError, wait_until
 from benchmarks.support.wired_rigs import (
@@ -25,6 +24,7 @@ from benchmarks.support.wired_rigs import (
     wait_for_end,
     wait_for_power,
 )
+from rig.execution.fault_table import LOOP_LOST, NO_STOP
 from rig.processes.supervisor import POLL_INTERVAL_S
 
 KILLED, SUSPENDED = "killed", "hung"  # names in the tables of faults

@@ -11,10 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.support.control_client import ControlClient
-from benchmarks.support.emulated_bench import EmulatedBench, emulated_bench
-from benchmarks.support.emulated_wavebot import EmulatedWaveBot, emulated_wavebot
-from benchmarks.support.fault_runs import power_off_time
+from benchmarks.support.emulated_bench import emulated_bench
+from benchmarks.support.emulated_wavebot import emulated_wavebot
 from benchmarks.support.live_run import (
     LiveRun,
     TimeOutError,
@@ -22,6 +20,9 @@ from benchmarks.support.live_run import (
     wait_realtime_free,
     wait_until,
 )
+from rig.emulation.control_client import ControlClient
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import power_off_time
 from rig.kinds.oswec_bench.tick.signals import BenchRow
 from rig.kinds.wavebot.tick import WaveBotRow
 
@@ -49,7 +50,7 @@ class WiredRig(NamedTuple):
         return power_off_time(self.control, timeout)
 
 
-def wired_wavebot(emulated: EmulatedWaveBot) -> WiredRig:
+def wired_wavebot(emulated: EmulatedRig) -> WiredRig:
     """Return the emulated WaveBot, with a campaign that damps it in waves for some seconds."""
     arguments = ("run", str(emulated.folder / "campaign.yaml"))
     fields = ("heave.sense.enabled", "heave.command.force")
@@ -58,7 +59,7 @@ def wired_wavebot(emulated: EmulatedWaveBot) -> WiredRig:
     )
 
 
-def wired_bench(emulated: EmulatedBench) -> WiredRig:
+def wired_bench(emulated: EmulatedRig) -> WiredRig:
     """Return the emulated bench, with a session that oscillates its shaft for some seconds."""
     arguments = ("bench", str(emulated.folder / "session.yaml"))
     fields = ("servo.enabled", "servo.current")

@@ -6,8 +6,6 @@ rows, sea, timing, laws), names in which values rig and limits differ, and keeps
 then stand beside the rehearsed ones.
 """
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,20 +13,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis.limits import Bound, BoundedValues, find_bounds
+from rig.analysis.rehearsed_faults import RehearsedFaults, find_rehearsed_faults
 from rig.analysis.rows import COMPLETE, columns_of, row_table, stations_of
 from rig.config.differences import key_differences
 from rig.log_fields import from_record
 from rig.presentation.json_values import json_value
-from rig.recording.runs import create, run_info
+from rig.recording import hashed_json
+from rig.recording.hashed_json import digest
+from rig.recording.runs import run_info
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.reader import RunFiles, blocks, open_files
 from rig.recording.table_file import write_table
 
 CERTIFICATE = "certificate.json"
 REHEARSAL = "rehearsal.json"  # copy in the run that it was found for
+NO_FAULTS = "faults: none rehearsed on this rig (`rig faults`)"
 Z_SHOWN = 3.0  # standard errors from which a difference is counted
 _VERSION = 1
-_SHA = "sha256"
 _OWN_KEYS = {
     "campaign": ("name", "rig", "plant", "adaptive"),
     "rig": ("name", "limits", "plant", "wiring"),
@@ -42,24 +43,25 @@ _RIG = ("rig", "limits")  # parts that may differ in named values
 
 
 class Found(NamedTuple):
-    """A certificate of the campaign that is to run."""
+    """A certificate of the campaign that is to run, and the faults rehearsed on its rig."""
 
     content: dict[str, Any]
     differences: tuple[str, ...]  # values of rig and limits that are not those rehearsed
+    faults: RehearsedFaults | None = None
 
     def write(self, run: Path) -> None:
         """Write a copy into the folder of the run that the certificate was found for."""
-        create.write_json(run, REHEARSAL, self.content | {_SHA: _digest(self.content)})
+        hashed_json.write(run, REHEARSAL, self.content)
 
     def text(self) -> str:
-        """Return one line for people."""
+        """Return two lines for people: of the campaign, and of faults."""
         nearest = self.content["nearest"]
         near = f"; nearest limit {_nearest_text(nearest)}" if nearest else ""
         rows = len(self.content["rows"])
         line = f"rehearsed: all {rows} rows in {self.content['run']} ({self.content['mode']}){near}"
         if self.differences:
             line += f"; other values than rehearsed: {', '.join(self.differences)}"
-        return line
+        return f"{line}\n{NO_FAULTS if self.faults is None else self.faults.text()}"
 
 
 def _nearest_text(nearest: Mapping[str, Any]) -> str:
@@ -96,6 +98,7 @@ def certify(run: Path) -> Path | None:
         )
         for i, row in enumerate(numbers["row"])
     ]
+    faults = find_rehearsed_faults(run.parent, info.config)
     content = {
         "certificate": _VERSION,
         "run": info.run,
@@ -103,25 +106,25 @@ def certify(run: Path) -> Path | None:
         "campaign": info.campaign,
         "rehearsed_utc": info.started_utc,
         "code": info.code,
-        "subject": _digest(_parts(info.config, _SUBJECT)),
+        "subject": digest(_parts(info.config, _SUBJECT)),
         "rig": _parts(info.config, _RIG),
-        "checked": _checked(info),
+        "checked": _checked(info, faults),
+        "faults": None if faults is None else faults.as_record(),
         "nearest": _nearest(shares, bounds),
         "rows": rows,
     }
-    path = run / CERTIFICATE
-    create.write_json(run, CERTIFICATE, content | {_SHA: _digest(content)})
-    return path
+    hashed_json.write(run, CERTIFICATE, content)
+    return run / CERTIFICATE
 
 
-def _checked(info: RunInfo) -> list[str]:
+def _checked(info: RunInfo, faults: RehearsedFaults | None) -> list[str]:
     """Return what the run shows to have been checked, for people."""
     wired = info.config.get("rig", {}).get("wiring") is not None
     place = "emulated devices on the rig's wires" if wired else "the simulated plant"
     return [
         "before the run: all files of the campaign, the predictions of its rows, all limits",
         f"all rows of the plan, with the loop, laws and limits of the rig, on {place}",
-        "no faults: docs/faults.md has those of the emulated devices and their reactions",
+        NO_FAULTS if faults is None else faults.text(),
     ]
 
 
@@ -141,11 +144,6 @@ def _without_paths(law: Any) -> Any:
     if isinstance(law, dict):
         return {key: _without_paths(value) for key, value in law.items() if key != "path"}
     return [_without_paths(each) for each in law] if isinstance(law, list) else law
-
-
-def _digest(value: Any) -> str:
-    text = json.dumps(value, sort_keys=True, ensure_ascii=False)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _used_shares(
@@ -202,27 +200,21 @@ def find_certificate(runs: Path, config: Mapping[str, Any]) -> Found | None:
     ``config``: that of `rig.campaign.resolved_config`. Files that are damaged or were changed are
     passed over.
     """
-    subject = _digest(_parts(config, _SUBJECT))
+    subject = digest(_parts(config, _SUBJECT))
     for path in sorted(runs.glob(f"*/{CERTIFICATE}"), reverse=True):
         content = read_certificate(path)
         if content is None or content["subject"] != subject:
             continue
         differences = key_differences(content["rig"], _parts(config, _RIG))
-        return Found(content, tuple(f"{key} {new!r} ({old!r})" for key, old, new in differences))
+        named = tuple(f"{key} {new!r} ({old!r})" for key, old, new in differences)
+        return Found(content, named, find_rehearsed_faults(runs, config))
     return None
 
 
 def read_certificate(path: Path) -> dict[str, Any] | None:
     """Return the contents of a certificate; None for a file that is none, or was changed."""
-    try:
-        content = json.loads(path.read_text())
-        digest = content.pop(_SHA)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-    if digest != _digest(content) or content.get("certificate") != _VERSION:
-        return None
-    found: dict[str, Any] = content
-    return found
+    content = hashed_json.read(path)
+    return content if content is not None and content.get("certificate") == _VERSION else None
 
 
 class Deviation(NamedTuple):

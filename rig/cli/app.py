@@ -29,6 +29,7 @@ COMMANDS = tuple(
         ("check", "Check a campaign or session: list every error, or describe the planned run."),
         ("compile", "Compile the tick of a campaign or session ahead of its runs."),
         ("sim", "Emulate the devices of a wired rig, at the addresses of its rig file."),
+        ("faults", "Rehearse faults of a rig's emulated devices; compare its reactions."),
         ("devices", "List the devices that answer on a rig's wires, and check their settings."),
         ("home", "Home the actuators of a rig, outside a run."),
         ("doctor", "Check whether this host is fit for real time on a rig; give advice if not."),

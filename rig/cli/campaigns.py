@@ -1,4 +1,4 @@
-"""`rig campaigns`: the shipped campaigns, sessions, rigs and plants."""
+"""`rig campaigns`: the shipped campaigns, sessions, rigs, plants and tables of faults."""
 
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from rig.cli.output import OK, print_json
 from rig.config.problems import ConfigError
 from rig.config.shipped_files import (
     CAMPAIGNS,
+    FAULTS,
     PLANTS,
     RIGS,
     SESSIONS,
@@ -20,6 +21,7 @@ from rig.config.shipped_files import (
     title,
 )
 from rig.config.yaml_source import load_mapping
+from rig.execution.fault_table import load_table
 from rig.kinds.rig_file import kind_of_task, load_rig
 from rig.presentation.console import plain_table, table_console
 from rig.presentation.phrases import format_duration
@@ -29,11 +31,12 @@ _HEADINGS = {
     SESSIONS: "sessions: rig run NAME, rig check NAME, rig sweep NAME",
     RIGS: "rigs: --rig NAME, in files rig: NAME; with wiring also rig sim NAME, rig devices NAME",
     PLANTS: "plants, simulated: in files plant: NAME",
+    FAULTS: "tables of faults: rig faults NAME",
 }
 
 
 def command(as_json: Json = False) -> int:
-    """List the shipped campaigns, sessions, rigs and plants, whose names stand for their files."""
+    """List the shipped campaigns, sessions, rigs, plants and tables of faults."""
     described = {kind: [_describe(one) for one in shipped_files(kind)] for kind in _HEADINGS}
     if as_json:
         return print_json({"folder": str(shipped_folder()), **described})
@@ -81,13 +84,19 @@ def _plant_facts(path: Path) -> dict[str, Any]:
     return {"plant": mapping.get("name")}
 
 
+def _fault_facts(path: Path) -> dict[str, Any]:
+    table = load_table(path)
+    return {"rig": table.kind.name, "rows": len(table.rows)}
+
+
 _FACTS = {
     CAMPAIGNS: _task_facts,
     SESSIONS: _task_facts,
     RIGS: _rig_facts,
     PLANTS: _plant_facts,
+    FAULTS: _fault_facts,
 }
-_COLUMNS = {RIGS: ("wiring",), PLANTS: ()}  # of others: rows and duration
+_COLUMNS = {RIGS: ("wiring",), PLANTS: (), FAULTS: (">rows",)}  # of others: rows and duration
 
 
 def _table(kind: str, described: list[dict[str, Any]]) -> Table:
@@ -107,4 +116,6 @@ def _cells(kind: str, one: dict[str, Any]) -> list[str]:
         return []
     if kind == RIGS:
         return ["yes" if one["wired"] else "none"]
+    if kind == FAULTS:
+        return [str(one["rows"])]
     return [str(one["rows"]), format_duration(round(one["duration_s"]))]

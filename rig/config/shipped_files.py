@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 CAMPAIGNS, SESSIONS, RIGS, PLANTS = "campaigns", "sessions", "rigs", "plants"
-LIMITS, SEAS, DEVICES = "limits", "seas", "devices"
+LIMITS, SEAS, DEVICES, FAULTS = "limits", "seas", "devices", "faults"
 KINDS = {
     CAMPAIGNS: "campaign",
     SESSIONS: "session",
@@ -26,6 +26,7 @@ KINDS = {
     LIMITS: "limits file",
     SEAS: "sea",
     DEVICES: "device file",
+    FAULTS: "table of faults",
 }
 """Folders whose files have names, and the noun for one such file."""
 

@@ -151,6 +151,11 @@ class ReasonTable:
         reason = self._by_name.get(name)
         return None if reason is None else reason.number
 
+    def category(self, name: str) -> int | None:
+        """Return the stop category of a name; None for an unknown one."""
+        reason = self._by_name.get(name)
+        return None if reason is None else reason.category
+
     def as_records(self) -> list[dict[str, Any]]:
         """Return the reasons as JSON values, as in a run's plan."""
         return [reason._asdict() for reason in self.reasons]

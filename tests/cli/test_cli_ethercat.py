@@ -13,10 +13,10 @@ import pytest
 from command_here import rig as rig_here
 from wired_rig import running
 
-from benchmarks.support.control_client import ControlClient
 from benchmarks.support.emulated_wavebot import emulated_wavebot, write_ethercat_rig_file
 from rig.cli.output import FAILED, OK
 from rig.emulation.cable import cable_problem, far_end
+from rig.emulation.control_client import ControlClient
 
 pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):

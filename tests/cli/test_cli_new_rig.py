@@ -15,7 +15,7 @@ from command_here import CompletedCommand, rig
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
-from benchmarks.support.fault_runs import free_port
+from benchmarks.support.free_port import free_port
 from rig.cli.app import app
 from rig.kinds.modular.config import LimitsFile, RigFile
 from rig.kinds.modular.first_values import FirstValues, first_values

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.support.control_client import ControlClient
 from rig.emulation.control import ControlServer
+from rig.emulation.control_client import ControlClient
 from rig.emulation.devices import EmulatedDevices
 
 

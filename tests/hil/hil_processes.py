@@ -9,9 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.support.fault_runs import CallbackView, Trigger, run_when_free
-from benchmarks.support.process_faults import child_with_stderr
 from rig.compilation.tick_code import compile_tick
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import CallbackView, Trigger, run_when_free
+from rig.execution.process_faults import child_with_stderr
 from rig.execution.task import RunResult, run_task
 from rig.kinds.wavebot.campaign import Campaign, Plan
 from rig.kinds.wavebot.tasks import execution_task, wired_mode
@@ -74,3 +75,9 @@ def run_emulated(
         )
 
     return run_when_free(run)
+
+
+def restart_and_run(on: EmulatedRig, callback: Callable[[Snapshot], None]) -> RunResult:
+    """Bring the devices to rest and run the task; ``callback`` gets each snapshot."""
+    on.control.request("restart")
+    return run_when_free(lambda: on.run(CallbackView(callback)))

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, write_yaml
 
-from benchmarks.support.fault_runs import CallbackView, free_port, run_when_free
+from benchmarks.support.free_port import free_port
 from benchmarks.support.host import ProcessorTime, other_load
+from rig.execution.fault_runs import CallbackView, run_when_free
 from rig.execution.task import RunResult, run_task
 from rig.kinds.oswec_bench.products.driveline import analyse_driveline
 from rig.kinds.oswec_bench.products.points import open_session

@@ -11,10 +11,10 @@ import os
 import pytest
 from hil_processes import EXECUTIONS, assert_executed, in_execution
 
-from benchmarks.support.emulated_bench import EmulatedBench
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_runs import available_faults, measure_fault, mismatches
-from benchmarks.support.fault_table import FaultRow, missing_rows
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import available_faults, measure_fault, mismatches
+from rig.execution.fault_table import FaultRow, missing_rows
 
 pytestmark = pytest.mark.realtime
 
@@ -26,7 +26,7 @@ CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE i
 @pytest.mark.parametrize("execution", EXECUTIONS)
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
 def test_the_bench_reacts_to_faults_as_in_the_table(
-    on_bench: EmulatedBench, row: FaultRow, execution: str
+    on_bench: EmulatedRig, row: FaultRow, execution: str
 ) -> None:
     rig = in_execution(on_bench, execution)
     finding = measure_fault(rig, row)
@@ -39,5 +39,5 @@ def test_the_bench_reacts_to_faults_as_in_the_table(
     assert_executed(finding.run_result, execution)
 
 
-def test_every_fault_of_the_bench_has_its_row(on_bench: EmulatedBench) -> None:
+def test_every_fault_of_the_bench_has_its_row(on_bench: EmulatedRig) -> None:
     assert missing_rows(TABLE, available_faults(on_bench)) == []

@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.support.campaigns import SilentView, write_yaml
 from benchmarks.support.emulated_wavebot import emulated_wavebot, write_ethercat_rig_file
-from benchmarks.support.fault_runs import run_when_free
 from rig.emulation.cable import cable_problem
+from rig.execution.fault_runs import run_when_free
 
 pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):

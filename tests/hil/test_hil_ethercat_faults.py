@@ -12,14 +12,14 @@ import pytest
 from hil_processes import assert_executed, in_execution
 
 from benchmarks.support.emulated_wavebot import (
-    EmulatedWaveBot,
     emulated_wavebot,
     write_ethercat_rig_file,
 )
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_runs import available_faults, measure_fault, mismatches
-from benchmarks.support.fault_table import FaultRow, missing_rows
 from rig.emulation.cable import cable_problem
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import available_faults, measure_fault, mismatches
+from rig.execution.fault_table import FaultRow, missing_rows
 
 pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):
@@ -34,7 +34,7 @@ WHOLE = ("segment", "ethercat", "process ethercat")
 
 
 @pytest.fixture(scope="module")
-def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedWaveBot]:
+def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedRig]:
     """Start the emulated segment for all tests of this file."""
     with emulated_wavebot(tmp_path_factory.mktemp("ec"), write_ethercat_rig_file) as started:
         yield started
@@ -42,14 +42,14 @@ def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedWaveBo
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
-def test_the_rig_reacts_to_faults_as_in_the_table(segment: EmulatedWaveBot, row: FaultRow) -> None:
+def test_the_rig_reacts_to_faults_as_in_the_table(segment: EmulatedRig, row: FaultRow) -> None:
     finding = measure_fault(in_execution(segment, "compiled"), row)
     print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
     assert mismatches(row, finding) == []
     assert_executed(finding.run_result, "compiled")
 
 
-def test_every_sort_of_fault_has_its_row(segment: EmulatedWaveBot) -> None:
+def test_every_sort_of_fault_has_its_row(segment: EmulatedRig) -> None:
     available = available_faults(segment)
     whole = [row for row in TABLE if row.device in WHOLE]
     assert missing_rows(whole, {name: available[name] for name in WHOLE}) == []

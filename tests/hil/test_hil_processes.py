@@ -14,16 +14,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hil_processes import Kill, child_error_files, run_emulated
+from hil_processes import Kill, child_error_files, restart_and_run, run_emulated
 
 from benchmarks.support.campaigns import SilentView, open_checked
-from benchmarks.support.emulated_wavebot import EmulatedWaveBot, write_campaign_file
-from benchmarks.support.fault_runs import Trigger, power_off_time, restart_and_run, run_when_free
+from benchmarks.support.emulated_wavebot import write_campaign_file
 from benchmarks.support.live_run import LiveRun, is_running, wait_realtime_free, wait_until
-from benchmarks.support.process_faults import child_with_stderr
 from drivers.canopen.heartbeat import NmtState
 from rig.cli.output import LOST
 from rig.cli.run import exit_code
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import Trigger, power_off_time, run_when_free
+from rig.execution.process_faults import child_with_stderr
 from rig.execution.task import RunResult, run_task
 from rig.kinds.rig_file import load_rig
 from rig.kinds.wavebot.tasks import execution_task, wired_mode
@@ -53,7 +54,7 @@ def run_until_triggered(run: Any, trigger: Any) -> tuple[RunResult, Any]:
     raise AssertionError("no run reached its trigger")
 
 
-def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedWaveBot) -> None:
+def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: EmulatedRig) -> None:
     measured: dict[str, Any] = {}
 
     def suspend() -> float:
@@ -88,7 +89,7 @@ DEATHS = {
 @pytest.mark.sampled
 @pytest.mark.parametrize("process", DEATHS)
 def test_a_process_that_is_killed_is_named_and_the_loop_stops(
-    on: EmulatedWaveBot, tmp_path: Path, process: str
+    on: EmulatedRig, tmp_path: Path, process: str
 ) -> None:
     if process == "emulated devices":
         campaign, plan = open_checked(write_campaign_file(tmp_path))
@@ -111,12 +112,12 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     assert child_error_files() <= {"emulation.stderr"}  # only the shared emulated devices are left
 
 
-def test_listening_is_possible_during_a_run(on: EmulatedWaveBot) -> None:
+def test_listening_is_possible_during_a_run(on: EmulatedRig) -> None:
     """As in `rig devices --listen`: every node is received, and the run goes on."""
     activity = list[BusActivity]()
 
     def listen_to_bus() -> None:
-        activity.append(listen(on.campaign.rig))
+        activity.append(listen(on.short.checked.rig))
 
     listener = threading.Thread(target=listen_to_bus)
 
@@ -136,16 +137,17 @@ def test_listening_is_possible_during_a_run(on: EmulatedWaveBot) -> None:
     assert result.outcome.dropped == result.outcome.unsaved == 0
 
 
-def test_a_second_run_is_refused_while_the_first_one_lives(
-    on: EmulatedWaveBot, tmp_path: Path
-) -> None:
+def test_a_second_run_is_refused_while_the_first_one_lives(on: EmulatedRig, tmp_path: Path) -> None:
     before = set(tmp_path.iterdir())
 
     def first() -> RunResult:
         refused = pytest.raises(BusyError, match="taken by campaign first")
         with acquire((REALTIME_WIRE,), "campaign first"), refused:
             run_task(
-                execution_task(on.campaign, on.plan), tmp_path, SilentView(), emulated_mode(on)
+                execution_task(*on.short),
+                tmp_path,
+                SilentView(),
+                emulated_mode(on),
             )
         return None  # type: ignore[return-value]
 
@@ -190,8 +192,8 @@ def mode_of(run: LiveRun) -> int:
     return int(np.frombuffer(newest, row_dtype(leaves(WaveBotRow)))["safety.mode"][0])
 
 
-def emulated_mode(on: EmulatedWaveBot) -> Any:
-    return wired_mode(on.campaign, emulated=True)
+def emulated_mode(on: EmulatedRig) -> Any:
+    return wired_mode(on.short.checked, emulated=True)
 
 
 def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
@@ -211,14 +213,12 @@ def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
     assert child_error_files() <= {"emulation.stderr"}
 
 
-def test_a_refused_start_leaves_a_folder_with_the_reason(
-    on: EmulatedWaveBot, tmp_path: Path
-) -> None:
+def test_a_refused_start_leaves_a_folder_with_the_reason(on: EmulatedRig, tmp_path: Path) -> None:
     on.control.request("restart")
     on.control.switch("heave", "wrong_kp")
     result = run_when_free(
         lambda: run_task(
-            execution_task(on.campaign, on.plan),
+            execution_task(*on.short),
             tmp_path,
             SilentView(),
             emulated_mode(on)._replace(io_processes=own_io_processes(on)),
@@ -234,5 +234,5 @@ def test_a_refused_start_leaves_a_folder_with_the_reason(
     assert child_error_files() <= {"emulation.stderr"}
 
 
-def own_io_processes(on: EmulatedWaveBot) -> Any:
-    return wired_mode(on.campaign, emulated=False).io_processes
+def own_io_processes(on: EmulatedRig) -> Any:
+    return wired_mode(on.short.checked, emulated=False).io_processes

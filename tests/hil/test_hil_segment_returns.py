@@ -10,12 +10,12 @@ from hil_processes import in_execution
 
 from benchmarks.support.campaigns import SilentView
 from benchmarks.support.emulated_wavebot import (
-    EmulatedWaveBot,
     emulated_wavebot,
     write_ethercat_rig_file,
 )
-from benchmarks.support.fault_runs import CallbackView, Trigger, run_when_free
 from rig.emulation.cable import cable_problem
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import CallbackView, Trigger, run_when_free
 
 pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):
@@ -26,7 +26,7 @@ CALM_S = 12.0  # s in which the body comes to rest after a stop without damping
 
 
 @pytest.fixture(scope="module")
-def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedWaveBot]:
+def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedRig]:
     """Start the emulated segment for all tests of this file."""
     folder, timing = tmp_path_factory.mktemp("returns"), {"settle_s": 1, "interval_s": 4}
     with emulated_wavebot(folder, write_ethercat_rig_file, timing=timing) as started:
@@ -44,7 +44,7 @@ def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedWaveBo
     ],
 )
 def test_the_run_after_a_lost_segment_needs_no_restart(
-    segment: EmulatedWaveBot, device: str, fault: str
+    segment: EmulatedRig, device: str, fault: str
 ) -> None:
     control = segment.control
 

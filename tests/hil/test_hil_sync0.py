@@ -12,13 +12,13 @@ import pytest
 
 from benchmarks.support.campaigns import SilentView, write_yaml
 from benchmarks.support.emulated_wavebot import (
-    EmulatedWaveBot,
     emulated_wavebot,
     write_ethercat_rig_file,
 )
-from benchmarks.support.fault_runs import measure_fault, run_when_free
-from benchmarks.support.fault_table import REFUSED, START, FaultRow
 from rig.emulation.cable import cable_problem
+from rig.execution.emulated_rig import EmulatedRig
+from rig.execution.fault_runs import measure_fault, run_when_free
+from rig.execution.fault_table import REFUSED, START, FaultRow
 
 pytest.importorskip("pysoem")
 if problem := cable_problem("wectest"):
@@ -50,7 +50,7 @@ def write_rig(folder: Path, *objects: dict[str, Any], interface: str = "wes") ->
 
 
 @pytest.fixture(scope="module")
-def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedWaveBot]:
+def segment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedRig]:
     """Start the emulated segment for all tests of this file."""
     with emulated_wavebot(tmp_path_factory.mktemp("sync0"), write_rig) as started:
         yield started
@@ -62,7 +62,7 @@ def lost_sync0(expected: str, onset: str = "") -> FaultRow:
     )
 
 
-def test_drives_on_sync0_run_to_the_end(segment: EmulatedWaveBot) -> None:
+def test_drives_on_sync0_run_to_the_end(segment: EmulatedRig) -> None:
     segment.control.request("restart")
     result = run_when_free(lambda: segment.run(SilentView()))
     assert result.outcome.status == "complete", result.outcome
@@ -71,7 +71,7 @@ def test_drives_on_sync0_run_to_the_end(segment: EmulatedWaveBot) -> None:
     assert offsets[len(offsets) // 2] < 200_000  # ns; half of the cycle is left to SYNC0
 
 
-def test_a_drive_without_its_sync0_loses_the_segment(segment: EmulatedWaveBot) -> None:
+def test_a_drive_without_its_sync0_loses_the_segment(segment: EmulatedRig) -> None:
     """It takes the commands of its frames with SYNC0 only, so its power goes within some cycles."""
     finding = measure_fault(segment, lost_sync0("FIELDBUS_LOST"))
     assert finding.verdict == "FIELDBUS_LOST", finding
@@ -82,7 +82,7 @@ def test_a_drive_without_its_sync0_loses_the_segment(segment: EmulatedWaveBot) -
 
 
 def test_a_drive_that_gets_no_sync0_refuses_op_and_the_run_by_name(
-    segment: EmulatedWaveBot,
+    segment: EmulatedRig,
 ) -> None:
     finding = measure_fault(segment, lost_sync0(REFUSED, START))
     assert finding.verdict == REFUSED, finding

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import xarray
 
-from benchmarks.support.fault_runs import free_port
+from benchmarks.support.free_port import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 CYLINDER = ROOT / "configs" / "plants" / "cylinder_bem.nc"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from lab_package import in_lab, rig, write_project
 
-from benchmarks.support.fault_runs import free_port
+from benchmarks.support.free_port import free_port
 
 
 @pytest.fixture(name="lab")

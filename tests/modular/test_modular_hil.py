@@ -10,8 +10,8 @@ import pytest
 from rehearsing import SilentView, load_rows
 from wired_rigs import SENSORS, served, write_files
 
-from benchmarks.support.control_client import ControlClient
-from benchmarks.support.fault_runs import CallbackView, Trigger, power_off_time, run_when_free
+from rig.emulation.control_client import ControlClient
+from rig.execution.fault_runs import CallbackView, Trigger, power_off_time, run_when_free
 from rig.execution.task import RunResult, run_task
 from rig.kinds.modular.rehearsal.emulation import emulator_process
 from rig.kinds.modular.tasks import examine, execution_task, rehearsal_mode, wired_mode

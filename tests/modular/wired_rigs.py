@@ -17,8 +17,8 @@ from mode_plants import PITCH as PITCH_MODE
 from modular_rigs import HEAVE, HEAVE_LIMITS, LOOP_LIMITS, PITCH, PITCH_LIMITS
 from ruamel.yaml import YAML
 
-from benchmarks.support.control_client import ControlClient
-from benchmarks.support.fault_runs import emulated_devices, free_port
+from rig.emulation.control_client import ControlClient
+from rig.execution.fault_runs import emulated_devices, free_port
 from rig.processes.io_processes import IoProcess
 
 HEAVE_GAINS = {"heave_kp_n_s_per_m": -5000, "heave_ki_n_per_m": 500}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +16,20 @@ from rehearsing import CONFIGS, write_yaml
 
 from rig.analysis.certificate import (
     CERTIFICATE,
+    NO_FAULTS,
     REHEARSAL,
     certify,
     deviations,
     find_certificate,
     read_certificate,
 )
+from rig.analysis.rehearsed_faults import write_rehearsed_faults
 from rig.analysis.rows import row_table
 from rig.campaign import resolved_config
 from rig.cli import run as run_command
 from rig.kinds.wavebot.campaign import open_campaign
-from rig.recording.runs import open_run, run_info
+from rig.recording.runs import list_runs, open_run, run_info
+from rig.recording.runs.folder import FAULTS
 
 KI = (0, 2000)
 
@@ -121,6 +125,73 @@ def test_it_is_found_for_its_campaign_on_the_wires(runs: Path, tmp_path: Path) -
     same = find_certificate(runs, config_of(write_campaign(tmp_path)))
     assert same is not None
     assert same.differences == ()
+
+
+def write_faults(runs: Path, config: dict[str, Any], day: int, **reactions: bool) -> Path:
+    """Write a rehearsal of faults; reactions are as required or not."""
+    folder = runs / f"202611{day:02}T120000Z_faults_wavebot"
+    folder.mkdir(parents=True)
+    head = {"table": "wavebot", "rows_of_table": 205, "rehearsed_utc": f"2026-11-{day:02}T12:00"}
+    rows = [
+        {
+            "name": name, "required": "DRIVE_FAULT", "seconds": 0.05, "as_required": right,
+            "reaction": "DRIVE_FAULT" if right else "goes on",
+        }
+        for name, right in reactions.items()
+    ]  # fmt: skip
+    write_rehearsed_faults(folder, config, head, rows)
+    return folder
+
+
+def test_it_names_the_faults_rehearsed_on_the_rig(
+    runs: Path, rehearsal: Path, tmp_path: Path
+) -> None:
+    wired = config_of(write_campaign(tmp_path, "wavebot_hil"))
+    copied = tmp_path / "runs"
+    shutil.copytree(runs, copied)
+    found = find_certificate(copied, wired)
+    assert found is not None
+    assert found.text().splitlines()[1] == NO_FAULTS
+    write_faults(copied, wired, 5, heave=True, surge=True)
+    write_faults(copied, wired, 6)  # ended before its first fault
+    (write_faults(copied, wired, 7, can=True) / FAULTS).write_text("{}")  # changed
+    others = json.loads(json.dumps(wired))
+    others["rig"]["wiring"]["ethercat"] = {}
+    write_faults(copied, others, 8, coupler=True)
+    found = find_certificate(copied, wired)
+    assert found is not None
+    assert found.text().splitlines()[1] == (
+        "faults: 2 of 205 of wavebot in 20261105T120000Z_faults_wavebot (2026-11-05), "
+        "all as required"
+    )
+    others = json.loads(json.dumps(wired))
+    others["rig"]["wiring"]["can"]["channel"] = "can7"
+    others["rig"]["wiring"]["heave"]["heartbeat_ms"] = 55
+    write_faults(copied, others, 9, heave=True, surge=False)
+    found = find_certificate(copied, wired)
+    assert found is not None
+    assert found.text().splitlines()[1] == (
+        "faults: 2 of 205 of wavebot in 20261109T120000Z_faults_wavebot (2026-11-09), 1 NOT AS "
+        "REQUIRED: surge; other values than rehearsed: rig.wiring.heave.heartbeat_ms 100 (55)"
+    )
+
+
+def test_a_certificate_lists_the_faults_rehearsed_before_it(
+    runs: Path, rehearsal: Path, tmp_path: Path
+) -> None:
+    copied = tmp_path / "runs"
+    shutil.copytree(runs, copied)
+    run = copied / rehearsal.name
+    content = read_certificate(rehearsal / CERTIFICATE)
+    assert content is not None
+    assert (content["checked"][-1], content["faults"]) == (NO_FAULTS, None)
+    write_faults(copied, run_info(run).config, 5, heave=True, surge=False)
+    certify(run)
+    content = read_certificate(run / CERTIFICATE)
+    assert content is not None
+    assert [fault["name"] for fault in content["faults"]["faults"]] == ["heave", "surge"]
+    assert "1 NOT AS REQUIRED: surge" in content["checked"][-1]
+    assert [entry.run for entry in list_runs(copied)] == [rehearsal.name]
 
 
 @pytest.mark.parametrize(

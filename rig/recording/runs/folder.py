@@ -29,6 +29,7 @@ from rig.stations import Station
 MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
 STATUS = "run.json"
+FAULTS = "faults.json"  # in the folder of a rehearsal of faults, which holds its runs
 SOCKET = "requests.sock"  # of a run that runs, for the requests of people
 CONFIG = "config.json"
 PLAN = "plan.json"
@@ -364,7 +365,7 @@ def list_runs(folder: str | os.PathLike[str]) -> list[RunListEntry]:
     found = [
         _list_entry(path)
         for path in sorted(folder.iterdir())
-        if path.is_dir() and not path.name.startswith(".")
+        if path.is_dir() and not path.name.startswith(".") and not (path / FAULTS).is_file()
     ]
     return sorted(found, key=_sort_key)
 

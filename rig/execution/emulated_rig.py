@@ -1,0 +1,148 @@
+"""A rig whose emulated devices outlive its runs: the same devices serve many runs of a short task.
+
+`rig run --sim` starts the devices with each run instead. The devices are brought to rest and
+switched on by their control port (`rig.emulation.control`).
+"""
+
+import difflib
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig.config.wiring import WiringError
+from rig.emulation.control_client import ControlClient
+from rig.execution.fault_table import Motion
+from rig.execution.task import RunResult, View, run_task
+from rig.kinds.interface import Tasks
+from rig.kinds.registry import RigKind
+from rig.processes import handover
+from rig.processes.child import Child
+from rig.processes.io_processes import IoProcess, IoProcessError
+from rig.processes.messages import IoJob, Ready
+from rig.processes.run_types import Task
+from rig.realtime.sequence import MEASURE
+from rig.recording.row_layout import leaves
+
+_START_TIMEOUT_S = 120.0  # the plant is compiled first, on a busy host
+_POLL_INTERVAL_S = 0.02
+_END_TIMEOUT_S = 5.0
+
+
+class CheckedTask(NamedTuple):
+    """A campaign or session without problems, and its plan."""
+
+    checked: Any  # `rig.kinds.interface.Checked`
+    plan: Any  # `rig.kinds.interface.CheckedPlan`
+
+
+class EmulatedRig(NamedTuple):
+    """A rig with running emulated devices, and a task on its wires."""
+
+    tasks: Tasks  # room of the kind of rig
+    short: CheckedTask
+    long: CheckedTask  # for faults whose detection is slow
+    control: ControlClient
+    devices: Child
+    folder: Path  # of the runs
+    motion: Motion | None = None
+    interpreted: bool = False  # never run the tick compiled
+
+    @property
+    def task(self) -> Task:
+        """The short task."""
+        return self.tasks.execution_task(*self.short)
+
+    @property
+    def io_processes(self) -> tuple[str, ...]:
+        """Names of the I/O processes."""
+        mode = self.tasks.wired_mode(self.short.checked, emulated=False)
+        return tuple(each.name for each in mode.io_processes)
+
+    def is_moving(self, row: Mapping[str, float]) -> bool:
+        """Return True if the row of the record fulfils the table's condition of motion."""
+        motion = self.motion
+        return (
+            motion is not None
+            and row["plan.phase"] == MEASURE
+            and abs(row[motion.field]) > motion.above
+        )
+
+    def run(self, view: View, long: bool = False) -> RunResult:
+        """Run the short or the long task on the devices in their present state."""
+        chosen = self.long if long else self.short
+        mode = self.tasks.wired_mode(chosen.checked, emulated=False)
+        mode = mode._replace(name="hil", interpreted=self.interpreted)
+        return run_task(self.tasks.execution_task(*chosen), self.folder, view, mode)
+
+
+def check_task(tasks: Tasks, path: Path, rig: Path | None = None) -> CheckedTask:
+    """Return a campaign or session; ``rig`` replaces the rig that it names.
+
+    Raises ValueError with the problems of its files, WiringError if its wires must not be powered.
+    """
+    report = tasks.examine(path, rig)
+    if report.checked is None or report.plan is None:
+        raise ValueError(report.text())
+    if report.checked.rig.wiring is None:
+        raise WiringError(f"{report.checked.rig.name} has no wiring, so no devices can be emulated")
+    tasks.wired_mode(report.checked, emulated=True)
+    return CheckedTask(report.checked, report.plan)
+
+
+@contextmanager
+def emulated_rig(
+    kind: RigKind,
+    short: CheckedTask,
+    folder: Path,
+    long: CheckedTask | None = None,
+    motion: Motion | None = None,
+) -> Iterator[EmulatedRig]:
+    """Run the emulated devices of a task while the context is open; runs are in ``folder``.
+
+    Raises IoProcessError with the reason if the devices do not start, ValueError if the log lacks
+    the field of ``motion``.
+    """
+    tasks: Tasks = kind.room("tasks")
+    (emulator,) = (
+        each
+        for each in tasks.wired_mode(short.checked, emulated=True).io_processes
+        if each.starts_first
+    )
+    with _running_devices(emulator, folder) as (control, devices):
+        rig = EmulatedRig(tasks, short, long or short, control, devices, folder, motion)
+        fields = [leaf.name for leaf in leaves(rig.task.kind.row_type)]
+        if motion is not None and motion.field not in fields:
+            similar = difflib.get_close_matches(motion.field, fields, 5, 0.3) or fields[:5]
+            raise ValueError(
+                f"motion.field: the log has no {motion.field}; allowed its fields, for example "
+                f"{', '.join(similar)}"
+            )
+        yield rig
+
+
+@contextmanager
+def _running_devices(emulator: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+    lifeline, parent_end = os.pipe()  # the devices end when this process dies
+    job = handover.dumps(IoJob(emulator.config, {}, lifeline))
+    devices = Child(emulator.module, job, (lifeline,), folder / "emulation.stderr")
+    try:
+        with ControlClient(_address(devices)) as control:
+            yield control, devices
+    finally:
+        devices.process.terminate()
+        devices.end(_END_TIMEOUT_S)
+        os.close(lifeline)
+        os.close(parent_end)
+
+
+def _address(devices: Child) -> str:
+    until = time.monotonic() + _START_TIMEOUT_S
+    while time.monotonic() < until and devices.alive():
+        for report in devices.read_reports():
+            if isinstance(report, Ready):
+                return str(report.facts["control"])
+        time.sleep(_POLL_INTERVAL_S)
+    raise IoProcessError(f"no emulated devices: {devices.last_message()}")

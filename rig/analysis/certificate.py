@@ -121,7 +121,7 @@ def _checked(info: RunInfo) -> list[str]:
     return [
         "before the run: all files of the campaign, the predictions of its rows, all limits",
         f"all rows of the plan, with the loop, laws and limits of the rig, on {place}",
-        "no faults: docs/faults.md has those of the emulated devices and their reactions",
+        "no faults: the page Faults of the documentation has those of emulated devices",
     ]
 
 

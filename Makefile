@@ -17,8 +17,8 @@ UV_VERSION := 0.13.8
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run wheel compiled test test-fast test-long test-socketcan lint bench bench-batch \
-  clean constraints
+.PHONY: help setup run wheel compiled docs test test-fast test-long test-socketcan lint bench \
+  bench-batch clean constraints
 
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
@@ -29,6 +29,7 @@ help:
 	@echo "make test-socketcan  the CAN driver on a kernel with SocketCAN (user-mode Linux, a minute)"
 	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"
 	@echo "make bench-batch  only the benchmarks of the compiled loop and sweeps (about 25 min)"
+	@echo "make docs   build the documentation as a site; result in site/, opens without a server"
 	@echo "make clean  remove the virtual environment and caches (never runs/)"
 
 setup: $(VENV)/.ready
@@ -58,6 +59,11 @@ wheel: setup
 	  $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .; \
 	fi
 	@ls dist/*.whl
+
+# MkDocs takes the pages of docs/, docs/generate/ those that the program generates.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "site/index.html"
 
 lint: setup
 	$(BIN)/ruff check .

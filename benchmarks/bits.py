@@ -22,7 +22,7 @@ from rig.recording.runs.windows import read_windows
 from rig.stations import station_names
 
 CAMPAIGN, SHORT_CAMPAIGN = "default.yaml", "quick.yaml"
-MAX_POWER_DIFFERENCE = 0.05  # W, of a mean power, after a lead-in of 15 s (docs/sweeps.md)
+MAX_POWER_DIFFERENCE = 0.05  # W, of a mean power, after a lead-in of 15 s (docs/how_to/sweep.md)
 
 
 class RowComparison(NamedTuple):

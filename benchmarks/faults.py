@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.support import host
-from benchmarks.support.fault_page import format_page
 from benchmarks.support.fault_rigs import RIGS, FaultRig
 from benchmarks.support.result import Figure, Result, figure
 from rig.execution.fault_runs import NO_RUN, Finding, mismatches, rehearse_faults
@@ -19,7 +18,7 @@ WAVEBOT = RIGS["wavebot"]
 
 
 def measure(short: bool, rig: FaultRig = WAVEBOT) -> Result:
-    """Measure a rig's table (short: its short selection); a complete one rewrites its page."""
+    """Measure a rig's table (short: its short selection); a complete one stores its results."""
     selected = [row for row in rig.rows() if row.short or not short]
     return _result(*_measure_rows(rig, selected, not short))
 
@@ -92,12 +91,10 @@ def finding_as_json(row: FaultRow, finding: Finding) -> dict[str, Any]:
 
 
 def store_results(rig: FaultRig, known: dict[str, Any]) -> None:
-    """Write the results to disk, and to the page of the documentation."""
-    rows = rig.rows()
-    names = {row.name for row in rows}
+    """Write the results to disk; the site's page of the rig shows them."""
+    names = {row.name for row in rig.rows()}
     known = {name: result for name, result in sorted(known.items()) if name in names}
     rig.results.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
-    rig.page.write_text(format_page(rig, rows, known))
 
 
 def figures(results: list[MeasuredFault]) -> list[Figure]:

@@ -1,1 +1,1 @@
-"""The loop of a test rig and everything around it; docs/structure.md lists the packages."""
+"""The loop of a test rig and everything around it (docs/explanation/structure.md)."""

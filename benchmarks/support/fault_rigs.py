@@ -1,4 +1,4 @@
-"""Rigs with a table of faults, and the paths of their results and pages."""
+"""Rigs with a table of faults, and the paths of their results."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -19,7 +19,6 @@ class FaultRig(NamedTuple):
     name: str  # of the table
     title: str
     emulate: Callable[[Path], AbstractContextManager[EmulatedRig]]
-    page: Path  # of the documentation
     safe_state: str  # condition at the end of the measured time
     stop_action: str  # the first action of a stop of category 1
     motion: str  # motion of the rig when a fault is injected
@@ -33,10 +32,9 @@ class FaultRig(NamedTuple):
         return list(load_table(self.table).rows)
 
 
-def _rig(name: str, page: str, **fields: Any) -> FaultRig:
+def _rig(name: str, **fields: Any) -> FaultRig:
     return FaultRig(
         name=name,
-        page=ROOT / "docs" / page,
         results=ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json",
         table=ROOT / "configs" / "faults" / f"{name}.yaml",
         **fields,
@@ -46,7 +44,6 @@ def _rig(name: str, page: str, **fields: Any) -> FaultRig:
 RIGS = {
     "wavebot": _rig(
         "wavebot",
-        "faults.md",
         title="Faults: reactions of the rig",
         emulate=emulated_wavebot,
         safe_state="neither motor has power, at the drives",
@@ -56,7 +53,6 @@ RIGS = {
     ),
     "wavebot_ethercat": _rig(
         "wavebot_ethercat",
-        "ethercat_faults.md",
         title="Faults of an EtherCAT segment: reactions of the rig",
         emulate=partial(emulated_wavebot, write_rig=write_ethercat_rig_file),
         safe_state="neither motor has power, at the drives",
@@ -67,7 +63,6 @@ RIGS = {
     ),
     "oswec_bench": _rig(
         "oswec_bench",
-        "bench_faults.md",
         title="Faults of the OSWEC bench: reactions of the rig",
         emulate=emulated_bench,
         safe_state="the servo has no power, at the drive",

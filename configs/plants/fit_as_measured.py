@@ -10,7 +10,8 @@ to -9228 N/m, lines of 1/300 Hz. The plant's model of them is
 
 with radiation memory R and A_inf of wavebot.yaml (BEM). m, B_i, K_h, B_d, K_d and tau minimise the
 relative error of both, each weighted by the scatter of its own lines. H delays both forces alike:
-without it the fit is three times as far off as the means of 15 lines allow (see docs/plant.md).
+without it the fit is three times as far off as the means of 15 lines allow
+(docs/explanation/plants.md).
 
 Drag, friction and the spring's sine have their equivalent linear size at the motion of that
 identification, which is nearly Gaussian: c |v| v is c sqrt(8/pi) sigma_v v, F_c sign(v) is

@@ -27,5 +27,5 @@ class BusOffListener(can.Listener):
             return ""
         return (
             "the CAN controller of this computer went off the bus (bus-off): check the wire, its "
-            "terminators and bit rates, then bring it back (docs/wires.md)"
+            "terminators and bit rates, then bring it back (docs/how_to/set_up_can_and_serial.md)"
         )

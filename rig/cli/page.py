@@ -99,7 +99,8 @@ def command(
         for role, text in addresses.items():
             print(f"  {role:11} {text}", flush=True)
         if remote:
-            print("  Without TLS others on the network read along: docs/page.md", flush=True)
+            note = "docs/tutorials/operators_page.md"
+            print(f"  Without TLS others on the network read along: {note}", flush=True)
     try:
         process.serve(subject, access, socket_, ends=listener >= 0)
     except KeyboardInterrupt:

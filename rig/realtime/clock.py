@@ -115,8 +115,8 @@ class RealClock:
         """Wake up early from now on, call ``prepare``, and wait for the tick without sleeping.
 
         A tick then begins on time, and its code and data are in the caches of the processor
-        (docs/decisions/0015-one-tick-two-executions.md has the measurements). A second sleep
-        instead of the loop below wakes up as late as the first.
+        (docs/explanation/decisions/0015-one-tick-two-executions.md has the measurements). A second
+        sleep instead of the loop below wakes up as late as the first.
         """
         if self._period >= _SHORTEST_PREPARED_NS:
             self._prepare = prepare

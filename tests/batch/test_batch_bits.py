@@ -39,7 +39,7 @@ from rig.realtime import cycle
 from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import RUN, STOP_0, Mode
 
-LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
+LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "laws.md"
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
     "tare": {"duration_s": 1},

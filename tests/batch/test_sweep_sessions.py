@@ -24,7 +24,7 @@ from rig.recording.runs.windows import REQUIRED_FIELDS, read_windows
 from rig.sweep import cluster, sweep
 from rig.sweep.result_cache import JOURNAL_FILE
 
-PAGE = CONFIGS.parent / "docs" / "sweeps.md"
+PAGE = CONFIGS.parent / "docs" / "how_to" / "sweep.md"
 GAP = "plant.transmission.half_gap.value"
 SHORT = {"tare": {"duration_s": 0.5}, "timing": {"rise_s": 0.5, "settle_periods": 0, "periods": 2}}
 GRIDS: dict[str, dict[str, Any]] = {

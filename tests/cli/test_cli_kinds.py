@@ -32,7 +32,7 @@ def test_own_kinds_have_every_room(name: str) -> None:
 
 
 def test_the_page_prints_what_the_program_prints() -> None:
-    page = (CONFIGS.parent / "docs" / "kinds.md").read_text()
+    page = (CONFIGS.parent / "docs" / "how_to" / "add_a_rig_kind.md").read_text()
     sample = page.partition("```\n$ rig kinds\n")[2].partition("```")[0]
     assert sample == rig("kinds").stdout
 

@@ -14,7 +14,7 @@ FAULTS = ("silent", "garbage", "babble", "split", "late", "half", "reconnect")
 
 
 class Subject(Protocol):
-    """One conversation, its device and the wire between them; see `docs/drivers.md`."""
+    """One conversation, its device and the wire between them; see `docs/how_to/add_a_device.md`."""
 
     name: str
     timeout_s: float  # s after which silence must be reported and every permission withdrawn

@@ -18,7 +18,7 @@ from rig.kinds.wavebot.mask4.export import export_structure, write_mat
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, open_run
 
-SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "row_powers.m"
+SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "how_to" / "row_powers.m"
 RATE = 100.0  # of the synthetic run: all of its ticks
 
 

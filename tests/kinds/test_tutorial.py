@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 
-TUTORIAL = Path(__file__).resolve().parents[2] / "docs" / "tutorial.md"
+TUTORIAL = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "your_body.md"
 
 
 def commands() -> list[str]:

@@ -1,4 +1,4 @@
-"""A new law is one Python file and a campaign: those of docs/laws.md, through all commands."""
+"""A new law is one Python file and a campaign: those of the page of laws, through all commands."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from rig.analysis.effects import compute_effects
 from rig.analysis.rows import row_table
 from rig.recording.runs.folder import attachments
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "reference" / "laws.md"
 
 
 def blocks(language: str) -> list[str]:
-    """Return the code blocks of a language in docs/laws.md."""
+    """Return the code blocks of a language in docs/reference/laws.md."""
     return re.findall(rf"```{language}\n(.*?)```", DOCS.read_text(), re.DOTALL)
 
 
 def write_example(folder: Path) -> Path:
-    """Write law and campaign of docs/laws.md and return the campaign's path."""
+    """Write law and campaign of docs/reference/laws.md and return the campaign's path."""
     (law,), (campaign,) = blocks("python"), [b for b in blocks("yaml") if "RIG" in b]
     (folder / "growing_damping.py").write_text(law)
     path = folder / "campaign.yaml"

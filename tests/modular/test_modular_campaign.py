@@ -28,7 +28,7 @@ def run_rig(*arguments: object) -> Any:
 
 def test_the_page_of_laws_lists_the_columns_of_rotating_axes() -> None:
     """Every column of every law of this distribution that has another key or unit there."""
-    page = (BEM.parents[2] / "docs" / "laws.md").read_text()
+    page = (BEM.parents[2] / "docs" / "reference" / "laws.md").read_text()
     section = page.partition("## Columns of an axis that rotates")[2].partition("## ")[0]
     listed = set(re.findall(r"^\| `(\w+)` \| `(\w+)` \| (\S+) \|$", section, re.MULTILINE))
     own = [laws.own(name) for name in laws.OWN_MODULES]

@@ -26,7 +26,7 @@ from modular_rigs import (
 
 from rig.compilation.cache_folder import code_folder
 
-LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
+LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "laws.md"
 REGULAR = {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.4}
 IRREGULAR = {"kind": "jonswap", "hs_m": 0.15, "tp_s": 2.5, "repeat_s": 10}
 TIMES = {

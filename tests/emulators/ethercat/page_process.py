@@ -1,4 +1,4 @@
-"""The example of docs/ethercat.md as it is printed: shell lines, then the master."""
+"""The example of docs/reference/ethercat.md as it is printed: shell lines, then the master."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "ethercat.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "ethercat.md"
 
 if __name__ == "__main__":
     text = PAGE.read_text()

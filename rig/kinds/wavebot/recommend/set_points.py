@@ -36,7 +36,7 @@ COLUMNS = (*station_names(STATIONS), STROKE)
 """Names of the predicted numbers that have an interval."""
 
 COVERAGE_FACTOR = 1.96  # standard deviations of a 95 % interval
-MIN_DEVIATION = 0.15  # W, error of a prediction with a bus (docs/predictions.md)
+MIN_DEVIATION = 0.15  # W, error of a prediction with a bus (docs/how_to/predict_and_compare.md)
 QUICK_RATE = 8.0  # Hz, sampling rate of a quick prediction: four times the highest wave frequency
 QUICK_SECONDS = 60.0  # s, duration of a row in a quick prediction, for the custom drive's bus
 

@@ -1,7 +1,7 @@
 """Spring and damper to a goal: F = -K (x - goal) - D v + reference, force on the body, up positive.
 
 The goal moves to that of the row in a straight line. ``rig laws`` lists the law with its columns
-and parameters; docs/laws.md of wec-rig explains the parts and the rules of the code.
+and parameters; docs/reference/laws.md of wec-rig explains the parts and the rules of the code.
 """
 
 from typing import NamedTuple

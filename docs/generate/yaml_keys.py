@@ -1,0 +1,222 @@
+"""The pages of YAML keys: each key of each kind of file, from the models that check the files."""
+
+import inspect
+import types
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from docs.generate.markdown import cell, code, sentence, table
+from docs.generate.meanings import meanings
+from rig.config import ranges
+from rig.config.calibration_file import CalibrationFile
+from rig.config.problems import format_number
+from rig.config.uncertainty import UncertaintyBudget
+from rig.config.wiring import Wiring
+from rig.kinds import registry
+
+Model = type[BaseModel]
+
+
+class FileKind(NamedTuple):
+    """A kind of file, the models that check it, and a sentence about it."""
+
+    title: str
+    models: dict[str, Model]  # by kind of rig; one without a name for a file of all kinds
+    text: str
+
+
+def _by_kind(room: str, name: str, kinds: tuple[str, ...]) -> dict[str, Model]:
+    return {kind: getattr(registry.find(kind).room(room), name) for kind in kinds}
+
+
+KINDS = tuple(registry.OWN_PACKAGES)
+CAMPAIGNS = ("wavebot", "modular")
+FILES = {
+    "campaign": FileKind(
+        "Campaign files",
+        _by_kind("tasks", "TaskFile", CAMPAIGNS),
+        "A campaign is a gain matrix, a sea and a rig. `rig check FILE` checks it.",
+    ),
+    "session": FileKind(
+        "Session files",
+        _by_kind("tasks", "TaskFile", ("oswec bench",)),
+        "A session of the OSWEC bench: its kind, its set points and its analysis.",
+    ),
+    "rig": FileKind(
+        "Rig files",
+        _by_kind("config", "RigFile", KINDS),
+        "A rig: its axes and sensors, its loop, and the files of its limits and its plant.",
+    ),
+    "wiring": FileKind(
+        "Wiring",
+        {"": Wiring},
+        "The section `wiring` of a rig file: buses, drives, sensors and terminals. A rig without "
+        "it can be rehearsed only.",
+    ),
+    "limits": FileKind(
+        "Limits files",
+        _by_kind("config", "LimitsFile", KINDS),
+        "The limits of a rig. No limit has a default: `rig check` refuses a file without one.",
+    ),
+    "calibration": FileKind(
+        "Calibration files",
+        {"": CalibrationFile},
+        "A versioned correction of recorded values; `rig calibration` lists and compares them.",
+    ),
+    "uncertainty": FileKind(
+        "Uncertainty budgets",
+        {"": UncertaintyBudget},
+        "Sources of systematic uncertainty, which the intervals of the results include.",
+    ),
+}
+
+
+def page(name: str) -> str:
+    """Return the page of a kind of file."""
+    kind = FILES[name]
+    models: dict[str, list[str]] = {}
+    for rig_kind, model in kind.models.items():
+        for each in _reached(model):
+            models.setdefault(f"{each.__module__}.{each.__qualname__}", []).append(rig_kind)
+    parts = [f"# {kind.title}\n\n{kind.text}\n"]
+    parts.append("\nKeys without a default are required. Unknown keys are errors.\n")
+    seen: set[Model] = set()
+    for rig_kind, model in kind.models.items():
+        title = f"Kind `{rig_kind}`" if rig_kind else "Keys"
+        for each in _reached(model):
+            if each in seen or (each is Wiring and name != "wiring"):
+                continue
+            seen.add(each)
+            of_all = len(models[f"{each.__module__}.{each.__qualname__}"]) > 1
+            heading = f"## {title}" if each is model else f"### {_label(each)}"
+            parts.append(_section(heading, each, name, shared=of_all and each is not model))
+    return "".join(parts)
+
+
+def index() -> str:
+    """Return the page that lists the kinds of files."""
+    rows = ([f"[{each.title}]({name}.md)", each.text] for name, each in FILES.items())
+    return (
+        "# YAML files\n\nThe keys below are those of the models that check the files, with unit, "
+        "allowed range and default.\n\n" + table(["file", "content"], rows)
+    )
+
+
+def keys_without_meaning() -> dict[str, list[str]]:
+    """Return the keys that have no meaning in their model, by the model's name."""
+    found: dict[str, list[str]] = {}
+    for kind in FILES.values():
+        for model in kind.models.values():
+            for each in _reached(model):
+                texts = meanings(each)
+                missing = [
+                    name
+                    for name, info in each.model_fields.items()
+                    if not (info.description or texts.get(name))
+                ]
+                if missing:
+                    found[f"{each.__module__}.{each.__qualname__}"] = missing
+    return found
+
+
+def _section(heading: str, model: Model, file: str, *, shared: bool) -> str:
+    texts = meanings(model)
+    rows = [
+        _row(info.alias or name, info, texts.get(name, ""), model, file)
+        for name, info in model.model_fields.items()
+    ]
+    about = inspect.cleandoc(model.__doc__ or "").replace("\n\n", " ").replace("\n", " ")
+    kinds = " Files of all kinds of rig have it." if shared else ""
+    body = table(["key", "type", "unit", "allowed", "default", "meaning"], rows)
+    return f"\n{heading} {{#{model.__name__}}}\n\n{sentence(about)}{kinds}\n\n{body}"
+
+
+def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[object]:
+    values = ranges.allowed_values(model, (key,))
+    range_text = values.description("") if values else ""
+    reason = values.reason() if values else ""
+    text = info.description or text
+    meaning = sentence(text) + (f" Reason for the range: {reason}." if reason else "")
+    return [
+        code(key),
+        _type(info.annotation, file),
+        ranges.unit_of_key(key),
+        range_text,
+        _default(info),
+        meaning,
+    ]
+
+
+def _default(info: FieldInfo) -> str:
+    value = info.get_default(call_default_factory=True) if info.default_factory else info.default
+    if value is PydanticUndefined:
+        return "" if info.is_required() else "none"
+    if isinstance(value, BaseModel):
+        return "its defaults"
+    if value is None or value in ((), {}, ""):
+        return "none"
+    if isinstance(value, bool):
+        return code(str(value).lower())
+    return code(format_number(value) if isinstance(value, int | float) else value)
+
+
+_PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+
+
+def _type(annotation: Any, file: str) -> str:
+    """Return the type of a key as Markdown, with links to the sections of mappings."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type(arguments[0], file)
+    if origin is Literal:
+        return "choice"
+    if origin in (Union, types.UnionType):
+        members = [_type(each, file) for each in arguments if each is not type(None)]
+        return " or ".join(dict.fromkeys(members))
+    if origin in (tuple, list):
+        inner = dict.fromkeys(_type(each, file) for each in arguments if each is not Ellipsis)
+        return f"list of {' and '.join(inner)}"
+    if origin in (dict, types.MappingProxyType) or getattr(origin, "__name__", "") == "Mapping":
+        return f"mapping of {_type(arguments[1], file)} by name"
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        where = "wiring.md" if annotation is Wiring and file != "wiring" else ""
+        return f"[{cell(_label(annotation))}]({where}#{annotation.__name__})"
+    return _PLAIN.get(annotation, getattr(annotation, "__name__", "value").lower())
+
+
+def _label(model: Model) -> str:
+    """Return the name of a mapping: that of its class, in small letters, or its `kind`."""
+    kind = model.model_fields.get("kind")
+    choices = get_args(kind.annotation) if kind and get_origin(kind.annotation) is Literal else ()
+    name = "".join(f" {c.lower()}" if c.isupper() else c for c in model.__name__).strip()
+    return f"{name} (kind: {choices[0]})" if len(choices) == 1 else name
+
+
+def _reached(model: Model) -> list[Model]:
+    """Return a model and all models below it, each once, in the order of their keys."""
+    found: dict[Model, None] = {}
+
+    def visit(one: Model) -> None:
+        if one in found:
+            return
+        one.model_rebuild()
+        found[one] = None
+        if one is Wiring and model is not Wiring:
+            return
+        for info in one.model_fields.values():
+            for below in _models_in(info.annotation):
+                visit(below)
+
+    visit(model)
+    return list(found)
+
+
+def _models_in(annotation: Any) -> Iterator[Model]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for each in get_args(annotation):
+        yield from _models_in(each)

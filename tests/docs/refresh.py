@@ -1,0 +1,38 @@
+"""Write the real output of commands and scripts into a page: `python -m tests.docs.refresh PAGE`.
+
+Output that matches stays as it is, with its omitted lines; PAGE is a path in docs/ or README.md.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from .rewriting import path_of
+from .runner import PageRun
+
+
+def refresh(path: Path, folder: Path) -> list[str]:
+    """Replace output that differs; return the findings that remain, as texts."""
+    lines = path.read_text().splitlines()
+    run = PageRun(path.read_text(), folder)
+    findings = run.run()
+    for shown in reversed(run.shown):
+        if not shown.is_same:
+            lines[shown.first : shown.last] = [
+                f"{shown.indent}{line}".rstrip() for line in shown.real
+            ]
+    path.write_text("\n".join(lines) + "\n")
+    return [
+        f"{path}:{finding.line}: {finding.text}"
+        for finding in findings
+        if not finding.text.startswith("output differs")
+    ]
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        remaining = refresh(path_of(sys.argv[1].removeprefix("docs/")), Path(scratch))
+    print("\n".join(remaining))
+    sys.exit(bool(remaining))

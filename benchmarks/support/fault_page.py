@@ -12,8 +12,8 @@ _HEAD = """# {title}
 `configs/faults/{name}.yaml` holds the required reactions;
 `python -m benchmarks faults --rig {name}` measures them. Each fault is injected into an emulated
 device, a wire or a process during a run on the real drivers and wires. The measured time lasts from
-the fault until {without}; it is never too short, and at most 5 ms too long. A stop of category 0 removes power at once; one of category 1 {stop}
-first. {motion}
+the fault until {without}; it is never too short, and at most 5 ms too long. A stop of category 0
+removes power at once; one of category 1 {stop} first. {motion}
 
 The limits are those of `configs/limits/{limits}_hil.yaml`, for a host with occasional stalls of 40
 ms; the computer of a rig uses those of `{limits}.yaml` and is faster by the difference. "-" marks a

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import subprocess
@@ -13,10 +12,12 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from docs.generate import commands, log_fields, meanings, repository_links, trip_reasons, yaml_keys
 
 from benchmarks.support.chromium import PROGRAM, Chromium
+from docs.generate import commands, log_fields, meanings, repository_links, trip_reasons, yaml_keys
 from rig.cli.app import COMMANDS
+from rig.config.rig_file import Motor, Operator
+from rig.config.sea import JonswapSea
 from rig.kinds import registry
 from rig.recording.row_layout import leaves
 from tests.docs.rewriting import ROOT
@@ -74,10 +75,8 @@ def test_pages_load_nothing_from_outside(site: Path) -> None:
     found = {path.name: external_loads(path.read_text()) for path in site.rglob("*.html")}
     assert len(found) > 40
     assert {name: each for name, each in found.items() if each} == {}
-    styles = [text for path in site.rglob("*.css") if "http" in (text := path.read_text())]
-    assert [
-        re.findall(r"(?:url\(|@import )[\"']?(?:https?:)?//[^)]*", each) for each in styles
-    ] == []
+    styles = "".join(path.read_text() for path in site.rglob("*.css"))
+    assert re.findall(r"(?:url\(|@import )[\"']?(?:https?:)?//[^)]*", styles) == []
 
 
 @pytest.mark.parametrize(
@@ -114,13 +113,11 @@ def test_the_search_works_from_a_folder_without_a_network(site: Path, tmp_path: 
     browser = Chromium(tmp_path / "profile")
     try:
         browser.call("Page.navigate", url=f"file://{site}/index.html")
-        browser.wait_for("document.querySelector('.md-search__input') !== null")
-        browser.evaluate(
-            "const i = document.querySelector('.md-search__input'); i.focus();"
-            "i.value = 'STALE_ENCODER'; i.dispatchEvent(new Event('keyup'));"
-        )
-        browser.wait_for("document.querySelectorAll('.md-search-result__item').length > 0")
-        found = browser.evaluate("document.querySelector('.md-search-result__list').innerText")
+        browser.wait("document.readyState === 'complete' && location.protocol === 'file:'")
+        browser.run("document.querySelector('.md-search__input').focus()")
+        browser.type("STALE_ENCODER")
+        browser.wait("document.querySelectorAll('.md-search-result__item').length > 0")
+        found = browser.run("document.querySelector('.md-search-result__list').textContent")
         assert "Trip reasons" in found
         assert browser.failed == []
     finally:
@@ -158,20 +155,16 @@ def test_the_page_of_trip_reasons_has_every_number_once() -> None:
 def test_the_pages_of_yaml_keys_have_range_unit_and_default() -> None:
     session, limits = yaml_keys.page("session"), yaml_keys.page("limits")
     campaign = yaml_keys.page("campaign")
-    assert "| `amplitude_m` | number | m | 0.001 .. 1 |" in campaign
+    assert "| `amplitude_m` | number | m | 0.001 .. 0.5 |" in campaign
     assert "| `gamma` | number |  | 1 .. 7 | `3.3` |" in campaign
     assert "voltage_stop_v" in limits
     assert "kind `oswec bench`".lower() in session.lower()
 
 
 def test_meanings_are_read_from_comments_docstrings_and_types() -> None:
-    source = ast.get_docstring(ast.parse((ROOT / "docs/generate/meanings.py").read_text()))
-    assert "comment on its line" in str(source)
-    from rig.config.rig_file import BaseRigFile, Motor, Operator
-
     assert meanings.meanings(Motor)["encoder_noise_counts"].startswith("standard deviation")
     assert meanings.meanings(Operator)["dead_man_s"].startswith("Time in manual mode")
-    assert meanings.meanings(BaseRigFile)["rate_hz"].startswith("Rate of the loop")
+    assert meanings.meanings(JonswapSea)["hs_m"] == "Significant wave height, m."
 
 
 def test_links_to_files_of_the_repository_become_their_names() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from rig.analysis.limits import Bound, BoundedValues, find_bounds
 from rig.analysis.rows import COMPLETE, columns_of, row_table, stations_of
-from rig.config.differences import key_differences
+from rig.config.differences import key_differences, value_text
 from rig.log_fields import from_record
 from rig.presentation.json_values import json_value
 from rig.recording.runs import create, run_info
@@ -208,7 +208,8 @@ def find_certificate(runs: Path, config: Mapping[str, Any]) -> Found | None:
         if content is None or content["subject"] != subject:
             continue
         differences = key_differences(content["rig"], _parts(config, _RIG))
-        return Found(content, tuple(f"{key} {new!r} ({old!r})" for key, old, new in differences))
+        changes = (f"{key} {value_text(new)} ({value_text(old)})" for key, old, new in differences)
+        return Found(content, tuple(changes))
     return None
 
 

@@ -3,7 +3,7 @@
 import json
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -78,12 +78,15 @@ def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool =
 
 def _wire_refusal(tasks: Tasks, report: Report) -> WiringError | None:
     """Return why the rig's wires cannot carry its signals at its rate; None if they can."""
-    if report.checked is None or report.checked.rig.wiring is None:
+    checked: Any = report.checked
+    if isinstance(report, CheckReport) and report.prediction is not None:
+        checked = report.prediction.campaign  # also of a campaign whose rows are refused
+    if checked is None or checked.rig.wiring is None:
         return None
     try:
-        tasks.wired_mode(report.checked, emulated=False)
+        tasks.wired_mode(checked, emulated=False)
     except WiringError as error:
-        rig = report.checked.rig
+        rig = checked.rig
         place = f"{rig.name} at rate_hz = {rig.rate_hz}"
         return WiringError(f"the wires cannot carry it: {place}: {error}")
     return None

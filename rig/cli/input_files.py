@@ -71,12 +71,16 @@ def running_runs(runs: Path) -> list[Path]:
     return [each.path for each in list_runs(runs) if each.status == "running"]
 
 
-def find_run_of_kind(kind: str, name: Path, runs: Path) -> Path:
-    """Return the path of a run as `find_run` does; RunError if its record names another kind."""
+def find_run_of_kind(kind: str, name: Path, runs: Path, instead: str = "") -> Path:
+    """Return the path of a run as `find_run` does; RunError if its record names another kind.
+
+    ``instead``: for the message, what serves runs of other kinds.
+    """
     path = find_run(name, runs)
     recorded = run_info(path).kind
     if recorded not in ("", kind):  # records without the kind are imported or from early versions
-        raise RunError(f"{path}: needs a run of kind {kind}; this one is {recorded}")
+        message = f"{path}: needs a run of kind {kind}; this one is {recorded}"
+        raise RunError("; ".join(filter(None, (message, instead))))
     return path
 
 

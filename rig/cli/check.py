@@ -63,7 +63,7 @@ def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool =
     """Return the report of a campaign with its simulated rows; others unchanged."""
     if not isinstance(report, CheckReport) or report.plan is None:
         return report
-    from rig.sweep import simulated_check
+    from rig.sweeps import simulated_check
 
     if not simulate:
         return simulated_check.with_simulated_rows(report)

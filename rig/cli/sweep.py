@@ -19,12 +19,12 @@ from rig.config.problems import error_text
 from rig.presentation.phrases import clock_text
 from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
-from rig.sweep import executors, sweep
-from rig.sweep.campaigns import LEAD_IN
-from rig.sweep.cases import Outcome
-from rig.sweep.result_cache import JOURNAL_FILE, load_report, store_report
-from rig.sweep.simulator import Simulator
-from rig.sweep.task import FAILED as FAILED_CASE
+from rig.sweeps import executors, sweep
+from rig.sweeps.campaigns import LEAD_IN
+from rig.sweeps.cases import Outcome
+from rig.sweeps.result_cache import JOURNAL_FILE, load_report, store_report
+from rig.sweeps.simulator import Simulator
+from rig.sweeps.task import FAILED as FAILED_CASE
 
 if TYPE_CHECKING:
     import xarray
@@ -183,7 +183,7 @@ def _check_options(jobs: int | None, scheduler: str | None, out: Path | None) ->
 def _executor(opened: sweep.Sweep, jobs: int | None, scheduler: str | None) -> executors.Executor:
     if scheduler is None:
         return executors.thread_executor(jobs or executors.available_processors())
-    from rig.sweep.cluster import cluster_executor
+    from rig.sweeps.cluster import cluster_executor
 
     return cluster_executor(scheduler, opened.cases.request, opened.digest)
 

@@ -40,6 +40,7 @@ CLOCK_USERS = {
     "rig/wires/": "time of a request; I/O processes, first SYNCs",
     "rig/kinds/oswec_bench/hardware/": "ages of received values",
     "rig/kinds/modular/from_bem.py": "the duration of a fit, for its report",
+    "rig/api/": "progress for people; the day of a run",
     "rig/cli/": "progress for people",
     "rig/page/": "when to ask and to send; the speed of a replay; no loop runs there",
     "rig/host/": "measures clocks and disk; no loop runs there",

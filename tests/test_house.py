@@ -376,6 +376,8 @@ AXIS_NAMES = re.compile(
     r"(?<![a-z])(heave|surge|stator|flap|lcb|trs|string_pot)(?=s?(?![a-z]))", re.IGNORECASE
 )
 CORE_EXAMPLES = {
+    "rig/api/run.py: heave": "an example of a log field",
+    "rig/api/section.py: heave": "an example of a key",
     "rig/emulation/control.py: heave": "an example of a request",
 }
 

@@ -310,7 +310,7 @@ def _page_of_run(
     """
     page = None
     if enabled:
-        from rig.page.process import PageOfRun  # noqa: PLC0415  (the page's server)
+        from rig.page.process import PageOfRun
 
         try:
             page = PageOfRun(runs, before)

@@ -3,7 +3,6 @@
 import math
 import sys
 from collections.abc import Mapping
-from enum import IntEnum, IntFlag
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -40,11 +39,9 @@ from rig.execution.task import RunResult
 from rig.host import disk
 from rig.kinds.interface import Report
 from rig.kinds.registry import RigKind
+from rig.presentation.value_labels import ENUMERATIONS, REASON, flag_type
 from rig.processes.run_types import Outcome
-from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.reasons import ReasonTable
-from rig.realtime.safety import Mode
-from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, create
 
 EXIT_CODES = """\
@@ -52,11 +49,6 @@ Exit codes: 0 complete; 1 failed, or refused because the host did not grant what
 requires; 2 bad input; 3 stopped by the operator or for want of one, or Ctrl-C ended the drawing; \
 4 the rig tripped; 5 a process died or rows were lost."""
 _MAX_WARNINGS = 5
-_NAMES: dict[str, type[IntEnum]] = {"safety.mode": Mode, "plan.phase": Phase}
-_FLAGS: dict[str, type[IntFlag]] = {
-    "command.limited": LimitFlag,
-    "warned": WarningFlag,
-}  # of every axis
 _EXIT_CODES = {"complete": OK, "stopped": STOPPED, "fault": FAULT}
 
 
@@ -219,20 +211,17 @@ def row_as_json(row: dict[str, float | int], reasons: ReasonTable) -> dict[str, 
     """
     values: dict[str, Any] = {}
     for name, value in row.items():
-        if name == "safety.reason":
+        if name == REASON:
             values[name] = reasons.name(int(value)) if int(value) in reasons else value
-        elif name in _NAMES:
-            values[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
-        elif flags := _flag_type(name):
+        elif name in ENUMERATIONS:
+            values[name] = {int(code): code.name for code in ENUMERATIONS[name]}.get(
+                int(value), value
+            )
+        elif flags := flag_type(name):
             values[name] = [flag.name for flag in flags if int(value) & flag]
         else:
             values[name] = value if math.isfinite(value) else None
     return values
-
-
-def _flag_type(name: str) -> type[IntFlag] | None:
-    endings = (flags for end, flags in _FLAGS.items() if f".{name}".endswith(f".{end}"))
-    return next(endings, None)
 
 
 def print_end(ended: RunResult, summary: str, lost: LostTicks | None) -> None:

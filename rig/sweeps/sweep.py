@@ -145,7 +145,7 @@ def _units(text: str) -> dict[str, str]:
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("controllers", "sim_plant", "rig")
-_UNHASHED = "rig/cli/"  # display code changes no number
+_UNHASHED = ("rig/api/", "rig/cli/")  # display code changes no number
 _NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "filterpy")
 """Third-party packages whose versions may change a number."""
 RESULT_FILE = "sweep.nc"

@@ -80,6 +80,7 @@ class _View:
     def __init__(self, reporter: Reporter, rows: int, on_start: Callable[[], None]) -> None:
         self.notice, self.columns = "", list[dict[str, Any]]()
         self._reporter, self._rows, self._on_start = reporter, rows, on_start
+        self._begun: set[int] = set()  # rows
         self._started = False
 
     def __call__(self, snapshot: Snapshot) -> None:
@@ -89,11 +90,13 @@ class _View:
             self._started = True
             self._on_start()
         row = int(snapshot.row.get("plan.row", NO_ROW))
-        place = (
-            "before the first row" if row == NO_ROW else f"row {row} ({row + 1} of {self._rows})"
-        )
+        self._begun |= {row} - {NO_ROW}
+        done = len(self._begun) - (row != NO_ROW)
+        place = f"row {row} ({len(self._begun)} of {self._rows})"
+        if row == NO_ROW:
+            place = "after the last row" if self._begun else "before the first row"
         text = self.notice or f"{place}, {float(snapshot.row['time']):.0f} s of rig time"
-        self._reporter.show(max(0, row), self._rows, text)
+        self._reporter.show(done, self._rows, text)
 
 
 def _open_view(reporter: Reporter) -> Any:

@@ -18,7 +18,7 @@ _TONES = {"complete": _GOOD, "stopped": _STOPPED, "running": _STOPPED}
 _COLOURS = {_GOOD: "#2e9e5b", _STOPPED: "#c98a00", _BAD: "#d64545"}
 _STYLE = """\
 <style>
-.wec-run{font:13px/1.45 system-ui,sans-serif;max-width:46em;border:1px solid #8885;
+.wec-run{font:13px/1.45 system-ui,sans-serif;max-width:54em;border:1px solid #8885;
 border-left:4px solid var(--tone);border-radius:5px;padding:.55em .9em .65em;margin:.3em 0}
 .wec-run .head{display:flex;gap:.3em .8em;align-items:baseline;flex-wrap:wrap}
 .wec-run .name{font-size:1.12em;font-weight:600}
@@ -29,9 +29,10 @@ border-left:4px solid var(--tone);border-radius:5px;padding:.55em .9em .65em;mar
 .wec-run dd{margin:0}
 .wec-run table{border-collapse:collapse;margin:.5em 0 0;font-variant-numeric:tabular-nums}
 .wec-run th,.wec-run td{padding:.1em 1em .1em 0;text-align:left;border:0;
-background:none;font-weight:400}
+background:none;font-weight:400;white-space:nowrap}
 .wec-run th{opacity:.65}
-.wec-run td.number,.wec-run th.number{text-align:right;white-space:nowrap}
+.wec-run td.number,.wec-run th.number{text-align:right}
+.wec-run .results{overflow-x:auto}
 .wec-run ul{margin:.4em 0 0;padding-left:1.2em}
 .wec-run li{margin:0}
 .wec-run .bar{height:4px;border-radius:2px;background:#8883;margin:.5em 0 0;overflow:hidden}
@@ -84,10 +85,9 @@ def describe(run: Any) -> RunCard:
         facts.append(("sea", sea))
     if planned:
         facts.append(("rows", f"{done} of {planned} complete"))
-    ticks, dt = info.status.get("ticks"), info.plan.get("dt")
-    if isinstance(ticks, int) and dt:
-        facts.append(("duration", f"{clock_text(ticks * float(dt))} of rig time"))
-    record = read("record", None)
+    record, dt = read("record", None), info.plan.get("dt")
+    if record is not None and dt:
+        facts.append(("duration", f"{clock_text(record.ticks * float(dt))} of rig time"))
     if record is not None and record.state != "complete":
         facts.append(("record", record.description))
     results = _best(run, read("best", None)) or _constants(read("constants", None))
@@ -135,7 +135,7 @@ def _constants(constants: Any) -> ResultTable | None:
     if constants is None or constants.empty:
         return None
     lines = [
-        (str(name).replace("_", " "), f"{each['value']:.5g} ± {each['uncertainty']:.2g}",
+        (str(name).replace("_", " "), _estimate(each["value"], each["uncertainty"]),
          str(each["unit"]).replace("*", "·"))
         for name, each in constants.head(_MAX_CONSTANTS).iterrows()
     ]  # fmt: skip
@@ -143,6 +143,14 @@ def _constants(constants: Any) -> ResultTable | None:
     if more > 0:
         lines.append((f"and {more} more in run.constants", "", ""))
     return ResultTable(("constant", "value (95 %)", "unit"), tuple(lines), frozenset({1}))
+
+
+def _estimate(value: float, uncertainty: float) -> str:
+    """Return a value with the decimals of its uncertainty, which has two significant digits."""
+    if not (np.isfinite(uncertainty) and uncertainty > 0.0):
+        return f"{value:.5g}"
+    decimals = max(0, 1 - int(np.floor(np.log10(uncertainty))))
+    return f"{value:.{decimals}f} ± {uncertainty:.{decimals}f}"
 
 
 def _setting(column: Column, value: float | None) -> str:

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rig.cli import calibration_dates
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, find_run, input_file
-from rig.cli.options import RUNS, TASK_HELP, Json, Runs
+from rig.cli.options import RUNS, TASK_HELP, Json, PictureFormat, PictureStyle, Runs
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.config.problems import error_text
 from rig.presentation.phrases import clock_text
@@ -81,6 +81,8 @@ def command(
     sweeps: Annotated[Path, typer.Option("--sweeps", help="Folder that holds the sweeps.")] = Path(
         "sweeps"
     ),
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -108,6 +110,7 @@ def command(
             raise ValueError(
                 f"--measured {measured}: this run has no campaign rows; name another run"
             )
+    redraw = measured or style or picture_format
     began = time.monotonic()
     warnings = calibration_dates.warn_of_expired(opened.task, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, jobs, scheduler)
@@ -121,7 +124,7 @@ def command(
                 print(
                     f"left out {damaged} bytes of {journal}: not a complete case", file=sys.stderr
                 )
-            result = load_report(opened.folder, out) if not (remaining or measured) else None
+            result = load_report(opened.folder, out) if not (remaining or redraw) else None
             if result is not None:
                 view.begin(len(opened.cases))
             else:

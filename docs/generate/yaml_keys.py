@@ -185,16 +185,25 @@ def _type(annotation: Any, file: str) -> str:
         return f"mapping of {_type(arguments[1], file)} by name"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         where = "wiring.md" if annotation is Wiring and file != "wiring" else ""
-        return f"[{cell(_label(annotation))}]({where}#{annotation.__name__})"
+        return f"[{cell(_short(annotation))}]({where}#{annotation.__name__})"
     return _PLAIN.get(annotation, getattr(annotation, "__name__", "value").lower())
 
 
-def _label(model: Model) -> str:
-    """Return the name of a mapping: that of its class, in small letters, or its `kind`."""
-    kind = model.model_fields.get("kind")
-    choices = get_args(kind.annotation) if kind and get_origin(kind.annotation) is Literal else ()
+def _kind(model: Model) -> str:
+    """Return the value of the key `kind` that selects a mapping; empty if none does."""
+    info = model.model_fields.get("kind")
+    return str(get_args(info.annotation)[0]) if info and _selects(info) else ""
+
+
+def _short(model: Model) -> str:
+    """Return the name of a mapping in a table: its `kind`, or its class in small letters."""
     name = "".join(f" {c.lower()}" if c.isupper() else c for c in model.__name__).strip()
-    return f"{name} (kind: {choices[0]})" if len(choices) == 1 else name
+    return _kind(model) or name.removeprefix("_")
+
+
+def _label(model: Model) -> str:
+    """Return the name of a mapping in a heading."""
+    return f"`kind: {_kind(model)}`" if _kind(model) else _short(model).capitalize()
 
 
 def _reached(model: Model) -> list[Model]:

@@ -71,7 +71,6 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.docs.prose
-	@$(MAKE) --no-print-directory docs
 
 # Tests of runs in real time mostly wait. The other tests run at the same time, in the processor time
 # that these leave: at the kernel's idle priority, which every other process displaces at once.
@@ -100,7 +99,7 @@ compiled: setup
 	$(BIN)/rig compile configs/sessions/flap_free_decay.yaml >/dev/null; wait
 
 test: setup
-	@$(MAKE) --no-print-directory --jobs 2 lint compiled
+	@$(MAKE) --no-print-directory --jobs 2 lint compiled docs
 	@rm -rf $(FLAKY) .pytest_cache/with*_clock; mkdir -p .pytest_cache
 	@echo "tests in real time; the others at the same time, their output follows below"; \
 	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
@@ -117,7 +116,7 @@ test: setup
 test-long: LONG := all
 test-long: test
 
-test-fast: lint
+test-fast: lint docs
 	$(PYTEST) -m "not slow and not realtime" --long none -n 2 --dist worksteal
 
 # Ends with status 77 and the reason if no such kernel is available.

@@ -107,15 +107,29 @@ def keys_without_meaning() -> dict[str, list[str]]:
     for kind in FILES.values():
         for model in kind.models.values():
             for each in _reached(model):
-                texts = meanings(each)
-                missing = [
-                    name
-                    for name, info in each.model_fields.items()
-                    if not (info.description or texts.get(name) or _selects(info))
-                ]
-                if missing:
+                if missing := keys_without_meaning_of(each):
                     found[f"{each.__module__}.{each.__qualname__}"] = missing
     return found
+
+
+def keys_without_meaning_of(model: Model) -> list[str]:
+    """Return the keys of a mapping that have no meaning in its model."""
+    texts = meanings(model)
+    return [
+        name for name, info in model.model_fields.items() if not _meaning(info, texts.get(name, ""))
+    ]
+
+
+def _meaning(info: FieldInfo, text: str) -> str:
+    """Return the meaning of a key: its own text, or that of the mapping below it."""
+    if info.description or text:
+        return sentence(info.description or text)
+    if _selects(info):
+        return "Selects this mapping."
+    below = list(dict.fromkeys(_models_in(info.annotation)))
+    if len(below) != 1:
+        return ""
+    return sentence(inspect.cleandoc(below[0].__doc__ or "").partition("\n\n")[0])
 
 
 def _section(heading: str, model: Model, file: str) -> str:
@@ -133,10 +147,7 @@ def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[
     values = ranges.allowed_values(model, (key,))
     range_text = values.description("") if values else ""
     reason = values.reason() if values else ""
-    text = info.description or text
-    if _selects(info):
-        text = text or "Selects this mapping."
-    meaning = sentence(text) + (f" Reason for the range: {reason}." if reason else "")
+    meaning = _meaning(info, text) + (f" Reason for the range: {reason}." if reason else "")
     return [
         code(key),
         _type(info.annotation, file),

@@ -71,7 +71,6 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.docs.prose
-	@$(MAKE) --no-print-directory docs
 
 # Tests of runs in real time mostly wait. The other tests run at the same time, in the processor time
 # that these leave: at the kernel's idle priority, which every other process displaces at once.
@@ -103,10 +102,10 @@ compiled: setup
 
 test: setup
 	@rm -rf $(FLAKY) .pytest_cache/with*_clock; mkdir -p .pytest_cache
-	@$(IDLE) $(MAKE) --no-print-directory lint >$(LINT_LOG) 2>&1 & lint=$$!; \
+	@$(IDLE) $(MAKE) --no-print-directory lint docs >$(LINT_LOG) 2>&1 & lint=$$!; \
 	trap "kill $$lint 2>/dev/null" EXIT; \
 	$(MAKE) --no-print-directory compiled; \
-	echo "tests in real time; lint and the other tests at the same time, their output follows below"; \
+	echo "tests in real time; lint, site and the other tests at the same time, their output follows below"; \
 	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
 	trap "kill $$others $$lint 2>/dev/null" EXIT; \
 	two=popen; ! eval "$$OWN_NETWORK true" || two="2*popen//python=$$OWN_NETWORK $(BIN)/python"; \
@@ -122,7 +121,7 @@ test: setup
 test-long: LONG := all
 test-long: test
 
-test-fast: lint
+test-fast: lint docs
 	$(PYTEST) -m "not slow and not realtime" --long none -n 2 --dist worksteal
 
 # Ends with status 77 and the reason if no such kernel is available.

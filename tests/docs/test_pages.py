@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from tests.docs.refresh import refresh
 from tests.docs.rewriting import NOT_REWRITTEN, ROOT, all_pages, path_of, rewritten_pages
 from tests.docs.runner import PageRun
 
-NOT_RUN = 0  # blocks of rewritten pages that cannot run here, each with its reason in the page
+NOT_RUN = 1  # blocks of rewritten pages that cannot run here, each with its reason in the page
 
 
 @pytest.mark.slow
@@ -21,6 +22,7 @@ NOT_RUN = 0  # blocks of rewritten pages that cannot run here, each with its rea
 @pytest.mark.parametrize("page", rewritten_pages())
 def test_the_blocks_of_a_page_run_as_shown(page: str, tmp_path: Path) -> None:
     findings = PageRun(path_of(page).read_text(), tmp_path).run()
+    shutil.rmtree(tmp_path)  # a run of a campaign has hundreds of megabytes
     assert not findings, "\n\n".join(f"{page}:{each.line}: {each.text}" for each in findings)
 
 

@@ -37,7 +37,9 @@ def _meanings(row_type: Any, path: tuple[str, ...]) -> Any:
     for name, hint in get_type_hints(row_type).items():
         here = (*path, name)
         if hasattr(hint, "_fields"):
-            group = own.get(name) or (hint.__doc__ or "").partition("\n")[0]
+            about = (hint.__doc__ or "").partition("\n")[0]
+            generated = about.startswith(f"{hint.__name__}(")  # by NamedTuple
+            group = own.get(name) or ("" if generated else about)
             for below, text in _meanings(hint, here):
                 yield below, text or group
         else:

@@ -36,8 +36,8 @@ class _Stimulus(FileModel):
     """Axis and amplitude of a generated reference."""
 
     axis: str = ""  # a campaign file fills in the first axis of its rig
-    amplitude_a: Amplitude | None = None
-    amplitude_n: float | None = Field(default=None, gt=0, le=4000)
+    amplitude_a: Amplitude | None = None  # greatest magnitude of the signal, as drive current
+    amplitude_n: float | None = Field(default=None, gt=0, le=4000)  # the same as force on the body
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one amplitude is given."""
@@ -82,7 +82,7 @@ class SteppedSineReference(_Stimulus):
 
     kind: Literal["stepped sine"]
     frequencies_hz: Annotated[TupleOf[Frequency], BeforeValidator(expand_values)]
-    hold_s: float = Field(ge=1, le=600)
+    hold_s: float = Field(ge=1, le=600)  # duration of each sine: whole periods of it
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check whole periods of each sine within its hold, and the total duration."""
@@ -119,9 +119,9 @@ class SteppedSineReference(_Stimulus):
 class _BandStimulus(_Stimulus):
     """Band and repeat period of a reference on a frequency band."""
 
-    low_hz: Band = 0.2
-    high_hz: Band = 1.0
-    repeat_s: RepeatPeriod = 300.0
+    low_hz: Band = 0.2  # lower end of the band
+    high_hz: Band = 1.0  # upper end of the band
+    repeat_s: RepeatPeriod = 300.0  # lines lie 1/repeat_s apart
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the band is not empty and contains a multiple of 1/repeat."""
@@ -174,7 +174,7 @@ class MultisineReference(_BandStimulus):
     kind: Literal["multisine"]
     colour: Literal["flat", "pink"] = "flat"
     lines: Literal["all", "odd", "random odd"] = "all"
-    draws: WholeNumber = Field(default=100, ge=1, le=1000)
+    draws: WholeNumber = Field(default=100, ge=1, le=1000)  # sets of phases; the least peak wins
     # None: the campaign's seed
     seed: WholeNumber | None = Field(default=None, ge=0, le=4_294_967_295)
     realisation: WholeNumber = Field(default=1, ge=1, le=100)  # without such a matrix column

@@ -16,11 +16,12 @@ from rig.config.model import FileModel, RuleViolation, TupleOf
 class UncertaintySource(FileModel):
     """One source of uncertainty: a scale, an offset, or an alignment of some signals."""
 
-    name: str = Field(min_length=1, max_length=64)
+    name: str = Field(min_length=1, max_length=64)  # in tables and pictures
     signals: TupleOf[str] = Field(min_length=1)  # of the formulas of the power stations
-    scale_percent: float | None = Field(default=None, gt=0, le=100)
+    scale_percent: float | None = Field(default=None, gt=0, le=100)  # error of the gain
     offset: float | None = Field(default=None, gt=0, le=1e9)  # in the unit of the signals
     alignment_deg: float | None = Field(default=None, gt=0, le=45)  # between axis and sensor
+    # of the value; of a rectangular or triangular one it is the half width
     distribution: Literal["normal", "rectangular", "triangular"] = "normal"
     coverage_factor: float = Field(default=1.0, ge=1, le=4)  # k of a normal one; 1: standard
     evidence: str = Field(min_length=1)  # certificate, data sheet, comparison

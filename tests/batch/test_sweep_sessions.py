@@ -20,8 +20,8 @@ from rig.kinds.oswec_bench import simulation
 from rig.kinds.oswec_bench.products.points import FIELDS
 from rig.recording.runs import reader, run_info
 from rig.recording.runs.windows import REQUIRED_FIELDS, read_windows
-from rig.sweep import cluster, sweep
-from rig.sweep.result_cache import JOURNAL_FILE
+from rig.sweeps import cluster, sweep
+from rig.sweeps.result_cache import JOURNAL_FILE
 
 GAP = "plant.transmission.half_gap.value"
 SHORT = {"tare": {"duration_s": 0.5}, "timing": {"rise_s": 0.5, "settle_periods": 0, "periods": 2}}

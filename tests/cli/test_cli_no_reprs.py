@@ -1,4 +1,4 @@
-"""What commands print for people is words: no dictionaries, lists or objects of Python."""
+"""Output of commands for people: without dictionaries, lists or objects of Python."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from ruamel.yaml.error import YAMLError
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.sweep.simulator import simulation_of_rig
-from rig.sweep.task import SweepParameter, SweepTask, TaskType
+from rig.sweeps.simulator import simulation_of_rig
+from rig.sweeps.task import SweepParameter, SweepTask, TaskType
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")

@@ -197,15 +197,16 @@ def combination_model(
     With ``grid`` that of all combinations of given values; the last given column changes fastest.
     """
 
-    def field(kind: Any, required: bool) -> Any:
+    def field(kind: Any, required: bool, text: str | None = None) -> Any:
         values = tuple_of(kind) if grid else kind
         values = values if required else values | None
-        return (Annotated[values, ExpandValues] if grid else values, ... if required else None)
+        kind = Annotated[values, ExpandValues] if grid else values
+        return (kind, Field(... if required else None, description=text))
 
     types, first = kind_columns.types, kind_columns.first
     fields = {} if first is None else {first.key: field(types[first.key], True)}
     for column in law_columns:
-        fields[column.key] = field(law_column_type(column), column.default is None)
+        fields[column.key] = field(law_column_type(column), column.default is None, column.help)
     fields |= {each.key: field(types[each.key], False) for each in kind_columns.others}
     return create_model("Grid" if grid else "Combination", __base__=MatrixColumns, **fields)
 
@@ -218,10 +219,13 @@ class Matrix(GivenKeys):
     """The gain matrix, given in exactly one of three forms; `matrix_model` adds the columns."""
 
     grid: TupleOf[MatrixColumns] | None = Field(default=None, min_length=1, strict=False)
+    """All combinations of the values of each grid; the last column changes fastest."""
     combinations: TupleOf[MatrixColumns] | None = Field(
         default=None, min_length=1, alias="list", strict=False
     )
-    csv: str | None = Field(default=None, min_length=1)  # file, relative to this one
+    """One row for each entry."""
+    csv: str | None = Field(default=None, min_length=1)
+    """File, relative to this one, with the names of the columns in its first line."""
 
     @model_validator(mode="before")
     @classmethod

@@ -39,9 +39,12 @@ class Timing(FileModel):
     """Duration of a row; `rig.planning.windows` derives missing values from the sea."""
 
     scheme: Literal["default", "mask4"] = "default"
+    """`default`: by the sea; `mask4`: rows of 300 s, measured from 2 to 300 s."""
     settle: Literal["fixed", "measured"] = "fixed"  # measured: until transients have decayed
-    settle_s: float | None = Field(default=None, ge=0, le=3600)  # at most, if measured
+    settle_s: float | None = Field(default=None, ge=0, le=3600)
+    """Time of a row before its window, s; the longest one with `settle: measured`."""
     interval_s: float | None = Field(default=None, ge=1, le=7200)
+    """Duration of a row, s: settling, window and tail."""
     periods: WholeNumber | None = Field(default=None, ge=1, le=10_000)  # whole periods to measure
     end: RowEnd | None = None  # None: after its periods
 

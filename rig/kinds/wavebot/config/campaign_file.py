@@ -88,6 +88,7 @@ class Start(BaseStart):
     """The time to the first row, with a set point of its own at the beginning."""
 
     set_point_s: float = Field(default=5.0, ge=0, le=600)
+    """Time at the beginning of the lead-in with a set point of its own, s."""
     set_point: SetPoint | None = None  # None: the first row's kp, and ki 0
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -142,11 +143,12 @@ class CampaignFile(BaseCampaignFile, MatrixSubstitutes):
     }
 
     matrix: ImpedanceMatrix | None = None  # None without the device, and with a hoist
-    start: Start = Start()
+    start: Start = Start()  # the time to the first row
     law: Annotated[ImpedanceSettings, ExpandName] = ImpedanceSettings()  # or the law's name
-    surge: SurgeControl = SurgeControl()
-    drive: DriveSetup = DriveSetup()
+    surge: SurgeControl = SurgeControl()  # control of surge, and its gains without a column
+    drive: DriveSetup = DriveSetup()  # settings of a drive of kind custom without a column
     order: Literal["as given", "fewest spring moves", "random"] = "as given"
+    """Order of the rows; a random one is drawn by the seed."""
 
     @field_validator("matrix")
     @classmethod

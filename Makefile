@@ -70,6 +70,8 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.docs.prose
+	@$(MAKE) --no-print-directory docs
 
 # Tests of runs in real time mostly wait. The other tests run at the same time, in the processor time
 # that these leave: at the kernel's idle priority, which every other process displaces at once.

@@ -18,7 +18,7 @@ from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.requests import NO_REQUEST
-from rig.sweep.executors import available_processors
+from rig.sweeps.executors import available_processors
 
 MIN_RATIO = 40.0  # of the interpreted loop to a pass
 MAX_RESTART_SECONDS = 2.0

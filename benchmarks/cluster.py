@@ -15,9 +15,9 @@ from typing import NamedTuple
 from benchmarks.batch import IRREGULAR, write_campaign_file
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.sweep import cluster, sweep
-from rig.sweep.campaigns import LEAD_IN
-from rig.sweep.cases import Outcome
+from rig.sweeps import cluster, sweep
+from rig.sweeps.campaigns import LEAD_IN
+from rig.sweeps.cases import Outcome
 
 MIN_SPEEDUP, MAX_OVERHEAD = 1.6, 10.0  # times, %
 

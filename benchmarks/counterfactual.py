@@ -26,8 +26,8 @@ from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.planning.windows import repeat_period
 from rig.recording.runs.windows import Window
 from rig.stations import station_names
-from rig.sweep.campaigns import LEAD_IN, single_row_plan
-from rig.sweep.counterfactual import MeasuredRun, counterfactual_rows
+from rig.sweeps.campaigns import LEAD_IN, single_row_plan
+from rig.sweeps.counterfactual import MeasuredRun, counterfactual_rows
 
 MAX_RELATIVE_ERROR, MIN_ALLOWED_ERROR = 0.05, 0.5  # of the power, W: allowed error of a prediction
 MIN_INSIDE, MAX_INSIDE = 90.0, 98.0  # %, of intervals of 95 %

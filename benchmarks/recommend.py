@@ -32,7 +32,7 @@ from rig.kinds.wavebot.row_contents import row_contents
 from rig.kinds.wavebot.simulation.simulation import CampaignSimulator
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period, row_windows
-from rig.sweep.campaigns import single_row_plan
+from rig.sweeps.campaigns import single_row_plan
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"

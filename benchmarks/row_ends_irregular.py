@@ -22,7 +22,7 @@ from rig.kinds.wavebot.predictions.motion import Batch, predict_heave, predict_s
 from rig.realtime import paired_rows, sequence
 from rig.realtime.paired_rows import BINS, PER_BATCH, estimated
 from rig.realtime.sequence import MEASURE
-from rig.sweep.simulator import simulation_of
+from rig.sweeps.simulator import simulation_of
 
 CAMPAIGN = ROOT / "configs" / "campaigns" / "default.yaml"
 SEAS = ("jonswap_0p127m_1p58s", "jonswap_0p127m_2p5s", "jonswap_0p127m_3p45s")

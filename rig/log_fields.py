@@ -40,6 +40,8 @@ class LogFields(NamedTuple):
     limits: tuple[FieldLimit, ...] = ()
     settings: Mapping[str, tuple[str, str]] = {}
     """Label and unit of the set points of the plan's rows that are no columns, by key."""
+    values: Mapping[str, tuple[str, ...]] = {}
+    """Names of the values 0, 1, ... of a field that only this kind of rig has."""
 
     def as_record(self) -> dict[str, Any]:
         """Return them as JSON values, as in a run's plan."""
@@ -47,6 +49,7 @@ class LogFields(NamedTuple):
             "labels": dict(self.labels),
             "limits": [each._asdict() for each in self.limits],
             "settings": {key: list(each) for key, each in self.settings.items()},
+            "values": {field: list(names) for field, names in self.values.items()},
         }
 
 
@@ -56,7 +59,7 @@ def from_record(record: Any) -> LogFields:
     Entries and fields that today's code does not know are left out: a record is never refused.
     """
     given = record if isinstance(record, dict) else {}
-    labels, limits, settings = (given.get(key) for key in LogFields._fields)
+    labels, limits, settings, values = (given.get(key) for key in LogFields._fields)
     return LogFields(
         {str(key): str(text) for key, text in _items(labels)},
         tuple(
@@ -69,6 +72,7 @@ def from_record(record: Any) -> LogFields:
             for key, each in _items(settings)
             if isinstance(each, list) and len(each) == 2
         },
+        {str(key): tuple(map(str, each)) for key, each in _items(values) if isinstance(each, list)},
     )
 
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import settings
 
 # A shared host pauses for longer than any example takes; speed is measured in benchmarks/.
-settings.register_profile("no_deadline", deadline=None)
-settings.load_profile("no_deadline")
+settings.register_profile("all", deadline=None, max_examples=100)
+settings.register_profile("part", deadline=None, max_examples=20)
 
 # A shell starts background jobs with these signals ignored, and so are they in all children:
 # a test that sends Ctrl-C would then wait for ever.
@@ -61,7 +61,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Lower the priority, before worker processes start and inherit it."""
+    """Lower the priority, before worker processes start and inherit it; choose the profile."""
+    settings.load_profile("all" if config.getoption("--long") == "all" else "part")
     if config.getoption("--idle"):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 

@@ -39,10 +39,11 @@ CLOCK_USERS = {
     "rig/people/request_socket.py": "rate of the requests of a client",
     "rig/processes/child.py": "time since the last progress of a child",
     "rig/processes/io_processes.py": "timeout for an I/O process to become ready",
-    "rig/sweep/cluster.py": "duration of a chunk of cases, which sets the size of the next",
+    "rig/sweeps/cluster.py": "duration of a chunk of cases, which sets the size of the next",
     "rig/wires/": "time of a request; I/O processes, first SYNCs",
     "rig/kinds/oswec_bench/hardware/": "ages of received values",
     "rig/kinds/modular/from_bem.py": "the duration of a fit, for its report",
+    "rig/api/": "progress for people; the day of a run",
     "rig/cli/": "progress for people",
     "rig/page/": "when to ask and to send; the speed of a replay; no loop runs there",
     "rig/host/": "measures clocks and disk; no loop runs there",
@@ -249,7 +250,7 @@ def test_import_contracts_are_complete() -> None:
     assert forbidden["drivers"] >= {"controllers", "rig", "sim_plant"}
     assert forbidden["sim_plant"] >= {"controllers", "drivers", "rig"}
     own = set(OWN_PACKAGES.values())
-    assert {name for name in forbidden["rig.sweep"] if name.startswith("rig.kinds")} == own
+    assert {name for name in forbidden["rig.sweeps"] if name.startswith("rig.kinds")} == own
     (kinds,) = (each for each in linter["contracts"] if each["name"].startswith("Kinds of rig"))
     assert set(kinds["modules"]) == own
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
@@ -378,6 +379,8 @@ AXIS_NAMES = re.compile(
     r"(?<![a-z])(heave|surge|stator|flap|lcb|trs|string_pot)(?=s?(?![a-z]))", re.IGNORECASE
 )
 CORE_EXAMPLES = {
+    "rig/api/run.py: heave": "an example of a log field",
+    "rig/api/section.py: heave": "an example of a key",
     "rig/emulation/control.py: heave": "an example of a request",
 }
 

@@ -46,9 +46,8 @@ PUBLISHED = {
 
 def on_config(config: Any) -> Any:
     """Load the theme's script for searches in files from the site itself."""
-    config.extra_javascript = [
-        OWN_SHIM if str(each) == SHIM else each for each in config.extra_javascript
-    ]
+    scripts = config.extra["polyfills"]
+    config.extra["polyfills"] = [OWN_SHIM if each == SHIM else each for each in scripts]
     return config
 
 

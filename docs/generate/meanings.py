@@ -110,7 +110,7 @@ def _alias_docstring(module: str, name: str) -> str:
 
 
 def _imported(module: str, name: str) -> str:
-    if module.partition(".")[0] not in ("controllers", "rig", "sim_plant"):
-        return ""
+    if module == "rig.config.model" or not module.startswith(("controllers", "rig", "sim_plant")):
+        return ""  # the former has plain types, whose text describes no field
     importlib.import_module(module)
     return _alias_docstring(module, name)

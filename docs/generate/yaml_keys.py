@@ -87,10 +87,6 @@ FILES = {
 def page(name: str) -> str:
     """Return the page of a kind of file."""
     kind = FILES[name]
-    models: dict[str, list[str]] = {}
-    for rig_kind, model in kind.models.items():
-        for each in _reached(model):
-            models.setdefault(f"{each.__module__}.{each.__qualname__}", []).append(rig_kind)
     parts = [f"# {kind.title}\n\n{kind.text}\n"]
     parts.append("\nKeys without a default are required. Unknown keys are errors.\n")
     seen: set[Model] = set()
@@ -100,9 +96,8 @@ def page(name: str) -> str:
             if each in seen or (each is Wiring and name != "wiring"):
                 continue
             seen.add(each)
-            of_all = len(models[f"{each.__module__}.{each.__qualname__}"]) > 1
             heading = f"## {title}" if each is model else f"### {_label(each)}"
-            parts.append(_section(heading, each, name, shared=of_all and each is not model))
+            parts.append(_section(heading, each, name))
     return "".join(parts)
 
 
@@ -125,14 +120,14 @@ def keys_without_meaning() -> dict[str, list[str]]:
                 missing = [
                     name
                     for name, info in each.model_fields.items()
-                    if not (info.description or texts.get(name))
+                    if not (info.description or texts.get(name) or _selects(info))
                 ]
                 if missing:
                     found[f"{each.__module__}.{each.__qualname__}"] = missing
     return found
 
 
-def _section(heading: str, model: Model, file: str, *, shared: bool) -> str:
+def _section(heading: str, model: Model, file: str) -> str:
     texts = meanings(model)
     if issubclass(model, MatrixColumns):
         texts = type_meanings(columns.__name__, columns.COLUMNS.types) | texts
@@ -141,9 +136,8 @@ def _section(heading: str, model: Model, file: str, *, shared: bool) -> str:
         for name, info in model.model_fields.items()
     ]
     about = inspect.cleandoc(model.__doc__ or "").replace("\n\n", " ").replace("\n", " ")
-    kinds = " Files of all kinds of rig have it." if shared else ""
     body = table(["key", "type", "unit", "allowed", "default", "meaning"], rows)
-    return f"\n{heading} {{#{model.__name__}}}\n\n{sentence(about)}{kinds}\n\n{body}"
+    return f"\n{heading} {{#{model.__name__}}}\n\n{sentence(about)}\n\n{body}"
 
 
 def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[object]:
@@ -151,6 +145,8 @@ def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[
     range_text = values.description("") if values else ""
     reason = values.reason() if values else ""
     text = info.description or text
+    if _selects(info):
+        text = text or "Selects this mapping."
     meaning = sentence(text) + (f" Reason for the range: {reason}." if reason else "")
     return [
         code(key),
@@ -160,6 +156,11 @@ def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[
         _default(info),
         meaning,
     ]
+
+
+def _selects(info: FieldInfo) -> bool:
+    """Return whether a key has one allowed value, which selects the mapping among several."""
+    return get_origin(info.annotation) is Literal and len(get_args(info.annotation)) == 1
 
 
 def _default(info: FieldInfo) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from rig.analysis.limits import Bound, BoundedValues, find_bounds
 from rig.analysis.rehearsed_faults import RehearsedFaults, find_rehearsed_faults
 from rig.analysis.rows import COMPLETE, columns_of, row_table, stations_of
-from rig.config.differences import key_differences
+from rig.config.differences import key_differences, value_text
 from rig.log_fields import from_record
 from rig.presentation.json_values import json_value
 from rig.recording import hashed_json
@@ -206,8 +206,8 @@ def find_certificate(runs: Path, config: Mapping[str, Any]) -> Found | None:
         if content is None or content["subject"] != subject:
             continue
         differences = key_differences(content["rig"], _parts(config, _RIG))
-        named = tuple(f"{key} {new!r} ({old!r})" for key, old, new in differences)
-        return Found(content, named, find_rehearsed_faults(runs, config))
+        changes = (f"{key} {value_text(new)} ({value_text(old)})" for key, old, new in differences)
+        return Found(content, tuple(changes), find_rehearsed_faults(runs, config))
     return None
 
 

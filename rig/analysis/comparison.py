@@ -19,7 +19,14 @@ import numpy as np
 import xarray
 
 from rig.analysis import labels
-from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea, shorten
+from rig.analysis.differences import (
+    Difference,
+    differences,
+    normalised_sea,
+    sea_text,
+    shorten,
+    unlike_sea_texts,
+)
 from rig.analysis.points import (
     Matrix,
     Point,
@@ -31,6 +38,7 @@ from rig.analysis.points import (
 )
 from rig.analysis.rows import INCOMPLETE, row_table
 from rig.analysis.summary import format_rows
+from rig.config.differences import ABSENT
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.recording.runs.folder import RunInfo, run_info
@@ -141,16 +149,14 @@ def compare(
 
 
 def _describe_run(run_facts: RunInfo, matrix: Matrix) -> ComparedRun:
-    sea = run_facts.plan.get("sea") or {}
     status = str(run_facts.status.get("status") or "no end recorded")
-    sea_text = str(sea.get("words") or sea.get("kind") or "not recorded")
     rig = (run_facts.config.get("rig") or {}).get("name")
     return ComparedRun(
         run_facts.run,
         run_facts.campaign,
         run_facts.mode,
         str(rig or "not recorded"),
-        sea_text,
+        sea_text(run_facts),
         status,
         len(matrix.points),
     )
@@ -174,12 +180,7 @@ def _warnings(
 ) -> list[str]:
     warnings = []
     if not same_sea:
-        texts = [
-            str((f.plan.get("sea") or {}).get("words") or "not recorded")
-            for f in (facts_a, facts_b)
-        ]
-        if texts[0] == texts[1]:
-            texts = [f"{text} ({number})" for text, number in zip(texts, seas, strict=True)]
+        texts = unlike_sea_texts(facts_a, facts_b)
         warnings.append(f"DIFFERENT SEAS: A {texts[0]}; B {texts[1]}")
     elif not all(seas):
         warnings.append("SEA NOT RECORDED in both runs: they may be different")

@@ -1,18 +1,16 @@
 """Differences between the configurations of two runs, in order of importance."""
 
-import json
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.analysis.rows import wave_period
+from rig.config.differences import ABSENT, value_text
 from rig.recording.runs.folder import RunInfo
 
 GROUPS = (
     "mode", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",
     "campaign", "host",
 )  # fmt: skip
-ABSENT = "absent"
-
 _CALIBRATION = (  # constants that convert device values to forces, positions and rates
     "torque_constant", "gear_ratio", "counts_per_revolution", "metres_per_radian", "spring.map",
     "calibration",
@@ -64,7 +62,7 @@ def _flat_settings(run_facts: RunInfo) -> Iterator[tuple[str, str]]:
             yield f"{_ELEVATION} file", f"sha256 {str(file.get('sha256', ''))[:12]}"
     for key in ("version", "git", "dirty", "python"):
         if run_facts.code.get(key) is not None:
-            yield f"code.{key}", _format_value(run_facts.code[key])
+            yield f"code.{key}", value_text(run_facts.code[key])
     yield from _flatten("code.packages", run_facts.code.get("packages"))
     yield "host", str(run_facts.host.get("name") or run_facts.host.get("hostname") or ABSENT)
 
@@ -87,23 +85,49 @@ def normalised_sea(run_facts: RunInfo) -> dict[str, Any]:
 
 
 def _flatten(key: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Yield settings by dotted path; a quantity with unit and source, or a list, is one setting."""
+    """Yield settings by dotted path; a quantity with unit and source, or a list of values, is one.
+
+    Entries of a list of mappings are settings by their number.
+    """
     if isinstance(value, dict) and "value" in value:
         unit = str(value.get("unit") or "").removeprefix("1")  # 1 is no unit
-        yield key, f"{_format_value(value['value'])} {unit}".rstrip()
+        yield key, f"{value_text(value['value'])} {unit}".rstrip()
     elif isinstance(value, dict):
         for name, inner in value.items():
             yield from _flatten(f"{key}.{name}", inner)
+    elif isinstance(value, list) and any(isinstance(each, dict) for each in value):
+        for number, inner in enumerate(value):
+            yield from _flatten(f"{key}[{number}]", inner)
     elif value is not None:
-        yield key, _format_value(value)
+        yield key, value_text(value)
 
 
-def _format_value(value: Any) -> str:
-    if isinstance(value, bool | str):
-        return str(value)
-    if isinstance(value, int | float):
-        return f"{value:.10g}"
-    return json.dumps(value, ensure_ascii=False)
+def sea_text(run_facts: RunInfo) -> str:
+    """Return the sea of a run in one line, with the seed of its phases."""
+    sea = run_facts.plan.get("sea") or {}
+    text = str(sea.get("words") or sea.get("kind") or "not recorded")
+    seed = normalised_sea(run_facts).get("seed")
+    return text if seed is None or "seed" in text else f"{text}, {_seeds_text(seed)}"
+
+
+def _seeds_text(seed: Any) -> str:
+    return f"seeds {value_text(seed)}" if isinstance(seed, list) else f"seed {value_text(seed)}"
+
+
+def unlike_sea_texts(a: RunInfo, b: RunInfo) -> tuple[str, str]:
+    """Return the seas of two runs in one line each, with what differs where the lines are equal."""
+    texts = sea_text(a), sea_text(b)
+    if texts[0] != texts[1]:
+        return texts
+    seas = normalised_sea(a), normalised_sea(b)
+    keys = [key for key in {**seas[0], **seas[1]} if seas[0].get(key) != seas[1].get(key)]
+    if not keys:
+        return texts[0], f"{texts[1]}, with another elevation file"
+    first, second = (
+        ", ".join([text, *(f"{key} {value_text(sea.get(key))}" for key in keys)])
+        for text, sea in zip(texts, seas, strict=True)
+    )
+    return first, second
 
 
 def shorten(text: str) -> str:

@@ -435,9 +435,9 @@ def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
     ]
 
 
-def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
-    """Write a CSV with a line for each station and column; W, columns in SI, 95 % intervals."""
-    lines = [
+def effect_lines(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
+    """Return a line for each station and column; W, columns in SI, 95 % intervals."""
+    return [
         {
             "power": effects.station.name,
             "rank": i + 1,
@@ -461,4 +461,9 @@ def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
         for effects in by_station
         for i, e in enumerate(effects.effects)
     ]
+
+
+def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
+    """Write the `effect_lines` as CSV."""
+    lines = effect_lines(by_station)
     return write_table({key: [line[key] for line in lines] for key in lines[0]}, path)

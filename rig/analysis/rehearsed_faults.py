@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.differences import key_differences
+from rig.config.differences import key_differences, value_text
 from rig.recording import hashed_json
 from rig.recording.runs.folder import FAULTS
 
@@ -80,7 +80,9 @@ def find_rehearsed_faults(runs: Path, config: Mapping[str, Any]) -> RehearsedFau
         if (content["kind"], content["devices"]) != (parts["kind"], parts["devices"]):
             continue
         found = key_differences(content["values"], parts["values"])
-        differences = tuple(f"{key} {new!r} ({old!r})" for key, old, new in found)
+        differences = tuple(
+            f"{key} {value_text(new)} ({value_text(old)})" for key, old, new in found
+        )
         return RehearsedFaults(path.parent.name, content, differences)
     return None
 

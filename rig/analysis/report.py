@@ -8,6 +8,7 @@ import ctypes
 import json
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -174,6 +175,9 @@ def write_products(
     folder.mkdir(exist_ok=True)
     if not found.pictures:
         return [*found.write_results(folder), *write_texts(found.summary, folder)]
+    if threading.active_count() > 1:  # forked, their locks would never be released (a notebook)
+        written = [*found.write_results(folder), *write_texts(found.summary, folder)]
+        return [*written, *(path for draw in found.pictures for path in draw(folder))]
     # Drawing takes longer than the rest. Forked processes need no time to import matplotlib.
     count = min(len(found.pictures), len(os.sched_getaffinity(0)))
     with ProcessPoolExecutor(count, get_context("fork"), initializer=_begin_drawing) as pool:

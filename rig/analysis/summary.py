@@ -214,7 +214,7 @@ def _timing_text(run_facts: RunInfo) -> str:
     return f"Last stage: {timing}" if run_facts.status.get("resumed_utc") else str(timing)
 
 
-def _sea_text(plan: dict[str, Any]) -> str:
+def sea_text(plan: dict[str, Any]) -> str:
     sea = plan.get("sea") or {}
     if sea.get("words"):
         return str(sea["words"])
@@ -262,7 +262,7 @@ def summarise(
         campaign=run_facts.campaign or "not recorded",
         mode=run_facts.mode,
         stamp=phrases.mode_stamp(run_facts.mode),
-        sea=_sea_text(run_facts.plan),
+        sea=sea_text(run_facts.plan),
         rig=str(rig.get("name", "") if isinstance(rig, dict) else rig or "") or "not recorded",
         host=str(run_facts.host.get("hostname") or run_facts.host.get("name") or "not recorded"),
         started_utc=phrases.format_utc(run_facts.started_utc) or "not recorded",

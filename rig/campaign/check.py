@@ -7,7 +7,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from rig.campaign.files import ExtraCheck, no_extra_check, open_campaign
+from rig.campaign.files import (
+    PREDICTION,
+    ExtraCheck,
+    later_checks,
+    no_extra_check,
+    open_campaign,
+)
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
 from rig.campaign.law_checks import trial_problems
 from rig.campaign.plan import build_plan, stage_plans
@@ -70,6 +76,7 @@ class CheckReport(NamedTuple):
     not_predicted: str = ""  # why the law has no prediction; empty otherwise
     simulated: SimulatedRows | None = None
     not_simulated: str = ""  # why the rows are not simulated, if they should be
+    unchecked: tuple[str, ...] = ()  # checks that the problems prevented
 
     @property
     def checked(self) -> AnyCampaign | None:
@@ -132,7 +139,7 @@ class CheckReport(NamedTuple):
     def text(self) -> str:
         """Return text for people: one problem per line, or the summary."""
         if self.problems:
-            return problems_text(self.problems)
+            return problems_text(self.problems, self.unchecked)
         lines = [f"{label:9} {text}" for label, text in self.summary_lines() + self.input_files()]
         lines += self.prediction_lines()
         return "\n".join([*lines, *(f"warning: {warning.text()}" for warning in self.warnings)])
@@ -221,6 +228,7 @@ class CheckReport(NamedTuple):
             "file": display_path(self.path),
             "ok": self.ok,
             "problems": [problem.as_dict() for problem in self.problems],
+            "unchecked": list(self.unchecked),
             **self.summary(),
             **(self.prediction.as_dict() if self.prediction is not None else {}),
             **({"not_predicted": self.not_predicted} if self.not_predicted else {}),
@@ -250,7 +258,7 @@ def check_campaign(
     try:
         campaign = open_campaign(kind, path, extra_check, rig)
     except ConfigError as error:
-        return CheckReport(path, error.problems, None, None)
+        return CheckReport(path, error.problems, None, None, unchecked=error.unchecked)
     planned, file = build_plan(campaign), campaign.file
     out_of_date = kind.validity_warnings(campaign, day) if day is not None else ()
     unused_rows = unused_row_warnings(
@@ -258,7 +266,9 @@ def check_campaign(
     )
     failed_trials = tuple(trial_problems(campaign, planned))
     if failed_trials:
-        return CheckReport(path, failed_trials, None, None)
+        return CheckReport(
+            path, failed_trials, None, None, unchecked=(PREDICTION, *later_checks(campaign.rig))
+        )
     prediction = predictor(campaign, planned)
     times = _tank_times(campaign)
     tank = (

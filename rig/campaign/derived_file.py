@@ -42,6 +42,7 @@ def derived_text(
         *(f"# {line}" for line in header),
         f"extends: {json.dumps(os.path.relpath(base.resolve(), path.resolve().parent))}",
         *keys,
+        *("adaptive:" for key in mapping if key == "adaptive"),  # removed: all rows are to run
         "matrix:",
         *(f"  {form}:" for form in ("grid", "csv") if form in inherited),
         "  list:",

@@ -1,10 +1,11 @@
 """Opening of a campaign: all its input files are read, and all their problems are reported."""
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from rig.campaign.assessed import assessment_problems
 from rig.campaign.kind import AnyCampaign, Campaign, CampaignKind
@@ -12,6 +13,7 @@ from rig.campaign.plan import build_plan
 from rig.campaign.set_points import chosen_law_problems
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.problems import ConfigError, Problem
+from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
 from rig.config.rig_file import BaseRigFile, PowerRigFile, Rate
 from rig.config.sea import AnySea, RecordedSea, Sea
@@ -34,7 +36,14 @@ T = TypeVar("T")
 
 _SEA: TypeAdapter[AnySea] = TypeAdapter(Sea)
 _RATE: TypeAdapter[int] = TypeAdapter(Rate)
-_CAMPAIGN_KEYS = ("rig", "sea", "matrix")  # a file without any of them is not a campaign at all
+PREDICTION = "the prediction of each row"
+_ROWS = "the rows of the matrix against rig and law"
+_PLAN = "the plan of the rows, with one tick of the law for each"
+_WIRES = "the wires of the rig"
+CAMPAIGN_KEYS = ("rig", "sea", "matrix")  # a file without any of them is not a campaign at all
+
+
+_DEPENDENT_KEYS = {"law", "matrix", "rig", "plant", "reference"}  # on the kind of rig, or the law
 
 
 class CampaignParts(NamedTuple):
@@ -95,15 +104,16 @@ def open_campaign(
     owner = rig_source if top.mapping.get("plant") is None else top
     plant_source = reader.read("plant", owner, ("plant",))
     laws = attempt(lambda: kind.find_laws(top, rig_source))
+    if laws is None:  # the law decides about the columns of the matrix
+        problems += common_problems(top, [kind.campaign_file])
+        reader.unchecked.append("the matrix and the other keys that depend on the law")
     model = None if laws is None else kind.model(laws, rig_source.mapping if rig_source else {})
     file = None if model is None else reader.validated(top, model)
     rig = reader.validated(rig_source, kind.rig_file)
     limits = reader.validated(limits_source, kind.limits_file)
     points = record = None
     if file is not None:
-        axis_laws = file.axis_laws.values()
-        used = dict.fromkeys(law for each in axis_laws for law in each.law.members)
-        files += [InputFile("law", Path(law.path), law.sha256) for law in used if law.is_file]
+        files += _law_files(file)
         points = attempt(lambda: kind.points(file, rig, top.locate))
         problems += _campaign_problems(kind, file, points, top.locate)
         if file.matrix is not None and file.matrix.csv is not None and points:
@@ -125,7 +135,8 @@ def open_campaign(
     problems += extra_check(
         CampaignParts(top, model, rig_source, plant_source, sea, elevation, rate_hz)
     )
-    reader.raise_problems()
+    rows = () if rig is not None and points is not None and file is not None else (_ROWS,)
+    reader.raise_problems(*rows, _PLAN, PREDICTION, *later_checks(rig))
     assert file is not None
     assert points is not None
     assert rig_source is not None
@@ -145,19 +156,57 @@ def open_campaign(
         tuple(files),
         file.seeds[0],
     )
+    _require_windows(campaign)
+    return campaign
+
+
+def _law_files(file: BaseCampaignFile) -> list[InputFile]:
+    """Return the files of the laws of a campaign, without those of packages."""
+    used = dict.fromkeys(law for each in file.axis_laws.values() for law in each.law.members)
+    return [InputFile("law", Path(law.path), law.sha256) for law in used if law.is_file]
+
+
+def _require_windows(campaign: AnyCampaign) -> None:
+    """Raise a problem if waves reflected in the tank leave no window for a row."""
     try:
-        if file.tank is not None:
+        if campaign.file.tank is not None:
             build_plan(campaign)
     except WindowError as error:  # by the reflection; the windows alone fit
-        problem = top.locate.problem(error.key, error.value, error.message)
-        raise ConfigError([problem]) from error
-    return campaign
+        problem = campaign.locate.problem(error.key, error.value, error.message)
+        raise ConfigError([problem], [PREDICTION, *later_checks(campaign.rig)]) from error
+
+
+def later_checks(rig: BaseRigFile | None) -> tuple[str, ...]:
+    """Return the checks that follow those of the campaign: of the wires, unless there are none."""
+    return () if rig is not None and rig.wiring is None else (_WIRES,)
+
+
+def common_problems(source: ConfigSource, models: Iterable[type[BaseModel]]) -> list[Problem]:
+    """Return the problems at keys of all campaigns that are the same with each of several models.
+
+    A campaign whose rig or law cannot be read has more keys; those depend on rig and law.
+    """
+    common = BaseCampaignFile.model_fields.keys() - _DEPENDENT_KEYS
+    found: list[tuple[Problem, ...]] = []
+    for model in models:
+        try:
+            validate(source.mapping, source.locate, model)
+        except ConfigError as error:
+            found.append(error.problems)
+        else:
+            found.append(())
+    return [
+        problem
+        for problem in (found[0] if found else ())
+        if re.split(r"[.\[]", problem.key)[0] in common
+        and all(problem in others for others in found)
+    ]
 
 
 def _require_campaign(source: ConfigSource) -> None:
     """Raise a single problem for a file that is no campaign."""
-    if not any(key in source.mapping for key in _CAMPAIGN_KEYS):
-        message = f"not a campaign: it has none of the keys {', '.join(_CAMPAIGN_KEYS)}"
+    if not any(key in source.mapping for key in CAMPAIGN_KEYS):
+        message = f"not a campaign: it has none of the keys {', '.join(CAMPAIGN_KEYS)}"
         raise ConfigError([source.locate.problem((), None, message)])
 
 

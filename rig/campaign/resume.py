@@ -10,7 +10,7 @@ from rig.analysis.rows import COMPLETE, INTERRUPTED, row_table
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.campaign.plan import RESUMED, Measured, build_plan
 from rig.campaign.record import resolved_config
-from rig.config.differences import key_differences
+from rig.config.differences import key_differences, value_text
 from rig.config.tank import BEFORE_REFLECTION
 from rig.recording.runs import RunError, RunInfo, run_info
 from rig.recording.runs.reader import account_of
@@ -45,7 +45,7 @@ def resume_campaign(run: Path, campaign: AnyCampaign, *, accept_changes: bool) -
         )
     config = json.loads(resolved_config(campaign))
     differences = [
-        f"{key}: {json.dumps(old)} in the run, now {json.dumps(new)}"
+        f"{key}: {value_text(old)} in the run, now {value_text(new)}"
         for key, old, new in key_differences(_without_files(info.config), _without_files(config))
     ]
     _require_same_rows(info, campaign)

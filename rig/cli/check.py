@@ -1,19 +1,18 @@
 """`rig check FILE`."""
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from rig.api.campaign_run import open_task
 from rig.campaign import CheckReport
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
 from rig.cli.output import BAD_INPUT, OK, fail, input_errors, print_json
 from rig.config.wiring import WiringError
-from rig.kinds.interface import Display, Report, Tasks
-from rig.kinds.rig_file import kind_of_task
+from rig.kinds.interface import Report, Tasks
 
 
 def command(
@@ -36,10 +35,8 @@ def command(
     """
     with input_errors("check", as_json=as_json):
         path, rig = input_file(task, CAMPAIGNS, SESSIONS), rig_file(rig)
-        kind = kind_of_task(path, rig)
-        tasks: Tasks = kind.room("tasks")
-        display: Display = kind.room("display")
-    report = examine(tasks, path, rig)
+        opened = open_task(path, rig)
+    report, tasks = opened.report, opened.tasks
     if simulate and not isinstance(report, CheckReport):
         error = ValueError(
             "--simulate is for the rows of a campaign; rig sweep simulates a session"
@@ -51,7 +48,7 @@ def command(
         refused = {"ok": False, "status": "bad input", "message": str(refusal)} if refusal else {}
         print_json(json.loads(report.to_json()) | refused)
     else:
-        display.show_report(report, every_row=rows)
+        opened.display.show_report(report, every_row=rows)
         if isinstance(report, CheckReport) and report.simulated is not None:
             report.simulated.show(every_row=rows)
         if refusal:
@@ -63,7 +60,7 @@ def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool =
     """Return the report of a campaign with its simulated rows; others unchanged."""
     if not isinstance(report, CheckReport) or report.plan is None:
         return report
-    from rig.sweep import simulated_check
+    from rig.sweeps import simulated_check
 
     if not simulate:
         return simulated_check.with_simulated_rows(report)
@@ -78,20 +75,18 @@ def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool =
 
 def _wire_refusal(tasks: Tasks, report: Report) -> WiringError | None:
     """Return why the rig's wires cannot carry its signals at its rate; None if they can."""
-    if report.checked is None or report.checked.rig.wiring is None:
+    checked: Any = report.checked
+    if isinstance(report, CheckReport) and report.prediction is not None:
+        checked = report.prediction.campaign  # also of a campaign whose rows are refused
+    if checked is None or checked.rig.wiring is None:
         return None
     try:
-        tasks.wired_mode(report.checked, emulated=False)
+        tasks.wired_mode(checked, emulated=False)
     except WiringError as error:
-        rig = report.checked.rig
+        rig = checked.rig
         place = f"{rig.name} at rate_hz = {rig.rate_hz}"
         return WiringError(f"the wires cannot carry it: {place}: {error}")
     return None
-
-
-def examine(tasks: Tasks, path: Path, rig: Path | None) -> Report:
-    """Return the whole report on a campaign or session that is to run today (UTC)."""
-    return tasks.examine(path, rig, day=datetime.now(UTC).date())
 
 
 def print_problems(report: Report, *, as_json: bool) -> int:

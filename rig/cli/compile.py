@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.check import examine, print_problems
+from rig.api.campaign_run import examine
+from rig.cli.check import print_problems
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import TASK_HELP, Json, Rig
 from rig.cli.output import FAILED, OK, fail, input_errors, print_json

@@ -19,6 +19,7 @@ from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.config.problems import display_path
 from rig.config.shipped_files import FAULTS
 from rig.config.wiring import WiringError
+from rig.emulation.control_client import ControlError
 from rig.execution.emulated_rig import EmulatedRig, check_task, emulated_rig
 from rig.execution.fault_runs import RehearsedFault, available_faults, rehearse_faults
 from rig.execution.fault_table import FaultRow, FaultTable, load_table, missing_rows, unknown_rows
@@ -82,7 +83,7 @@ def command(
         interrupted = True
     except (ValueError, WiringError) as error:
         return fail("faults", error, as_json=as_json)
-    except (IoProcessError, create.BusyError, RunError, OSError) as error:
+    except (ControlError, IoProcessError, create.BusyError, RunError, OSError) as error:
         return fail("faults", error, as_json=as_json, code=FAILED)
     rehearsal.show_end(interrupted=interrupted, as_json=as_json)
     if interrupted:

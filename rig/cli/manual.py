@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
+from rig.api.campaign_run import RunOptions
 from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.options import RUNS, Interpreted, Json, Realtime, Runs, Sim, WithPage
 from rig.cli.output import input_errors
-from rig.cli.run import EXIT_CODES, RunOptions, run_named
+from rig.cli.run import EXIT_CODES, run_named
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import load_mapping
 from rig.kinds.interface import Manual

@@ -19,10 +19,10 @@ from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import format_power
 from rig.stations import find, shown
-from rig.sweep.campaigns import LEAD_IN, CampaignTasks
-from rig.sweep.executors import available_processors
-from rig.sweep.optimum import Optimum, Search, open_search, rejection, search
-from rig.sweep.sweep import open_tasks
+from rig.sweeps.campaigns import LEAD_IN, CampaignTasks
+from rig.sweeps.executors import available_processors
+from rig.sweeps.optimum import Optimum, Search, open_search, rejection, search
+from rig.sweeps.sweep import open_tasks
 
 EXIT_CODES = """\
 Exit codes: 0 found, and the campaign is written; 1 no row can be the best, or the campaign could \

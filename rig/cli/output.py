@@ -37,6 +37,7 @@ def refuse(command: str, error: Exception, *, as_json: bool) -> int:
         return fail(command, error, as_json=as_json)
     problems = [problem.as_dict() for problem in error.problems]
     report = {"status": "bad input", "ok": False, "message": error.text(), "problems": problems}
+    report["unchecked"] = list(error.unchecked)
     print_json(report)
     return BAD_INPUT
 

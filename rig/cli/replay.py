@@ -22,7 +22,7 @@ from rig.row_contents import Column, main_columns
 from rig.stations import shown
 
 if TYPE_CHECKING:
-    from rig.sweep.counterfactual import AmplitudeRange, CounterfactualResult
+    from rig.sweeps.counterfactual import AmplitudeRange, CounterfactualResult
 
 EXIT_CODES = """\
 Exit codes: 0 today's cycle reproduces every command and mode to the bit (--with: every row \
@@ -140,8 +140,8 @@ def _replay_with(
     """
     console = Console(stderr=True, highlight=False)
     from rig.kinds.rig_file import kind_of_task
-    from rig.sweep.counterfactual import counterfactual_for_run  # numba
-    from rig.sweep.simulator import campaign_kind, problems, simulation_of
+    from rig.sweeps.counterfactual import counterfactual_for_run  # numba
+    from rig.sweeps.simulator import campaign_kind, problems, simulation_of
 
     with (
         input_errors("replay", as_json=as_json),

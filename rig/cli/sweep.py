@@ -4,13 +4,13 @@ import re
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from rig.api.sweep_run import SweepRun, find_executor
 from rig.cli import calibration_dates
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, find_run, input_file
 from rig.cli.options import RUNS, TASK_HELP, Json, Runs
@@ -19,15 +19,10 @@ from rig.config.problems import error_text
 from rig.presentation.phrases import clock_text
 from rig.recording.runs import run_info
 from rig.recording.runs.create import BusyError
-from rig.sweep import executors, sweep
-from rig.sweep.campaigns import LEAD_IN
-from rig.sweep.cases import Outcome
-from rig.sweep.result_cache import JOURNAL_FILE, load_report, store_report
-from rig.sweep.simulator import Simulator
-from rig.sweep.task import FAILED as FAILED_CASE
-
-if TYPE_CHECKING:
-    import xarray
+from rig.sweeps import sweep
+from rig.sweeps.campaigns import LEAD_IN
+from rig.sweeps.cases import Outcome
+from rig.sweeps.simulator import Simulator
 
 EXIT_CODES = """\
 Exit codes: 0 every case gave its results; 1 some cases could not run, or the result could not be \
@@ -110,26 +105,13 @@ def command(
             )
     began = time.monotonic()
     warnings = calibration_dates.warn_of_expired(opened.task, quiet=as_json, swept=opened.swept)
-    executor = _executor(opened, jobs, scheduler)
+    executor = find_executor(opened, jobs, scheduler)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
-    out, table = out or opened.folder / sweep.RESULT_FILE, None
+    notice = (lambda text: None) if as_json else _notice
+    run = SweepRun(opened, out, measured)
     try:
-        with sweep.lock_folder(opened):
-            remaining, damaged = sweep.count_remaining(opened)
-            if damaged and not as_json:
-                journal = f"{opened.folder}/{JOURNAL_FILE}"
-                print(
-                    f"left out {damaged} bytes of {journal}: not a complete case", file=sys.stderr
-                )
-            result = load_report(opened.folder, out) if not (remaining or measured) else None
-            if result is not None:
-                view.begin(len(opened.cases))
-            else:
-                if remaining and scheduler is None:  # workers compile for themselves
-                    compile_loop(opened.cases.simulator())
-                with view:
-                    table = sweep.run(opened, executor, view.update, view.begin)
-                sweep.write_dataset(table, out)
+        prepare = None if scheduler else compile_loop  # workers compile for themselves
+        run.compute(executor, view, notice, prepare)
     except BusyError as error:
         return fail("sweep", error, as_json=as_json, code=FAILED)
     except KeyboardInterrupt:
@@ -138,17 +120,12 @@ def command(
         hint = f"{opened.folder}/ keeps {view.finished_text}, the same command continues"
         failure = RuntimeError(f"{error_text(error)}; {hint}")
         return fail("sweep", failure, as_json=as_json, code=FAILED)
-    if table is not None:
-        try:
-            with input_errors("sweep", as_json=as_json):
-                if not as_json:
-                    print("drawing ...", file=sys.stderr, flush=True)
-                pictures = opened.tasks.write_pictures(table, opened.folder, measured)
-                result = _result_as_dict(opened, out, pictures, table)
-                store_report(opened.folder, out, measured, [out, *pictures], result)
-        except KeyboardInterrupt:
-            return _report_interrupt(opened.folder, as_json=as_json)
-    result = (result or {}) | {
+    try:
+        with input_errors("sweep", as_json=as_json):
+            result = run.result(notice)
+    except KeyboardInterrupt:
+        return _report_interrupt(opened.folder, as_json=as_json)
+    result |= {
         "seconds": round(time.monotonic() - began, 3),
         "running_s": round(view.elapsed, 3),
         "simulated_s": view.simulated,
@@ -160,6 +137,10 @@ def command(
     else:
         _print_result(result, opened)
     return FAILED if result["failed"] else OK
+
+
+def _notice(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _check_options(jobs: int | None, scheduler: str | None, out: Path | None) -> None:
@@ -180,14 +161,6 @@ def _check_options(jobs: int | None, scheduler: str | None, out: Path | None) ->
         raise typer.BadParameter(f"--out {out}: there is no folder {out.parent}; make it first")
 
 
-def _executor(opened: sweep.Sweep, jobs: int | None, scheduler: str | None) -> executors.Executor:
-    if scheduler is None:
-        return executors.thread_executor(jobs or executors.available_processors())
-    from rig.sweep.cluster import cluster_executor
-
-    return cluster_executor(scheduler, opened.cases.request, opened.digest)
-
-
 def compile_loop(simulator: Simulator) -> None:
     """Compile the loop or read it from the cache; print a notice where this takes long."""
     if not simulator.is_compiled():
@@ -202,23 +175,6 @@ def _report_interrupt(folder: Path, *, as_json: bool) -> int:
     else:
         print(f"\nrig sweep: {message}", file=sys.stderr)
     return STOPPED
-
-
-def _result_as_dict(
-    opened: sweep.Sweep, result: Path, pictures: list[Path], table: "xarray.Dataset"
-) -> dict[str, Any]:
-    state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
-    names, counts = np.unique(state.astype(str), return_counts=True)
-    reasons = sorted({str(text) for text in reasons_of_cases[state == FAILED_CASE]})
-    return {
-        "status": "failed cases" if reasons else "complete",
-        "folder": str(opened.folder),
-        "result": str(result),
-        "pictures": [str(picture) for picture in pictures],
-        opened.tasks.result_noun: dict(zip(names.tolist(), counts.tolist(), strict=True)),
-        "failed": reasons,
-        **opened.tasks.summary(table),
-    }
 
 
 def _print_result(result: dict[str, Any], opened: sweep.Sweep) -> None:

@@ -1,7 +1,27 @@
-"""Differences between two configurations, as a run records them."""
+"""Differences between two configurations, as a run records them, and their values as text."""
 
 from collections.abc import Iterator
 from typing import Any
+
+from rig.config.problems import format_number
+
+ABSENT = "absent"
+
+
+def value_text(value: Any) -> str:
+    """Return a value of a configuration in words: no brackets, quotes or names of Python."""
+    if value is None:
+        return ABSENT
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return format_number(value)
+    if isinstance(value, dict):
+        return ", ".join(f"{str(k).replace('_', ' ')} {value_text(v)}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        joint = "; " if any(isinstance(each, dict | list | tuple) for each in value) else ", "
+        return joint.join(map(value_text, value)) or "none"
+    return str(value)
 
 
 def key_differences(before: Any, now: Any, key: str = "") -> Iterator[tuple[str, Any, Any]]:

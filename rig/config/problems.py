@@ -33,15 +33,20 @@ class Problem(NamedTuple):
 
 
 class ConfigError(Exception):
-    """Invalid configuration; holds every problem found in all files."""
+    """Invalid configuration; holds every problem found in all files.
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
+    ``unchecked`` names the checks that these problems prevented: they may find more.
+    """
+
+    def __init__(self, problems: Iterable[Problem], unchecked: Iterable[str] = ()) -> None:
         self.problems = tuple({problem.text(): problem for problem in problems}.values())
+        self.unchecked = tuple(dict.fromkeys(unchecked))
         super().__init__(self.text())
 
     def text(self) -> str:
-        """Return all problems, one per line."""
-        return "\n".join(problem.text() for problem in self.problems)
+        """Return all problems, one per line, and the checks that did not run."""
+        lines = [problem.text() for problem in self.problems]
+        return "\n".join([*lines, *unchecked_lines(self.unchecked)])
 
     def to_json(self) -> str:
         """Return all problems as a JSON list of objects."""
@@ -121,11 +126,19 @@ def format_line_numbers(numbers: Sequence[int]) -> str:
     return f"line{'s' if len(numbers) > 1 else ''} {', '.join(number_ranges(numbers))}"
 
 
-def problems_text(problems: Sequence[Problem]) -> str:
-    """Return one problem a line, and their number."""
+def problems_text(problems: Sequence[Problem], unchecked: Sequence[str] = ()) -> str:
+    """Return one problem a line, their number, and the checks that these problems prevented."""
     count = len(problems)
     lines = [problem.text() for problem in problems]
-    return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+    total = f"{count} problem{'s' if count != 1 else ''}"
+    return "\n".join([*lines, total, *unchecked_lines(unchecked)])
+
+
+def unchecked_lines(unchecked: Sequence[str]) -> list[str]:
+    """Return the line about checks that did not run; no line if all did."""
+    return (
+        [f"more checks follow once this is corrected: {'; '.join(unchecked)}"] if unchecked else []
+    )
 
 
 def error_text(error: Exception) -> str:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from rig.config import ranges
 from rig.config.model import RULE, FileModel, RuleViolation
-from rig.config.problems import ConfigError, Problem, format_value
+from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
 
 M = TypeVar("M", bound=BaseModel)
@@ -53,7 +53,10 @@ def validate(mapping: dict[str, Any], locate: SourceMap, model: type[M]) -> M:
     try:
         return model.model_validate(mapping)
     except ValidationError as error:
-        raise ConfigError(problems_from(error, locate, model)) from None
+        places = [(item["type"], item["loc"]) for item in error.errors(include_url=False)]
+        hidden = any(kind != RULE or place for kind, place in places)
+        rules = [f"the rules between keys of {display_path(locate.path)}"] if hidden else []
+        raise ConfigError(problems_from(error, locate, model), rules) from None
 
 
 _MIN_SIMILARITY = 0.73  # difflib ratio above which a key is suggested; 'start'/'static' is below

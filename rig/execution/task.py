@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
@@ -233,8 +234,12 @@ def _join_parts(folder: Path) -> JoinResult | None:
 def _requests_from_signals(view: View) -> Iterator[Callable[[], int]]:
     """Turn Ctrl-C, Ctrl-Z, termination and a closed terminal into requests; yield their reader.
 
-    Ctrl-Z does not suspend the supervisor: suspended, it could not stop or watch the run.
+    Ctrl-Z does not suspend the supervisor: suspended, it could not stop or watch the run. Signals
+    belong to the main thread of a process: a run in another thread is stopped by `rig request`.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: safety.REQUEST_NONE
+        return
     count = 0
 
     def interrupt(number: int, frame: FrameType | None) -> None:

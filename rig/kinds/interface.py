@@ -3,7 +3,7 @@
 A room is a module (or a package) of the kind's package; its protocol lists the names that the core
 uses. `rig.kinds.registry.ROOMS` lists the rooms that every kind has. Optional are `commands`,
 `exports`, `manual`, `campaign` for kinds with campaigns, and `simulation` for those that can be
-swept (`rig.sweep.simulator`).
+swept (`rig.sweeps.simulator`).
 """
 
 from collections.abc import Callable, Sequence

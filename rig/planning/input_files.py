@@ -16,6 +16,10 @@ T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
 
 
+EVERYTHING_ELSE = "all else in this file and in those that it names"
+"""The checks that a file that cannot be read prevents."""
+
+
 class InputFile(NamedTuple):
     """An input file of a campaign or session."""
 
@@ -72,6 +76,7 @@ class FileReader:
     def __init__(self, load: MappingLoader = load_mapping) -> None:
         self.problems: list[Problem] = []
         self.files: list[InputFile] = []
+        self.unchecked: list[str] = []  # checks that the problems prevent
         self._load = load
         self._sources: list[ConfigSource] = []
 
@@ -81,11 +86,15 @@ class FileReader:
             return step()
         except ConfigError as error:
             self.problems.extend(error.problems)
+            self.unchecked.extend(error.unchecked)
             return None
 
     def read_first(self, role: str, path: Path, inline: tuple[str, ...] = ()) -> ConfigSource:
         """Return the campaign's or session's own file; ConfigError if it cannot be read."""
-        source = ConfigSource(*self._load(path, inline=inline))
+        try:
+            source = ConfigSource(*self._load(path, inline=inline))
+        except ConfigError as error:
+            raise ConfigError(error.problems, [EVERYTHING_ELSE]) from None
         self._add(source, role)
         return source
 
@@ -99,7 +108,9 @@ class FileReader:
     ) -> ConfigSource | None:
         """Return the file named at a key of another file, or ``replacement``."""
         if owner is None:
+            self.unchecked.append(f"the {role} file")
             return None
+        before = len(self.problems)
         source = self.attempt(
             lambda: (
                 load_named_source(owner, key, self._load, inline)
@@ -111,6 +122,8 @@ class FileReader:
         )
         if source is not None:
             self._add(source, role)
+        elif len(self.problems) > before:
+            self.unchecked.append(f"the {role} file")
         return source
 
     def validated(self, source: ConfigSource | None, model: type[M]) -> M | None:
@@ -131,13 +144,16 @@ class FileReader:
             for path in source.locate.files
         ]
 
-    def raise_problems(self) -> None:
-        """Raise `ConfigError` with all problems, in the order of the files and of their lines."""
+    def raise_problems(self, *later: str) -> None:
+        """Raise `ConfigError` with all problems, in the order of the files and of their lines.
+
+        ``later`` names the checks that need files without problems.
+        """
         files = [display_path(path) for each in self._sources for path in each.locate.files]
         rank = {file: i for i, file in reversed(list(enumerate(files)))}
         if self.problems:
             order = sorted(self.problems, key=lambda p: (rank.get(p.file, len(files)), p.line))
-            raise ConfigError(order)
+            raise ConfigError(order, [*self.unchecked, *later])
 
 
 def hash_input_file(role: str, path: Path) -> InputFile:

@@ -32,6 +32,10 @@ def common_period_ticks(periods: list[float], dt: float, max_ticks: int) -> int:
     ticks = []
     for period in periods:
         period_ticks = period / dt
+        if period_ticks > max_ticks + _TICK_TOLERANCE:
+            raise ValueError(
+                f"its window of {max_ticks * dt:.6g} s is shorter than the period of {period:.6g} s"
+            )
         for repeats in range(1, int(max_ticks / period_ticks + _TICK_TOLERANCE) + 1):
             whole = repeats * period_ticks
             if abs(whole - round(whole)) < _TICK_TOLERANCE * repeats:

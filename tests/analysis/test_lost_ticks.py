@@ -14,7 +14,8 @@ from command_here import rig
 
 from rig.analysis.report import write_products
 from rig.analysis.stop_reason import LostTicks, describe_reason, find_stop, lost_before_trip
-from rig.cli.run import lost_ticks, print_end
+from rig.api.campaign_run import lost_ticks
+from rig.cli.run import print_end
 from rig.realtime.reasons import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError

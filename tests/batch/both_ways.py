@@ -24,7 +24,7 @@ from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import STOP_0
 from rig.realtime.sequence import MEASURE
-from rig.sweep.simulator import campaign_kind, simulation_of
+from rig.sweeps.simulator import campaign_kind, simulation_of
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
 

@@ -19,9 +19,9 @@ import xarray
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
-from rig.sweep import cluster, sweep
-from rig.sweep.cases import Case, Outcome
-from rig.sweep.executors import thread_executor
+from rig.sweeps import cluster, sweep
+from rig.sweeps.cases import Case, Outcome
+from rig.sweeps.executors import thread_executor
 
 pytest.importorskip("distributed")  # optional extra, part of the developers' installation
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from rig.sweep import InterruptedSweepError
-from rig.sweep.cases import Case, Outcome
-from rig.sweep.executors import thread_executor
+from rig.sweeps import InterruptedSweepError
+from rig.sweeps.cases import Case, Outcome
+from rig.sweeps.executors import thread_executor
 
 
 def make_cases(count: int) -> list[Case]:

@@ -13,9 +13,9 @@ from rehearsing import CONFIGS, write_campaign
 
 from rig.config.problems import ConfigError
 from rig.kinds import registry
-from rig.sweep import sweep
-from rig.sweep.cases import Case
-from rig.sweep.simulator import ROOM, SessionSimulation, Simulation
+from rig.sweeps import sweep
+from rig.sweeps.cases import Case
+from rig.sweeps.simulator import ROOM, SessionSimulation, Simulation
 
 POINT = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
 

@@ -20,7 +20,7 @@ import xarray
 from rehearsing import write_campaign
 from rig_command import rig_here
 
-from rig.sweep.result_cache import JOURNAL_FILE
+from rig.sweeps.result_cache import JOURNAL_FILE
 
 ROWS = [
     {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000 - 100 * i, "ki_n_per_m": 0} for i in range(6)

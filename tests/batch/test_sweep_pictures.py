@@ -16,10 +16,10 @@ from rig.analysis.points import gain_matrix
 from rig.analysis.surfaces import draw_surfaces
 from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.stations import shown, station_names
-from rig.sweep import pictures
-from rig.sweep.campaigns import LEAD_IN
-from rig.sweep.parameters import TaskFiles
-from rig.sweep.sweep import open_tasks
+from rig.sweeps import pictures
+from rig.sweeps.campaigns import LEAD_IN
+from rig.sweeps.parameters import TaskFiles
+from rig.sweeps.sweep import open_tasks
 
 GRID = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},

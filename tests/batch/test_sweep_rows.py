@@ -14,11 +14,11 @@ from rehearsing import CONFIGS, write_campaign
 from rig_command import rig_here
 
 from rig.config.problems import ConfigError
-from rig.sweep import sweep
-from rig.sweep.campaigns import LEAD_IN
-from rig.sweep.cases import Case, Outcome
-from rig.sweep.executors import RunCase, thread_executor
-from rig.sweep.result_cache import JOURNAL_FILE, Journal
+from rig.sweeps import sweep
+from rig.sweeps.campaigns import LEAD_IN
+from rig.sweeps.cases import Case, Outcome
+from rig.sweeps.executors import RunCase, thread_executor
+from rig.sweeps.result_cache import JOURNAL_FILE, Journal
 
 POINTS = [
     {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0},
@@ -282,7 +282,7 @@ def test_command_writes_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         code, lines, _ = rig_here("sweep", path, *options[:-1], "my.nc", "--json")
         assert (code, json.loads(lines)["run_now"]) == (0, 0)
         assert Path("my.nc").is_file()
-    monkeypatch.setattr("rig.sweep.pictures.write_pictures", interrupt_drawing)
+    monkeypatch.setattr("rig.sweeps.pictures.write_pictures", interrupt_drawing)
     Path("my.nc").unlink()
     code, lines, _ = rig_here("sweep", path, *options[:-1], "my.nc", "--json")
     assert (code, json.loads(lines)["status"]) == (3, "stopped")

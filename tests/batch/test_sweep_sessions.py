@@ -21,8 +21,8 @@ from rig.kinds.oswec_bench import simulation
 from rig.kinds.oswec_bench.products.points import FIELDS
 from rig.recording.runs import reader, run_info
 from rig.recording.runs.windows import REQUIRED_FIELDS, read_windows
-from rig.sweep import cluster, sweep
-from rig.sweep.result_cache import JOURNAL_FILE
+from rig.sweeps import cluster, sweep
+from rig.sweeps.result_cache import JOURNAL_FILE
 
 PAGE = CONFIGS.parent / "docs" / "how_to" / "sweep.md"
 GAP = "plant.transmission.half_gap.value"

@@ -31,8 +31,8 @@ def begin(opened, executor, *_):
     loaded["solved"] = float(scipy.linalg.solve([[2.0]], [4.0])[0])
     raise ValueError("no case is run")
 
-import rig.sweep.sweep
-rig.sweep.sweep.run = begin
+import rig.sweeps.sweep
+rig.sweeps.sweep.run = begin
 sweep._compile = lambda opened: None
 CliRunner().invoke(app, ["sweep", sys.argv[1], "--sweeps", sys.argv[2], "--json"])
 print(json.dumps(loaded))

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.campaign import all_rows, build_plan
 from rig.campaign.plan import Measured, stage_plans
@@ -120,7 +121,9 @@ def orders(table: Segments, rows: list[int]) -> list[int]:
 
 
 @settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(30),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(order=st.lists(st.integers(0, 3), min_size=1, max_size=8))
 def test_any_row_can_follow_any_other(plans: dict[str, Plan], order: list[int]) -> None:

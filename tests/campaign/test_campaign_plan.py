@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import impedance
 from rig.campaign import build_plan
@@ -272,7 +273,7 @@ SEAS = st.one_of(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(SEAS, POINTS, st.sampled_from(["as given", "random"]), st.integers(1, 2),
        st.integers(100, 2000), st.floats(0, 20), st.floats(0, 20))  # fmt: skip
 def test_any_plan_is_consistent(

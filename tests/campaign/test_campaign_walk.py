@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import impedance
 from rig.campaign import build_plan
@@ -119,7 +120,7 @@ def test_a_stator_that_never_arrives_is_late_at_its_timeout() -> None:
     assert first_late.tick == 50 + 6000  # 60 s after the tare
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 @given(st.lists(st.integers(1, 40), min_size=3, max_size=30), st.floats(0.26, 2))
 def test_lost_ticks_do_not_shift_a_window(gaps: list[int], frequency: float) -> None:
     """A segment that ends by time ends on its planned tick despite gaps of up to 0.4 s."""
@@ -141,7 +142,7 @@ def test_lost_ticks_do_not_shift_a_window(gaps: list[int], frequency: float) -> 
     assert measured == {0, 1, 2}
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 @given(st.integers(0, 2600), st.integers(1, 300))
 def test_a_hold_restarts_the_row(begin: int, length: int) -> None:
     planned = small_plan()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.planning.multisine import (
     Multisine,
@@ -45,7 +46,7 @@ def test_the_band_of_the_mask4_report_has_241_lines() -> None:
     assert line_range(0.001, 0.01, 10.0) == range(1, 1)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.integers(20, 400), st.floats(0.001, 100.0),
     st.sampled_from([0.0, -0.5, -1.4]), st.integers(0, 2**32 - 1),

@@ -14,7 +14,7 @@ from rig_command import rig_here
 from rig.cli import calibration_dates
 from rig.cli import sweep as sweep_command
 from rig.kinds.wavebot.campaign import open_campaign
-from rig.sweep import sweep
+from rig.sweeps import sweep
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 MAP = """\

@@ -18,8 +18,9 @@ from rig_command import rig
 from rig.analysis import summary
 from rig.analysis.report import PROGRESS
 from rig.analysis.run_products import RunProducts
+from rig.api.campaign_run import analyse
 from rig.cli.output import FAILED, FAULT, LOST, OK, STOPPED
-from rig.cli.run import _analyse, exit_code, row_as_json
+from rig.cli.run import exit_code, row_as_json
 from rig.cli.run_panel import RunPanel
 from rig.cli.stop_signals import repeated_interrupts
 from rig.config.problems import error_text
@@ -100,7 +101,7 @@ def test_ctrl_c_at_the_end_of_a_run_says_how_to_draw_later(point: str, tmp_path:
     (tmp_path / STATUS).write_text("{}")
     result: Any = SimpleNamespace(folder=tmp_path, outcome=ended(status="complete"))
     kind, importing = Kind(), Importing()
-    products = _analyse(kind, result, 4, importing, quiet=True)  # type: ignore[arg-type]
+    products = analyse(kind, result, 4, importing, lambda text: None)  # type: ignore[arg-type]
     left_out = f"pictures are not complete: draw them with `rig plot {tmp_path}`"
     assert (products.interrupted, products.trouble) == (left_out, "")
     assert json.loads((tmp_path / STATUS).read_text())["rows_done"] == 4

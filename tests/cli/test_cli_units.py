@@ -15,6 +15,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from rig.api import campaign_run
 from rig.cli import run as run_command
 from rig.cli.app import app
 from rig.cli.input_files import find_run
@@ -96,7 +97,7 @@ def test_an_unhandled_interrupt_ends_with_a_message(monkeypatch: pytest.MonkeyPa
     def interrupted(*_: object, **__: object) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rig.cli.check.kind_of_task", interrupted)
+    monkeypatch.setattr("rig.cli.check.open_task", interrupted)
     done = CliRunner().invoke(app, ["check", "x.yaml"])
     assert (done.exit_code, done.stderr) == (STOPPED, "\nrig check: interrupted\n")
 
@@ -205,8 +206,8 @@ def play(
 ) -> int:
     """Return the exit code of `rig run` for a valid campaign whose run has this outcome."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
-    monkeypatch.setattr(run_command, "run_task", lambda *a, **k: RunResult(folder, outcome, ""))
-    options = run_command.RunOptions()
+    monkeypatch.setattr(campaign_run, "run_task", lambda *a, **k: RunResult(folder, outcome, ""))
+    options = campaign_run.RunOptions()
     return run_command.run_named("run", campaign, folder.parent, options, as_json=as_json)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
+from random_examples import examples
 
 from rig.config.problems import ConfigError
 from rig.config.pydantic_errors import load
@@ -59,7 +60,7 @@ def config_error(attempt: Callable[[], object]) -> ConfigError | None:
     return None
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 @given(st.data())
 def test_invalid_values_are_reported_on_a_line_of_the_file(
     tmp_path_factory: Any, data: st.DataObject
@@ -82,7 +83,7 @@ def test_invalid_values_are_reported_on_a_line_of_the_file(
         assert json.loads(json.dumps(problem.as_dict(), allow_nan=False))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 @given(st.binary(max_size=40) | st.text(max_size=40).map(str.encode))
 def test_any_bytes_give_a_mapping_or_problems(tmp_path_factory: Any, content: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "bytes.yaml"

@@ -11,13 +11,13 @@ HERE = Path(__file__).parent
 
 
 def start(code: str, *fds: int) -> subprocess.Popen[str]:
-    """Run ``code`` (with this folder on its path) in a process that inherits ``fds``."""
+    """Run ``code`` (this folder and the one above on its path); the process inherits ``fds``."""
     return subprocess.Popen(
         [sys.executable, "-c", code, *(str(fd) for fd in fds)],
         pass_fds=fds,
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(HERE)},
+        env={**os.environ, "PYTHONPATH": f"{HERE}{os.pathsep}{HERE.parent}"},
     )
 
 

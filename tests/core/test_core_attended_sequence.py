@@ -8,6 +8,7 @@ import pytest
 from core_runs import bench_params, plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.people.attendance import NOBODY, Attendance, attendance, attended, record
 from rig.realtime import sequence
@@ -195,7 +196,7 @@ def test_a_manual_plan_is_preamble_open_segment_and_end(segments: Segments, armi
     ),
     st.booleans(),
 )  # fmt: skip
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_no_requests_lead_out_of_the_plan(steps: list[Any], manual: bool) -> None:
     """A valid segment, live only from hold or manual mode, DONE for good: always."""
     run = Plan(MANUAL_PLAN if manual else ROWS)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.realtime import clock
 from rig.realtime.clock import RealClock, VirtualClock, Wake
@@ -55,7 +56,7 @@ def test_ten_thousand_jittered_ticks_end_on_the_planned_tick(
     assert wake.now == pytest.approx(9.999)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 @given(
     st.lists(st.tuples(st.integers(0, 5 * PERIOD), st.integers(0, 3 * PERIOD)), max_size=60),
     st.integers(0, 10**15),

@@ -13,6 +13,7 @@ from core_runs import bench_params
 from core_wavebot import params
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.kinds.wavebot import tick as wavebot
 from rig.processes import handover
@@ -55,7 +56,7 @@ def bits(value: Any) -> Any:
 
 
 @pytest.mark.parametrize("rig", [wavebot.Params, BenchParams, PairParams])
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20))
 @given(data=st.data())
 def test_any_parameters_are_restored_bit_by_bit(rig: Any, data: Any) -> None:
     types = WAVEBOT_TYPES | {"rig": rig}

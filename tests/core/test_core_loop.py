@@ -15,6 +15,7 @@ from core_kinds import BENCH, BenchCommand, BenchSense
 from core_runs import DT, SAFETY, SHORT, LossyClock, RunResult, Sliders, bench, bench_params, run
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.realtime import loop, safety
 from rig.realtime.clock import VirtualClock
@@ -279,7 +280,9 @@ def test_ticks_keep_their_numbers_when_some_are_lost() -> None:
 
 
 @settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(25),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(st.dictionaries(st.integers(0, 480), st.integers(2, 10), max_size=25))
 def test_executed_and_skipped_add_up_to_elapsed(gaps: dict[int, int]) -> None:

@@ -11,6 +11,7 @@ import pytest
 from core_process import output, start
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox, SupervisorMessage
@@ -32,7 +33,7 @@ def test_an_empty_mailbox_reads_none(fd: int) -> None:
     assert Mailbox(fd, SupervisorMessage).read() is None
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(
     st.lists(st.tuples(st.floats(allow_nan=False), st.integers(-(2**63), 2**63 - 1)), max_size=9)
 )

@@ -14,6 +14,7 @@ from core_kinds import BenchRow, PairRow
 from core_runs import unflatten
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import signals
 from rig.kinds.wavebot import tick as wavebot
@@ -69,7 +70,7 @@ def packed_row(row_type: Any, row: Any) -> bytes:
     return bytes(buffer[8:-8])
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80))
 @given(ROW_TYPES, st.data())
 def test_any_nested_type_is_laid_out_the_same_everywhere(row_type: Any, data: Any) -> None:
     found = leaves(row_type)

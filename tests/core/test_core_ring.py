@@ -16,6 +16,7 @@ from core_process import output, start
 from core_runs import unflatten
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.recording import ring
 from rig.recording.ring import ProducerState, RingReader, RingWriter, TornRowError
@@ -84,7 +85,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(st.integers(2, 9), STEPS)
 def test_the_ring_behaves_like_a_list(capacity: int, steps: list[tuple[str, int]]) -> None:
     ring_fd = ring.create(Row, capacity)

@@ -11,6 +11,7 @@ from core_kinds import AXIS, DT
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from random_examples import examples
 
 from controllers.signals import AxisSense, Demand
 from rig.kinds import registry
@@ -253,5 +254,5 @@ class Interleavings(RuleBasedStateMachine):
             assert mode in (STOP_1, STOP_0)
 
 
-Interleavings.TestCase.settings = settings(max_examples=150, stateful_step_count=25, deadline=None)
+Interleavings.TestCase.settings = settings(max_examples=examples(150), stateful_step_count=25)
 TestInterleavings = Interleavings.TestCase

@@ -9,12 +9,13 @@ import pytest
 from core_runs import plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.realtime import sequence
 from rig.realtime.sequence import NO_ROW, Phase, Segments
 
 FLAGS = 3
-MANY = settings(max_examples=200, deadline=None)
+MANY = settings(max_examples=examples(200))
 
 
 @st.composite

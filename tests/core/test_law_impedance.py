@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 from scipy import signal
 
 from controllers import biquads, impedance
@@ -102,7 +103,7 @@ def test_the_first_force_is_within_one_step_of_zero(params: impedance.Params, v:
     assert demand.force == pytest.approx(expected)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(
     st.lists(st.tuples(TARGET, TARGET, TARGET, st.integers(1, 30)), min_size=2, max_size=10),
     st.floats(0.0, 1.0),

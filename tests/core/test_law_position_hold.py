@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import position_hold
 from controllers.blocks import finite
@@ -59,7 +60,7 @@ def ways(params: Params, x: float, goals: list[tuple[float, int]]) -> np.ndarray
     return np.array(out)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     PLACE,
     st.lists(st.tuples(PLACE, st.integers(1, 3000)), min_size=1, max_size=4),
@@ -82,7 +83,7 @@ def test_the_target_keeps_its_speed_and_acceleration(
         assert a[tick] <= 3.0 * acceleration * (1.0 + 1e-6) + 1e-6
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(PLACE, PLACE, st.floats(0.05, 0.5), st.floats(0.1, 2.0))
 def test_the_target_arrives_on_time_without_overshoot(
     x: float, goal: float, speed: float, acceleration: float
@@ -112,7 +113,7 @@ def test_arrived_reports_the_arrival() -> None:
     assert all(arrivals[arrivals.index(True) :])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(PLACE, st.lists(st.tuples(PLACE, st.integers(1, 400)), min_size=1, max_size=5))
 def test_no_change_of_goal_bumps_the_force(x: float, goals: list[tuple[float, int]]) -> None:
     """The bound is stiffness times travel of a tick plus the ramp's share of the force."""
@@ -147,7 +148,7 @@ def test_a_body_is_moved_home_and_held() -> None:
 
 
 @given(PLACE, PLACE, st.floats(-1.0, 1.0), st.integers(0, 1500))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 def test_a_new_zero_changes_nothing(x: float, goal: float, shift: float, ticks: int) -> None:
     """Relative to a zero that moved up, positions are lower and the force is the same."""
     state = settled_state(LAW, x)

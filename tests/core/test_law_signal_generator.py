@@ -8,6 +8,7 @@ from math import isfinite, nan, pi, sin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import signal_generator
 from controllers.signal_generator import CHIRP, NONE, SINE, STEP, Params, SetPoint
@@ -88,7 +89,7 @@ signals = st.builds(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.lists(st.tuples(signals, st.integers(1, 400)), min_size=1, max_size=6))
 def test_no_force_jumps(sets: list[tuple[SetPoint, int]]) -> None:
     """A tick changes the force by the amplitude's ramp and by the sine's slope, no more."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import station_keeping
 from controllers.blocks import finite
@@ -159,7 +160,7 @@ def energies(
     return power.sum() * DT, np.abs(power).sum() * DT, (gains.kp * v * v).sum() * DT
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(Motions, GAIN, GAIN, st.floats(-0.3, 0.3))
 def test_a_closed_path_never_gains_energy(
     parts: list[tuple[float, int]], kp: float, ki: float, station: float
@@ -181,7 +182,7 @@ def test_a_closed_path_never_gains_energy(
     assert got == pytest.approx(lost, abs=corner + 1e-9 * turnover)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(Motions)
 def test_contact_with_the_soft_stop_dissipates_energy(parts: list[tuple[float, int]]) -> None:
     x, v = travel(parts, 4.0)

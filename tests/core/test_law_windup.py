@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from controllers import biquads, impedance
 from controllers.biquads import Biquad
@@ -135,7 +136,7 @@ def test_within_limits_the_protection_changes_no_bit(sections: tuple[Biquad, ...
 
 @pytest.mark.parametrize("sections", [SLOW, RESONANT, RADIATION])
 @given(SHORTS, st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 def test_no_limit_enlarges_the_force_of_zc(
     sections: tuple[Biquad, ...], shorts: list[tuple[float, int]], seed: int
 ) -> None:
@@ -156,7 +157,7 @@ def test_no_limit_enlarges_the_force_of_zc(
 
 @pytest.mark.parametrize("sections", [INTEGRATOR, SLOW, RESONANT, RADIATION])
 @given(SHORTS, st.integers(0, 2**32 - 1), st.floats(0.01, 3.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 def test_a_passive_zc_stays_passive_under_any_limits(
     sections: tuple[Biquad, ...], shorts: list[tuple[float, int]], seed: int, f_hz: float
 ) -> None:

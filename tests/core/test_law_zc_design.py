@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 from scipy import signal
 
 from controllers import impedance
@@ -82,7 +83,7 @@ def test_a_sine_through_the_law_shows_zc(zc: Polynomials, f_hz: float) -> None:
     st.lists(st.floats(-100.0, 100.0), max_size=7),
     st.floats(-1e5, 1e5),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 def test_accepted_designs_are_stable_with_the_right_response(
     real: list[float], pairs: list[tuple[float, float]], zeros: list[float], gain: float
 ) -> None:
@@ -157,7 +158,7 @@ def test_all_problems_are_reported_at_once() -> None:
     st.lists(st.floats(), max_size=6),
     st.floats(1e-4, 0.01),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 def test_any_coefficients_are_accepted_or_refused(
     top: list[float], bottom: list[float], dt: float
 ) -> None:

@@ -19,7 +19,7 @@ from rig.identification.incident_waves import FORCES, WaveMakerLines, wave_maker
 from rig.kinds.wavebot.campaign import Campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import problems
 from rig.recording.runs import RunError
-from rig.sweep.counterfactual import (
+from rig.sweeps.counterfactual import (
     CounterfactualResult,
     RowComparison,
     correct_powers,

@@ -9,6 +9,7 @@ from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, ccitt, modbus
 from faulty_port import STEP, FaultyPort
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 from stream_subjects import BRIDGE, DIGITAL, NET, SERVO
 
 from drivers.compax3.servo import Servo
@@ -58,7 +59,7 @@ def test_a_servo_survives_any_answers(
         assert not any(index == 1100 and word for index, _, word in drive.writes)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     st.lists(
         st.tuples(
@@ -88,7 +89,7 @@ def test_a_bridge_reader_survives_any_frames(
     assert BridgePeer().frame(0.0)[:2] == b"\xeb\x90"
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.binary(min_size=338, max_size=338), st.lists(st.binary(max_size=60), max_size=20))
 def test_a_digital_reader_survives_any_calibration(block: bytes, stream: list[bytes]) -> None:
     class Mad(DigitalFtPeer):
@@ -108,7 +109,7 @@ def test_a_digital_reader_survives_any_calibration(block: bytes, stream: list[by
     assert reader.explain(port.time)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.lists(st.tuples(st.binary(max_size=80), st.floats(0.0, 0.05)), max_size=40))
 def test_a_net_reader_survives_any_datagrams(datagrams: list[tuple[bytes, float]]) -> None:
     reader, now = NetReader(NET), 0.0
@@ -123,7 +124,7 @@ def test_a_net_reader_survives_any_datagrams(datagrams: list[tuple[bytes, float]
         assert isinstance(reader.explain(now), str)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.lists(st.binary(max_size=300), max_size=20))
 def test_a_digital_reader_survives_any_answers(answers: list[bytes]) -> None:
     class Mad(DigitalFtPeer):

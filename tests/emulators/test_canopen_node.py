@@ -6,6 +6,7 @@ import pytest
 from can_rig import ACTUATOR, AMC, HEAVE, RATED, STATOR, BusProbe, manual_rig, rpdo
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from sim_plant.emulators.device_objects import Objects
 from sim_plant.emulators.eds_file import load_entries
@@ -142,7 +143,7 @@ def test_invalid_pdo_mapping_is_refused() -> None:
     assert tap.write(HEAVE, 0x1602, 1, 0x60640020, 4) == 0x06040041  # an RPDO cannot write it
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=20))
 def test_any_frame_leaves_the_node_working(frames: list[tuple[int, bytes]]) -> None:
     _, tap, schedule = SHARED

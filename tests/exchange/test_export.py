@@ -128,7 +128,7 @@ def test_netcdf_and_csv(run: Path, tmp_path: Path) -> None:
         (["--as", "mat"], "200 Hz does not divide its 100 Hz"),
         (
             ["--as", "mat", "--rate", "50", "-r", "1"],
-            "--field and --row work with netcdf and csv only",
+            "fields and rows can be chosen with netcdf and csv only",
         ),
         (["--as", "csv", "-f", "power.thermal"], "no field 'power.thermal'"),
         (["--as", "netcdf", "-r", "9"], "no row 9 in this run (rows: 0 to 4)"),

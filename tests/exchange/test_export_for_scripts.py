@@ -185,8 +185,8 @@ def test_ticks_that_the_loop_skipped_are_nan(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("run", "options", "message"),
     [
-        ("cots", ("--as", "csv"), "--for-scripts works with mat only"),
-        ("cots", ("--as", "netcdf"), "--for-scripts works with mat only"),
+        ("cots", ("--as", "csv"), "signals for scripts work with mat only"),
+        ("cots", ("--as", "netcdf"), "signals for scripts work with mat only"),
         ("cots", ("--as", "mat", "--rate", "100"), "100 Hz, but the scripts of the test count"),
         ("bench_flap", ("--as", "mat"), "no MASK4 structure without drive_command.settings."),
         ("modular", ("--as", "mat"), "no MASK4 structure without"),

@@ -284,7 +284,7 @@ def test_every_tick_is_an_option(run: Path, tmp_path: Path) -> None:
     assert rated.read_bytes() == path.read_bytes()
     process = rig("export", run, "--as", "csv", "--every-tick", "--rate", "50", "-o", path)
     assert process.returncode == 2
-    assert "--every-tick and --rate 50 exclude each other" in process.stderr
+    assert "the run's own rate and 50 Hz exclude each other" in process.stderr
     mat = tmp_path / "x.mat"
     process = rig("export", run, "--as", "mat", "--every-tick", "--for-scripts", "-o", mat)
     assert "1000 Hz, but the scripts of the test count samples at 200 Hz" in process.stderr

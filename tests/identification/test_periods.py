@@ -48,7 +48,8 @@ def test_a_common_period_is_a_whole_number_of_ticks(periods: list[float], ticks:
 
 
 @pytest.mark.parametrize(
-    ("periods", "message"), [([20.0], "on no tick"), ([7.0, 9.0], "no common")]
+    ("periods", "message"),
+    [([20.0], "shorter than"), ([2.0**0.5], "on no tick"), ([7.0, 9.0], "no common")],
 )
 def test_a_window_without_a_common_period_is_refused(periods: list[float], message: str) -> None:
     with pytest.raises(ValueError, match=message):

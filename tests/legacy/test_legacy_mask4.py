@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 from scipy.io import loadmat
 
 from rig.config.problems import ConfigError
@@ -226,7 +227,7 @@ def matrices(draw: st.DrawFn) -> GainMatrix:
     return GainMatrix(columns, tuple(repeated))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 @given(matrices())
 def test_added_auxiliary_rows_are_recovered(matrix: GainMatrix) -> None:
     played = add_auxiliary_rows(matrix.rows, kp=1, ki=2, spring=0)
@@ -243,7 +244,9 @@ def test_added_auxiliary_rows_are_recovered(matrix: GainMatrix) -> None:
 
 @pytest.mark.parametrize("suffix", [".csv", ".xlsx"])
 @settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(30),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(matrix=matrices(), header=st.booleans())
 def test_write_and_read_round_trip(

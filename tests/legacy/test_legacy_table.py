@@ -11,6 +11,7 @@ import openpyxl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 from scipy.io import savemat
 
 from rig.config.problems import ConfigError
@@ -183,7 +184,7 @@ def check_refused_or_finite(path: Path) -> None:
 SUPPRESSED = [HealthCheck.function_scoped_fixture]
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=SUPPRESSED)
+@settings(max_examples=examples(150), suppress_health_check=SUPPRESSED)
 @given(data=st.data(), kind=st.sampled_from([".xlsx", ".csv"]))
 def test_damaged_file_raises_only_config_error(
     file_contents: dict[str, bytes], tmp_path: Path, data: st.DataObject, kind: str
@@ -205,7 +206,7 @@ def test_file_that_crashes_the_reader_is_refused(
     assert "not readable as a MATLAB file" in message_of(lambda: read_table(path))
 
 
-@settings(max_examples=4, deadline=None, suppress_health_check=SUPPRESSED)
+@settings(max_examples=4, suppress_health_check=SUPPRESSED)
 @given(data=st.data())
 def test_damaged_matlab_file_does_not_end_this_process(
     file_contents: dict[str, bytes], tmp_path: Path, data: st.DataObject

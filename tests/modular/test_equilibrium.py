@@ -29,7 +29,7 @@ from rig.campaign.simulated_rows import is_settled
 from rig.design.static_stability import largest_gain, unstable_motion
 from rig.kinds.modular.equilibrium import equilibrium_check
 from rig.kinds.rig_file import kind_of_task
-from rig.sweep.simulator import campaign_kind, problems
+from rig.sweeps.simulator import campaign_kind, problems
 
 BODY, MOORING = 30_762.7, 4_000.0  # N/m
 SERIES = BODY * MOORING / (BODY + MOORING)

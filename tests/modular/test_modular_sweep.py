@@ -202,7 +202,7 @@ def test_law_with_hidden_memory_is_refused(tmp_path: Path) -> None:
 
 def test_edited_law_is_another_sweep(tmp_path: Path) -> None:
     """The folder of a sweep, and so its stored cases, depends on the file of each law."""
-    from rig.sweep.sweep import open_sweep
+    from rig.sweeps.sweep import open_sweep
 
     path = make_campaign(tmp_path, "law of a file, nonlinear damping")
     first = open_sweep(path, [], tmp_path, sequential=False, lead_in=5.0).folder

@@ -68,7 +68,7 @@ def test_the_address_is_printed_when_the_run_starts(
             view(Snapshot(row, 0, 0, ""))
         raise BusyError("the wire is taken")
 
-    monkeypatch.setattr("rig.cli.run.run_task", refuse)
+    monkeypatch.setattr("rig.api.campaign_run.run_task", refuse)
     code, output, errors = rig_here("run", "quick", "--page", "--json", "--runs", tmp_path)
     assert code == FAILED
     assert "the wire is taken" in output

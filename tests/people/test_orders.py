@@ -10,6 +10,7 @@ import pytest
 from attended_run import POLL_TICKS, AttendedRun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from rig.people.orders import ARMING_S, REQUESTS, Asker
 from rig.people.seat import LEASE_S
@@ -508,7 +509,7 @@ _sequences = given(st.lists(acts, min_size=5, max_size=40), st.booleans(), st.bo
 _settings = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 
 
-@settings(max_examples=60, **_settings)  # type: ignore[arg-type]
+@settings(max_examples=examples(60), **_settings)  # type: ignore[arg-type]
 @_sequences
 def test_whatever_people_ask(steps: Any, manual: bool, powered: bool) -> None:
     check_sequence(steps, manual=manual, powered=powered)
@@ -516,7 +517,7 @@ def test_whatever_people_ask(steps: Any, manual: bool, powered: bool) -> None:
 
 @pytest.mark.slow
 @pytest.mark.long("orders")
-@settings(max_examples=1000, **_settings)  # type: ignore[arg-type]
+@settings(max_examples=examples(1000), **_settings)  # type: ignore[arg-type]
 @_sequences
 def test_whatever_people_ask_a_thousand_times(steps: Any, manual: bool, powered: bool) -> None:
     check_sequence(steps, manual=manual, powered=powered)

@@ -12,8 +12,8 @@ from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.predictions.prediction import Prediction
 from rig.kinds.wavebot.predictions.rows import predict
 from rig.kinds.wavebot.rehearsal.job import problems
-from rig.sweep import sweep
-from rig.sweep.executors import thread_executor
+from rig.sweeps import sweep
+from rig.sweeps.executors import thread_executor
 
 __all__ = [
     "CONFIGS",

@@ -122,7 +122,7 @@ def test_long_plan_is_simulated_in_part_and_completely_on_request(
 ) -> None:
     path = write_law_campaign(tmp_path, "wavebot", "declutching")
     complete = check(path, "--simulate")
-    monkeypatch.setattr("rig.sweep.simulated_check.MAX_SECONDS", 10.0)
+    monkeypatch.setattr("rig.sweeps.simulated_check.MAX_SECONDS", 10.0)
     part = check(path)
     assert part["simulated"] == complete["simulated"][:1]
     assert part["simulated_extent"].startswith("the first 1 of 2 rows")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rig.recording import row_layout
@@ -62,7 +63,7 @@ def as_message(store: Any, row: Any, hint: type) -> Any:
     return store.types[row_layout.schema(hint).name](*values)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(st.data())
 def test_all_layouts_agree(data: st.DataObject) -> None:
     row_type = data.draw(row_types())
@@ -82,7 +83,7 @@ def test_all_layouts_agree(data: st.DataObject) -> None:
     assert bytes(encoded) == row_layout.CDR_HEADER + packed
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(row_types())
 def test_the_schema_gives_the_layout(row_type: Any) -> None:
     assert row_layout.schema(row_type).leaves == row_layout.leaves(row_type)

@@ -24,8 +24,8 @@ from rig.kinds.wavebot.tick.stations import STATIONS
 from rig.processes.run_types import Snapshot
 from rig.processes.tick_compiler import compile_job, source_of
 from rig.stations import station_names
-from rig.sweep import sweep
-from rig.sweep.executors import thread_executor
+from rig.sweeps import sweep
+from rig.sweeps.executors import thread_executor
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

@@ -25,6 +25,7 @@ from rig.analysis.certificate import (
 )
 from rig.analysis.rehearsed_faults import write_rehearsed_faults
 from rig.analysis.rows import row_table
+from rig.api import campaign_run
 from rig.campaign import resolved_config
 from rig.cli import run as run_command
 from rig.kinds.wavebot.campaign import open_campaign
@@ -217,11 +218,11 @@ def test_an_incomplete_rehearsal_has_none(rehearsal: Path, tmp_path: Path) -> No
 def run_on_devices(path: Path, runs: Path, monkeypatch: pytest.MonkeyPatch) -> int:
     """Run a campaign of a wired rig with the simulated plant where its devices would be."""
     monkeypatch.setattr(
-        run_command,
+        campaign_run,
         "_execution_mode",
         lambda tasks, checked, options: tasks.rehearsal_mode(checked, real_clock=False),
     )
-    options = run_command.RunOptions(interpreted=True)
+    options = campaign_run.RunOptions(interpreted=True)
     return run_command.run_named("run", path, runs, options, as_json=True)
 
 

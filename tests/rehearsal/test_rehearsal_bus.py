@@ -17,8 +17,9 @@ from command_here import rig
 from rehearsing import CONFIGS, load_rows, rehearse, write_campaign
 
 from rig.analysis.rows import row_table
+from rig.api.campaign_run import RunOptions
 from rig.cli.output import BAD_INPUT, FAULT, OK
-from rig.cli.run import RunOptions, run_named
+from rig.cli.run import run_named
 from rig.kinds.wavebot import tasks
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import problems

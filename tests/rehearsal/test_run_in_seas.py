@@ -15,6 +15,7 @@ from rehearsing import CONFIGS, write_yaml
 
 from rig.analysis.points import gain_matrix
 from rig.analysis.rows import COMPLETE, row_table, stations_of
+from rig.api import campaign_run
 from rig.campaign import build_plan, open_campaign
 from rig.cli import run as run_command
 from rig.execution.replay import replay
@@ -131,12 +132,12 @@ def test_on_wires_the_next_sea_waits_for_people(
     """The wave maker needs another sea, and the water must calm."""
     wired = str(CONFIGS / "rigs" / "wavebot_hil.yaml")
     monkeypatch.setattr(
-        run_command,
+        campaign_run,
         "_execution_mode",
         lambda tasks, checked, options: tasks.rehearsal_mode(checked, real_clock=False),
     )
     path = write_campaign(tmp_path, SEEDS, rig=wired)
-    options = run_command.RunOptions(interpreted=True)
+    options = campaign_run.RunOptions(interpreted=True)
     code = run_command.run_named("run", path, tmp_path / "runs", options, as_json=True)
     output = capsys.readouterr()
     (folder,) = (tmp_path / "runs").iterdir()

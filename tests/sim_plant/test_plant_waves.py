@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_data import reference
 from plant_files import bem
+from random_examples import examples
 
 from sim_plant import sea_states
 from sim_plant.bem import excitation_at
@@ -91,7 +92,7 @@ def test_regular_repeat(frequency: float, repeat: float) -> None:
 
 
 @given(st.integers(1, 2000), st.integers(1, 1000))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 def test_any_rational_frequency_repeats_exactly(numerator: int, denominator: int) -> None:
     frequency = numerator / denominator
     if frequency > 2.0:

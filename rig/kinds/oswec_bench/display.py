@@ -6,7 +6,7 @@ from typing import Any
 from rig.kinds.oswec_bench.config.session_file import SESSION_COLUMNS
 from rig.kinds.oswec_bench.sessions.check import SessionReport
 from rig.kinds.oswec_bench.sessions.plan import SessionPlan
-from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY
+from rig.kinds.oswec_bench.tick.signals import TORQUE, VELOCITY, DriveMode
 from rig.kinds.oswec_bench.tick.stations import STATIONS
 from rig.log_fields import RATE, FieldLimit, LogFields, age_limit, current_limits
 from rig.presentation.campaign_text import ShownField, fields_text, power_text, set_point_text
@@ -96,7 +96,7 @@ _LIMITS = (
 def log_fields(rig: Any) -> LogFields:
     """Return labels and limits of the log fields, and the labels of a session's set points."""
     settings = {each.key: (each.label, unit_text(each.unit)) for each in SESSION_COLUMNS}
-    return LogFields(_LABELS, _LIMITS, settings)
+    return LogFields(_LABELS, _LIMITS, settings, {"command.mode": tuple(DriveMode.__members__)})
 
 
 def show_report(report: SessionReport, *, every_row: bool) -> None:

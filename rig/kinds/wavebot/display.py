@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from controllers.signals import Modulation
 from rig.campaign import CheckReport
 from rig.kinds.wavebot.campaign import Plan
 from rig.kinds.wavebot.check_view import CheckView
@@ -58,7 +59,8 @@ def log_fields(rig: Any) -> LogFields:
     rotor_travel = FieldLimit(
         "spring.rotor_travel_stop_m", "load.rotor_angle", scale=1.0 / rig.spring.metres_per_radian
     )
-    return LogFields(_LABELS, (*_LIMITS, rotor_travel))
+    values = {"drive_command.settings.scheme": tuple(Modulation.__members__)}
+    return LogFields(_LABELS, (*_LIMITS, rotor_travel), values=values)
 
 
 def show_report(report: CheckReport, *, every_row: bool) -> None:

@@ -8,6 +8,7 @@ from drive_402 import PARAMS, STATUSWORD, Drive, DriveLoop
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from random_examples import examples
 
 from drivers.cia402.state_machine import DisarmReason
 from drivers.cia402.state_table import Goal
@@ -84,5 +85,5 @@ class Interleavings(RuleBasedStateMachine):
             assert out == (0x02 if inputs.goal == Goal.QUICK_STOP else 0x00, 0, 0, 0)
 
 
-Interleavings.TestCase.settings = settings(max_examples=100, stateful_step_count=30, deadline=None)
+Interleavings.TestCase.settings = settings(max_examples=examples(100), stateful_step_count=30)
 TestInterleavings = Interleavings.TestCase

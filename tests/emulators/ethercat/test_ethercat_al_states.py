@@ -9,6 +9,7 @@ from frame_master import FPWR, INIT, LRW, OP, PREOP, SAFEOP, FrameMaster
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from random_examples import examples
 
 ERROR = ACKNOWLEDGE = 0x10
 NEXT = {INIT: PREOP, PREOP: SAFEOP, SAFEOP: OP}
@@ -191,7 +192,7 @@ class AnyRequests(RuleBasedStateMachine):
             assert not getattr(device, "powered", False)
 
 
-AnyRequests.TestCase.settings = settings(max_examples=40, stateful_step_count=30, deadline=None)
+AnyRequests.TestCase.settings = settings(max_examples=examples(40), stateful_step_count=30)
 TestAnyRequests = AnyRequests.TestCase
 
 

@@ -8,6 +8,7 @@ import pytest
 from frame_master import FPRD, FPWR, LOGICAL, LRD, LRW, LWR, FrameMaster
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 from sim_plant.emulators.ethercat import fmmu
 from sim_plant.emulators.ethercat.controller import SlaveController
@@ -104,7 +105,7 @@ def test_watchdog_defaults_and_counts() -> None:
     octets=st.integers(1, 12), memory=st.binary(min_size=16, max_size=16),
     sent=st.binary(min_size=12, max_size=12),
 )  # fmt: skip
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_bits_of_an_fmmu_against_a_bit_by_bit_model(
     start: int, length: int, start_bit: int, end_bit: int, physical_bit: int, offset: int,
     octets: int, memory: bytes, sent: bytes,

@@ -8,6 +8,7 @@ import pytest
 from frame_master import FPRD, FPWR, INIT, PREOP, SDO_REQUEST, SDO_RESPONSE, FrameMaster
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_examples import examples
 
 ROOM = 128 - 6  # octets of a box behind its header
 
@@ -189,7 +190,7 @@ MAPPABLE = st.sampled_from([0x60400010, 0x60710010, 0x60600008, 0x00000008])
     entries=st.lists(MAPPABLE, max_size=32),
     sizes=st.lists(st.integers(1, ROOM - 10), min_size=1, max_size=30),
 )  # fmt: skip
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 def test_segmented_complete_access_both_ways(entries: list[int], sizes: list[int]) -> None:
     master = FrameMaster("torque_drive")
     master.reach_preop()

@@ -74,7 +74,7 @@ def emulate_task(path: Path, rig: Path) -> tuple[RigFile, IoProcess, str]:
     """Return the rig of a campaign run on a rig file, its emulated devices and their setting."""
     report = check(path, rig)
     if report.campaign is None:
-        raise ConfigError(report.problems)
+        raise ConfigError(report.problems, report.unchecked)
     campaign = report.campaign
     setting = f"{campaign.file.sea.description()}, once the rig's wave trigger is on"
     return campaign.rig, emulator_process(campaign), setting

@@ -1,4 +1,4 @@
-"""A modular rig's compiled tick with its plant: the room that sweeps use (`rig.sweep.simulator`).
+"""A modular rig's compiled tick with its plant: the room that sweeps use (`rig.sweeps.simulator`).
 
 The modules of this package import the readers of BEM files, which takes a second. The functions
 here import them when they need them.

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
+from rig.api.campaign_run import RunOptions
 from rig.cli.input_files import SESSIONS
 from rig.cli.options import RUNS, Json, Realtime, Rig, Runs, Sim
-from rig.cli.run import EXIT_CODES, RunOptions, run_named
+from rig.cli.run import EXIT_CODES, run_named
 from rig.kinds.registry import find
 
 __all__ = ["EXIT_CODES", "command"]

@@ -19,6 +19,7 @@ class SessionReport(NamedTuple):
     checked: Session | None
     plan: SessionPlan | None
     warnings: tuple[Problem, ...] = ()  # there are none about a session that can be run
+    unchecked: tuple[str, ...] = ()  # checks that the problems prevented
 
     @property
     def ok(self) -> bool:
@@ -57,7 +58,7 @@ class SessionReport(NamedTuple):
     def text(self) -> str:
         """Return the report for people: one problem a line, or the summary."""
         if self.problems:
-            return problems_text(self.problems)
+            return problems_text(self.problems, self.unchecked)
         sources = (
             [(f.role, display_path(f.path)) for f in self.checked.files] if self.checked else []
         )
@@ -69,6 +70,7 @@ class SessionReport(NamedTuple):
             "file": display_path(self.path),
             "ok": self.ok,
             "problems": [problem.as_dict() for problem in self.problems],
+            "unchecked": list(self.unchecked),
         }
         if self.checked is not None and self.plan is not None:
             file, plan = self.checked.file, self.plan
@@ -103,7 +105,7 @@ def check_session(
     try:
         session = open_session(path, further_check, rig)
     except ConfigError as error:
-        return SessionReport(path, error.problems, None, None)
+        return SessionReport(path, error.problems, None, None, unchecked=error.unchecked)
     return SessionReport(path, (), session, plan_session(session))
 
 

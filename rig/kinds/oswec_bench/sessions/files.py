@@ -114,7 +114,9 @@ def open_session(
             reader.problems.append(session_source.locate.problem((key,), row_count, message))
         else:
             expanded_points = session_points(file, session_source.locate)
+    later = ["the set points against the limits and the correction"]
     if file is not None and not reader.problems:
+        later = []
         computed_correction = reader.attempt(
             lambda: session_correction(
                 file, expanded_points, correction_files, session_source.locate
@@ -126,7 +128,9 @@ def open_session(
     if further_check is not None:
         parts = SessionParts(session_source, rig_source, plant, rig, file)
         reader.problems += further_check(parts)
-    reader.raise_problems()
+    if rig is None or rig.wiring is not None:
+        later.append("the wires of the rig")
+    reader.raise_problems(*later)
     assert file is not None
     assert rig is not None
     assert limits is not None

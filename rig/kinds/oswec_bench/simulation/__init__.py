@@ -1,5 +1,5 @@
 """The bench's compiled tick with bench or flap: the room that sweeps of sessions use
-(`rig.sweep.simulator`).
+(`rig.sweeps.simulator`).
 
 The module of the simulator imports the analysis of sessions, which takes a second. The function
 here imports it when it needs it.

@@ -65,7 +65,7 @@ class SessionSimulator(row_simulation.Simulator):
         return session_run(self._metadata, points, state), simulation.reason, simulation.seconds
 
     def results(self, check: Callable[[], None]) -> tuple[dict[str, Any], float]:
-        """Return the results of a simulation as of `rig.sweep.simulator`, and its duration, s.
+        """Return the results of a simulation as of `rig.sweeps.simulator`, and its duration, s.
 
         Raises ValueError if a session that was not cut short gives none.
         """

@@ -22,6 +22,10 @@ _RUNS = (
     "A run in calm water with an open-loop reference, then later runs in waves and wave "
     "calibrations. Each as folder, MCAP file, id, campaign, or 'last'."
 )
+_OTHER_KINDS = (
+    "on any rig with power stations, a campaign with `adaptive:` looks for the best row itself: "
+    "`rig copy adaptive` has an example"
+)
 _NAMES = ", ".join(option_names(shown(STATIONS)))
 
 
@@ -60,7 +64,7 @@ def command(
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
     with input_errors("recommend", as_json=as_json):
-        paths = [find_run_of_kind(KIND, name, runs) for name in run_names]
+        paths = [find_run_of_kind(KIND, name, runs, _OTHER_KINDS) for name in run_names]
         if campaign is not None:
             campaign = input_file(campaign, CAMPAIGNS)
         options = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)

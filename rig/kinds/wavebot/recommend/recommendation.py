@@ -29,7 +29,7 @@ from rig.kinds.wavebot.recommend.set_points import (
     SetPointPredictor,
     open_on_twin,
 )
-from rig.kinds.wavebot.twin import plant_file
+from rig.kinds.wavebot.twin import needed_runs, plant_file
 from rig.kinds.wavebot.twin.estimate import Twin, identify_twin
 from rig.recording.runs import RunError, run_info
 from rig.stations import Station
@@ -149,10 +149,10 @@ def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> 
 
     Raises RunError, ValueError or `ConfigError`, as `identify_twin` and `open_campaign` do.
     """
-    base = options.campaign or _last_campaign_in_waves(runs)
     twin = identify_twin(
         runs, options.plant, options.probe, incomplete_rows=options.incomplete_rows
     )
+    base = options.campaign or _last_campaign_in_waves(runs)
     plant, *_ = plant_file.write(twin, folder / plant_file.FOLDER)
     predictor = SetPointPredictor(open_on_twin(base, plant), twin)
     space = search_space(predictor, options.spring)
@@ -164,7 +164,9 @@ def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> 
     ]
     rows = choose_rows(space, optima, options.station, options.rows)
     if not rows:
-        raise RunError("no setting near the best is allowed by the limits of the rig")
+        message = "no setting near the best is allowed by the limits of the rig"
+        needed = "a campaign with a smaller sea (--campaign FILE), or another range of --spring"
+        raise RunError(f"{message}; allowed {needed}")
     with_intervals = predictor.with_intervals([row.prediction for row in rows], measured)
     rows = [row._replace(prediction=one) for row, one in zip(rows, with_intervals, strict=True)]
     return Recommendation(options, base, predictor, tuple(optima), tuple(rows), tuple(measured))
@@ -178,11 +180,7 @@ def _last_campaign_in_waves(runs: Sequence[Path]) -> Path:
             continue
         if run_facts.plan.get("device") == "absent" or run_facts.plan.get("reference"):
             continue
-        paths = [
-            one["path"] for one in run_facts.config.get("files", []) if one["role"] == "campaign"
-        ]
-        if paths and Path(paths[0]).is_file():
-            return Path(paths[0])
-    raise RunError(
-        "no run in waves whose campaign file still exists: name the sea by --campaign FILE"
-    )
+        if (path := needed_runs.campaign_of(run_facts)) is not None:
+            return path
+    needed = needed_runs.in_waves_text([run_info(run) for run in runs])
+    raise RunError(f"no run in waves whose campaign file still exists; {needed}")

@@ -1,4 +1,4 @@
-"""The WaveBot's compiled tick with its plant: the room that sweeps use (`rig.sweep.simulator`).
+"""The WaveBot's compiled tick with its plant: the room that sweeps use (`rig.sweeps.simulator`).
 
 The modules of this package import numpy, and the twin xarray. The functions here import them when
 they need them.

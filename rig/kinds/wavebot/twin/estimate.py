@@ -9,7 +9,7 @@ from rig.config.shipped_files import PLANTS
 from rig.config.yaml_source import load_mapping
 from rig.identification.identify import IdentificationOptions, identify
 from rig.kinds.wavebot.rehearsal.bem_files import bem_paths
-from rig.kinds.wavebot.twin import drivetrain, seas
+from rig.kinds.wavebot.twin import drivetrain, needed_runs, seas
 from rig.kinds.wavebot.twin.group import Group
 from rig.kinds.wavebot.twin.hull import Hull, identify_hull
 from rig.kinds.wavebot.twin.records import Record, read_records
@@ -21,6 +21,9 @@ from sim_plant.bem import read_bem
 GUIDE_FRICTION_DEVIATION = 20.0
 """N, engineering choice: uncertainty of the dry friction that lateral load on the guide adds in
 waves, used if no row in waves was measured."""
+
+
+_MAX_NOTES = 3  # in a message
 
 
 class Template(NamedTuple):
@@ -76,7 +79,9 @@ def identify_twin(
     calibrations = [wave_calibration.is_calibration(item.plan) for item in run_facts]
     measured_runs = [run for run, sea in zip(runs, calibrations, strict=True) if not sea]
     if not measured_runs:
-        raise RunError(f"{', '.join(map(str, runs))}: no run with the device in the water")
+        names = ", ".join(map(str, runs))
+        needed = needed_runs.identification_text(run_facts)
+        raise RunError(f"{names}: no run with the device in the water; {needed}")
     runs_read = [read_records(run, incomplete_rows=incomplete_rows) for run in measured_runs]
     measured = [record for item in runs_read for record in item.records]
     notes = [message for item in runs_read for message in item.excluded]
@@ -86,13 +91,20 @@ def identify_twin(
     drive, rated_voltage = template.plant["drive"], None
     if drive["kind"] == "custom":
         rated_voltage = float(drive["rated_voltage"]["value"])
+    if not any(each.has_excitation and each.sea is None for each in records):
+        in_waves = sum(each.sea is not None for each in records)
+        names = ", ".join(item.facts.run for item in runs_read)
+        message = needed_runs.no_calm_water_text(run_facts, in_waves)
+        raise RunError("; ".join([f"{names}: {message}", *_first(notes)]))
     try:
         hull = identify_hull(records)
         mechanics = drivetrain.identify_drivetrain(records, drivetrain.read_shape(template.plant))
         motor = drivetrain.identify_winding(records)
         loss = drivetrain.identify_drive_loss(records, rated_voltage)
     except ValueError as error:
-        raise RunError(f"{', '.join(item.facts.run for item in runs_read)}: {error}") from None
+        names = ", ".join(item.facts.run for item in runs_read)
+        needed = needed_runs.identification_text(run_facts)
+        raise RunError("; ".join([f"{names}: {error}; {needed}", *_first(notes)])) from None
     if not any(item.sea is not None for item in records):
         mechanics = mechanics.with_uncertainty(drivetrain.WAVES, GUIDE_FRICTION_DEVIATION)
         notes.append(
@@ -111,6 +123,12 @@ def identify_twin(
         tuple(measured),
         tuple(notes),
     )
+
+
+def _first(notes: Sequence[str]) -> list[str]:
+    """Return the first few notes on excluded rows, for a message."""
+    more = [f"and {len(notes) - _MAX_NOTES} more"] if len(notes) > _MAX_NOTES else []
+    return [*(f"left out: {note}" for note in notes[:_MAX_NOTES]), *more]
 
 
 def _template(run_facts: RunInfo, plant: Path | None) -> Template:
@@ -151,6 +169,11 @@ def _coefficient(
         run for run, facts_of_run in zip(runs, run_facts, strict=True)
         if facts_of_run.plan.get("reference") or wave_calibration.is_calibration(facts_of_run.plan)
     ]  # fmt: skip
-    identified = identify(usable_runs, IdentificationOptions(probe=probe))
+    try:
+        identified = identify(usable_runs, IdentificationOptions(probe=probe))
+    except RunError as error:
+        needed = "leave out the wave calibrations for the excitation of the BEM file, or "
+        needed += needed_runs.identification_text(run_facts)
+        raise RunError(f"{error}; {needed}") from None
     notes += identified.notes
     return seas.merge_identified(bem, identified.excitations, _force_lag(template))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from pydantic import Field
 from rig.config.model import FileModel, TupleOf
-from rig.config.problems import ConfigError, Problem
+from rig.config.problems import ConfigError, Problem, problems_text
 from rig.config.task_file import FolderName
 from rig.design.estimator import design
 from rig.planning.input_files import FileReader
@@ -56,19 +56,20 @@ class Report(NamedTuple):
     checked: HoldTest | None
     plan: Plan | None
     warnings: tuple[Problem, ...] = ()
+    unchecked: tuple[str, ...] = ()  # checks that the problems prevented
 
     @property
     def ok(self) -> bool:
         return not self.problems
 
     def text(self) -> str:
-        lines = [problem.text() for problem in self.problems]
-        if self.plan is not None:
-            lines.append(f"{len(self.plan.rows)} holds in {self.plan.duration:g} s")
-        return "\n".join(lines)
+        if self.plan is None:
+            return problems_text(self.problems, self.unchecked)
+        return f"{len(self.plan.rows)} holds in {self.plan.duration:g} s"
 
     def to_json(self) -> str:
-        return json.dumps({"ok": self.ok, "problems": [each.as_dict() for each in self.problems]})
+        problems = [each.as_dict() for each in self.problems]
+        return json.dumps({"ok": self.ok, "problems": problems, "unchecked": self.unchecked})
 
 
 def examine(
@@ -83,7 +84,7 @@ def examine(
         parts: list[Any] = [*map(reader.validated, (task, of_rig, *named), models)]
         reader.raise_problems()
     except ConfigError as error:
-        return Report(path, error.problems, None, None)
+        return Report(path, error.problems, None, None, unchecked=error.unchecked)
     test = HoldTest(*parts)
     return Report(path, (), test, build_plan(test.file, test.rig))
 

@@ -33,9 +33,9 @@ from rig.planning.windows import repeat_period
 from rig.presentation.phrases import format_power
 from rig.row_contents import LAW, PANEL, Column, RowContents, X, Y
 from rig.stations import find, station_names
-from rig.sweep.parameters import OPTION
-from rig.sweep.simulator import CampaignSimulator, problems, simulation_of
-from rig.sweep.task import ALL_ROWS, SimulatedCase, SweepParameter, TableContents, file_entries
+from rig.sweeps.parameters import OPTION
+from rig.sweeps.simulator import CampaignSimulator, problems, simulation_of
+from rig.sweeps.task import ALL_ROWS, SimulatedCase, SweepParameter, TableContents, file_entries
 
 if TYPE_CHECKING:
     import xarray
@@ -227,7 +227,7 @@ class CampaignTasks:
         self, table: "xarray.Dataset", folder: Path, measured: Path | None
     ) -> list[Path]:
         """Write power surfaces, and power over the parameters."""
-        from rig.sweep.pictures import write_pictures  # noqa: PLC0415  (half a second to import)
+        from rig.sweeps.pictures import write_pictures  # noqa: PLC0415  (half a second to import)
 
         return write_pictures(table, folder, measured)
 

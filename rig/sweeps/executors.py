@@ -10,8 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from threading import Event
 from typing import Protocol
 
-from rig.sweep import InterruptedSweepError
-from rig.sweep.cases import Case, Outcome
+from rig.sweeps import InterruptedSweepError
+from rig.sweeps.cases import Case, Outcome
 
 _CASES_PER_THREAD = 2  # submitted per thread: no thread waits, and memory use stays constant
 

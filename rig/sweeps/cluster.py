@@ -17,9 +17,9 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.sweep.cases import Case, Cases, Outcome, SweepRequest
-from rig.sweep.executors import Executor, RunCase
-from rig.sweep.sweep import reopen_cases
+from rig.sweeps.cases import Case, Cases, Outcome, SweepRequest
+from rig.sweeps.executors import Executor, RunCase
+from rig.sweeps.sweep import reopen_cases
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -53,7 +53,7 @@ def cluster_executor(
     """Return the executor of a scheduler (``tcp://HOST:PORT``) for the cases of one sweep.
 
     ``digest`` is the digest that the workers' files and code must have
-    (`rig.sweep.sweep.Sweep.digest`). The executor calls ``on_chunk`` with each result. When
+    (`rig.sweeps.sweep.Sweep.digest`). The executor calls ``on_chunk`` with each result. When
     iterated, it raises ClusterError if Dask is not installed, the scheduler does not answer, or a
     worker refuses.
     """

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from rig.config.problems import Problem
 from rig.planning.input_files import InputFile, MappingLoader
-from rig.sweep.simulator import Simulator
+from rig.sweeps.simulator import Simulator
 
 if TYPE_CHECKING:
     import xarray

@@ -22,7 +22,7 @@ from rig.design.descent import descend
 from rig.planning.point import Point
 from rig.spectra.periods import Floats
 from rig.stations import Station
-from rig.sweep.campaigns import CampaignTask, CampaignTasks
+from rig.sweeps.campaigns import CampaignTask, CampaignTasks
 
 MAX_POINTS = 400  # of the matrix: more take minutes, and the search needs a start only
 ITERATIONS = 6  # of the search

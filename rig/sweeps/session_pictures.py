@@ -15,8 +15,8 @@ from rig.analysis.rows import COMPLETE
 from rig.presentation import picture
 from rig.presentation.phrases import unit_text
 from rig.presentation.picture import ACCENT, MUTED
-from rig.sweep.pictures import base_value, is_seed
-from rig.sweep.task import UNCERTAINTY, result_names
+from rig.sweeps.pictures import base_value, is_seed
+from rig.sweeps.task import UNCERTAINTY, result_names
 
 _COLUMNS = 3  # of panels
 _PANEL = (3.7, 2.15)  # in, width and height

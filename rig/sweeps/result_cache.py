@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.recording.runs.create import write_json
-from rig.sweep.cases import Outcome
+from rig.sweeps.cases import Outcome
 
 JOURNAL_FILE = "cases.jsonl"
 

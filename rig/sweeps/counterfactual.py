@@ -25,8 +25,8 @@ from rig.recording.runs.windows import Window, read_windows
 from rig.row_contents import RowContents
 from rig.spectra.periods import common_period_ticks
 from rig.stations import station_names
-from rig.sweep.campaigns import LEAD_IN, single_row_campaign, single_row_plan
-from rig.sweep.simulator import simulation_of
+from rig.sweeps.campaigns import LEAD_IN, single_row_campaign, single_row_plan
+from rig.sweeps.simulator import simulation_of
 
 MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
 AMPLITUDE_MARGIN = 1.1  # of the greatest logged amplitude; predictions beyond it are flagged

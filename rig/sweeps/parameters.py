@@ -16,8 +16,8 @@ from ruamel.yaml.error import YAMLError
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.sweep.simulator import simulation_of_rig
-from rig.sweep.task import SweepParameter, SweepTask, TaskType
+from rig.sweeps.simulator import simulation_of_rig
+from rig.sweeps.task import SweepParameter, SweepTask, TaskType
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")
@@ -173,22 +173,23 @@ def check_values(
     try:
         base = files.open()
     except ConfigError as error:
-        raise ConfigError([*parsed.problems, *error.problems]) from None
+        raise ConfigError([*parsed.problems, *error.problems], error.unchecked) from None
     swept: list[tuple[SweepTask, ...]] = []
-    problems_found = list(parsed.problems)
+    problems_found, unchecked = list(parsed.problems), list[str]()
     for parameter in parsed.parameters:
         variants: list[SweepTask] = []
         for value in parameter.values:
             try:
                 variants.append(files.open(((parameter, value),)))
             except ConfigError as error:
+                unchecked += error.unchecked
                 problems_found += [
                     _with_option_key(problem, parameter, files.tasks.noun)
                     for problem in error.problems
                 ]
         swept.append(tuple(variants))
     if problems_found:
-        raise ConfigError(problems_found)
+        raise ConfigError(problems_found, unchecked)
     return base, tuple(swept)
 
 

@@ -12,8 +12,8 @@ from rig.analysis.rows import COMPLETE
 from rig.config.problems import Problem
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.presentation.phrases import unit_text
-from rig.sweep.simulator import SessionSimulation, SessionSimulator
-from rig.sweep.task import (
+from rig.sweeps.simulator import SessionSimulation, SessionSimulator
+from rig.sweeps.task import (
     ALL_ROWS,
     SimulatedCase,
     SweepParameter,
@@ -89,7 +89,7 @@ class SessionTasks:
         self, table: "xarray.Dataset", folder: Path, measured: Path | None
     ) -> list[Path]:
         """Write the results over each parameter."""
-        from rig.sweep.session_pictures import write_pictures  # noqa: PLC0415  (half a second)
+        from rig.sweeps.session_pictures import write_pictures  # noqa: PLC0415  (half a second)
 
         return write_pictures(table, folder)
 

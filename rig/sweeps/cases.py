@@ -12,10 +12,10 @@ from functools import lru_cache
 from threading import Lock
 from typing import Any, NamedTuple
 
-from rig.sweep import InterruptedSweepError
-from rig.sweep.parameters import ParameterValues, TaskFiles
-from rig.sweep.simulator import Simulator
-from rig.sweep.task import SweepParameter, SweepTask
+from rig.sweeps import InterruptedSweepError
+from rig.sweeps.parameters import ParameterValues, TaskFiles
+from rig.sweeps.simulator import Simulator
+from rig.sweeps.task import SweepParameter, SweepTask
 
 _OPEN_VARIANTS = 4  # variants with tables in memory at a time
 

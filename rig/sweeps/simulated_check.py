@@ -10,7 +10,7 @@ from rig.campaign.plan import stage_plans
 from rig.campaign.simulated_rows import MAX_SECONDS, SimulatedRows, simulate_rows
 from rig.kinds.registry import KindError
 from rig.realtime.reasons import Reason
-from rig.sweep.simulator import CampaignSimulator, Simulator, simulation_of
+from rig.sweeps.simulator import CampaignSimulator, Simulator, simulation_of
 
 NOT_COMPILED = (
     "its loop with the plant is not compiled on this host yet; "

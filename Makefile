@@ -71,7 +71,6 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.docs.prose
-	@$(MAKE) --no-print-directory docs
 
 # Tests of runs in real time mostly wait. The other tests run at the same time, in the processor time
 # that these leave: at the kernel's idle priority, which every other process displaces at once.
@@ -92,6 +91,8 @@ SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
 export OWN_NETWORK := unshare --net sh -c 'ip link set lo up && exec "$$0" "$$@"'
 LOG := .pytest_cache/without_clock.log
+LINT_LOG := .pytest_cache/lint.log
+IDLE := $(shell command -v chrt >/dev/null && echo chrt --idle 0)
 
 # Rehearsals whose loop and plant are compiled start without the compiler and tick 20 times as fast.
 compiled: setup
@@ -100,24 +101,27 @@ compiled: setup
 	$(BIN)/rig compile configs/sessions/flap_free_decay.yaml >/dev/null; wait
 
 test: setup
-	@$(MAKE) --no-print-directory --jobs 2 lint compiled
 	@rm -rf $(FLAKY) .pytest_cache/with*_clock; mkdir -p .pytest_cache
-	@echo "tests in real time; the others at the same time, their output follows below"; \
+	@$(IDLE) $(MAKE) --no-print-directory lint docs >$(LINT_LOG) 2>&1 & lint=$$!; \
+	trap "kill $$lint 2>/dev/null" EXIT; \
+	$(MAKE) --no-print-directory compiled; \
+	echo "tests in real time; lint, site and the other tests at the same time, their output follows below"; \
 	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
-	trap "kill $$others 2>/dev/null" EXIT; \
+	trap "kill $$others $$lint 2>/dev/null" EXIT; \
 	two=popen; ! eval "$$OWN_NETWORK true" || two="2*popen//python=$$OWN_NETWORK $(BIN)/python"; \
 	$(PYTEST) $(PAIRED) --tx "$$two" --dist worksteal; paired=$$?; \
 	$(PYTEST) $(ALONE) -n 1; alone=$$?; \
 	wait $$others; without_clock=$$?; cat $(LOG); \
 	[ $$without_clock -eq 0 ] || $(PYTEST) $(WITHOUT_CLOCK) $(SECOND_TRY); without_clock=$$?; \
 	[ $$paired -eq 0 ] || $(PYTEST) $(PAIRED) $(SECOND_TRY); paired=$$?; \
-	[ $$alone -eq 0 ] || $(PYTEST) $(ALONE) $(SECOND_TRY) && [ $$paired$$without_clock = 00 ]
+	[ $$alone -eq 0 ] || $(PYTEST) $(ALONE) $(SECOND_TRY); alone=$$?; \
+	wait $$lint; lint=$$?; cat $(LINT_LOG); [ $$paired$$alone$$without_clock$$lint = 0000 ]
 	@if [ -s $(FLAKY) ]; then echo "FLAKY TESTS (failed once, then passed alone):"; cat $(FLAKY); fi
 
 test-long: LONG := all
 test-long: test
 
-test-fast: lint
+test-fast: lint docs
 	$(PYTEST) -m "not slow and not realtime" --long none -n 2 --dist worksteal
 
 # Ends with status 77 and the reason if no such kernel is available.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rig.api.errors import RigError
+    from rig.api.identification import Identification, identify
     from rig.api.progress import Progress
     from rig.api.rehearsal import Check, check, rehearse
     from rig.api.run import Run, RunOutcome, open
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Check",
+    "Identification",
     "Progress",
     "RigError",
     "Run",
@@ -25,6 +27,7 @@ __all__ = [
     "Section",
     "SweepResult",
     "check",
+    "identify",
     "open",
     "rehearse",
     "runs",
@@ -33,6 +36,7 @@ __all__ = [
 
 _MODULES = {
     "Check": "rehearsal",
+    "Identification": "identification",
     "Progress": "progress",
     "RigError": "errors",
     "Run": "run",
@@ -40,6 +44,7 @@ _MODULES = {
     "Section": "section",
     "SweepResult": "sweeps",
     "check": "rehearsal",
+    "identify": "identification",
     "open": "run",
     "rehearse": "rehearsal",
     "runs": "run_list",

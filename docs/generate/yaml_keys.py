@@ -116,15 +116,29 @@ def keys_without_meaning() -> dict[str, list[str]]:
     for kind in FILES.values():
         for model in kind.models.values():
             for each in _reached(model):
-                texts = meanings(each)
-                missing = [
-                    name
-                    for name, info in each.model_fields.items()
-                    if not (info.description or texts.get(name) or _selects(info))
-                ]
-                if missing:
+                if missing := keys_without_meaning_of(each):
                     found[f"{each.__module__}.{each.__qualname__}"] = missing
     return found
+
+
+def keys_without_meaning_of(model: Model) -> list[str]:
+    """Return the keys of a mapping that have no meaning in its model."""
+    texts = meanings(model)
+    return [
+        name for name, info in model.model_fields.items() if not _meaning(info, texts.get(name, ""))
+    ]
+
+
+def _meaning(info: FieldInfo, text: str) -> str:
+    """Return the meaning of a key: its own text, or that of the mapping below it."""
+    if text or info.description:
+        return sentence(text or info.description)
+    if _selects(info):
+        return "Selects this mapping."
+    below = list(dict.fromkeys(_models_in(info.annotation)))
+    if len(below) != 1:
+        return ""
+    return sentence(inspect.cleandoc(below[0].__doc__ or "").partition("\n\n")[0])
 
 
 def _section(heading: str, model: Model, file: str) -> str:
@@ -144,10 +158,7 @@ def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[
     values = ranges.allowed_values(model, (key,))
     range_text = values.description("") if values else ""
     reason = values.reason() if values else ""
-    text = info.description or text
-    if _selects(info):
-        text = text or "Selects this mapping."
-    meaning = sentence(text) + (f" Reason for the range: {reason}." if reason else "")
+    meaning = _meaning(info, text) + (f" Reason for the range: {reason}." if reason else "")
     return [
         code(key),
         _type(info.annotation, file),
@@ -196,16 +207,25 @@ def _type(annotation: Any, file: str) -> str:
         return f"mapping of {_type(arguments[1], file)} by name"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         where = "wiring.md" if annotation is Wiring and file != "wiring" else ""
-        return f"[{cell(_label(annotation))}]({where}#{annotation.__name__})"
+        return f"[{cell(_short(annotation))}]({where}#{annotation.__name__})"
     return _PLAIN.get(annotation, getattr(annotation, "__name__", "value").lower())
 
 
-def _label(model: Model) -> str:
-    """Return the name of a mapping: that of its class, in small letters, or its `kind`."""
-    kind = model.model_fields.get("kind")
-    choices = get_args(kind.annotation) if kind and get_origin(kind.annotation) is Literal else ()
+def _kind(model: Model) -> str:
+    """Return the value of the key `kind` that selects a mapping; empty if none does."""
+    info = model.model_fields.get("kind")
+    return str(get_args(info.annotation)[0]) if info and _selects(info) else ""
+
+
+def _short(model: Model) -> str:
+    """Return the name of a mapping in a table: its `kind`, or its class in small letters."""
     name = "".join(f" {c.lower()}" if c.isupper() else c for c in model.__name__).strip()
-    return f"{name} (kind: {choices[0]})" if len(choices) == 1 else name
+    return _kind(model) or name.removeprefix("_")
+
+
+def _label(model: Model) -> str:
+    """Return the name of a mapping in a heading."""
+    return f"`kind: {_kind(model)}`" if _kind(model) else _short(model).capitalize()
 
 
 def _reached(model: Model) -> list[Model]:

@@ -227,6 +227,7 @@ def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) 
     surfaces.draw_surfaces(bands[1, 1], table, 0.92 * picture.A4[0], compact=columns > 2)
 
 
+@picture.drawn_as(picture.DrawStyle())  # always the same page, in both formats
 def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Path]:
     """Write ``summary.pdf``, and the same page as ``summary.png`` for screens."""
     # The layout is for the surfaces; all else has a fixed place.

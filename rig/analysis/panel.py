@@ -1,7 +1,8 @@
 """One panel of a power picture: a surface over two columns, or a line plot for collinear points.
 
-The surface interpolates linearly between the measured points and ends at their convex hull; a
-missing point is not drawn as zero. Darker colours mean more absorbed power. Collinear points are
+The surface goes through the measured points, smooth between them, and ends at their convex hull; a
+missing point is not drawn as zero. With too few points for a surface, each one colours the region
+nearest to it. Darker colours mean more absorbed power. Collinear points are
 drawn as a line plot with power on the vertical axis.
 """
 
@@ -25,11 +26,13 @@ from rig.analysis.slices import (
     XY,
     Optimum,
     Slice,
+    interpolate,
+    is_smooth,
+    nearest_cells,
     slice_remarks,
     spans_surface,
-    triangulate,
 )
-from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, style_axes
+from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, for_paper, style_axes
 from rig.row_contents import Column, X, Y
 
 POWER_COLOURS = colormaps["YlGnBu_r"]  # most absorbed is dark blue; safe for colour-blind readers
@@ -83,25 +86,32 @@ def draw_surface(
     *,
     zero_line: bool = True,
 ) -> None:
-    """Draw colours and contours within the hull, the zero line and the measured points."""
-    mesh = triangulate(xy)
+    """Draw colours and contours within the hull, the zero line and the measured points.
+
+    Contours need enough points (`slices.is_smooth`).
+    """
     levels, colours, norm = colour_scale.levels, colour_scale.colours, colour_scale.norm
-    fine = np.linspace(levels[0], levels[-1], 8 * (len(levels) - 1) + 1)
-    axes.tricontourf(mesh, list(values), levels=fine, cmap=colours, norm=norm)
-    lines = [level for level in levels if min(values) < level < max(values)]
-    if lines:
-        style: dict[str, Any] = {"linewidths": 0.5, "linestyles": "solid", "alpha": 0.7}
-        axes.tricontour(mesh, list(values), levels=lines, colors="white", **style)
-    if zero_line and min(values) < 0.0 < max(values):
-        zero_contour = axes.tricontour(
-            mesh, list(values), levels=[0.0], colors=HIGHLIGHT, linewidths=1.6
+    smooth = is_smooth(xy)
+    if smooth:
+        mesh, field = interpolate(xy, values)
+        fine = np.linspace(levels[0], levels[-1], 8 * (len(levels) - 1) + 1)
+        axes.tricontourf(mesh, field, levels=fine, cmap=colours, norm=norm)
+        lines = [level for level in levels if min(values) < level < max(values)]
+        if lines:
+            style: dict[str, Any] = {"linewidths": 0.5, "linestyles": "solid", "alpha": 0.7}
+            axes.tricontour(mesh, field, levels=lines, colors="white", **style)
+    else:
+        axes.pcolormesh(
+            *nearest_cells(xy, values), cmap=colours, norm=norm, shading="nearest", rasterized=True
         )
+    if smooth and zero_line and min(values) < 0.0 < max(values):
+        zero_contour = axes.tricontour(mesh, field, levels=[0.0], colors=HIGHLIGHT, linewidths=1.6)
         halo: list[AbstractPathEffect] = [withStroke(linewidth=2.6, foreground=DARK)]
         zero_contour.set_path_effects(halo)
         for label in axes.clabel(zero_contour, fmt="0 W", fontsize=7):
             label.set_path_effects(halo)
     x, y = zip(*xy, strict=True)
-    axes.plot(x, y, "o", mfc="white", mec=DARK, mew=0.6, ms=3, clip_on=False)
+    axes.plot(x, y, "o", mfc="white", mec=DARK, mew=0.6, ms=2 if for_paper() else 3, clip_on=False)
     axes.use_sticky_edges = False
     axes.margins(0.05)
 
@@ -115,7 +125,17 @@ _ALIKE: dict[str, Any] = {
 
 def mark_best(axes: Axes, x: float, y: float) -> None:
     """Draw a star at the best point."""
-    axes.plot(x, y, "*", ms=13, mfc=ACCENT, mec="white", mew=0.9, clip_on=False, zorder=5)
+    axes.plot(
+        x,
+        y,
+        "*",
+        ms=8 if for_paper() else 13,
+        mfc=ACCENT,
+        mec="white",
+        mew=0.9,
+        clip_on=False,
+        zorder=5,
+    )
 
 
 def _mark_optimum(axes: Axes, slice_: Slice, best: Optimum) -> None:
@@ -128,7 +148,9 @@ def _mark_optimum(axes: Axes, slice_: Slice, best: Optimum) -> None:
 
 
 def set_caption(axes: Axes, text: str) -> None:
-    """Set the text directly above a panel."""
+    """Set the text directly above a panel; pictures for papers have none."""
+    if for_paper():
+        return
     axes.set_title(text, fontsize=7.5, color=ACCENT, pad=4)
 
 
@@ -286,7 +308,8 @@ def draw_overlay(
 
 def set_ticks(axes: Axes, *, few_ticks: bool = False) -> None:
     """Set ticks at round numbers on both axes, few enough not to overlap."""
-    axes.xaxis.set_major_locator(MaxNLocator(3 if few_ticks else 5, steps=_STEPS))
+    most = 3 if few_ticks or for_paper() else 5
+    axes.xaxis.set_major_locator(MaxNLocator(most, steps=_STEPS))
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=_STEPS))
 
 
@@ -318,12 +341,14 @@ def count_lines(captions: Sequence[str]) -> int:
 
 
 def add_heading(axes: Axes, text: str, lines: int, *, compact: bool = False) -> None:
-    """Add a heading above a panel whose caption has ``lines`` lines."""
+    """Add a heading above a panel whose caption has ``lines`` lines; wrapped for papers."""
+    if for_paper():
+        text = "\n".join(part for line in text.split("\n") for part in textwrap.wrap(line, 20))
     axes.annotate(
         text,
         (0.5, 1.0),
         xycoords="axes fraction",
-        xytext=(0, 8 + 11 * lines),
+        xytext=(0, 4 if for_paper() else 8 + 11 * lines),
         textcoords="offset points",
         ha="center",
         fontsize=7.5 if compact else 9,

@@ -7,11 +7,11 @@ therefore has its own slice.
 
 from collections.abc import Sequence
 from math import isclose
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
-from matplotlib.tri import TriAnalyzer, Triangulation
+from matplotlib.tri import CubicTriInterpolator, TriAnalyzer, Triangulation, UniformTriRefiner
 from scipy.special import gammaincinv
 
 from rig.analysis.labels import format_quantity, panel_title
@@ -75,6 +75,55 @@ def triangulate(points: Sequence[XY]) -> Triangulation:
     mask = thin & TriAnalyzer(index_mesh).get_flat_tri_mask(_MIN_CIRCLE_RATIO, rescale=False)
     x, y = np.array(points, dtype=np.float64).T
     return Triangulation(x, y, mesh.triangles, None if np.all(mask) else mask)
+
+
+_MIN_SMOOTH = 5  # points of a surface: fewer do not show its shape
+_SUBDIVISIONS = 3  # of a triangle's sides, each in halves
+_CELLS = 120  # along each axis, of a picture of cells
+
+
+def is_smooth(xy: Sequence[XY]) -> bool:
+    """Return whether points suffice for contours: five, with three values along an axis."""
+    levels = [len(set(axis)) for axis in zip(*xy, strict=True)]
+    return len(xy) >= _MIN_SMOOTH and max(levels) >= 3
+
+
+def interpolate(xy: Sequence[XY], values: Sequence[float]) -> tuple[Triangulation, Floats]:
+    """Return a fine mesh over the triangles of the points, and the values at its points.
+
+    The interpolation is cubic, goes through every point, and never leaves the range of the values;
+    the mesh never leaves the triangles. Points that are closer along one axis count as close as
+    their neighbours along the other.
+    """
+    mesh, indices = triangulate(xy), _grid_indices(xy)
+    even = Triangulation(indices[:, 0], indices[:, 1], mesh.triangles, mesh.mask)
+    fine, field = UniformTriRefiner(even).refine_field(
+        np.asarray(values, dtype=np.float64), CubicTriInterpolator(even, values, kind="geom"),
+        subdiv=_SUBDIVISIONS,
+    )  # fmt: skip
+    x, y = (
+        np.interp(numbers, np.arange(len(levels)), levels)
+        for numbers, levels in zip((fine.x, fine.y), _levels_of(xy), strict=True)
+    )
+    bounded = np.clip(field, min(values), max(values))
+    return Triangulation(x, y, fine.triangles, fine.mask), np.asarray(bounded)
+
+
+def _levels_of(xy: Sequence[XY]) -> list[Floats]:
+    """Return the values along each axis, rising."""
+    return [np.unique(np.array(axis, dtype=np.float64)) for axis in zip(*xy, strict=True)]
+
+
+def nearest_cells(xy: Sequence[XY], values: Sequence[float]) -> tuple[Floats, Floats, Any]:
+    """Return x and y of a fine grid and the value of the nearest point; masked beyond the hull."""
+    points, mesh = np.array(xy, dtype=np.float64), triangulate(xy)
+    low, span = points.min(axis=0), np.ptp(points, axis=0)
+    x, y = (np.linspace(a, a + b, _CELLS) for a, b in zip(low, span, strict=True))
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    steps = (grid[:, :, None, :] - points) / span
+    nearest = np.sum(steps**2, axis=-1).argmin(axis=-1)
+    triangles = np.asarray(mesh.get_trifinder()(grid[..., 0], grid[..., 1]))
+    return x, y, np.ma.masked_array(np.array(values)[nearest], triangles < 0)
 
 
 _VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal

@@ -122,7 +122,8 @@ def draw_surfaces(
         [slice_matrix(matrix, station.name, view.x, view.y, fixed) for fixed in fixed_settings]
         for station in stations.shown(matrix.stations)
     ]
-    grid: Any = figure.subplots(len(slices), len(fixed_settings), squeeze=False)
+    shape = len(slices), len(fixed_settings)
+    grid: Any = figure.subplots(*shape, squeeze=False)
     panel_width = (width - 1.0) / len(fixed_settings) - 0.4
     for i, of_station in enumerate(slices):
         captions = [
@@ -133,6 +134,10 @@ def draw_surfaces(
         if i == 0 and view.by_panel:
             for axes, (_, title) in zip(grid[i], panels(matrix), strict=True):
                 panel.add_heading(axes, title, panel.count_lines(captions), compact=compact)
+    if picture.for_paper() and shape[1] > 1:
+        for axes in grid[:, 1:].flat:  # rows have the same vertical axis
+            axes.tick_params(labelleft=False)
+            axes.set_ylabel("")
     figure.align_ylabels(grid)
 
 
@@ -243,12 +248,17 @@ def write_sliced(
     width = max(4.1 * len(slices) + 0.5, _MIN_WIDTH)
     slice_note = "other columns at the optimum of each station"
     caption = picture.sign_note(error_note(matrix.points))
+    height = 3.9 if not picture.for_paper() else 3.2 * -(-len(slices) // picture.paper_columns())
     figure, body = picture.framed_figure(
-        width, 3.9, title, table.attrs, caption, "" if fixed else slice_note
+        width, height, title, table.attrs, caption, "" if fixed else slice_note
     )
-    grid: Any = body.subplots(1, len(slices), squeeze=False)
+    columns = min(len(slices), picture.paper_columns() or len(slices))
+    rows = -(-len(slices) // columns)
+    grid: Any = body.subplots(rows, columns, squeeze=False)
+    for spare in grid.flat[len(slices) :]:
+        spare.set_axis_off()
     panel_width = width / len(slices) - 1.0
-    for plot, slice_ in zip(grid[0], slices, strict=True):
+    for plot, slice_ in zip(grid.flat, slices, strict=False):
         colour_scale = panel.power_scale(slice_.values) if slice_.values else None
         name = slice_.station.short_label
         caption = panel.format_caption(slice_, panel_width)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
 
 class Picture:
@@ -59,16 +60,24 @@ class Pictures(Mapping[str, Picture]):
         return f"<pictures: {', '.join(self._found) or 'none'}>"
 
 
-def read_tables(folder: Path, *, leave_out: Iterable[str]) -> "dict[str, pandas.DataFrame]":
-    """Return the tables (NetCDF) in a folder by name, with the units of their columns."""
+def read_tables(
+    folder: Path, *, leave_out: Iterable[str]
+) -> "dict[str, pandas.DataFrame | xarray.Dataset]":
+    """Return the tables (NetCDF) in a folder by name, with the units of their columns.
+
+    A table of more than one dimension is a Dataset.
+    """
     import xarray
 
-    found = {}
+    found: dict[str, pandas.DataFrame | xarray.Dataset] = {}
     for path in sorted(folder.glob("*.nc")):
         if path.name in set(leave_out):
             continue
         with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as stored:
             table = stored.load()
+        if len(table.sizes) != 1:  # as a DataFrame it would have every combination of lines
+            found[path.stem] = table
+            continue
         frame = table.to_dataframe()
         frame.attrs["units"] = {
             str(name): str(variable.attrs["units"])

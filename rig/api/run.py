@@ -273,8 +273,11 @@ class Run:
         return pandas.DataFrame.from_dict(measured, orient="index").rename_axis("constant")
 
     @cached_property
-    def tables(self) -> "dict[str, pandas.DataFrame]":
-        """The tables that the analysis wrote besides the row table, by name; units in `attrs`."""
+    def tables(self) -> "dict[str, pandas.DataFrame | xarray.Dataset]":
+        """The tables that the analysis wrote besides the row table, by name; units in `attrs`.
+
+        One of more than one dimension, such as an identification, is a Dataset.
+        """
         from rig.api.pictures import read_tables
 
         with public_errors():

@@ -219,6 +219,5 @@ def _html_table(table: ResultTable) -> str:
         )
         return f"<tr>{''.join(marked)}</tr>"
 
-    return (
-        f"<table>{line(table.heading, 'th')}{''.join(line(c, 'td') for c in table.lines)}</table>"
-    )
+    body = "".join(line(cells, "td") for cells in table.lines)
+    return f'<div class="results"><table>{line(table.heading, "th")}{body}</table></div>'

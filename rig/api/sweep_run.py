@@ -33,10 +33,21 @@ class SweepView(Protocol):
 class SweepRun:
     """A checked sweep: its cases, the dataset it writes, and the pictures of it."""
 
-    def __init__(self, opened: sweep.Sweep, out: Path | None, measured: Path | None) -> None:
-        """``out``: the NetCDF to write, else one in the folder of the sweep; ``measured``: a run to
-        draw over the rows of a campaign."""
+    def __init__(
+        self,
+        opened: sweep.Sweep,
+        out: Path | None,
+        measured: Path | None,
+        *,
+        redraw: bool = False,
+    ) -> None:
+        """``out``: the NetCDF to write, else one in the folder of the sweep.
+
+        ``measured``: a run to draw over the rows of a campaign; ``redraw``: draw a finished sweep
+        anew.
+        """
         self._opened, self._measured = opened, measured
+        self._redraw = redraw or measured is not None
         self.path = out or opened.folder / sweep.RESULT_FILE
         self._table: xarray.Dataset | None = None
         self._stored: dict[str, Any] | None = None
@@ -60,7 +71,7 @@ class SweepRun:
             if damaged:
                 journal = f"{opened.folder}/{JOURNAL_FILE}"
                 notice(f"left out {damaged} bytes of {journal}: not a complete case")
-            if not (remaining or self._measured):
+            if not (remaining or self._redraw):
                 self._stored = load_report(opened.folder, self.path)
             if self._stored is not None:
                 view.begin(len(opened.cases))

@@ -9,7 +9,7 @@ import typer
 from rig.analysis import comparison
 from rig.analysis.comparison_picture import write_comparison
 from rig.cli.input_files import find_run, run_folder
-from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
+from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, PictureFormat, PictureStyle, Runs
 from rig.cli.output import input_errors, print_result
 from rig.config.problems import error_text, parse_number
 from rig.recording.runs import run_info
@@ -32,6 +32,8 @@ def command(
         typer.Option("--output", "-o", help="PNG to write, with a CSV (default: in run B)."),
     ] = None,
     incomplete_rows: IncompleteRows = False,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

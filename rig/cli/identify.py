@@ -6,7 +6,15 @@ from typing import Annotated
 import typer
 
 from rig.cli.input_files import find_run, run_folder
-from rig.cli.options import RUNS, IncompleteRows, Json, OutputFolder, Runs
+from rig.cli.options import (
+    RUNS,
+    IncompleteRows,
+    Json,
+    OutputFolder,
+    PictureFormat,
+    PictureStyle,
+    Runs,
+)
 from rig.cli.output import input_errors, print_result
 from rig.identification import comparison, report
 from rig.identification.bem import read_bem
@@ -36,6 +44,8 @@ def command(
     output: OutputFolder = None,
     pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
     incomplete_rows: IncompleteRows = False,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

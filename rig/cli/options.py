@@ -1,5 +1,6 @@
 """Options and default folders that the commands share."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -53,6 +54,59 @@ OutputFolder = Annotated[
 ]
 _READ_BY = "Apply this calibration: NAME, NAME@VERSION or a file; one per quantity."
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
+
+_STYLES = {"screen": (False, 2), "paper": (True, 2), "paper-single": (True, 1)}
+FORMATS = ("png", "pdf", "svg")
+
+
+def _require(value: str, allowed: Iterable[str]) -> None:
+    """Refuse a value of an option that is not one of those allowed."""
+    if value not in allowed:
+        raise typer.BadParameter(f"{value} is not known; allowed {', '.join(allowed)}")
+
+
+def _set_style(context: typer.Context, value: str | None) -> str | None:
+    """Draw the pictures of a command in a style, until the command ends."""
+    if value is not None:
+        _require(value, _STYLES)
+        from rig.presentation import picture  # matplotlib
+
+        paper, columns = _STYLES[value]
+        style = picture.current_style()._replace(paper=paper, columns=columns)
+        context.with_resource(picture.drawn_as(style))
+    return value
+
+
+def _set_format(context: typer.Context, value: str | None) -> str | None:
+    """Write the pictures of a command in a format, until the command ends."""
+    if value is not None:
+        _require(value, FORMATS)
+        from rig.presentation import picture  # matplotlib
+
+        format_ = next(each for each in picture.FORMATS if each == value)
+        context.with_resource(picture.drawn_as(picture.current_style()._replace(format=format_)))
+    return value
+
+
+PictureStyle = Annotated[
+    str | None,
+    typer.Option(
+        "--style",
+        metavar="|".join(_STYLES),
+        callback=_set_style,
+        help="Pictures for screens (default), or for papers: no run header and captions, 8 pt, as "
+        "wide as two columns of a page (paper) or one (paper-single).",
+    ),
+]
+PictureFormat = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        metavar="|".join(FORMATS),
+        callback=_set_format,
+        help="Format of the pictures (default: that of the file's name, else png).",
+    ),
+]
 
 IncompleteRows = Annotated[
     bool,

@@ -8,7 +8,16 @@ import typer
 
 from rig.analysis.run_products import DrawOptions
 from rig.cli.input_files import find_calibrations, find_run, products_of
-from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Run, Runs
+from rig.cli.options import (
+    RUNS,
+    IncompleteRows,
+    Json,
+    PictureFormat,
+    PictureStyle,
+    ReadBy,
+    Run,
+    Runs,
+)
 from rig.cli.output import OK, input_errors
 
 
@@ -46,6 +55,8 @@ def command(
     ] = None,
     calibration: ReadBy = None,
     incomplete_rows: IncompleteRows = False,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rig.api.sweep_run import SweepRun, find_executor
 from rig.cli import calibration_dates
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, find_run, input_file
-from rig.cli.options import RUNS, TASK_HELP, Json, Runs
+from rig.cli.options import RUNS, TASK_HELP, Json, PictureFormat, PictureStyle, Runs
 from rig.cli.output import FAILED, OK, STOPPED, fail, input_errors, print_json
 from rig.config.problems import error_text
 from rig.presentation.phrases import clock_text
@@ -76,6 +76,8 @@ def command(
     sweeps: Annotated[Path, typer.Option("--sweeps", help="Folder that holds the sweeps.")] = Path(
         "sweeps"
     ),
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
@@ -108,7 +110,7 @@ def command(
     executor = find_executor(opened, jobs, scheduler)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
     notice = (lambda text: None) if as_json else _notice
-    run = SweepRun(opened, out, measured)
+    run = SweepRun(opened, out, measured, redraw=bool(style or picture_format))
     try:
         prepare = None if scheduler else compile_loop  # workers compile for themselves
         run.compute(executor, view, notice, prepare)

@@ -35,7 +35,7 @@ class ScaleCorrection(FileModel):
     """Corrected = factor * recorded."""
 
     kind: Literal["scale"]
-    factor: float = Field(ge=-1e6, le=1e6)
+    factor: float = Field(ge=-1e6, le=1e6)  # on the recorded value
 
     @field_validator("factor")
     @classmethod
@@ -58,8 +58,8 @@ class TableCorrection(FileModel):
     """Corrected = interpolation between pairs; beyond the ends there is no correction."""
 
     kind: Literal["table"]
-    recorded: TupleOf[float] = Field(min_length=2, strict=False)
-    corrected: TupleOf[float] = Field(min_length=2, strict=False)
+    recorded: TupleOf[float] = Field(min_length=2, strict=False)  # values, rising
+    corrected: TupleOf[float] = Field(min_length=2, strict=False)  # value for each recorded one
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check equal lengths, rising recorded and strictly monotone corrected values.
@@ -86,8 +86,8 @@ class RunRange(FileModel):
     """Runs of a numbered series, from (included) to before (excluded)."""
 
     series: str = Field(min_length=1, max_length=64)  # as in MASK4_051
-    first: WholeNumber | None = Field(default=None, alias="from", ge=0, le=10**9)
-    before: WholeNumber | None = Field(default=None, ge=0, le=10**9)
+    first: WholeNumber | None = Field(default=None, alias="from", ge=0, le=10**9)  # first run
+    before: WholeNumber | None = Field(default=None, ge=0, le=10**9)  # first run beyond the range
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that at least one end is given and that the range is not empty."""
@@ -97,8 +97,8 @@ class RunRange(FileModel):
 class DateRange(FileModel):
     """Days in UTC on which a run started, from (included) to before (excluded)."""
 
-    first: str | None = Field(default=None, alias="from")
-    before: str | None = None
+    first: str | None = Field(default=None, alias="from")  # first day
+    before: str | None = None  # first day beyond the range
 
     @field_validator("first", "before")
     @classmethod
@@ -165,15 +165,17 @@ class CalibrationFile(FileModel):
     """One version of a calibration."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)
-    version: WholeNumber = Field(ge=1, le=10_000)
-    quantity: str = Field(max_length=64)
-    unit: str
-    correction: Correction
+    """Of the calibration, for all its versions."""
+    version: WholeNumber = Field(ge=1, le=10_000)  # number of the version
+    quantity: str = Field(max_length=64)  # recorded quantity that is corrected
+    unit: str  # of the quantity
+    correction: Correction  # from recorded to corrected values
     valid: Validity
     outside: Literal["refuse", "unchanged"]  # treatment of values outside the validity
     supersedes: WholeNumber | None = Field(default=None, ge=1, le=10_000)
-    source: str = Field(min_length=1)
-    reason: str = Field(min_length=1)
+    """Version that it replaces."""
+    source: str = Field(min_length=1)  # of the values
+    reason: str = Field(min_length=1)  # for this version
     stroke_m: TupleOf[Stroke] | None = Field(default=None, strict=False)  # of a spring map
 
     @field_validator("quantity")

@@ -35,8 +35,8 @@ class CampaignHead(FileModel):
     """The first keys of a campaign file, so that those of a kind may precede the matrix."""
 
     name: FolderName
-    rig: str = Field(min_length=1)  # file, relative to this one, or the name of a shipped rig
-    plant: str | None = Field(default=None, min_length=1)  # file or name; replaces that of the rig
+    rig: str = Field(min_length=1)  # file, relative to this one
+    plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
     seed: Seeds = 1  # several: the rows are measured in the sea of each, one after the other
     sea: Sea  # or the name of a file that holds it
     tank: Tank | None = None  # or the name of a file
@@ -60,8 +60,8 @@ class BaseCampaignFile(CampaignHead):
     reference: Reference | None = None  # open-loop force, in addition to the feedback
     tare: TareOrNone = Tare()  # None: `none` in the file
     order: str = "as given"  # a kind narrows it to `RowOrder`, or to that and one of least travel
-    """Order of the rows; a random one is drawn by the seed."""
-    repeat: WholeNumber = Field(default=1, ge=1, le=1000)  # times that each row is measured
+    repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+    """Number of times that each row is measured."""
     adaptive: AdaptiveRows | None = None  # None: all rows of the matrix are measured, in order
 
     @field_validator("reference", mode="before")

@@ -197,17 +197,18 @@ def combination_model(
     With ``grid`` that of all combinations of given values; the last given column changes fastest.
     """
 
-    def field(kind: Any, required: bool, text: str | None = None) -> Any:
+    def field(kind: Any, required: bool, label: str) -> Any:
         values = tuple_of(kind) if grid else kind
         values = values if required else values | None
-        kind = Annotated[values, ExpandValues] if grid else values
-        return (kind, Field(... if required else None, description=text))
+        default = Field(... if required else None, description=label)
+        return (Annotated[values, ExpandValues] if grid else values, default)
 
     types, first = kind_columns.types, kind_columns.first
-    fields = {} if first is None else {first.key: field(types[first.key], True)}
+    fields = {} if first is None else {first.key: field(types[first.key], True, first.label)}
     for column in law_columns:
-        fields[column.key] = field(law_column_type(column), column.default is None, column.help)
-    fields |= {each.key: field(types[each.key], False) for each in kind_columns.others}
+        required, text = column.default is None, column.help or column.label
+        fields[column.key] = field(law_column_type(column), required, text)
+    fields |= {each.key: field(types[each.key], False, each.label) for each in kind_columns.others}
     return create_model("Grid" if grid else "Combination", __base__=MatrixColumns, **fields)
 
 
@@ -219,13 +220,12 @@ class Matrix(GivenKeys):
     """The gain matrix, given in exactly one of three forms; `matrix_model` adds the columns."""
 
     grid: TupleOf[MatrixColumns] | None = Field(default=None, min_length=1, strict=False)
-    """All combinations of the values of each grid; the last column changes fastest."""
+    """Products of the values of the columns."""
     combinations: TupleOf[MatrixColumns] | None = Field(
         default=None, min_length=1, alias="list", strict=False
     )
-    """One row for each entry."""
-    csv: str | None = Field(default=None, min_length=1)
-    """File, relative to this one, with the names of the columns in its first line."""
+    """One mapping of columns for each row."""
+    csv: str | None = Field(default=None, min_length=1)  # file, relative to this one
 
     @model_validator(mode="before")
     @classmethod

@@ -111,7 +111,7 @@ def emulated_rig(
         for each in tasks.wired_mode(short.checked, emulated=True).io_processes
         if each.starts_first
     )
-    with _running_devices(emulator, folder) as (control, devices):
+    with running_devices(emulator, folder) as (control, devices):
         rig = EmulatedRig(tasks, short, long or short, control, devices, folder, motion)
         fields = [leaf.name for leaf in leaves(rig.task.kind.row_type)]
         if motion is not None and motion.field not in fields:
@@ -124,7 +124,12 @@ def emulated_rig(
 
 
 @contextmanager
-def _running_devices(emulator: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+def running_devices(emulator: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+    """Run emulated devices while the context is open; yield their control port and process.
+
+    Their standard error is `emulation.stderr` in ``folder``. Raises IoProcessError with the reason
+    if they do not start.
+    """
     lifeline, parent_end = os.pipe()  # the devices end when this process dies
     job = handover.dumps(IoJob(emulator.config, {}, lifeline))
     devices = Child(emulator.module, job, (lifeline,), folder / "emulation.stderr")

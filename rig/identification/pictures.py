@@ -224,6 +224,7 @@ _MAX_ROWS = 12  # rows of a table; further rows are only in the JSON file
 _MAX_NOTES = 4
 
 
+@picture.drawn_as(picture.DrawStyle())  # always the same page, in both formats
 def write_page(identification: Identification, folder: Path) -> list[Path]:
     """Write ``identification.pdf`` and the same page as ``identification.png``."""
     figure = Figure(figsize=picture.A4, layout="constrained")

@@ -1,13 +1,20 @@
-"""Frame of every result picture: title, run and stamp of the execution mode."""
+"""Frame of every result picture: title, run and stamp of the execution mode; style and format.
+
+Pictures for papers have neither frame nor panel captions, the width of one column or two, and texts
+of 8 points. A context of `drawn_as` sets style and format for all pictures drawn in it.
+"""
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
+from matplotlib.text import Text
 from matplotlib.textpath import TextPath
 
 from rig.presentation import phrases
@@ -20,6 +27,53 @@ _WARNING_LETTERS = 11.5  # per inch, of a warning
 _SUBTITLE_LETTERS = 14.5  # per inch, of a subtitle
 _GAP = 0.2  # in, between the subtitle and the run to its right
 _DPI = 150
+_PAPER_DPI = 300  # of pictures for papers, of what is no vector in them
+_PAPER_FONT = 8.0  # points
+_PAPER_WIDTHS = {1: 3.5, 2: 7.16}  # in, of one and of two columns of a journal page
+_AS_TEXT: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+}  # other programs can search and edit it
+
+Format = Literal["png", "pdf", "svg"]
+FORMATS: tuple[Format, ...] = ("png", "pdf", "svg")
+
+
+class DrawStyle(NamedTuple):
+    """Appearance of pictures and the format of their files."""
+
+    paper: bool = False
+    columns: int = 2  # of a journal page, for papers
+    format: Format | None = None  # None: that of the file's name
+
+
+_style = DrawStyle()
+
+
+@contextmanager
+def drawn_as(style: DrawStyle) -> Iterator[None]:
+    """Draw all pictures of a context in a style; processes forked in it do so, too."""
+    global _style  # noqa: PLW0603 - one style for a command, as in matplotlib's rcParams
+    before, _style = _style, style
+    try:
+        yield
+    finally:
+        _style = before
+
+
+def current_style() -> DrawStyle:
+    """Return the style in which pictures are drawn now."""
+    return _style
+
+
+def for_paper() -> bool:
+    """Return whether pictures are drawn for papers now."""
+    return _style.paper
+
+
+def paper_columns() -> int:
+    """Return the number of columns of a journal page that pictures cover; 0 for screens."""
+    return _style.columns if _style.paper else 0
 
 
 def framed_figure(
@@ -35,8 +89,11 @@ def framed_figure(
 
     ``width`` and ``height`` (in) are those of the body. ``note`` stands after the run. ``subtitle``
     stands below the title, or on its own line if it does not fit next to the run; a long title gets
-    a smaller font. ``warning`` is shown in a coloured box below them.
+    a smaller font. ``warning`` is shown in a coloured box below them. For papers there is only the
+    body, scaled to the width of one column or two.
     """
+    if _style.paper:
+        return _paper_figure(width, height)
     title_width = width - 3.5  # in, left of the stamp
     read_by = f"calibration {attributes['read_by']}" if attributes.get("read_by") else ""
     subtitle = "; ".join(filter(None, (read_by, subtitle)))
@@ -79,6 +136,16 @@ def framed_figure(
     return figure, body
 
 
+def _paper_figure(width: float, height: float) -> tuple[Figure, SubFigure]:
+    """Return a figure with a body of ``width`` by ``height`` (in), scaled to a journal page."""
+    paper_width = _PAPER_WIDTHS[_style.columns]
+    # Fonts keep their size, so panels need more height than the scale of the width would leave.
+    height *= min(1.0, max(0.6, paper_width / width))
+    figure = Figure(figsize=(paper_width, height), layout="constrained")
+    body: Any = figure.subfigures(1, 1)
+    return figure, body
+
+
 def _inches(text: str, size: float) -> float:
     """Return the width (in) of a line of text in a font of ``size`` points."""
     return float(TextPath((0.0, 0.0), text, size=size).get_extents().width) / 72.0 if text else 0.0
@@ -102,9 +169,19 @@ def style_axes(axes: Axes) -> None:
 
 
 def save(figure: Figure, path: Path, dpi: float = _DPI, **savefig_options: Any) -> Path:
-    """Write the picture in the format of the file name; options are those of `Figure.savefig`."""
+    """Write the picture; options are those of `Figure.savefig`. Return the path.
+
+    The format is that of the style; without one, that of the file's name.
+    """
+    if _style.format is not None:
+        path = path.with_suffix(f".{_style.format}")
+    if _style.paper:
+        dpi = _PAPER_DPI
+        for text in figure.findobj(Text):
+            text.set_fontsize(_PAPER_FONT)
     lay_out(figure, dpi)
-    figure.savefig(path, dpi=dpi, **savefig_options)
+    with mpl.rc_context(_AS_TEXT):
+        figure.savefig(path, dpi=dpi, **savefig_options)
     return path
 
 

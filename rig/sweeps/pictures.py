@@ -6,6 +6,7 @@ on surfaces, markers at the parameter value of the campaign's own files on lines
 
 import itertools
 import json
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from rig.analysis import panel
 from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.rows import COMPLETE, row_table, stations_of
-from rig.analysis.slices import XY
+from rig.analysis.slices import XY, spans_surface
 from rig.analysis.surfaces import NO_POINTS, write_surfaces
 from rig.config import ranges
 from rig.config.problems import format_number
@@ -26,6 +27,8 @@ from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.row_contents import LAW, PANEL, Column, X, Y
 from rig.stations import shown, station_names
 
+_MAX_COLUMNS = 4  # of panels side by side
+_MAX_TICKS = 6
 _MAX_LINES = 40  # of one panel; more cannot be distinguished
 
 
@@ -55,12 +58,21 @@ def write_pictures(table: xarray.Dataset, folder: Path, run: Path | None = None)
     caption = "; ".join(filter(None, (_format_values(table, best), measured.caption)))
     written = [write_surfaces(rows, folder / "surfaces.png", measured.points, caption)]
     swept = [name for name in _parameter_names(table) if _is_number(table, name)]
-    if swept:
-        written.append(_write_lines(table, best, swept, folder / "parameters.png", measured))
+    for number, names in enumerate(_groups(swept), 1):
+        path = folder / f"parameters{f'_{number}' if number > 1 else ''}.png"
+        written.append(_write_lines(table, best, names, path, measured))
     quantities = [name for name in swept if not is_seed(name)]
     for x, y in itertools.combinations(quantities, 2):
         written.append(_write_map(table, best, x, y, folder / f"map_{x}_{y}.png"))
+    if len(quantities) > 2:
+        x, y, by, *_ = sorted(quantities, key=lambda name: -table.sizes[name])
+        written.append(_write_facets(table, best, (x, y, by), folder / "facets.png"))
     return written
+
+
+def _groups(names: list[str]) -> list[list[str]]:
+    """Return the names in groups that fit side by side."""
+    return [names[i : i + _MAX_COLUMNS] for i in range(0, len(names), _MAX_COLUMNS)]
 
 
 def best_indices(table: xarray.Dataset) -> dict[str, int] | None:
@@ -123,7 +135,8 @@ def _format_values(table: xarray.Dataset, indices: dict[str, int]) -> str:
 def _format_value(table: xarray.Dataset, name: str, index: int) -> str:
     value = table[name].values[index]
     text = format_number(float(value)) if isinstance(value, np.floating) else str(value)
-    return f"{name} {text} {table[name].attrs.get('units', '')}".rstrip()
+    label, unit = parameter_label(table, name)
+    return f"{label} {text} {unit}".rstrip()
 
 
 def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
@@ -163,6 +176,59 @@ def base_value(table: xarray.Dataset, name: str) -> float | None:
     return float(inside) if isinstance(inside, int | float) else None
 
 
+def _write_facets(
+    table: xarray.Dataset, indices: dict[str, int], names: tuple[str, str, str], path: Path
+) -> Path:
+    """Plot the best power over two parameters for each value of a third, stations as rows."""
+    x, y, by = names
+    chosen = _spread(table.sizes[by], _MAX_COLUMNS)
+    others = {key: index for key, index in indices.items() if key not in names}
+    fixed = _format_values(table, others)
+    beneath = "; ".join(filter(None, ("at the best row of each point", fixed)))
+    title = f"Best power by {parameter_label(table, by)[0]}: {_campaign(table)}"
+    stations = shown(stations_of(table))
+    width, height = max(6.6, 3.1 * len(chosen) + 0.8), 2.3 * len(stations) + 0.4
+    figure, body = picture.framed_figure(width, height, title, table.attrs, subtitle=beneath)
+    panels: Any = body.subplots(len(stations), len(chosen), squeeze=False, sharex=True, sharey=True)
+    for row, station in zip(panels, stations, strict=True):
+        power = _complete(table, station.name)
+        for axes, index in zip(row, chosen, strict=True):
+            picture.style_axes(axes)
+            if station is stations[0]:
+                axes.set_title(_format_value(table, by, index), fontsize=8, color=DARK)
+            if station is stations[-1]:
+                axes.set_xlabel(_axis_label(table, x), fontsize=8)
+        row[0].set_ylabel(_axis_label(table, y), fontsize=8)
+        if power is None:
+            continue
+        best = power.isel(others).min("row").transpose(by, x, y)
+        scale = panel.power_scale(best.values.ravel().tolist())
+        for axes, index in zip(row, chosen, strict=True):
+            _draw_best(axes, table, best.isel({by: index}), (x, y), scale)
+        panel.add_colour_bar(body, row.tolist(), scale, f"{station.short_label}, W")
+    return picture.save(figure, path)
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """Return up to ``most`` indices of ``count`` values, evenly spread, with both ends."""
+    return sorted({round(each) for each in np.linspace(0, count - 1, min(count, most))})
+
+
+def _draw_best(
+    axes: Axes, table: xarray.Dataset, best: xarray.DataArray, names: tuple[str, str], scale: Any
+) -> None:
+    """Draw the surface of the best power over two parameters, as far as it is known."""
+    xs, ys = (table[name].values for name in names)
+    finite = np.argwhere(np.isfinite(best.values))
+    places: list[XY] = [(float(xs[i]), float(ys[j])) for i, j in finite]
+    values = [float(best.values[i, j]) for i, j in finite]
+    if not spans_surface(places):
+        return
+    panel.draw_surface(axes, places, values, scale)
+    panel.mark_best(axes, *places[int(np.argmin(values))])
+    panel.set_ticks(axes)
+
+
 def _write_lines(
     table: xarray.Dataset,
     indices: dict[str, int],
@@ -171,8 +237,10 @@ def _write_lines(
     measured: MeasuredRun,
 ) -> Path:
     """Plot power over each parameter, one line per row, the other parameters at their best."""
-    width, title = max(6.6, 3.6 * len(swept) + 0.6), f"Power over parameters: {_campaign(table)}"
-    beneath = "; ".join(filter(None, ("one line per row, rows numbered from 0", measured.caption)))
+    width, title = max(6.6, 3.2 * len(swept) + 0.6), f"Power over parameters: {_campaign(table)}"
+    fixed = f"others at the best: {_format_values(table, indices)}" if len(indices) > 1 else ""
+    lines = "one line per row, rows numbered from 0"
+    beneath = "; ".join(filter(None, (lines, fixed, measured.caption)))
     figure, body = picture.framed_figure(width, 8.2, title, table.attrs, subtitle=beneath)
     stations = shown(stations_of(table))
     panels: Any = body.subplots(
@@ -190,13 +258,10 @@ def _write_lines(
                 _plot_measured(axes, base_value(table, name), station.name, measured)
             if j == 0:
                 axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
-            if i == 0:
-                fixed = f"at {_format_values(table, others)}" if others else ""
-                axes.set_title(fixed, fontsize=7.5, color=ACCENT, pad=4)
             if i == len(stations) - 1:
                 axes.set_xlabel(_axis_label(table, name), fontsize=8)
-            if is_seed(name):
-                axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axes.xaxis.set_major_locator(MaxNLocator(_MAX_TICKS, integer=is_seed(name)))
+            axes.yaxis.set_major_locator(MaxNLocator(_MAX_TICKS))
     return picture.save(figure, path)
 
 
@@ -239,11 +304,17 @@ def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, p
     others = {key: index for key, index in indices.items() if key not in (x, y)}
     fixed = _format_values(table, others)
     beneath = "; ".join(filter(None, ("at the best row of each point", fixed)))
-    title = f"Best power over {x} and {y}: {_campaign(table)}"
-    figure, body = picture.framed_figure(12.8, 3.9, title, table.attrs, subtitle=beneath)
+    title = f"Best power over {' and '.join(parameter_label(table, each)[0] for each in (x, y))}"
+    title += f": {_campaign(table)}"
     stations = shown(stations_of(table))
-    panels: Any = body.subplots(1, len(stations), squeeze=False)
-    for axes, station in zip(panels[0], stations, strict=True):
+    columns = min(len(stations), picture.paper_columns() or 2)
+    rows = -(-len(stations) // columns)
+    size = 4.6 * columns, 3.2 * rows
+    figure, body = picture.framed_figure(*size, title, table.attrs, subtitle=beneath)
+    panels: Any = body.subplots(rows, columns, squeeze=False)
+    for spare in panels.flat[len(stations) :]:
+        spare.set_axis_off()
+    for axes, station in zip(panels.flat, stations, strict=False):
         power = _complete(table, station.name)
         picture.style_axes(axes)
         axes.set_xlabel(_axis_label(table, x), fontsize=8)
@@ -251,25 +322,35 @@ def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, p
         if power is None:
             continue
         best = power.isel(others).min("row").transpose(x, y)
-        finite = np.argwhere(np.isfinite(best.values))
-        xs, ys = table[x].values, table[y].values
-        places: list[XY] = [(float(xs[i]), float(ys[j])) for i, j in finite]
-        values = [float(best.values[i, j]) for i, j in finite]
-        scale = panel.power_scale(values)
-        panel.draw_surface(axes, places, values, scale)
-        lowest = int(np.argmin(values))
-        panel.mark_best(axes, *places[lowest])
-        axes.set_title(phrases.format_power(values[lowest]), fontsize=7.5, color=ACCENT, pad=4)
+        scale = panel.power_scale(best.values.ravel().tolist())
+        _draw_best(axes, table, best, (x, y), scale)
+        panel.set_caption(axes, phrases.format_power(float(best.min())))
         panel.add_colour_bar(body, [axes], scale, f"{station.short_label}, W", fraction=0.05)
-        panel.set_ticks(axes)
     return picture.save(figure, path)
 
 
 def _axis_label(table: xarray.Dataset, name: str) -> str:
-    """Return a parameter's key, and its unit unless the key contains it."""
-    unit = table[name].attrs.get("units", "")
-    unit_in_key = ranges.unit_of_key(name.rpartition(".")[2])
-    return f"{name}, {unit}" if unit and not unit_in_key else name
+    return ", ".join(filter(None, parameter_label(table, name)))
+
+
+def parameter_label(table: xarray.Dataset, name: str) -> tuple[str, str]:
+    """Return the name of a parameter in words, and its unit; empty for a number without unit.
+
+    The name is the key without the file that has it, the `value` of a plant's entry, and the unit.
+    """
+    *sections, key = name.removesuffix(".value").split(".")
+    sections = [each for each in sections if each not in ("plant", "rig", "limits")]
+    unit = ranges.unit_of_key(key)
+    parts = key.split("_")
+    if unit:  # the last parts of the key
+        shortest = next(
+            i for i in range(len(parts), 0, -1)
+            if i == 1 or ranges.unit_of_key("_".join(["x", *parts[i:]])) == unit
+        )  # fmt: skip
+        parts = parts[:shortest]
+    unit = unit or str(table[name].attrs.get("units", ""))
+    label = " ".join([*sections, *parts]).replace("_", " ")
+    return label, re.sub(r"(?<=[A-Za-z])2\b", "²", phrases.unit_text(unit).replace(" ", "·"))
 
 
 def _campaign(table: xarray.Dataset) -> str:

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rig.emulation.short.checked_sea import requested_sea
 
 from rig.campaign import build_plan
 from rig.config.problems import ConfigError
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
 from rig.config.task_file import Timing
+from rig.emulation.campaign_sea import requested_sea
 from rig.kinds.wavebot.campaign import check_campaign, open_campaign
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems
 from rig.planning.windows import WindowError, calibration_window

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig.emulation.short.checked_sea import requested_sea
 from ruamel.yaml import YAML
 from scipy.integrate import quad
 from scipy.signal import welch
 
+from rig.emulation.campaign_sea import requested_sea
 from rig.emulation.sea import build_sea
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.kinds.wavebot.rehearsal.job import plant_settings, problems

@@ -9,7 +9,6 @@ DOCS = ROOT / "docs"
 
 NOT_REWRITTEN = frozenset(
     [
-        "README.md",
         "explanation/identification.md",
         "explanation/structure.md",
         "explanation/twoport.md",

@@ -19,9 +19,11 @@ from rig.cli.app import COMMANDS
 from rig.config.rig_file import Motor, Operator
 from rig.config.sea import JonswapSea
 from rig.kinds import registry
+from rig.realtime.reasons import NO_REASON
 from rig.recording.row_layout import leaves
 from tests.docs.rewriting import ROOT
 
+MAX_WITHOUT_MEANING = 17  # whose name and unit have to do; it shrinks
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("video", "src")}
 
 
@@ -150,6 +152,7 @@ def test_the_page_of_trip_reasons_has_every_number_once() -> None:
     for name in registry.OWN_PACKAGES:
         for reason in registry.find(name).room("tick").find_kind("").reason_table.reasons:
             assert f"| {reason.number} | `{reason.name}` | {reason.category} |" in page
+            assert reason.advice or reason.number == NO_REASON, reason
 
 
 def test_the_pages_of_yaml_keys_have_range_unit_and_default() -> None:
@@ -159,6 +162,12 @@ def test_the_pages_of_yaml_keys_have_range_unit_and_default() -> None:
     assert "| `gamma` | number |  | 1 .. 7 | `3.3` |" in campaign
     assert "voltage_stop_v" in limits
     assert "kind `oswec bench`".lower() in session.lower()
+
+
+def test_every_key_has_a_meaning() -> None:
+    """Keys whose unit and name are all there is to know of them are counted; no new one joins."""
+    found = yaml_keys.keys_without_meaning()
+    assert sum(map(len, found.values())) <= MAX_WITHOUT_MEANING, found
 
 
 def test_meanings_are_read_from_comments_docstrings_and_types() -> None:

@@ -17,8 +17,9 @@ from mode_plants import PITCH as PITCH_MODE
 from modular_rigs import HEAVE, HEAVE_LIMITS, LOOP_LIMITS, PITCH, PITCH_LIMITS
 from ruamel.yaml import YAML
 
+from benchmarks.support.free_port import free_port
 from rig.emulation.control_client import ControlClient
-from rig.execution.fault_runs import emulated_devices, free_port
+from rig.execution.emulated_rig import running_devices
 from rig.processes.io_processes import IoProcess
 
 HEAVE_GAINS = {"heave_kp_n_s_per_m": -5000, "heave_ki_n_per_m": 500}
@@ -203,6 +204,6 @@ def write_files(folder: Path, **rig: Any) -> Path:
 @contextmanager
 def served(emulator: IoProcess, folder: Path) -> Iterator[ControlClient]:
     """Run emulated devices while the context is open; yield the client of their control port."""
-    with emulated_devices(emulator, folder) as (control, devices):
+    with running_devices(emulator, folder) as (control, devices):
         yield control
     assert os.path.getsize(folder / "emulation.stderr") == 0, devices.last_message()

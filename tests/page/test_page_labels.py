@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from rig.presentation.short.checked_text import row_text
 from rig_command import rig
 
 from rig.kinds.modular import display as modular
@@ -17,6 +16,7 @@ from rig.kinds.wavebot import display as wavebot
 from rig.log_fields import LogFields, label_of
 from rig.page import contents
 from rig.page.recorded import RecordedTap
+from rig.presentation.campaign_text import row_text
 from rig.presentation.phrases import phase_text, state_text
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import Phase

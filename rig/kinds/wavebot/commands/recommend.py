@@ -7,7 +7,7 @@ import typer
 
 from rig.cli.calibration_dates import warn_of_expired
 from rig.cli.input_files import CAMPAIGNS, find_run_of_kind, input_file, run_folder
-from rig.cli.options import RUNS, IncompleteRows, Json, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, PictureFormat, PictureStyle, Runs
 from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.commands.twin import PLANT_HELP, PROBE_HELP
@@ -51,6 +51,8 @@ def command(
     probe: Annotated[str, typer.Option(help=PROBE_HELP)] = "",
     pictures: Annotated[bool, typer.Option(help="Draw the predicted power.")] = True,
     incomplete_rows: IncompleteRows = False,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

@@ -14,6 +14,8 @@ from rig.cli.options import (
     IncompleteRows,
     Json,
     OutputFolder,
+    PictureFormat,
+    PictureStyle,
     Run,
     Runs,
 )  # fmt: skip
@@ -37,6 +39,8 @@ def command(
     calibrations: Calibrations = CALIBRATIONS,
     output: OutputFolder = None,
     incomplete_rows: IncompleteRows = False,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

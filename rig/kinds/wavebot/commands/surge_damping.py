@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rig.cli.input_files import find_run_of_kind, run_folder
-from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, PictureFormat, PictureStyle, Run, Runs
 from rig.cli.output import FAILED, OK, input_errors, print_result
 from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.products import surge_damping
@@ -31,6 +31,8 @@ def command(
         float, typer.Option(min=0.5, max=1.0, help="Share of the best heave power to keep.")
     ] = 0.98,
     incomplete_rows: IncompleteRows = False,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:  # fmt: skip

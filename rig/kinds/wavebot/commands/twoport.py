@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rig.cli.input_files import find_run_of_kind, run_folder
-from rig.cli.options import RUNS, Json, OutputFolder, Runs
+from rig.cli.options import RUNS, Json, OutputFolder, PictureFormat, PictureStyle, Runs
 from rig.cli.output import input_errors, print_result
 from rig.kinds.wavebot.commands import KIND
 from rig.kinds.wavebot.twin.two_port import device_from_run, write_pictures
@@ -22,6 +22,8 @@ def command(
         float | None, typer.Option(help="Spring rate, N/m (default: that of the run).")
     ] = None,
     output: OutputFolder = None,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

@@ -25,7 +25,7 @@ STATIONS = (
     Station("mechanical_1", "lcb * velocity", "mechanical (column load cell)", "mechanical",
             "mech 1", alias="mechanical", running_mean=True, force="load.lcb", shown=True),
     Station("mechanical_2", "trs * velocity", "mechanical (shaft torque sensor)",
-            "mechanical (shaft)", "mech 2", alias="shaft", force="load.trs"),
+            "mechanical (shaft)", "mech 2", alias="shaft", force="load.trs", shown=True),
     Station("ac", "ac", "electrical AC", "electrical AC", "AC", running_mean=True, shown=True),
     Station("dc", "dc", "electrical DC", "electrical DC", "DC", running_mean=True, shown=True),
 )  # fmt: skip

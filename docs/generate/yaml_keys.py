@@ -10,13 +10,16 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from docs.generate.markdown import cell, code, sentence, table
-from docs.generate.meanings import meanings
+from docs.generate.meanings import meanings, type_meanings
 from rig.config import ranges
 from rig.config.calibration_file import CalibrationFile
+from rig.config.matrix import MatrixColumns
 from rig.config.problems import format_number
 from rig.config.uncertainty import UncertaintyBudget
 from rig.config.wiring import Wiring
+from rig.execution.fault_table import FaultTableFile
 from rig.kinds import registry
+from rig.kinds.wavebot.config import columns
 
 Model = type[BaseModel]
 
@@ -61,6 +64,12 @@ FILES = {
         "Limits files",
         _by_kind("config", "LimitsFile", KINDS),
         "The limits of a rig. No limit has a default: `rig check` refuses a file without one.",
+    ),
+    "faults": FileKind(
+        "Fault tables",
+        {"": FaultTableFile},
+        "Faults of a rig's emulated devices, with the required reactions; `rig faults` rehearses "
+        "them.",
     ),
     "calibration": FileKind(
         "Calibration files",
@@ -122,8 +131,8 @@ def keys_without_meaning_of(model: Model) -> list[str]:
 
 def _meaning(info: FieldInfo, text: str) -> str:
     """Return the meaning of a key: its own text, or that of the mapping below it."""
-    if info.description or text:
-        return sentence(info.description or text)
+    if text or info.description:
+        return sentence(text or info.description)
     if _selects(info):
         return "Selects this mapping."
     below = list(dict.fromkeys(_models_in(info.annotation)))
@@ -134,6 +143,8 @@ def _meaning(info: FieldInfo, text: str) -> str:
 
 def _section(heading: str, model: Model, file: str) -> str:
     texts = meanings(model)
+    if issubclass(model, MatrixColumns):
+        texts = type_meanings(columns.__name__, columns.COLUMNS.types) | texts
     rows = [
         _row(info.alias or name, info, texts.get(name, ""), model, file)
         for name, info in model.model_fields.items()

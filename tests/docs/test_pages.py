@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 
 from tests.docs.blocks import LANGUAGES, blocks, commands
 from tests.docs.output import matches, normalise
@@ -17,9 +18,18 @@ from tests.docs.runner import PageRun
 NOT_RUN = 1  # blocks of rewritten pages that cannot run here, each with its reason in the page
 
 
+REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim|faults .*--only|doctor)", re.MULTILINE)
+"""Commands that take the host's real-time loop, which one process at a time may have."""
+
+
+def _with_marks(page: str) -> ParameterSet:
+    on_real_clock = REAL_CLOCK.search(path_of(page).read_text())
+    return pytest.param(page, marks=[pytest.mark.realtime] if on_real_clock else [])
+
+
 @pytest.mark.slow
 @pytest.mark.sampled
-@pytest.mark.parametrize("page", rewritten_pages())
+@pytest.mark.parametrize("page", [_with_marks(page) for page in rewritten_pages()])
 def test_the_blocks_of_a_page_run_as_shown(page: str, tmp_path: Path) -> None:
     findings = PageRun(path_of(page).read_text(), tmp_path).run()
     shutil.rmtree(tmp_path)  # a run of a campaign has hundreds of megabytes

@@ -14,6 +14,7 @@ from docs.generate import (
     commands,
     fault_tables,
     log_fields,
+    parts,
     repository_links,
     trip_reasons,
     yaml_keys,
@@ -62,5 +63,5 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Name the files of the repository that a page links to."""
-    return repository_links.rewrite(markdown, page.file.src_uri, ROOT, PUBLISHED)
+    """Add the generated parts, and name the files of the repository that a page links to."""
+    return repository_links.rewrite(parts.fill(markdown), page.file.src_uri, ROOT, PUBLISHED)

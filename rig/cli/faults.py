@@ -134,7 +134,8 @@ class _Rehearsal:
             "rehearsed_utc": self._began.isoformat(timespec="seconds"),
         }
         write_rehearsed_faults(self._folder, config, head, ())
-        self._print(f"{len(self._rows)} faults, each in a run of its own\n")
+        noun = "fault," if len(self._rows) == 1 else "faults, each"
+        self._print(f"{len(self._rows)} {noun} in a run of its own\n")
         for each in rehearse_faults(rig, self._rows):
             self._records.append(_record(each))
             write_rehearsed_faults(self._folder, config, head, self._records)

@@ -1,12 +1,14 @@
 """Pictures of pages: copies, small in size, of files that the commands of the page write.
 
 A comment before a picture names its source in the folder of the page's run; of several matches the
-last one by name counts: `<!-- picture: runs/*_mine/surfaces.png -->`.
+last one by name counts: `<!-- picture: runs/*_mine/surfaces.png -->`. `python -m tests.docs.pictures
+SOURCE TARGET` reduces a picture that another program takes.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,15 +44,22 @@ def source_of(picture: Picture, folder: Path) -> Path | None:
 
 
 def store(picture: Picture, folder: Path, page: Path) -> None:
-    """Write a copy of few colours and at most `WIDTH` pixels to the place that the page names."""
-    source = source_of(picture, folder)
-    if source is None:
-        return
+    """Write a small copy to the place that the page names."""
+    if source := source_of(picture, folder):
+        target = page.parent / picture.target
+        target.parent.mkdir(parents=True, exist_ok=True)
+        reduce(source, target)
+
+
+def reduce(source: Path, target: Path) -> None:
+    """Write a copy of few colours and at most `WIDTH` pixels."""
     image = Image.open(source).convert("RGB")
     if image.width > WIDTH:
         size = (WIDTH, round(image.height * WIDTH / image.width))
         image = image.resize(size, Image.Resampling.LANCZOS)
-    target = page.parent / picture.target
-    target.parent.mkdir(parents=True, exist_ok=True)
     few = image.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     few.save(target, optimize=True)
+
+
+if __name__ == "__main__":
+    reduce(Path(sys.argv[1]), Path(sys.argv[2]))

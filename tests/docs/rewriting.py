@@ -36,8 +36,6 @@ NOT_REWRITTEN = frozenset(
         "reference/encoder_bridge.md",
         "reference/ethercat.md",
         "reference/plants.md",
-        "tutorials/bench_session.md",
-        "tutorials/operators_page.md",
     ]
 )
 """Pages whose blocks need not run and whose prose is not linted; a rewritten page leaves them."""

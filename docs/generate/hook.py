@@ -13,6 +13,7 @@ from mkdocs.structure.files import File, Files
 from docs.generate import (
     commands,
     fault_tables,
+    law_list,
     log_fields,
     parts,
     repository_links,
@@ -29,6 +30,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/cli.md": commands.page,
     "reference/yaml/index.md": yaml_keys.index,
     **{f"reference/yaml/{name}.md": partial(yaml_keys.page, name) for name in yaml_keys.FILES},
+    "reference/law_list.md": law_list.page,
     "reference/log_fields.md": log_fields.page,
     "reference/trip_reasons.md": trip_reasons.page,
     "reference/faults.md": fault_tables.index,

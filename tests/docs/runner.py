@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from .blocks import RUN, Block, Command, blocks, commands
 from .output import difference, last_states, matches
+from .pictures import pictures, source_of
 from .rewriting import ROOT
 
 TIMEOUT_S = 600.0
@@ -43,6 +44,7 @@ class PageRun:
 
     def __init__(self, text: str, folder: Path) -> None:
         self.blocks, self.folder = blocks(text), folder
+        self._pictures = pictures(text)
         self.findings: list[Finding] = []
         self.shown: list[Shown] = []
         self._background: list[subprocess.Popen[bytes]] = []
@@ -63,6 +65,10 @@ class PageRun:
                 for process in self._background:
                     os.killpg(process.pid, signal.SIGINT)
                     process.wait(60)
+        for picture in self._pictures:
+            if source_of(picture, self.folder) is None:
+                text = f"no command of the page writes {picture.source}"
+                self.findings.append(Finding(picture.line, text))
         return self.findings
 
     def _run_block(self, block: Block, following: list[Block], python: Worker) -> None:

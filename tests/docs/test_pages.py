@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
+from PIL import Image
 
 from tests.docs.blocks import LANGUAGES, blocks, commands
 from tests.docs.output import matches, normalise
@@ -15,7 +16,7 @@ from tests.docs.refresh import refresh
 from tests.docs.rewriting import NOT_REWRITTEN, ROOT, all_pages, path_of, rewritten_pages
 from tests.docs.runner import PageRun
 
-NOT_RUN = 1  # blocks of rewritten pages that cannot run here, each with its reason in the page
+NOT_RUN = 5  # blocks of rewritten pages that cannot run here, each with its reason in the page
 
 
 REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim|faults .*--only|doctor)", re.MULTILINE)
@@ -145,6 +146,28 @@ def test_output_is_refreshed(tmp_path: Path) -> None:
     page.write_text(EXAMPLE.replace("\n42\n", "\n43\n44\n").replace("second: 2\n$", "$"))
     assert refresh(page, folder) == []
     assert page.read_text() == EXAMPLE
+
+
+PICTURE = """```python
+from PIL import Image
+Image.new("RGB", (2000, 100), "navy").save("dark.png")
+```
+
+<!-- picture: da*.png -->
+![A dark rectangle](pictures/dark.png){ width=100 }
+"""
+
+
+def test_pictures_are_those_of_the_commands(tmp_path: Path) -> None:
+    page, folder = tmp_path / "page.md", tmp_path / "run"
+    folder.mkdir()
+    page.write_text(PICTURE)
+    assert refresh(page, folder) == []
+    with Image.open(tmp_path / "pictures" / "dark.png") as stored:
+        assert stored.size == (1000, 50)
+        assert stored.convert("RGB").getpixel((0, 0)) == (0, 0, 128)
+    (finding,) = PageRun(PICTURE.replace('dark.png")', 'light.png")'), tmp_path).run()
+    assert finding == (6, "no command of the page writes da*.png")
 
 
 @pytest.mark.parametrize(

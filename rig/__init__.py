@@ -1,1 +1,1 @@
-"""The loop of a test rig and everything around it (docs/explanation/structure.md)."""
+"""The loop of a test rig and everything around it."""

@@ -17,6 +17,7 @@ from rig.config.problems import format_number
 from rig.config.uncertainty import UncertaintyBudget
 from rig.config.wiring import Wiring
 from rig.kinds import registry
+from sim_plant.modes.parameters import Plant
 
 Model = type[BaseModel]
 
@@ -61,6 +62,12 @@ FILES = {
         "Limits files",
         _by_kind("config", "LimitsFile", KINDS),
         "The limits of a rig. No limit has a default: `rig check` refuses a file without one.",
+    ),
+    "plant": FileKind(
+        "Plant files",
+        {"": Plant},
+        "The simulated plant of a rig of kind `modular`. A number may have unit and source: "
+        "`{value: 253.36, unit: N/m, source: free decay}`.",
     ),
     "calibration": FileKind(
         "Calibration files",

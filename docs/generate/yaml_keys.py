@@ -20,6 +20,7 @@ from rig.config.wiring import Wiring
 from rig.execution.fault_table import FaultTableFile
 from rig.kinds import registry
 from rig.kinds.wavebot.config import columns
+from sim_plant.modes.parameters import Plant
 
 Model = type[BaseModel]
 
@@ -70,6 +71,12 @@ FILES = {
         {"": FaultTableFile},
         "Faults of a rig's emulated devices, with the required reactions; `rig faults` rehearses "
         "them.",
+    ),
+    "plant": FileKind(
+        "Plant files",
+        {"": Plant},
+        "The simulated plant of a rig of kind `modular`. A number may have unit and source: "
+        "`{value: 253.36, unit: N/m, source: free decay}`.",
     ),
     "calibration": FileKind(
         "Calibration files",

@@ -1,8 +1,8 @@
 """Pictures of pages: copies, small in size, of files that the commands of the page write.
 
 A comment before a picture names its source in the folder of the page's run; of several matches the
-last one by name counts: `<!-- picture: runs/*_mine/surfaces.png -->`. `python -m tests.docs.pictures
-SOURCE TARGET` reduces a picture that another program takes.
+last one by name counts: `<!-- picture: runs/*_mine/surfaces.png -->`.
+`python -m tests.docs.pictures SOURCE TARGET` reduces a picture that another program takes.
 """
 
 from __future__ import annotations

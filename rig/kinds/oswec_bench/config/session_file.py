@@ -220,11 +220,13 @@ class SessionFile(FileModel):
 
     name: FolderName
     session: SessionKind
-    """driveline: deflection, its trends, map over torque; velocity_constant: rad/s per V, brake taken
-    off (`plant`); brake_map: torque over current, both branches; losses: of bearing and seal, and of
-    the gearbox; torque_constant: N*m per A, each direction; torque_tracking: error of a torque;
-    flap_hydrostatic: buoyant spring, angle of rest, inertia; flap_free_decay: natural period and
-    damping; flap_rao: response amplitude operator; flap_pto_sweep: best damping and its power."""
+    """driveline: deflection, its trends, map over torque; velocity_constant: rad/s per V, brake
+    taken off (`plant`); brake_map: torque over current, both branches; losses: of bearing and
+    seal, and of the gearbox; torque_constant: N*m per A, each direction; torque_tracking: error
+    of a torque; flap_hydrostatic: buoyant spring, angle of rest, inertia; flap_free_decay:
+    natural period and damping; flap_rao: response amplitude operator; flap_pto_sweep: best
+    damping and its power.
+    """
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
     calibrations: TupleOf[str] = Field(default=(), strict=False)  # take precedence over the rig's

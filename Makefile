@@ -61,9 +61,10 @@ wheel: setup
 	fi
 	@ls dist/*.whl
 
-# MkDocs takes the pages of docs/, docs/generate/ those that the program generates.
+# MkDocs takes the pages of docs/, docs/generate/ those that the program generates. With --quiet it
+# would not count its warnings, so that --strict would have no effect.
 docs: setup
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo "site/index.html"
 
 # The wheel is built from the sdist, so tests of the wheel are tests of both.

@@ -37,6 +37,25 @@ def _by_kind(room: str, name: str, kinds: tuple[str, ...]) -> dict[str, Model]:
     return {kind: getattr(registry.find(kind).room(room), name) for kind in kinds}
 
 
+def _models_in(annotation: Any) -> Iterator[Model]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for each in get_args(annotation):
+        yield from _models_in(each)
+
+
+def _wirings(kinds: tuple[str, ...]) -> dict[str, Model]:
+    """Return the model of the section `wiring` in the rig files of each kind."""
+    rigs = _by_kind("config", "RigFile", kinds)
+    return {
+        kind: next(_models_in(rig.model_fields["wiring"].annotation)) for kind, rig in rigs.items()
+    }
+
+
+def _is_wiring(model: type) -> bool:
+    return issubclass(model, Wiring)
+
+
 KINDS = tuple(registry.OWN_PACKAGES)
 CAMPAIGNS = ("wavebot", "modular")
 FILES = {
@@ -57,7 +76,7 @@ FILES = {
     ),
     "wiring": FileKind(
         "Wiring",
-        {"": Wiring},
+        _wirings(KINDS),
         "The section `wiring` of a rig file: buses, drives, sensors and terminals. A rig without "
         "it can be rehearsed only.",
     ),
@@ -100,7 +119,7 @@ def page(name: str) -> str:
     for rig_kind, model in kind.models.items():
         title = f"Kind `{rig_kind}`" if rig_kind else "Keys"
         for each in _reached(model):
-            if each in seen or (each is Wiring and name != "wiring"):
+            if each in seen or (_is_wiring(each) and name != "wiring"):
                 continue
             seen.add(each)
             heading = f"## {title}" if each is model else f"### {_label(each)}"
@@ -213,7 +232,7 @@ def _type(annotation: Any, file: str) -> str:
     if origin in (dict, types.MappingProxyType) or getattr(origin, "__name__", "") == "Mapping":
         return f"mapping of {_type(arguments[1], file)} by name"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        where = "wiring.md" if annotation is Wiring and file != "wiring" else ""
+        where = "wiring.md" if _is_wiring(annotation) and file != "wiring" else ""
         return f"[{cell(_short(annotation))}]({where}#{annotation.__name__})"
     return _PLAIN.get(annotation, getattr(annotation, "__name__", "value").lower())
 
@@ -244,7 +263,7 @@ def _reached(model: Model) -> list[Model]:
             return
         one.model_rebuild()
         found[one] = None
-        if one is Wiring and model is not Wiring:
+        if _is_wiring(one) and not _is_wiring(model):
             return
         for info in one.model_fields.values():
             for below in _models_in(info.annotation):
@@ -252,10 +271,3 @@ def _reached(model: Model) -> list[Model]:
 
     visit(model)
     return list(found)
-
-
-def _models_in(annotation: Any) -> Iterator[Model]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for each in get_args(annotation):
-        yield from _models_in(each)

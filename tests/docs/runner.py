@@ -151,11 +151,11 @@ class PageRun:
         return bool(following) and "$?" in following[0]
 
     def _start(self, text: str) -> None:
-        log = (self.folder / f".background_{len(self._background)}").open("wb")
-        process = subprocess.Popen(
-            ["bash", "-c", text], cwd=self._where, env=environment(), start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+        with (self.folder / f".background_{len(self._background)}").open("wb") as log:
+            process = subprocess.Popen(
+                ["bash", "-c", text], cwd=self._where, env=environment(), start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+            )  # fmt: skip
         self._background.append(process)
 
     def _compare(self, shown: list[str], real: list[str], line: int, indent: str) -> None:

@@ -15,7 +15,7 @@ from .output import difference, last_states, matches
 from .pictures import pictures, source_of
 from .rewriting import ROOT
 
-TIMEOUT_S = 600.0
+TIMEOUT_S = 1200.0  # of a command; a busy host runs a campaign a tenth as fast
 _STATE = ".page_state"  # of the shell: folder and exit code after a command
 
 
@@ -42,9 +42,10 @@ class Shown(NamedTuple):
 class PageRun:
     """A page that runs in a folder; `findings` lists the differences."""
 
-    def __init__(self, text: str, folder: Path) -> None:
+    def __init__(self, text: str, folder: Path, timeout_s: float = TIMEOUT_S) -> None:
         self.blocks, self.folder = blocks(text), folder
         self._pictures = pictures(text)
+        self.timeout_s = timeout_s
         self.findings: list[Finding] = []
         self.shown: list[Shown] = []
         self._background: list[subprocess.Popen[bytes]] = []
@@ -121,16 +122,18 @@ class PageRun:
         state = self.folder / _STATE
         at_end = f"trap 'code=$?; echo $code >{state}; pwd >>{state}' EXIT"
         script = f"{at_end}\n(exit {self._code})\n{command.text}"
+        process = subprocess.Popen(
+            ["bash", "-c", script], cwd=self._where, env=environment(), start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
         try:
-            done = subprocess.run(
-                ["bash", "-c", script], cwd=self._where, env=environment(), check=False,
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                timeout=TIMEOUT_S,
-            )  # fmt: skip
+            output, _ = process.communicate(timeout=self.timeout_s)
         except subprocess.TimeoutExpired:
-            self.findings.append(Finding(command.line, f"no end within {TIMEOUT_S:g} s"))
+            os.killpg(process.pid, signal.SIGKILL)  # bash, and all programs that it has started
+            process.communicate()
+            self.findings.append(Finding(command.line, f"no end within {self.timeout_s:g} s"))
             return
-        real = last_states(done.stdout.decode())
+        real = last_states(output.decode())
         real = [line.replace(str(self.folder), "/home/you/rig") for line in real]
         code, where = state.read_text().split()
         state.unlink()

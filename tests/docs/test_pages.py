@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,7 @@ def _with_marks(page: str) -> ParameterSet:
 
 @pytest.mark.slow
 @pytest.mark.sampled
+@pytest.mark.timeout(2400)
 @pytest.mark.parametrize("page", [_with_marks(page) for page in rewritten_pages()])
 def test_the_blocks_of_a_page_run_as_shown(page: str, tmp_path: Path) -> None:
     findings = PageRun(path_of(page).read_text(), tmp_path).run()
@@ -138,6 +140,14 @@ def test_a_page_that_is_wrong_is_found(old: str, new: str, finding: str, tmp_pat
     assert old in EXAMPLE
     found = PageRun(EXAMPLE.replace(old, new, 1), tmp_path).run()
     assert finding in found[0].text
+
+
+def test_a_command_without_an_end_is_ended_with_its_programs(tmp_path: Path) -> None:
+    page = "```console\n$ sleep 977 | cat\n```\n"
+    (found,) = PageRun(page, tmp_path, timeout_s=0.5).run()
+    assert "no end within 0.5 s" in found.text
+    listed = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
+    assert "sleep 977" not in listed.stdout.splitlines()
 
 
 def test_output_is_refreshed(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import inspect
 import io
 import sys
 import tokenize
+from collections.abc import Mapping
 from functools import cache
 from itertools import zip_longest
 from typing import NamedTuple
@@ -69,6 +70,12 @@ def _of_class(owner: type) -> dict[str, str]:
             if text:
                 found[node.target.id] = text
     return found
+
+
+def type_meanings(module: str, types: Mapping[str, object]) -> dict[str, str]:
+    """Return the docstrings of a module's named types, by the keys that have these types."""
+    names = {id(value): name for name, value in vars(sys.modules[module]).items()}
+    return {key: _alias_docstring(module, names[id(each)]) for key, each in types.items()}
 
 
 def _comment(source: _Source, node: ast.AnnAssign) -> str:

@@ -262,7 +262,7 @@ def _print_difference(result: CalibrationDifference, unit: str, *, searched: boo
     for change in result.changed:
         print(f"  {change.where} {change.field}: {_change_text(change, unit)}")
     if result.stale:
-        print("\noutdated products, to be made again")
+        print("\noutdated products, to compute again")
         for where, names in result.stale.items():
             print(f"  {where}: {', '.join(names)}")
     if result.undetermined:

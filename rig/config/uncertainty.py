@@ -22,7 +22,8 @@ class UncertaintySource(FileModel):
     """Uncertainty as a share of the value."""
     offset: float | None = Field(default=None, gt=0, le=1e9)  # in the unit of the signals
     alignment_deg: float | None = Field(default=None, gt=0, le=45)  # between axis and sensor
-    distribution: Literal["normal", "rectangular", "triangular"] = "normal"  # of the error
+    distribution: Literal["normal", "rectangular", "triangular"] = "normal"
+    """Of the error; with a rectangular or triangular one, the value is its half width."""
     coverage_factor: float = Field(default=1.0, ge=1, le=4)  # k of a normal one; 1: standard
     evidence: str = Field(min_length=1)  # certificate, data sheet, comparison
 

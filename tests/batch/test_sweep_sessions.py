@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import pickle
 import re
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from rig.recording.runs.windows import REQUIRED_FIELDS, read_windows
 from rig.sweeps import cluster, sweep
 from rig.sweeps.result_cache import JOURNAL_FILE
 
-PAGE = CONFIGS.parent / "docs" / "how_to" / "sweep.md"
 GAP = "plant.transmission.half_gap.value"
 SHORT = {"tare": {"duration_s": 0.5}, "timing": {"rise_s": 0.5, "settle_periods": 0, "periods": 2}}
 GRIDS: dict[str, dict[str, Any]] = {
@@ -258,15 +256,3 @@ def test_a_worker_of_a_cluster_gives_the_same_outcome(tmp_path: Path) -> None:
 def interrupt_nothing(cases: Any, work: Any) -> Any:
     """Run no case."""
     return iter(())
-
-
-@pytest.mark.slow
-def test_examples_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    section = PAGE.read_text().partition("\n## Sessions\n")[2].partition("\n## ")[0]
-    commands = [shlex.split(line, comments=True) for line in re.findall(r"^rig .*$", section, re.M)]
-    assert len(commands) >= 3
-    for number, (_, *arguments) in enumerate(commands):
-        code, out, error = rig_here(*arguments, "--sweeps", tmp_path / str(number), "--json")
-        assert code == 0, error
-        assert json.loads(out)["status"] == "complete"

@@ -134,7 +134,7 @@ def test_diff_lists_changes_and_outdated_products(log: Path) -> None:
         "correction.factor: 1.0 -> 0.769",
         "2 values changed, 1 unchanged",
         "MASK4_024 E2: -12000 -> -9228 N/m (recorded -12000)",
-        "MASK4_036 row 3: spring rates stand in GainMatrix002, not in the log",
+        "MASK4_036 row 3: spring rates are in GainMatrix002, not in the log",
         "MASK4_036: row table, power surfaces",
     ):
         assert report in out

@@ -76,7 +76,7 @@ def test_a_log_is_compared(log: Path) -> None:
         ("MASK4_024", "E2", -12000.0, -12000.0, -9228.0, ("identified impedance",)),
         ("MASK4_036", "row 3", None, None, None, ("row table", "power surfaces")),
     ]
-    assert found.changed[1].note == "spring rates stand in GainMatrix002, not in the log"
+    assert found.changed[1].note == "spring rates are in GainMatrix002, not in the log"
     assert (found.unchanged, found.undetermined) == (2, ())
     assert ("correction.factor", 1.0, 0.769) in found.keys
     assert compare_calibrations(new, new, values_in_log(read_log(log), "spring_rate")).changed == ()

@@ -7,42 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 
-NOT_REWRITTEN = frozenset(
-    [
-        "explanation/identification.md",
-        "explanation/oswec_plant.md",
-        "explanation/plants.md",
-        "explanation/session_results.md",
-        "explanation/signs.md",
-        "explanation/structure.md",
-        "explanation/the_loop.md",
-        "explanation/twoport.md",
-        "how_to/add_a_device.md",
-        "how_to/add_a_rig_kind.md",
-        "how_to/basin.md",
-        "how_to/calibrate.md",
-        "how_to/characterisation.md",
-        "how_to/choose_gains.md",
-        "how_to/import_and_export.md",
-        "how_to/manual_control.md",
-        "how_to/operating.md",
-        "how_to/own_plant.md",
-        "how_to/predict_and_compare.md",
-        "how_to/read_speedgoat_records.md",
-        "how_to/read_the_results.md",
-        "how_to/set_up_can_and_serial.md",
-        "how_to/set_up_ethercat.md",
-        "how_to/sweep.md",
-        "reference/campaigns.md",
-        "reference/encoder_bridge.md",
-        "reference/ethercat.md",
-        "reference/laws.md",
-        "reference/plants.md",
-        "tutorials/bench_session.md",
-        "tutorials/operators_page.md",
-        "tutorials/your_body.md",
-    ]
-)
+NOT_REWRITTEN = frozenset([])
 """Pages whose blocks need not run and whose prose is not linted; a rewritten page leaves them."""
 
 

@@ -31,13 +31,20 @@ LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src"
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built site."""
     folder = tmp_path_factory.mktemp("site")
-    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir"]
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir"]
     done = subprocess.run(
         [*build, str(folder)], cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
+
+
+def test_warnings_of_the_site_are_errors() -> None:
+    """With --quiet MkDocs counts no warnings, and --strict has no effect."""
+    (command,) = re.findall(r"mkdocs build.*", (ROOT / "Makefile").read_text())
+    assert "--strict" in command
+    assert "--quiet" not in command
 
 
 class Page(HTMLParser):
@@ -158,6 +165,8 @@ def test_the_page_of_trip_reasons_has_every_number_once() -> None:
 def test_the_pages_of_yaml_keys_have_range_unit_and_default() -> None:
     session, limits = yaml_keys.page("session"), yaml_keys.page("limits")
     campaign = yaml_keys.page("campaign")
+    assert "Rate of the magnetic spring alone" in campaign  # of the column's type
+    assert "none: while the law acts" in yaml_keys.page("faults")
     assert "| `amplitude_m` | number | m | 0.001 .. 0.5 |" in campaign
     assert "| `gamma` | number |  | 1 .. 7 | `3.3` |" in campaign
     assert "voltage_stop_v" in limits

@@ -409,5 +409,5 @@ def _of_entry(entry: Entry) -> RecordedValue | None:
         return RecordedValue(entry.name, entry.spring.cell, recording_time(entry), value, "", rests)
     if not entry.matrix:
         return None
-    note = f"spring rates stand in {entry.matrix}, not in the log"
+    note = f"spring rates are in {entry.matrix}, not in the log"
     return RecordedValue(entry.name, f"row {entry.row}", recording_time(entry), None, note, rests)

@@ -219,18 +219,26 @@ class SessionFile(FileModel):
     """A session of the bench."""
 
     name: FolderName
-    session: SessionKind  # what the session measures
+    session: SessionKind
+    """driveline: deflection, its trends, map over torque; velocity_constant: rad/s per V, brake
+    taken off (`plant`); brake_map: torque over current, both branches; losses: of bearing and
+    seal, and of the gearbox; torque_constant: N*m per A, each direction; torque_tracking: error
+    of a torque; flap_hydrostatic: buoyant spring, angle of rest, inertia; flap_free_decay:
+    natural period and damping; flap_rao: response amplitude operator; flap_pto_sweep: best
+    damping and its power.
+    """
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
     calibrations: TupleOf[str] = Field(default=(), strict=False)  # take precedence over the rig's
     seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
     """Of the random phases and of a random order."""
-    shaft: Literal["free", "clamped"] = "free"  # whether a clamp holds the shaft
+    shaft: Literal["free", "clamped"] = "free"
+    """Whether a clamp holds the shaft; the program does not sense it."""
     rows: TupleOf[SessionRow] | None = Field(default=None, min_length=1, strict=False)
     """List of rows; or give grid."""
     grid: TupleOf[SessionGrid] | None = Field(default=None, min_length=1, strict=False)
     """Rows as products of lists; or give rows."""
-    irregular: IrregularReference | None = None
+    irregular: IrregularReference | None = None  # in place of one period
     timing: SessionTiming
     correction: Annotated[
         Annotated[AnyCorrection, Field(discriminator="kind")], BeforeValidator(_expand_correction)
